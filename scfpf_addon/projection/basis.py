@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Projector bases: how the control points of a projector make its curve.
+
+Whatever the basis, a projector is a short list of Bézier spans, one matrix a
+span; casting, drawing and inversion know spans only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .bezier import bernstein, bernstein_derivative
+from .typing import Array
+
+BasisKind = Literal["BEZIER", "POLYLINE"]
+
+
+@dataclass(frozen=True)
+class SpanBasis:
+    """Bézier spans of a curve with ``count`` control points.
+
+    breaks: (S+1,) increasing from 0 to 1, where the spans meet in t.
+    matrices: (S, d+1, count); matrices[s] @ control points = the Bézier control
+    points of span s.
+    """
+
+    breaks: Array
+    matrices: Array
+
+    @property
+    def degree(self) -> int:
+        """Degree of every span."""
+        return int(self.matrices.shape[1]) - 1
+
+    def weights(self, t: Array) -> tuple[Array, Array]:
+        """Weights of the control points at t and their derivatives by t.
+
+        t: (N,). Returns two (count, N) arrays. At a break the right-hand span
+        counts, at t = 1 the last. Outside [0, 1] the end spans continue.
+        """
+        t = np.asarray(t, np.float64)
+        span = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.matrices) - 1)
+        start = self.breaks[span]
+        length = self.breaks[span + 1] - start
+        local = (t - start) / length
+        matrices = self.matrices[span]
+        value = np.einsum("kn,nkc->cn", bernstein(self.degree, local), matrices)
+        slope = np.einsum("kn,nkc->cn", bernstein_derivative(self.degree, local), matrices)
+        return value, slope / length
+
+
+def span_basis(kind: BasisKind, count: int) -> SpanBasis:
+    """The spans of a basis over ``count`` >= 2 control points.
+
+    BEZIER: one span of degree count-1 (paper §4.1). POLYLINE: count-1 straight
+    spans of equal length in t.
+    Raises ValueError for fewer than two control points or an unknown kind.
+    """
+    if count < 2:
+        raise ValueError("a projector needs at least two control points")
+    if kind == "BEZIER":
+        return SpanBasis(np.array([0.0, 1.0]), np.eye(count)[None])
+    if kind == "POLYLINE":
+        identity = np.eye(count)
+        return SpanBasis(
+            np.linspace(0.0, 1.0, count),
+            np.stack([identity[i : i + 2] for i in range(count - 1)]),
+        )
+    raise ValueError(f"unknown projector basis {kind!r}")

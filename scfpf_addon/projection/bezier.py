@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Batches of Bézier curves in Bernstein form.
+
+A batch of N curves of degree d in 3-D is one array of control points shaped
+(d+1, 3, N), float64: the component axis comes before the curve axis so that
+every operation runs over contiguous memory.
+"""
+
+from __future__ import annotations
+
+from math import comb
+
+import numpy as np
+
+from .typing import Array
+
+
+def bernstein(degree: int, t: Array) -> Array:
+    """Values of the Bernstein polynomials B(i, degree) at t.
+
+    t: any shape, float64. Returns (degree+1, *t.shape).
+    """
+    t = np.asarray(t, np.float64)
+    rest = 1.0 - t
+    return np.stack([comb(degree, i) * t**i * rest ** (degree - i) for i in range(degree + 1)])
+
+
+def bernstein_derivative(degree: int, t: Array) -> Array:
+    """First derivatives of the Bernstein polynomials at t, (degree+1, *t.shape)."""
+    t = np.asarray(t, np.float64)
+    if degree == 0:
+        return np.zeros((1, *t.shape))
+    lower = bernstein(degree - 1, t)
+    result = np.zeros((degree + 1, *t.shape))
+    result[:-1] -= degree * lower
+    result[1:] += degree * lower
+    return result
+
+
+def evaluate(controls: Array, t: Array) -> tuple[Array, Array]:
+    """Point and tangent of each curve by de Casteljau's algorithm.
+
+    controls: (d+1, 3, N) with d >= 1. t: scalar or (N,), one parameter a curve.
+    Returns position (3, N) and derivative by t (3, N).
+    """
+    points = np.asarray(controls, np.float64)
+    degree = len(points) - 1
+    for _ in range(degree - 1):
+        points = points[:-1] + (points[1:] - points[:-1]) * t
+    step = points[1] - points[0]
+    return points[0] + step * t, degree * step
+
+
+def derivative(controls: Array) -> Array:
+    """Control points of the hodograph (the derivative curve), (d, 3, N)."""
+    return (len(controls) - 1) * np.diff(controls, axis=0)
+
+
+def restrict(controls: Array, start: Array, end: Array) -> Array:
+    """Control points of the same curves over [start, end] of their parameter.
+
+    start, end: scalar or (N,). Blossoming: control point j of the result is the
+    blossom at (start × (d-j), end × j). Farin, Curves and Surfaces for CAGD, §4.
+    """
+    degree = len(controls) - 1
+    result = []
+    for j in range(degree + 1):
+        points = np.asarray(controls, np.float64)
+        for argument in [start] * (degree - j) + [end] * j:
+            points = points[:-1] + (points[1:] - points[:-1]) * argument
+        result.append(points[0])
+    return np.stack(result)
+
+
+def second_difference(controls: Array) -> Array:
+    """Largest length of the second differences of the control polygon, (N,).
+
+    This is max ‖Q(i+2) - 2 Q(i+1) + Q(i)‖, the quantity in Wang's bound.
+    """
+    if len(controls) < 3:
+        return np.zeros(np.shape(controls)[-1])
+    return np.sqrt((np.diff(controls, 2, axis=0) ** 2).sum(axis=1).max(axis=0))
+
+
+def chord_count(controls: Array, tolerance: Array | float) -> Array:
+    """Chords that keep each curve within tolerance of its polyline (Wang's bound).
+
+    tolerance: scalar or (N,), same length unit as the controls, > 0.
+    Returns (N,) int64, at least 1: N = ceil(sqrt(d(d-1)/8 · max‖Δ²Q‖ / tolerance)).
+    Source: Goldman, Pyramid Algorithms (2003); exact for d = 2 with uniform chords.
+    """
+    degree = len(controls) - 1
+    bend = degree * (degree - 1) / 8.0 * second_difference(controls)
+    return np.maximum(1, np.ceil(np.sqrt(bend / tolerance))).astype(np.int64)

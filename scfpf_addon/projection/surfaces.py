@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Control surfaces: parametric sheets Q(u, v) with their derivatives.
+
+A kind is one class: it says where (u, v) in [0, 1]² lies in the surface's own
+space; ``matrix`` places it in the volume's space. With the camera looking
+along -Z, u grows to the right and v up. Angles are radians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from .typing import Array, BoolArray, IndexArray
+
+_Surface = TypeVar("_Surface", bound="ControlSurface")
+
+
+class SurfaceSample(NamedTuple):
+    """What a control surface answers for N parameters.
+
+    position, du, dv: (3, N). tile: (N,) int32, the smooth piece that (u, v)
+    falls in; derivatives are one-sided at its edges. valid: (N,) bool, False
+    where the surface has a hole.
+    """
+
+    position: Array
+    du: Array
+    dv: Array
+    tile: IndexArray
+    valid: BoolArray
+
+
+def _rows(*components: Array) -> Array:
+    return np.stack(np.broadcast_arrays(*components))
+
+
+@dataclass(frozen=True)
+class ControlSurface:
+    """Base of all kinds. matrix: (4, 4) affine, own space to volume space."""
+
+    matrix: Array = field(default_factory=lambda: np.eye(4), kw_only=True)
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """The sample in the surface's own space. u, v: (N,)."""
+        raise NotImplementedError
+
+    def evaluate(self, u: Array, v: Array, time: float = 0.0) -> SurfaceSample:
+        """Position and derivatives in volume space.
+
+        u, v: (N,) in [0, 1]; outside, smooth kinds continue. time: shutter
+        time in frames relative to the frame's centre; still surfaces ignore it.
+        """
+        u = np.atleast_1d(np.asarray(u, np.float64))
+        v = np.atleast_1d(np.asarray(v, np.float64))
+        sample = self.local(u, v, time)
+        linear = self.matrix[:3, :3]
+        return sample._replace(
+            position=linear @ sample.position + self.matrix[:3, 3:],
+            du=linear @ sample.du,
+            dv=linear @ sample.dv,
+        )
+
+    def transformed(self: _Surface, matrix: Array) -> _Surface:
+        """The same surface with ``matrix`` (4, 4) applied after its own."""
+        return replace(self, matrix=np.asarray(matrix, np.float64) @ self.matrix)
+
+    def _whole(self, position: Array, du: Array, dv: Array) -> SurfaceSample:
+        count = position.shape[1]
+        return SurfaceSample(position, du, dv, np.zeros(count, np.int32), np.ones(count, bool))
+
+
+@dataclass(frozen=True)
+class Point(ControlSurface):
+    """Every (u, v) at the origin: a centre of projection. Both derivatives vanish."""
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        nought = np.zeros((3, len(u)))
+        return self._whole(nought, nought, nought)
+
+
+@dataclass(frozen=True)
+class Plane(ControlSurface):
+    """A width × height rectangle in the XY plane, centred at the origin."""
+
+    width: float = 1.0
+    height: float = 1.0
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        zero, one = np.zeros_like(u), np.ones_like(u)
+        return self._whole(
+            _rows((u - 0.5) * self.width, (v - 0.5) * self.height, zero),
+            _rows(self.width * one, zero, zero),
+            _rows(zero, self.height * one, zero),
+        )
+
+
+@dataclass(frozen=True)
+class BilinearPatch(ControlSurface):
+    """Four corners joined bilinearly. corners: (4, 3) at (u,v) = 00, 10, 01, 11."""
+
+    corners: Array = field(
+        default_factory=lambda: np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]]) / 2
+    )
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        c00, c10, c01, c11 = np.asarray(self.corners, np.float64)[:, :, None]
+        bottom, top = c00 + (c10 - c00) * u, c01 + (c11 - c01) * u
+        along = (c10 - c00) * (1 - v) + (c11 - c01) * v
+        return self._whole(bottom + (top - bottom) * v, along, top - bottom)
+
+
+@dataclass(frozen=True)
+class Disc(ControlSurface):
+    """A disc in the XY plane: u turns through ``arc`` from +X, v is the radius."""
+
+    radius: float = 1.0
+    arc: float = 2 * np.pi
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        angle = self.arc * u
+        cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
+        r = self.radius * v
+        return self._whole(
+            _rows(r * cos, r * sin, zero),
+            self.arc * _rows(-r * sin, r * cos, zero),
+            self.radius * _rows(cos, sin, zero),
+        )
+
+
+@dataclass(frozen=True)
+class Cone(ControlSurface):
+    """A cone about +Y. u turns through ``arc`` with -Z in the middle (u = ½).
+
+    v runs along the axis over ``height``, centred; the radius goes from
+    ``radius_start`` at v = 0 to ``radius_end`` at v = 1.
+    """
+
+    radius_start: float = 1.0
+    radius_end: float = 0.5
+    arc: float = 2 * np.pi
+    height: float = 1.0
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        angle = (u - 0.5) * self.arc
+        cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
+        slope = self.radius_end - self.radius_start
+        r = self.radius_start + slope * v
+        return self._whole(
+            _rows(r * sin, (v - 0.5) * self.height, -r * cos),
+            self.arc * _rows(r * cos, zero, r * sin),
+            _rows(slope * sin, self.height + zero, -slope * cos),
+        )
+
+
+@dataclass(frozen=True)
+class Cylinder(ControlSurface):
+    """A cylinder about +Y: u turns through ``arc`` with -Z in the middle, v is the height."""
+
+    radius: float = 1.0
+    arc: float = 2 * np.pi
+    height: float = 1.0
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        return Cone(self.radius, self.radius, self.arc, self.height).local(u, v, time)
+
+
+@dataclass(frozen=True)
+class SphereSector(ControlSurface):
+    """A sector of a sphere with its poles on ±Y.
+
+    u is longitude through ``arc`` with -Z in the middle; v is latitude from
+    ``latitude_start`` to ``latitude_end``. At a pole du vanishes.
+    """
+
+    radius: float = 1.0
+    arc: float = 2 * np.pi
+    latitude_start: float = -np.pi / 2
+    latitude_end: float = np.pi / 2
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        longitude = (u - 0.5) * self.arc
+        extent = self.latitude_end - self.latitude_start
+        latitude = self.latitude_start + extent * v
+        sin_u, cos_u = np.sin(longitude), np.cos(longitude)
+        sin_v, cos_v = np.sin(latitude), np.cos(latitude)
+        return self._whole(
+            self.radius * _rows(cos_v * sin_u, sin_v, -cos_v * cos_u),
+            self.radius * self.arc * _rows(cos_v * cos_u, np.zeros_like(u), cos_v * sin_u),
+            self.radius * extent * _rows(-sin_v * sin_u, cos_v, sin_v * cos_u),
+        )
+
+
+@dataclass(frozen=True)
+class Grid(ControlSurface):
+    """A regular grid of points, joined bilinearly cell by cell.
+
+    points: (rows, columns, 3), rows along v and columns along u, at least 2 × 2.
+    Derivatives at a grid line are those of the cell to its right and above, at
+    the far border those of the last cell. Raises ValueError for a smaller grid.
+    """
+
+    points: Array = field(default_factory=lambda: np.zeros((2, 2, 3)))
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.points)
+        if len(shape) != 3 or shape[2] != 3 or min(shape[:2]) < 2:
+            raise ValueError(f"a grid needs at least 2 × 2 points, got shape {shape}")
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        rows, columns = self.points.shape[:2]
+        across, up = u * (columns - 1), v * (rows - 1)
+        column = np.clip(np.floor(across), 0, columns - 2).astype(np.int64)
+        row = np.clip(np.floor(up), 0, rows - 2).astype(np.int64)
+        a, b = across - column, up - row
+        flat = np.ascontiguousarray(self.points.reshape(-1, 3).T, np.float64)
+        first = row * columns + column
+        c00, c10 = flat.take(first, 1), flat.take(first + 1, 1)
+        c01, c11 = flat.take(first + columns, 1), flat.take(first + columns + 1, 1)
+        bottom, top = c00 + (c10 - c00) * a, c01 + (c11 - c01) * a
+        along = (c10 - c00) * (1 - b) + (c11 - c01) * b
+        return self._whole(
+            bottom + (top - bottom) * b, (columns - 1) * along, (rows - 1) * (top - bottom)
+        )

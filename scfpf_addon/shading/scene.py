@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is shaded: triangles, materials, lights and the world, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ..casting.geometry import Geometry
+from ..projection.typing import Array
+
+LightKind = Literal["POINT", "SUN", "SPOT", "AREA"]
+
+
+@dataclass(frozen=True)
+class Materials:
+    """Constants of M materials, scene-linear. colours (M, 3), the rest (M,), float64."""
+
+    base_color: Array
+    metallic: Array
+    roughness: Array
+    specular_f0: Array
+    emission: Array
+
+
+@dataclass(frozen=True)
+class Light:
+    """One lamp in world space.
+
+    color: (3,) colour times power: watts for POINT, SPOT and AREA, W/m² for SUN.
+    matrix: (4, 4), the lamp shines along its local -Z. radius: soft size of POINT
+    and SPOT. size: (2,) extents of AREA along local X and Y; ellipse: AREA is an
+    ellipse. spot_angle: full cone angle, radians; spot_blend in [0, 1].
+    """
+
+    kind: LightKind
+    color: Array
+    matrix: Array
+    casts_shadow: bool = True
+    radius: float = 0.0
+    size: tuple[float, float] = (1.0, 1.0)
+    ellipse: bool = False
+    spot_angle: float = np.pi / 4
+    spot_blend: float = 0.15
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that a frame shows. world_color: (3,) radiance of the background."""
+
+    geometry: Geometry
+    materials: Materials
+    lights: tuple[Light, ...] = ()
+    world_color: Array = field(default_factory=lambda: np.zeros(3))

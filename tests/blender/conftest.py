@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Loads the checkout as an extension, once a session, in a fresh profile."""
+
+import importlib
+import os
+import pathlib
+import tempfile
+
+os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="scfpf-profile-")
+
+import bpy
+import pytest
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+MODULE = "bl_ext.checkout.scfpf"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def extension():
+    """The add-on's root package, enabled; disabled again at the end."""
+    folder = pathlib.Path(tempfile.mkdtemp(prefix="scfpf-repo-"))
+    (folder / "scfpf").symlink_to(ROOT, target_is_directory=True)
+    bpy.context.preferences.extensions.repos.new(
+        name="checkout", module="checkout", custom_directory=str(folder), remote_url=""
+    )
+    assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
+    yield importlib.import_module(MODULE)
+    bpy.ops.preferences.addon_disable(module=MODULE)
+
+
+@pytest.fixture
+def addon():
+    """Import a module of the extension by its path inside it: addon("scfpf_addon.bridge.versions")."""
+    return lambda name: importlib.import_module(f"{MODULE}.{name}")
+
+
+@pytest.fixture(autouse=True)
+def empty_file(extension):
+    """Every test starts from a file with one empty scene."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
