@@ -46,10 +46,15 @@ class SpanBasis:
         start = self.breaks[span]
         length = self.breaks[span + 1] - start
         local = (t - start) / length
+        value, slope = bernstein(self.degree, local), bernstein_derivative(self.degree, local)
+        if len(self.matrices) == 1:
+            matrix = self.matrices[0]
+            return np.einsum("kn,kc->cn", value, matrix), np.einsum("kn,kc->cn", slope, matrix) / length
         matrices = self.matrices[span]
-        value = np.einsum("kn,nkc->cn", bernstein(self.degree, local), matrices)
-        slope = np.einsum("kn,nkc->cn", bernstein_derivative(self.degree, local), matrices)
-        return value, slope / length
+        return (
+            np.einsum("kn,nkc->cn", value, matrices),
+            np.einsum("kn,nkc->cn", slope, matrices) / length,
+        )
 
 
 def span_basis(kind: BasisKind, count: int) -> SpanBasis:

@@ -53,7 +53,8 @@ def evaluate(controls: Array, t: Array) -> tuple[Array, Array]:
 
 def derivative(controls: Array) -> Array:
     """Control points of the hodograph (the derivative curve), (d, 3, N)."""
-    return (len(controls) - 1) * np.diff(controls, axis=0)
+    differences: Array = np.diff(controls, axis=0)
+    return (len(controls) - 1) * differences
 
 
 def restrict(controls: Array, start: Array, end: Array) -> Array:
@@ -79,7 +80,9 @@ def second_difference(controls: Array) -> Array:
     """
     if len(controls) < 3:
         return np.zeros(np.shape(controls)[-1])
-    return np.sqrt((np.diff(controls, 2, axis=0) ** 2).sum(axis=1).max(axis=0))
+    lengths: Array = np.linalg.norm(np.diff(controls, 2, axis=0), axis=1)
+    largest: Array = lengths.max(axis=0)
+    return largest
 
 
 def chord_count(controls: Array, tolerance: Array | float) -> Array:

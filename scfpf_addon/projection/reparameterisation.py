@@ -32,6 +32,14 @@ class ImageMap(NamedTuple):
     mask: BoolArray
 
 
+class ImagePoints(NamedTuple):
+    """ImageMap without the Jacobian."""
+
+    u: Array
+    v: Array
+    mask: BoolArray
+
+
 class Reparameterisation(Protocol):
     """A mapping from image positions to parameters in [0, 1]²."""
 
@@ -39,10 +47,19 @@ class Reparameterisation(Protocol):
         """x, y: (N,) in [0, 1]; aspect: width / height of the image, > 0."""
         ...
 
+    def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
+        """``map`` without the Jacobian; kinds override it where that saves work."""
+        image = self.map(x, y, aspect)
+        return ImagePoints(image.u, image.v, image.mask)
+
 
 @dataclass(frozen=True)
-class Rectangle:
+class Rectangle(Reparameterisation):
     """u = x, v = y: the picture is the near surface unrolled."""
+
+    def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
+        """See Reparameterisation.points."""
+        return ImagePoints(x, y, np.ones(len(x), bool))
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
         """See Reparameterisation.map; the whole image shows something."""
@@ -51,7 +68,7 @@ class Rectangle:
 
 
 @dataclass(frozen=True)
-class Polar:
+class Polar(Reparameterisation):
     """u is the angle from +x counter-clockwise, v the distance from the centre.
 
     v = 1 on the circle that touches the image's nearer borders; outside it

@@ -9,13 +9,11 @@ along -Z, u grows to the right and v up. Angles are radians.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from .typing import Array, BoolArray, IndexArray
-
-_Surface = TypeVar("_Surface", bound="ControlSurface")
 
 
 class SurfaceSample(NamedTuple):
@@ -33,8 +31,36 @@ class SurfaceSample(NamedTuple):
     valid: BoolArray
 
 
+class Placement(NamedTuple):
+    """Where N parameters lie, without derivatives. position: (3, N). valid: (N,) bool."""
+
+    position: Array
+    valid: BoolArray
+
+
 def _rows(*components: Array) -> Array:
     return np.stack(np.broadcast_arrays(*components))
+
+
+def _apply(matrix: Array, vectors: Array, offset: Array | None = None) -> Array:
+    """matrix (3, 3) times vectors (3, N), plus offset (3,).
+
+    Row by row without a matrix product: BLAS would start threads of its own
+    inside each of ours. Terms that a matrix does not have cost nothing.
+    """
+    result = np.empty(vectors.shape)
+    term = np.empty(vectors.shape[1:])
+    for row, target in zip(matrix, result, strict=True):
+        used = np.flatnonzero(row)
+        if len(used) == 0:
+            target.fill(0.0)
+            continue
+        np.multiply(vectors[used[0]], row[used[0]], out=target)
+        for column in used[1:]:
+            target += np.multiply(vectors[column], row[column], out=term)
+    if offset is not None:
+        result += offset[:, None]
+    return result
 
 
 @dataclass(frozen=True)
@@ -47,6 +73,11 @@ class ControlSurface:
         """The sample in the surface's own space. u, v: (N,)."""
         raise NotImplementedError
 
+    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """``local`` without derivatives; kinds override it where that saves work."""
+        sample = self.local(u, v, time)
+        return Placement(sample.position, sample.valid)
+
     def evaluate(self, u: Array, v: Array, time: float = 0.0) -> SurfaceSample:
         """Position and derivatives in volume space.
 
@@ -58,18 +89,27 @@ class ControlSurface:
         sample = self.local(u, v, time)
         linear = self.matrix[:3, :3]
         return sample._replace(
-            position=linear @ sample.position + self.matrix[:3, 3:],
-            du=linear @ sample.du,
-            dv=linear @ sample.dv,
+            position=_apply(linear, sample.position, self.matrix[:3, 3]),
+            du=_apply(linear, sample.du),
+            dv=_apply(linear, sample.dv),
         )
 
-    def transformed(self: _Surface, matrix: Array) -> _Surface:
+    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+        """``evaluate`` without derivatives. u, v: (N,) float64."""
+        placement = self.local_position(u, v, time)
+        moved = _apply(self.matrix[:3, :3], placement.position, self.matrix[:3, 3])
+        return placement._replace(position=moved)
+
+    def transformed(self, matrix: Array) -> Self:
         """The same surface with ``matrix`` (4, 4) applied after its own."""
         return replace(self, matrix=np.asarray(matrix, np.float64) @ self.matrix)
 
     def _whole(self, position: Array, du: Array, dv: Array) -> SurfaceSample:
         count = position.shape[1]
         return SurfaceSample(position, du, dv, np.zeros(count, np.int32), np.ones(count, bool))
+
+    def _placed(self, *components: Array) -> Placement:
+        return Placement(_rows(*components), np.ones(np.shape(components[0]), bool))
 
 
 @dataclass(frozen=True)
@@ -87,6 +127,9 @@ class Plane(ControlSurface):
 
     width: float = 1.0
     height: float = 1.0
+
+    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        return self._placed((u - 0.5) * self.width, (v - 0.5) * self.height, np.zeros_like(u))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
         zero, one = np.zeros_like(u), np.ones_like(u)
@@ -143,6 +186,11 @@ class Cone(ControlSurface):
     arc: float = 2 * np.pi
     height: float = 1.0
 
+    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        angle = (u - 0.5) * self.arc
+        r = self.radius_start + (self.radius_end - self.radius_start) * v
+        return self._placed(r * np.sin(angle), (v - 0.5) * self.height, -r * np.cos(angle))
+
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
         angle = (u - 0.5) * self.arc
         cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
@@ -162,6 +210,9 @@ class Cylinder(ControlSurface):
     radius: float = 1.0
     arc: float = 2 * np.pi
     height: float = 1.0
+
+    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        return Cone(self.radius, self.radius, self.arc, self.height).local_position(u, v, time)
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
         return Cone(self.radius, self.radius, self.arc, self.height).local(u, v, time)

@@ -29,6 +29,13 @@ class ControlSample(NamedTuple):
     valid: BoolArray
 
 
+class Projectors(NamedTuple):
+    """Control points of N projectors. points: (m+1, 3, N). valid: (N,) bool."""
+
+    points: Array
+    valid: BoolArray
+
+
 class VolumeSample(NamedTuple):
     """Q and its derivatives at N points (u, v, t), each (3, N)."""
 
@@ -72,6 +79,15 @@ class ViewingVolume:
             np.logical_and.reduce([s.valid for s in samples]),
         )
 
+    def projectors(self, u: Array, v: Array, time: float = 0.0) -> Projectors:
+        """``controls`` without derivatives and tiles: what casting needs of every pixel."""
+        points = np.empty((len(self.surfaces), 3, len(u)))
+        valid = np.ones(len(u), bool)
+        for surface, target in zip(self.surfaces, points, strict=True):
+            target[:], present = surface.positions(u, v, time)
+            valid &= present
+        return Projectors(points, valid)
+
     def evaluate(self, u: Array, v: Array, t: Array, time: float = 0.0) -> VolumeSample:
         """Q, Qu, Qv and Qt at u, v, t, each (N,)."""
         controls = self.controls(u, v, time)
@@ -94,7 +110,8 @@ class ViewingVolume:
 
 def determinant(sample: VolumeSample) -> Array:
     """det[Qu Qv Qt], (N,): negative in a good volume, a change of sign is a fold."""
-    return np.einsum("cn,cn->n", np.cross(sample.du, sample.dv, axis=0), sample.dt)
+    result: Array = np.einsum("cn,cn->n", np.cross(sample.du, sample.dv, axis=0), sample.dt)
+    return result
 
 
 @dataclass(frozen=True)
@@ -126,6 +143,16 @@ class Projection:
             jacobian,
             image.mask,
         )
+
+    def projectors(self, x: Array, y: Array) -> Projectors:
+        """Control points of the projectors through image positions x, y (N,) in [0, 1].
+
+        valid is False where the image shows nothing or a surface has a hole.
+        """
+        u, v, mask = self.reparameterisation.points(x, y, self.aspect)
+        (u0, u1), (v0, v1) = self.u_range, self.v_range
+        projectors = self.volume.projectors(u0 + u * (u1 - u0), v0 + v * (v1 - v0))
+        return projectors._replace(valid=projectors.valid & mask)
 
     def transformed(self, matrix: Array) -> Projection:
         """The projection with its volume moved by an affine (4, 4) matrix."""
