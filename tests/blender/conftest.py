@@ -4,9 +4,13 @@
 import importlib
 import os
 import pathlib
+import sys
 import tempfile
 
-os.environ["BLENDER_USER_RESOURCES"] = tempfile.mkdtemp(prefix="scfpf-profile-")
+SCRATCH = tempfile.TemporaryDirectory(prefix="scfpf-tests-", ignore_cleanup_errors=True)
+if "bpy" not in sys.modules:  # inside a Blender, tests/run_in_blender.py has done it before Blender started
+    os.environ["BLENDER_USER_RESOURCES"] = os.path.join(SCRATCH.name, "profile")
+    os.mkdir(os.environ["BLENDER_USER_RESOURCES"])  # Blender passes over a folder that is not there
 
 import bpy
 import pytest
@@ -15,11 +19,22 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.checkout.scfpf"
 
 
+def link_folder(link, target):
+    """A folder that is another one: a symbolic link, on Windows (where that needs a privilege) a junction."""
+    if os.name == "nt":
+        import _winapi
+
+        _winapi.CreateJunction(str(target), str(link))
+    else:
+        link.symlink_to(target, target_is_directory=True)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def extension():
     """The add-on's root package, enabled; disabled again at the end."""
-    folder = pathlib.Path(tempfile.mkdtemp(prefix="scfpf-repo-"))
-    (folder / "scfpf").symlink_to(ROOT, target_is_directory=True)
+    folder = pathlib.Path(SCRATCH.name, "repository")
+    folder.mkdir()
+    link_folder(folder / "scfpf", ROOT)
     bpy.context.preferences.extensions.repos.new(
         name="checkout", module="checkout", custom_directory=str(folder), remote_url=""
     )

@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender to arrays and back. ``versions`` is the one module that hides version differences."""
+
+from __future__ import annotations
+
+from . import command_line, drawing, properties, result_undo
+
+# Registered in this order, unregistered in the reverse.
+MODULES = (properties, drawing, result_undo, command_line)
+
+
+def register():
+    for module in MODULES:
+        module.register()
+
+
+def unregister():
+    for module in reversed(MODULES):
+        module.unregister()

@@ -1,0 +1,478 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make a camera flexible: its control surfaces, its volume object, its presets."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..projection.volume import Projection
+from . import surface_nodes, versions
+from .node_builder import NodeBuilder
+from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
+
+# The parameters that a preset's scale multiplies; the others are angles and counts.
+LENGTHS = {
+    given.key for kind in PARAMETRIC_KINDS.values() for given in kind.inputs if given.subtype == "DISTANCE"
+}
+# The ordinary lens, radians: what turns less becomes orthographic, what turns more gets the widest.
+NARROWEST_LENS, WIDEST_LENS = math.radians(1), math.radians(150)
+# Positions across and up the picture at which the volume is measured for the lens and the clip range.
+MEASURES = 17
+# An orthographic camera of no width would show nothing. Blender units.
+SMALLEST_ORTHO = 1e-6
+# The ordinary clip start, at least, as a share of the clip end: what a depth buffer can bear.
+SMALLEST_CLIP_SHARE = 1e-4
+
+
+class FlexibleCameraError(ValueError):
+    """What was asked for cannot be done with this camera or object."""
+
+
+def make_flexible(camera) -> None:
+    """Switch flexible projection on and see to the volume object; surfaces stay as they are.
+
+    Raises FlexibleCameraError when the object is no camera or cannot be edited.
+    """
+    _require_camera(camera)
+    if not camera.scfpf.enabled:
+        camera.scfpf.enabled = True
+    sync_volume_object(camera)
+
+
+def _require_camera(camera) -> None:
+    if camera.type != "CAMERA":
+        raise FlexibleCameraError(f"'{camera.name}' is no camera: select a camera object")
+    if not camera.is_editable:
+        raise FlexibleCameraError(
+            f"'{camera.name}' is linked from another file: make a library override of it first"
+        )
+
+
+def _collections(obj):
+    """The collections that hold an object and can be changed."""
+    return [c for c in obj.users_collection if c.is_editable and not c.override_library]
+
+
+def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=None, index=None):
+    """A new control surface, child of the camera, linked where the camera is.
+
+    kind, parameters, points: as ``surface_nodes.new_surface``. matrix: (4, 4),
+    own space to camera space, default the identity. index: its place in the
+    list, default last. Returns the object.
+    Raises FlexibleCameraError or SurfaceError; nothing is left behind.
+    """
+    _require_camera(camera)
+    title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else kind.title()
+    surface = surface_nodes.new_surface(name or title, kind, parameters, points)
+    _place(camera, surface, np.eye(4) if matrix is None else matrix)
+    _insert(camera, surface, index)
+    return surface
+
+
+def _place(camera, surface, matrix) -> None:
+    """Make a new surface a child of the camera, at a (4, 4) matrix in camera space."""
+    surface.parent = camera
+    surface.matrix_basis = Matrix(np.asarray(matrix, np.float64).tolist())
+    for collection in _collections(camera) or [bpy.context.scene.collection]:
+        collection.objects.link(surface)
+
+
+def _insert(camera, surface, index=None) -> None:
+    slots = camera.scfpf.surfaces
+    slots.add().object = surface
+    last = len(slots) - 1
+    place = last if index is None else min(max(index, 0), last)
+    slots.move(last, place)
+    camera.scfpf.active_surface = place
+    sync_volume_object(camera)
+
+
+def attach_surface(camera, surface) -> None:
+    """Append an existing object to the camera's surfaces.
+
+    A mesh that is no control surface yet becomes a patch if it has four
+    vertices, else a grid. Raises FlexibleCameraError for any other object.
+    """
+    _require_camera(camera)
+    if surface.type != "MESH" or is_volume_object(surface):
+        raise FlexibleCameraError(
+            f"'{surface.name}' cannot be a control surface: choose a mesh whose vertices form a UV grid"
+        )
+    _insert(camera, surface)
+
+
+def _take_kind(surface) -> None:
+    """Give a mesh that has none the kind that it looks like."""
+    if surface.scfpf_surface.kind == "NONE" and surface.type == "MESH" and surface.is_editable:
+        patch, grid = MESH_KINDS
+        surface.scfpf_surface.kind = patch if len(surface.data.vertices) == 4 else grid
+
+
+def is_volume_object(candidate) -> bool:
+    """Whether an object is the volume object of its parent."""
+    parent = candidate.parent
+    return parent is not None and parent.type == "CAMERA" and parent.scfpf.volume_object == candidate
+
+
+def _flexible_cameras():
+    return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]
+
+
+def _delete_if_unused(camera, surface) -> None:
+    """Delete a surface that is the camera's own child and on no camera's list."""
+    if surface is None or surface.parent != camera or not surface.is_editable:
+        return
+    if any(slot.object == surface for other in _flexible_cameras() for slot in other.scfpf.surfaces):
+        return
+    surface_nodes.delete_surface(surface)
+
+
+def remove_surface(camera, index: int) -> None:
+    """Take a surface off the list.
+
+    Its object is deleted if it is the camera's child and on no other list.
+    Raises FlexibleCameraError when there is no such place in the list.
+    """
+    _require_camera(camera)
+    settings = camera.scfpf
+    _require_place(camera, index)
+    surface = settings.surfaces[index].object
+    settings.surfaces.remove(index)
+    settings.active_surface = max(min(settings.active_surface, len(settings.surfaces) - 1), 0)
+    _delete_if_unused(camera, surface)
+    sync_volume_object(camera)
+
+
+def _require_place(camera, index: int) -> None:
+    if not 0 <= index < len(camera.scfpf.surfaces):
+        raise FlexibleCameraError(f"'{camera.name}' has no control surface at place {index + 1}")
+
+
+def move_surface(camera, index: int, step: int) -> int:
+    """Move a surface by ``step`` places, as far as the list goes; returns its new index."""
+    _require_camera(camera)
+    _require_place(camera, index)
+    settings = camera.scfpf
+    place = min(max(index + step, 0), len(settings.surfaces) - 1)
+    settings.surfaces.move(index, place)
+    settings.active_surface = place
+    sync_volume_object(camera)
+    return place
+
+
+def clear_surfaces(camera) -> None:
+    """Remove every surface, as ``remove_surface`` does."""
+    _require_camera(camera)
+    settings = camera.scfpf
+    surfaces = {slot.object for slot in settings.surfaces}
+    settings.surfaces.clear()
+    settings.active_surface = 0
+    for surface in surfaces:
+        _delete_if_unused(camera, surface)
+    sync_volume_object(camera)
+
+
+def sync_volume_object(camera):
+    """Make the volume object take every surface of the list; create it where it is missing.
+
+    A property pointer alone does not get an object evaluated; Object Info in a
+    node modifier does, whatever hides the object. The volume object is also
+    linked to the scene's master collection, which nothing can exclude.
+    Call it from operators, never during evaluation or drawing. Returns the
+    object; for a camera that cannot be edited the one there is, or None.
+    """
+    settings = camera.scfpf
+    volume = settings.volume_object
+    if not camera.is_editable:
+        if volume is not None:
+            _link_beside(volume, camera)
+        return volume
+    if volume is None or volume.type != "MESH" or not volume.is_editable or _is_anothers(volume, camera):
+        volume = _new_volume_object(camera)
+        settings.volume_object = volume
+    if volume.parent != camera:
+        volume.parent = camera
+    _link_beside(volume, camera)
+    surfaces = [slot.object for slot in settings.surfaces]
+    group = _volume_group(len(surfaces))
+    modifier = next((m for m in volume.modifiers if m.type == "NODES"), None)
+    if modifier is None:
+        modifier = volume.modifiers.new("SCFPF Volume", "NODES")
+    # Hidden or disabled, it would evaluate nothing. Eye-hidden it still does.
+    for owner, switch, value in (
+        (volume, "hide_viewport", False),
+        (volume, "hide_render", False),
+        (modifier, "show_viewport", True),
+        (modifier, "show_render", True),
+    ):
+        if getattr(owner, switch) != value:
+            setattr(owner, switch, value)
+    before = modifier.node_group
+    if before == group and surfaces == _taken_surfaces(modifier):
+        return volume
+    modifier.node_group = group
+    if before is not None and before.users == 0:
+        bpy.data.node_groups.remove(before)
+    for identifier, surface in zip(_object_inputs(group), surfaces, strict=True):
+        versions.set_modifier_input(modifier, identifier, surface)
+    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
+    modifier.node_group = group
+    volume.update_tag()
+    return volume
+
+
+def _new_volume_object(camera):
+    name = f"{camera.name} Volume"
+    volume = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    volume.hide_select = True
+    volume.display_type = "WIRE"
+    return volume
+
+
+def _is_anothers(volume, camera) -> bool:
+    """Whether a volume object serves another camera, of which this one is a duplicate."""
+    return volume.parent != camera and is_volume_object(volume)
+
+
+def _link_beside(volume, camera) -> None:
+    """Link the volume object where the camera is and to the master collection of its scenes."""
+    wanted = _collections(camera)
+    wanted += [
+        scene.collection
+        for scene in camera.users_scene
+        if scene.is_editable and scene.collection not in wanted
+    ]
+    for collection in wanted:
+        if collection.objects.get(volume.name) != volume:
+            collection.objects.link(volume)
+    for collection in _collections(volume):
+        if collection not in wanted:
+            collection.objects.unlink(volume)
+
+
+def _object_inputs(group) -> list[str]:
+    return [
+        item.identifier
+        for item in group.interface.items_tree
+        if item.item_type == "SOCKET" and item.in_out == "INPUT" and item.socket_type == "NodeSocketObject"
+    ]
+
+
+def _taken_surfaces(modifier) -> list:
+    """The objects that a volume object's modifier takes, in order."""
+    return [
+        versions.modifier_input(modifier, identifier) for identifier in _object_inputs(modifier.node_group)
+    ]
+
+
+def keeps_evaluated(camera, surface, depsgraph) -> bool:
+    """Whether the camera's volume object makes a surface evaluate in a depsgraph, hidden or not."""
+    volume = camera.scfpf.volume_object
+    hide, show = (
+        ("hide_viewport", "show_viewport") if depsgraph.mode == "VIEWPORT" else ("hide_render", "show_render")
+    )
+    if volume is None or getattr(volume, hide):
+        return False
+    if depsgraph.scene.collection.objects.get(volume.name) != volume:
+        return False
+    return any(
+        modifier.type == "NODES"
+        and modifier.node_group is not None
+        and getattr(modifier, show)
+        and surface in _taken_surfaces(modifier)
+        for modifier in volume.modifiers
+    )
+
+
+def _volume_group(count: int):
+    """The node group of a volume of ``count`` surfaces: Object Info of each, no geometry.
+
+    The objects are inputs of the modifier, not of the group, so that duplicates remap them.
+    """
+    name = f"SCFPF Volume {count}"
+    existing = bpy.data.node_groups.get((name, None))
+    if existing and existing.bl_idname == "GeometryNodeTree" and len(_object_inputs(existing)) == count:
+        return existing
+    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
+    tree.is_modifier = True
+    tree.description = f"Keeps the {count} control surfaces of a flexible camera evaluated, hidden ones too"
+    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    for number in range(1, count + 1):
+        tree.interface.new_socket(
+            f"Surface {number}",
+            description="A control surface, from near to far",
+            in_out="INPUT",
+            socket_type="NodeSocketObject",
+        )
+    nodes = NodeBuilder(tree, row=260)
+    source = nodes.node("NodeGroupInput", "Surfaces", {})
+    nodes.open_frame("Makes the surfaces evaluate; no geometry leaves")
+    for number in range(count):
+        nodes.node("GeometryNodeObjectInfo", f"Surface {number + 1}", {"Object": source.outputs[number]})
+    nodes.close_frame()
+    nodes.node("NodeGroupOutput", "Nothing", {})
+    return tree
+
+
+def surfaces_edited(camera) -> None:
+    """Called by the properties when ``enabled`` or a surface pointer was edited."""
+    if camera.is_evaluated or camera.type != "CAMERA" or not camera.is_editable:
+        return
+    for slot in camera.scfpf.surfaces:
+        if slot.object is not None:
+            _take_kind(slot.object)
+    if camera.scfpf.enabled or camera.scfpf.volume_object:
+        sync_volume_object(camera)
+
+
+def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
+    """Replace the camera's volume by a preset's, as ordinary editable objects.
+
+    preset: projection.preset.Preset. aspect: width / height of the picture.
+    scale: multiplies every length. Surfaces that are no children of the camera
+    or are on another camera's list are taken off the list and kept. The ordinary
+    lens and clip range follow. Raises FlexibleCameraError, PresetError or SurfaceError.
+    """
+    _require_camera(camera)
+    if not (math.isfinite(scale) and scale > 0):
+        raise FlexibleCameraError(f"A preset's scale must be a number above 0, not {scale}")
+    fitted = preset.fitted(aspect)
+    _replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
+    settings = camera.scfpf
+    settings.basis = fitted.basis
+    settings.reparameterisation = fitted.reparameterisation
+    settings.u_range = fitted.u_range
+    settings.v_range = fitted.v_range
+    make_flexible(camera)
+    sizes = np.diag([scale, scale, scale, 1.0])
+    approximate_lens(camera, fitted.projection(aspect).transformed(sizes))
+
+
+def _scaled(surface, scale: float):
+    """A preset's surface as ``_replace_surfaces`` takes it, every length multiplied."""
+    lengths = {given.key: given.default for given in _display_lengths(surface.kind)} | surface.parameters
+    parameters = {key: value * scale if key in LENGTHS else value for key, value in lengths.items()}
+    points = None if surface.points is None else np.asarray(surface.points, np.float64) * scale
+    matrix = np.array(surface.matrix, np.float64)
+    matrix[:3, 3] *= scale
+    return surface.name, surface.kind, matrix, parameters, points
+
+
+def _display_lengths(kind: str):
+    """The lengths that only a kind's drawing needs: the size of a point's cross."""
+    display = PARAMETRIC_KINDS[kind].display if kind in PARAMETRIC_KINDS else ()
+    return [given for given in display if given.key in LENGTHS]
+
+
+def _replace_surfaces(camera, described) -> None:
+    """Replace all surfaces by new ones.
+
+    described: (name, kind, matrix in camera space, parameters, points) of each.
+    All of them exist before an old one goes: what fails, fails with the old volume whole.
+    """
+    made = []
+    try:
+        for name, kind, _, parameters, points in described:
+            made.append(surface_nodes.new_surface(name, kind, parameters, points))
+    except surface_nodes.SurfaceError:
+        for surface in made:
+            surface_nodes.delete_surface(surface)
+        raise
+    clear_surfaces(camera)
+    for surface, (_, _, matrix, _, _) in zip(made, described, strict=True):
+        _place(camera, surface, matrix)
+        _insert(camera, surface)
+    camera.scfpf.active_surface = 0
+
+
+def approximate_lens(camera, projection: Projection) -> None:
+    """Set the ordinary lens and clip range near to what a projection in camera space shows.
+
+    The angle is the turn of the projectors from the left border to the right at
+    mid height, clamped; where they do not spread, the lens is orthographic.
+    Camera data that another object shares is copied first.
+    """
+    if camera.data.users - camera.data.use_fake_user > 1 or not camera.data.is_editable:
+        camera.data = camera.data.copy()
+    lens = camera.data
+    lens.sensor_fit = "HORIZONTAL"
+    lens.shift_x = lens.shift_y = 0.0
+    line = np.linspace(0.0, 1.0, MEASURES)
+    middle = projection.parameters(line, np.full(MEASURES, 0.5))
+    near, far = (
+        projection.volume.evaluate(middle.u, middle.v, np.full(MEASURES, t)).position for t in (0.0, 1.0)
+    )
+    x, z = (far - near)[[0, 2]]
+    # The sum of small turns does not wrap at half a circle, as the angle between the borders would.
+    turn = np.arctan2(x[:-1] * z[1:] - x[1:] * z[:-1], x[1:] * x[:-1] + z[1:] * z[:-1]).sum()
+    if turn < NARROWEST_LENS:
+        lens.type = "ORTHO"
+        width = sum(np.linalg.norm(end[:, -1] - end[:, 0]) for end in (near, far)) / 2
+        lens.ortho_scale = max(width, SMALLEST_ORTHO)
+    else:
+        lens.type = "PERSP"
+        lens.angle_x = min(turn, WIDEST_LENS)
+    x, y, t = (axis.ravel() for axis in np.meshgrid(line, line, line))
+    all_over = projection.parameters(x, y)
+    distance = np.linalg.norm(projection.volume.evaluate(all_over.u, all_over.v, t).position, axis=0)
+    lens.clip_end = distance.max()
+    lens.clip_start = max(distance.min(), lens.clip_end * SMALLEST_CLIP_SHARE)
+
+
+def volume_from_camera(camera, scene) -> None:
+    """Replace the camera's volume by its own frustum, from clip start to clip end.
+
+    Takes in lens, shift, sensor fit and ``scene``'s resolution and pixel aspect.
+    Raises FlexibleCameraError for a panoramic or custom camera, or one without depth.
+    """
+    _require_camera(camera)
+    lens = camera.data
+    if lens.type not in {"PERSP", "ORTHO"}:
+        raise FlexibleCameraError(
+            f"'{camera.name}' is neither a perspective nor an orthographic camera: change its lens type, "
+            "or load a panorama from the presets"
+        )
+    if lens.clip_start >= lens.clip_end:
+        raise FlexibleCameraError(
+            f"'{camera.name}' ends where it starts: its clip end must exceed its clip start"
+        )
+    # Top right, bottom right, bottom left, top left, on one plane across the view.
+    frame = np.array(lens.view_frame(scene=scene), np.float64)
+    right_top, left_bottom = frame[0], frame[2]
+    sizes = np.linalg.norm(np.array(camera.matrix_world, np.float64)[:3, :3], axis=0)
+    if not (np.isfinite(sizes).all() and sizes.min() > 0):
+        raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
+    # Children take the camera object's scale, its own view does not.
+    undo_scale = np.diag([*(1 / sizes), 1.0])
+    described = []
+    for name, depth in (("Near", lens.clip_start), ("Far", lens.clip_end)):
+        spread = depth / -frame[0, 2] if lens.type == "PERSP" else 1.0
+        width, height = (right_top - left_bottom)[:2] * spread
+        matrix = np.eye(4)
+        matrix[:2, 3] = (right_top + left_bottom)[:2] / 2 * spread
+        matrix[2, 3] = -depth
+        size = {"width": width, "height": height}
+        described.append((name, "PLANE", undo_scale @ matrix, size, None))
+    _replace_surfaces(camera, described)
+    settings = camera.scfpf
+    settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
+    settings.u_range = settings.v_range = (0.0, 1.0)
+    make_flexible(camera)
+
+
+def control_objects() -> set[str]:
+    """Full names of the objects that are control surfaces or volume objects: no picture shows them.
+
+    ``name_full`` tells a local object from a linked one of the same name.
+    """
+    names = set()
+    for camera in bpy.data.objects:
+        if camera.type == "CAMERA":
+            settings = camera.scfpf
+            members = [slot.object for slot in settings.surfaces] + [settings.volume_object]
+            names.update(member.name_full for member in members if member is not None)
+    return names

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Builds node groups in code, laid out so that they can be read in the node editor."""
+
+from __future__ import annotations
+
+import bpy
+
+
+class NodeBuilder:
+    """Builds a node group: each call adds one node, laid out by depth, inside the open frame.
+
+    row: height of a row, in the node editor's units.
+    """
+
+    COLUMN = 190
+
+    def __init__(self, tree, row: int = 170):
+        self.tree = tree
+        self._row = row
+        self._frame = None
+        self._first_column = 0
+        self._columns: dict[str, int] = {}
+        self._filled: dict[int, int] = {}
+
+    def open_frame(self, label: str) -> None:
+        """What comes next stands in a new frame, right of all that there is."""
+        self.close_frame()
+        self._frame = self.tree.nodes.new("NodeFrame")
+        self._frame.label = self._frame.name = label
+
+    def close_frame(self) -> None:
+        self._frame = None
+        self._first_column = max(self._columns.values(), default=-1) + 1
+
+    def node(self, kind: str, label: str, inputs: dict, **settings):
+        """A node with its settings and inputs (values or output sockets) in place."""
+        node = self.tree.nodes.new(kind)
+        node.name = node.label = label
+        node.parent = self._frame
+        for key, value in settings.items():
+            setattr(node, key, value)
+        column = self._first_column
+        for key, value in inputs.items():
+            if isinstance(value, bpy.types.NodeSocket):
+                self.tree.links.new(value, node.inputs[key])
+                column = max(column, self._columns[value.node.name] + 1)
+            else:
+                node.inputs[key].default_value = value
+        self._columns[node.name] = column
+        row = self._filled.get(column, 0)
+        self._filled[column] = row + 1
+        node.location = (self.COLUMN * column, -self._row * row)
+        return node
+
+    def math(self, operation: str, a, b=0.0, label: str = ""):
+        name = label or operation.replace("_", " ").title()
+        return self.node("ShaderNodeMath", name, {0: a, 1: b}, operation=operation).outputs[0]
+
+    def vector(self, x, y, z, label: str):
+        return self.node("ShaderNodeCombineXYZ", label, {0: x, 1: y, 2: z}).outputs[0]
+
+    def centred(self, parameter, extent, label: str):
+        """(parameter - ½) · extent."""
+        return self.math("MULTIPLY", self.math("SUBTRACT", parameter, 0.5), extent, label)
+
+    def between(self, start, end, parameter, label: str):
+        """start + (end - start) · parameter."""
+        along = self.math("MULTIPLY", self.math("SUBTRACT", end, start), parameter)
+        return self.math("ADD", start, along, label)

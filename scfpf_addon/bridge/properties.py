@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The properties of a flexible camera (``Object.scfpf``) and of a control surface.
+
+They are on the object, not on its data: there duplicates remap the pointers and
+library overrides survive a reload.
+"""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from . import flexible_camera, surface_nodes
+
+OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
+
+BASES = (
+    (
+        "BEZIER",
+        "Bézier",
+        "One curve that the surfaces between near and far bend; with two surfaces it is straight",
+    ),
+    ("POLYLINE", "Polyline", "Straight pieces from each surface to the next"),
+)
+REPARAMETERISATIONS = (
+    ("RECTANGLE", "Rectangle", "The picture's width runs along u and its height along v"),
+    ("POLAR", "Polar", "The angle about the picture's centre runs along u, the distance from it along v"),
+)
+KINDS = (
+    ("NONE", "None", "No control surface"),
+    ("POINT", "Point", "One point for the whole picture, such as a centre of projection"),
+    ("PLANE", "Plane", "A rectangle"),
+    ("PATCH", "Patch", "Four corners joined bilinearly: a mesh of one quadrilateral with a UV map"),
+    ("DISC", "Disc", "A disc: u turns about the centre, v runs outwards"),
+    ("CYLINDER", "Cylinder", "An arc of a cylinder about the Y axis, open towards +Z"),
+    ("CONE", "Cone", "An arc of a cone about the Y axis, open towards +Z"),
+    ("SPHERE", "Sphere", "A sector of a sphere with its poles on the Y axis"),
+    ("GRID", "Grid", "A mesh whose vertices lie on a regular grid in its UV map"),
+)
+
+
+def _changed(owner, context):
+    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
+
+
+def _volume_changed(owner, context):
+    """The volume object follows an edit of ``enabled`` or of a surface pointer."""
+    flexible_camera.surfaces_edited(owner.id_data)
+
+
+def _kind_changed(settings, context):
+    """The object gets the node group or the mesh that its new kind needs."""
+    surface = settings.id_data
+    if surface.type == "MESH" and surface.is_editable and not surface.is_evaluated:
+        surface_nodes.take_kind(surface)
+
+
+def _may_be_surface(slot, candidate) -> bool:
+    return candidate.type == "MESH" and not flexible_camera.is_volume_object(candidate)
+
+
+def _may_be_volume(settings, candidate) -> bool:
+    return candidate.type == "MESH" and candidate.parent == settings.id_data
+
+
+class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
+    """One place in a flexible camera's ordered list of control surfaces."""
+
+    object: PointerProperty(
+        name="Control Surface",
+        description="The object whose shape is this control surface",
+        type=bpy.types.Object,
+        poll=_may_be_surface,
+        update=_volume_changed,
+        override=OVERRIDABLE,
+    )
+
+
+class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
+    """``Object.scfpf_surface``: what kind of control surface an object is."""
+
+    kind: EnumProperty(
+        name="Kind",
+        description="How the object's shape is read as a control surface",
+        items=KINDS,
+        default="NONE",
+        options=set(),
+        update=_kind_changed,
+        override=OVERRIDABLE,
+    )
+
+
+class SCFPF_CameraSettings(bpy.types.PropertyGroup):
+    """``Object.scfpf`` of a camera object: its viewing volume and how it is rendered."""
+
+    enabled: BoolProperty(
+        name="Flexible Projection",
+        description="Render through a viewing volume modelled with control surfaces",
+        default=False,
+        options=set(),
+        update=_volume_changed,
+        override=OVERRIDABLE,
+    )
+    surfaces: CollectionProperty(
+        name="Control Surfaces",
+        description="The control surfaces from near to far",
+        type=SCFPF_SurfaceSlot,
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+    )
+    active_surface: IntProperty(
+        name="Active Control Surface",
+        description="The control surface that is selected in the list",
+        default=0,
+        min=0,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    basis: EnumProperty(
+        name="Projectors",
+        description="How a projector runs from the near surface through the others to the far one",
+        items=BASES,
+        default="BEZIER",
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    reparameterisation: EnumProperty(
+        name="Re-parameterisation",
+        description="How positions in the picture become the surfaces' parameters u and v",
+        items=REPARAMETERISATIONS,
+        default="RECTANGLE",
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    u_range: FloatVectorProperty(
+        name="U Range",
+        description="The parameter u at the picture's left and right border (ends of the turn if polar)",
+        size=2,
+        default=(0.0, 1.0),
+        min=0.0,
+        max=1.0,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    v_range: FloatVectorProperty(
+        name="V Range",
+        description="The parameter v at the picture's lower and upper border (centre and rim if polar)",
+        size=2,
+        default=(0.0, 1.0),
+        min=0.0,
+        max=1.0,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    pixel_error: FloatProperty(
+        name="Pixel Error",
+        description="How far, in pixels, a curved projector may be off: smaller is slower, 1 is for drafts",
+        default=0.1,
+        min=0.001,
+        soft_min=0.01,
+        soft_max=1.0,
+        max=100.0,
+        precision=3,
+        step=1,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    samples: IntProperty(
+        name="Samples",
+        description="Projectors per pixel, averaged against jagged edges",
+        default=4,
+        min=1,
+        soft_max=16,
+        max=1024,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    show_projectors: BoolProperty(
+        name="Show Projectors",
+        description="Draw the control surfaces and a choice of projectors in the 3D viewport",
+        default=True,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    projector_count: IntProperty(
+        name="Projectors Drawn",
+        description="How many projectors are drawn along each direction of the picture",
+        default=5,
+        min=2,
+        soft_max=21,
+        max=101,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    volume_object: PointerProperty(
+        name="Volume Object",
+        description="The object that keeps every control surface evaluated, hidden ones too",
+        type=bpy.types.Object,
+        poll=_may_be_volume,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    report: StringProperty(
+        name="Last Render",
+        description="What the last render through this camera did",
+        default="",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+
+
+CLASSES = (SCFPF_SurfaceSlot, SCFPF_SurfaceSettings, SCFPF_CameraSettings)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    bpy.types.Object.scfpf = PointerProperty(
+        name="Flexible Camera", type=SCFPF_CameraSettings, override=OVERRIDABLE
+    )
+    bpy.types.Object.scfpf_surface = PointerProperty(
+        name="Control Surface", type=SCFPF_SurfaceSettings, override=OVERRIDABLE
+    )
+
+
+def unregister():
+    del bpy.types.Object.scfpf_surface
+    del bpy.types.Object.scfpf
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Camera + depsgraph → the projection that the camera makes, in world space."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..projection.preset import surface_from_parameters
+from ..projection.reparameterisation import reparameterisation
+from ..projection.surfaces import ControlSurface, Grid
+from ..projection.volume import Projection, ViewingVolume
+from .flexible_camera import keeps_evaluated
+from .mesh_grid import SurfaceError, grid_points
+from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
+
+# A transform that flattens one axis to less than this share of the longest has
+# no size there: float32 matrices cannot tell it from nought.
+FLAT_SHARE = 1e-7
+# Blender makes an infinite location the largest float32; squares of coordinates
+# beyond this (Blender units) overflow float32.
+LARGEST_COORDINATE = 1e18
+
+
+class ProjectionError(ValueError):
+    """The camera's viewing volume cannot be read; the message says what to do."""
+
+
+def read_projection(camera, depsgraph, aspect: float) -> Projection:
+    """The camera's projection as evaluated, in world space, float64.
+
+    depsgraph: evaluated, of the viewport or of a render. aspect: width / height
+    of the picture, > 0. Raises ProjectionError.
+    """
+    if camera.type != "CAMERA":
+        raise ProjectionError(f"'{camera.name}' is no camera")
+    if not (math.isfinite(aspect) and aspect > 0):
+        raise ProjectionError("The picture has no size: set its resolution in Output Properties")
+    settings = camera.evaluated_get(depsgraph).scfpf
+    slots = camera.original.scfpf.surfaces
+    if len(slots) < 2:
+        raise ProjectionError(
+            f"'{camera.name}' has {len(slots) or 'no'} control surface{'s' * (len(slots) != 1)}: "
+            "a viewing volume needs at least two; add one in the camera's properties or load a preset"
+        )
+    for axis, (start, end) in (("U", settings.u_range), ("V", settings.v_range)):
+        if start == end:
+            raise ProjectionError(f"The {axis} range of '{camera.name}' is empty: give it two different ends")
+    surfaces = []
+    for number, slot in enumerate(slots, 1):
+        if slot.object is None:
+            raise ProjectionError(
+                f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
+            )
+        surfaces.append(_read_surface(slot.object, camera.original, depsgraph))
+    return Projection(
+        ViewingVolume(tuple(surfaces), settings.basis),
+        reparameterisation(settings.reparameterisation),
+        tuple(settings.u_range),
+        tuple(settings.v_range),
+        aspect,
+    )
+
+
+def _read_surface(surface, camera, depsgraph) -> ControlSurface:
+    """One control surface of a camera in world space."""
+    name, kind = surface.name, surface.scfpf_surface.kind
+    if not _is_in(depsgraph.scene, surface):
+        raise ProjectionError(
+            f"Control surface '{name}' was deleted from this scene: undo that, or take it off the list"
+        )
+    if surface.type != "MESH":
+        raise ProjectionError(
+            f"'{name}' is of type {surface.type.title()}, not a mesh: remove it from the camera's list"
+        )
+    if kind == "NONE":
+        raise ProjectionError(
+            f"'{name}' is no control surface: choose its kind, or remove it from the camera's list"
+        )
+    if not (keeps_evaluated(camera, surface, depsgraph) or _is_visible(surface, depsgraph)):
+        raise ProjectionError(
+            f"Control surface '{name}' is hidden and the camera's volume object is missing or disabled, "
+            "so that its present shape is unknown: show it, or press Render, which restores the volume object"
+        )
+    evaluated = surface.evaluated_get(depsgraph)
+    matrix = _matrix(evaluated)
+    try:
+        if kind in MESH_KINDS:
+            return _of_mesh(grid_points(evaluated), kind, matrix)
+        if kind != "POINT" and is_reshaped(evaluated, depsgraph.mode):
+            return _of_mesh(grid_points(evaluated), "GRID", matrix)
+        parameters = surface_parameters(evaluated)
+    except SurfaceError as error:
+        raise ProjectionError(str(error)) from error
+    for key, value in parameters.items():
+        if not math.isfinite(value):
+            raise ProjectionError(f"The {key.replace('_', ' ')} of '{name}' is no finite number")
+    return surface_from_parameters(kind, parameters, None, matrix)
+
+
+def _of_mesh(points, kind: str, matrix) -> ControlSurface:
+    """A patch while it has just four vertices; a grid as soon as a modifier made it finer."""
+    if kind == "PATCH" and points.shape[:2] == (2, 2):
+        return surface_from_parameters("PATCH", {}, points, matrix)
+    return Grid(points, matrix=matrix)
+
+
+def _is_in(scene, surface) -> bool:
+    """Whether an object is among a scene's objects; one deleted with X lives on for its pointer."""
+    found = scene.objects.get(surface.name)
+    # A linked object may have the same name.
+    return found == surface or (found is not None and surface in scene.objects.values())
+
+
+def _is_visible(surface, depsgraph) -> bool:
+    """Whether an object evaluates by itself; a hidden one's evaluated copy may be a stale one."""
+    return any(visible.original == surface for visible in depsgraph.objects)
+
+
+def _matrix(evaluated):
+    """The object's (4, 4) float64 matrix, checked."""
+    name = evaluated.name
+    matrix = np.array(evaluated.matrix_world, np.float64)
+    if not (np.abs(matrix) < LARGEST_COORDINATE).all():
+        raise ProjectionError(
+            f"The location, rotation or scale of '{name}' is not finite or far too large: "
+            "clear it with Alt-G, Alt-R and Alt-S"
+        )
+    sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    if evaluated.scfpf_surface.kind != "POINT" and sizes[-1] <= FLAT_SHARE * sizes[0]:
+        raise ProjectionError(
+            f"'{name}' has no size along at least one axis: no scale, its own or a parent's, may be 0"
+        )
+    return matrix

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What differs between Blender versions, hidden in one place.
+
+A node modifier's inputs are ID properties of the modifier up to Blender 5.1 and
+RNA properties under ``modifier.properties.inputs`` from 5.2.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import bpy
+
+RNA_INPUTS_SINCE = (5, 2, 0)
+
+
+def modifier_input_property(modifier, identifier: str) -> tuple[object, str]:
+    """Where a node modifier's input lives, as (owner, property).
+
+    The pair is what ``layout.prop``, ``keyframe_insert`` and ``driver_add`` take.
+    identifier: the interface socket's, such as "Socket_2".
+    """
+    if bpy.app.version >= RNA_INPUTS_SINCE:
+        return getattr(modifier.properties.inputs, identifier), "value"
+    return modifier, f'["{identifier}"]'
+
+
+def modifier_input(modifier, identifier: str):
+    """The value of a node modifier's input. On an evaluated object: animated and driven."""
+    if bpy.app.version >= RNA_INPUTS_SINCE:
+        return getattr(modifier.properties.inputs, identifier).value
+    return modifier[identifier]
+
+
+def set_modifier_input(modifier, identifier: str, value) -> None:
+    """Set a node modifier's input. Call ``id_data.update_tag()`` after the last one."""
+    if bpy.app.version >= RNA_INPUTS_SINCE:
+        getattr(modifier.properties.inputs, identifier).value = value
+    else:
+        modifier[identifier] = value
+
+
+def uses_nodes(owner) -> bool:
+    """Whether a material, world or lamp is made of nodes; in newer versions whatever has a tree is."""
+    with warnings.catch_warnings():
+        # The switch is always on, and deprecated, since 5.0 (lamps: 5.2).
+        warnings.simplefilter("ignore", DeprecationWarning)
+        return owner.node_tree is not None and owner.use_nodes
+
+
+def image_format_properties() -> tuple[str, ...]:
+    """The properties of ImageFormatSettings that choose a format, in the order to set them."""
+    names = ("file_format", "color_mode", "color_depth")
+    # From 5.0 the media type decides which formats there are.
+    return ("media_type", *names) if bpy.app.version >= (5, 0, 0) else names
