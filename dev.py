@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Everything a developer types: `python3 dev.py demo`, `test`, `build`, `lint` or `bench`.
+
+Nothing has to be installed or done before: it finds a Python for which there is a Blender, makes its own
+virtual environments in .venvs/ and goes on from there. It starts with any Python from 3.9 on.
+"""
+
+import sys
+
+if sys.version_info < (3, 9):
+    sys.exit("dev.py needs Python 3.9 or later to start; this is Python %d.%d." % sys.version_info[:2])
+
+import argparse
+
+from devtools import environments, own_blender, package, testing
+
+
+def command_demo(options, rest):
+    """Render the demo through every preset into demo/output/."""
+    environment = environments.first()
+    environments.run([environment.python, "demo/render_demo.py", "--output", "demo/output", *rest])
+
+
+def command_test(options, rest):
+    """Run all tests under every supported Blender whose Python is here; further arguments go to pytest."""
+    if options.blender:
+        return own_blender.test(options.blender, rest)
+    wanted = [b for b in environments.BLENDERS if not options.python or b.python in options.python]
+    found = [environments.ensure(blender) for blender in wanted]
+    missing = tuple(blender for blender, made in zip(wanted, found) if made is None)
+    present = [made for made in found if made is not None]
+    if not present or (missing and options.python):
+        raise environments.Failure(environments.needed_help(missing))
+    plan = testing.plan(rest)
+    results = []
+    for environment in present:
+        results += [run_part(environment, part, plan[part]) for part in plan if part != "installed"]
+    if "installed" in plan:
+        results += test_zip(present, plan["installed"])
+    for blender in missing:
+        environments.say(f"WARNING: NOT tested on Blender {blender.name}: no Python {blender.python} here")
+    return testing.close(results)
+
+
+def test_zip(present, arguments):
+    """Build the zips and run the tests that install one, in each environment."""
+    try:
+        package.build(present[0])
+    except environments.Failure as failure:
+        environments.say(f"the zips could not be built: {failure}")
+        return [testing.Result("building the zips", 0, 0, 0, False)]
+    return [run_part(environment, "installed", arguments) for environment in present]
+
+
+def run_part(environment, part, arguments):
+    """Run one part of the suite in an environment."""
+    report = environment.folder / f"report-{part}.xml"
+    command = [environment.python, "-m", "pytest", f"--junitxml={report}", *arguments]
+    return testing.run_pytest(f"{environment.title}, {part} tests", report, command)
+
+
+def command_build(options, rest):
+    """Build the extension's zips into dist/."""
+    package.build(environments.first())
+
+
+def command_lint(options, rest):
+    """Check style, layout and types; --fix mends what the linter can."""
+    python = environments.first().python
+    if options.fix:
+        environments.run_through([python, "-m", "ruff", "check", "--fix", "--quiet", "."])
+        environments.run([python, "-m", "ruff", "format", "."])
+    checks = (["ruff", "check", "."], ["ruff", "format", "--check", "."], ["mypy"])
+    failed = [check for check in checks if environments.run_through([python, "-m", *check]) != 0]
+    return f"-- lint: {len(failed)} of {len(checks)} checks failed" if failed else 0
+
+
+def command_bench(options, rest):
+    """Run the benchmarks and print their figures; --json FILE writes them too."""
+    environment = environments.first()
+    environments.run([environment.python, "benchmarks/run.py", *rest])
+
+
+def parser():
+    """The command line."""
+    top = argparse.ArgumentParser(prog="dev.py", description=__doc__.splitlines()[0])
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for run in (command_demo, command_test, command_build, command_lint, command_bench):
+        summary = run.__doc__.strip().splitlines()[0]
+        command = commands.add_parser(
+            run.__name__[len("command_") :], help=summary, description=summary, allow_abbrev=False
+        )
+        command.set_defaults(run=run)
+    pythons = [blender.python for blender in environments.BLENDERS]
+    test = commands.choices["test"]
+    test.add_argument("--python", action="append", choices=pythons, help="only this Python; it must be here")
+    test.add_argument("--blender", metavar="PATH", help="only inside this Blender of your own")
+    commands.choices["lint"].add_argument("--fix", action="store_true", help="mend what can be mended")
+    return top
+
+
+def main():
+    """Run one command; the exit code is 0 when all went well."""
+    options, rest = parser().parse_known_args()
+    rest = rest[1:] if rest[:1] == ["--"] else rest
+    if rest and options.command in ("build", "lint"):
+        parser().error(f"unknown arguments: {' '.join(rest)}")
+    try:
+        return options.run(options, rest)
+    except environments.Failure as failure:
+        sys.stdout.flush()
+        return f"dev.py: {failure}"
+    except KeyboardInterrupt:
+        return "dev.py: stopped"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Runs of pytest: pure tests, Blender tests and the installed zip, each in a process of its own.
+
+In a process of its own, because the pure tests import `scfpf_addon`, the Blender tests the same files as
+`bl_ext.checkout.scfpf.scfpf_addon`, the last ones as `bl_ext.user_default.scfpf.scfpf_addon`: the classes of
+one are not those of another, and Blender can register only one add-on under our names.
+"""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+import time
+import xml.etree.ElementTree
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from .environments import ROOT, say
+
+TESTS = ROOT / "tests"
+FOLDERS = {"blender": TESTS / "blender", "installed": TESTS / "installed"}
+WHOLE_SUITE = {
+    "pure": [str(TESTS), *(f"--ignore={folder}" for folder in FOLDERS.values())],
+    "blender": [str(FOLDERS["blender"])],
+    "installed": [str(FOLDERS["installed"])],
+}
+NO_TESTS_COLLECTED = 5  # pytest's exit code
+
+
+class Result(NamedTuple):
+    """What a run of pytest came to."""
+
+    title: str
+    passed: int
+    failed: int
+    skipped: int
+    ended_well: bool  # False after a crash or a usage error too, when nothing was counted
+
+    def line(self) -> str:
+        """One line of the closing table."""
+        counts = f"{self.passed} passed, {self.failed} failed, {self.skipped} skipped"
+        return f"{self.title}: {counts}{'' if self.ended_well else '  <-- FAILED'}"
+
+
+def plan(arguments: list[str]) -> dict[str, list[str]]:
+    """pytest's arguments for each part to run; unless a file or folder is named, every part runs."""
+    named: dict[str, list[str]] = {part: [] for part in WHOLE_SUITE}
+    options = []
+    for argument in arguments:
+        file, colons, test = argument.partition("::")
+        path = pathlib.Path(os.path.abspath(file))
+        if path.exists() and path.is_relative_to(TESTS):
+            named[part_of(path)].append(f"{path}{colons}{test}")
+        else:
+            options.append(argument)
+    targets = {part: names for part, names in named.items() if names} or WHOLE_SUITE
+    return {part: [*names, *options] for part, names in targets.items()}
+
+
+def part_of(path: pathlib.Path) -> str:
+    """The part of the suite that a file or folder of tests/ belongs to."""
+    return next((part for part, folder in FOLDERS.items() if path.is_relative_to(folder)), "pure")
+
+
+def run_pytest(
+    title: str, report: pathlib.Path, command: list[str], environ: Mapping[str, str] | None = None
+) -> Result:
+    """Run a command that runs pytest with `report` as its --junitxml, its output in view, and count."""
+    say(title)
+    report.unlink(missing_ok=True)
+    started = time.monotonic()
+    status = subprocess.call(command, cwd=ROOT, env=environ)
+    title = f"{title} ({time.monotonic() - started:.0f} s)"
+    if not report.is_file():
+        say(f"{title}: ended with exit code {status} before pytest could report")
+        return Result(title, 0, 0, 0, False)
+    return read_report(report, title, status)
+
+
+def read_report(report: pathlib.Path, title: str, status: int) -> Result:
+    """The counts in pytest's own report."""
+    suites = xml.etree.ElementTree.parse(report).getroot().iter("testsuite")
+    keys = ("tests", "failures", "errors", "skipped")
+    counts = [[int(suite.get(key, 0)) for key in keys] for suite in suites]
+    tests, failures, errors, skipped = (sum(column) for column in zip(*counts))
+    failed = failures + errors
+    ended_well = status in (0, NO_TESTS_COLLECTED) and not failed
+    return Result(title, tests - failed - skipped, failed, skipped, ended_well)
+
+
+def close(results: list[Result]) -> int:
+    """Print the table and the sum; the exit code is 0 when every run ended well and some test ran."""
+    print()
+    for result in results:
+        say(result.line())
+    passed = sum(result.passed for result in results)
+    failed = sum(result.failed for result in results)
+    skipped = sum(result.skipped for result in results)
+    crashed = sum(not result.ended_well and not result.failed for result in results)
+    print(f"{passed} passed, {failed + crashed} failed, {skipped} skipped", flush=True)
+    return 0 if passed and all(result.ended_well for result in results) else 1

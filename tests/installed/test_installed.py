@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The zip as an artist gets it: installed, enabled, rendered from, switched off and on, taken away again."""
+
+import pathlib
+import sys
+
+import bpy
+import numpy as np
+
+SIZE = (64, 36)
+
+
+def render_a_cube():
+    """Add a flexible camera to a file with one glowing cube and render: pixels (H, W, 4)."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.resolution_percentage = 100
+    bpy.ops.mesh.primitive_cube_add(size=2)
+    material = bpy.data.materials.new("Glow")
+    if material.node_tree is None:  # Blender 4.5; 5 makes them at once
+        material.use_nodes = True
+    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    shader.inputs["Emission Color"].default_value = (1.0, 0.25, 0.0, 1.0)
+    shader.inputs["Emission Strength"].default_value = 2.0
+    bpy.context.object.data.materials.append(material)
+    assert bpy.ops.scfpf.camera_add() == {"FINISHED"}
+    assert scene.camera is not None and scene.camera.scfpf.enabled
+    assert bpy.ops.scfpf.render() == {"FINISHED"}
+    image = bpy.data.images["SCFPF Render"]
+    assert tuple(image.size) == SIZE
+    pixels = np.empty(SIZE[0] * SIZE[1] * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(SIZE[1], SIZE[0], 4)
+
+
+def assert_cube(pixels):
+    """The cube glows in the middle, and a corner shows none of it."""
+    assert np.isfinite(pixels).all()
+    middle, corner = pixels[SIZE[1] // 2, SIZE[0] // 2], pixels[0, 0]
+    # Emission alone; what light the world adds comes on top.
+    assert middle[0] >= 1.9 and 0.4 <= middle[1] < middle[0] / 2
+    assert corner[0] < 1.0
+
+
+def test_installed_where_it_belongs(installed, extensions_folder):
+    assert installed in bpy.context.preferences.addons
+    folder = pathlib.Path(sys.modules[installed].__file__).parent
+    assert folder == extensions_folder / "user_default" / "scfpf"
+
+
+def test_renders_with_the_wheel_of_the_zip(installed, extensions_folder):
+    assert_cube(render_a_cube())
+    assert pathlib.Path(sys.modules["embreex"].__file__).is_relative_to(extensions_folder)
+
+
+def test_off_and_on_again(installed):
+    assert bpy.ops.preferences.addon_disable(module=installed) == {"FINISHED"}
+    assert not hasattr(bpy.types.Object, "scfpf") and not hasattr(bpy.types.Object, "scfpf_surface")
+    assert not hasattr(bpy.types, "SCFPF_OT_render")
+    assert bpy.ops.preferences.addon_enable(module=installed) == {"FINISHED"}
+    assert_cube(render_a_cube())
+
+
+def test_a_file_outlives_the_add_on(installed, tmp_path):
+    """What was modelled is kept by a Blender without the add-on, and found again by one with it."""
+    render_a_cube()
+    names = [slot.object.name for slot in bpy.context.scene.camera.scfpf.surfaces]
+    assert len(names) >= 2
+    first, second = str(tmp_path / "first.blend"), str(tmp_path / "second.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=first)
+    bpy.ops.preferences.addon_disable(module=installed)
+    bpy.ops.wm.open_mainfile(filepath=first)
+    bpy.ops.wm.save_as_mainfile(filepath=second)
+    bpy.ops.preferences.addon_enable(module=installed)
+    bpy.ops.wm.open_mainfile(filepath=second)
+    assert [slot.object.name for slot in bpy.context.scene.camera.scfpf.surfaces] == names
+
+
+def test_taken_away(installed, extensions_folder):
+    """The last of the file: afterwards nothing of the add-on is left."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    repositories = [one.module for one in bpy.context.preferences.extensions.repos]
+    index = repositories.index("user_default")
+    assert bpy.ops.extensions.package_uninstall(repo_index=index, pkg_id="scfpf") == {"FINISHED"}
+    assert installed not in bpy.context.preferences.addons
+    assert not (extensions_folder / "user_default" / "scfpf").exists()

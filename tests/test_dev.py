@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What dev.py decides by itself: which Python, which tests where, what a report says, which wheels."""
+
+import os
+import pathlib
+import platform
+import re
+import subprocess
+import sys
+
+import pytest
+
+from devtools import environments, own_blender, package, pythons, testing
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+RUNNING = f"{sys.version_info[0]}.{sys.version_info[1]}"
+REPORT = """<testsuites><testsuite name="pytest" errors="{errors}" failures="{failures}" skipped="{skipped}"
+tests="{tests}" time="1"></testsuite></testsuites>"""
+
+
+@pytest.fixture
+def nowhere(monkeypatch, tmp_path):
+    """A machine without any Python but the one that runs."""
+    monkeypatch.setattr(pathlib.Path, "home", lambda: tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("PYENV_ROOT", raising=False)
+    monkeypatch.delenv("PYENV", raising=False)
+
+
+def fake_python(path, version, missing="", status=0):
+    """A program that answers the probe as a Python of that version would."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    facts = (
+        f'{{"version": "{version}", "full_version": "{version}.4", "implementation": "cpython", "bits": 64, '
+        f'"free_threaded": false, "missing": "{missing}", "executable": "{path}"}}'
+    )
+    path.write_text(f"#!/bin/sh\necho '{facts}'\nexit {status}\n")
+    path.chmod(0o755)
+
+
+def test_a_python_of_another_version_is_not_taken():
+    assert pythons.probe((sys.executable,), "3.8") == (None, "")
+    assert pythons.probe((str(ROOT / "not-there"),), RUNNING) == (None, "")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the stand-ins are shell scripts")
+def test_path_is_searched_past_a_shim_that_refuses(nowhere, monkeypatch, tmp_path):
+    fake_python(tmp_path / "shims" / "python3.77", "3.77", status=127)
+    fake_python(tmp_path / "bare" / "python3.77", "3.77", missing="ensurepip")
+    fake_python(tmp_path / "whole" / "python3", "3.77")
+    folders = [str(tmp_path / name) for name in ("shims", "bare", "whole")]
+    monkeypatch.setenv("PATH", os.pathsep.join([*folders, os.environ["PATH"], "/bin"]))
+    found, faults = pythons.find("3.77")
+    assert found == pythons.Python(str(tmp_path / "whole" / "python3"), "3.77", "3.77.4")
+    assert len(faults) == 1 and "python3.77-venv" in faults[0]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="the stand-ins are shell scripts")
+def test_pyenv_is_searched_without_its_shims(nowhere, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", "/bin")
+    fake_python(tmp_path / ".pyenv" / "versions" / "3.77.4" / "bin" / "python", "3.77")
+    assert pythons.find("3.77")[0].full_version == "3.77.4"
+
+
+def test_what_to_install_is_said(nowhere):
+    text = environments.needed_help(environments.BLENDERS)
+    for blender in environments.BLENDERS:
+        assert f"{blender.python} (Blender {blender.name})" in text
+    assert platform.python_version() in text and "winget install Python.Python.3.13" in text
+
+
+def test_whole_suite_runs_in_three_processes():
+    plan = testing.plan(["-x"])
+    assert list(plan) == ["pure", "blender", "installed"]
+    assert all(arguments[-1] == "-x" for arguments in plan.values())
+    assert f"--ignore={ROOT / 'tests' / 'blender'}" in plan["pure"]
+
+
+def test_named_tests_run_where_they_belong(monkeypatch):
+    monkeypatch.chdir(ROOT / "tests")
+    plan = testing.plan(["test_dev.py", "blender/test_package.py::test_manifest_is_valid", "-k", "x or y"])
+    assert plan == {
+        "pure": [f"{ROOT / 'tests' / 'test_dev.py'}", "-k", "x or y"],
+        "blender": [
+            f"{ROOT / 'tests' / 'blender' / 'test_package.py'}::test_manifest_is_valid",
+            "-k",
+            "x or y",
+        ],
+    }
+
+
+@pytest.mark.parametrize(
+    "counts, status, good",
+    [((9, 0, 0, 2), 0, True), ((9, 1, 0, 0), 1, False), ((9, 0, 1, 0), 1, False), ((0, 0, 0, 0), 5, True)],
+)
+def test_report_is_counted(tmp_path, counts, status, good):
+    tests, failures, errors, skipped = counts
+    report = tmp_path / "report.xml"
+    report.write_text(REPORT.format(tests=tests, failures=failures, errors=errors, skipped=skipped))
+    result = testing.read_report(report, "title", status)
+    assert result == ("title", tests - failures - errors - skipped, failures + errors, skipped, good)
+
+
+def test_a_crash_is_a_failure(tmp_path, capsys):
+    report = tmp_path / "report.xml"
+    report.write_text("left from an earlier run")
+    crash = [sys.executable, "-c", "import os; os._exit(3)"]
+    result = testing.run_pytest("crash", report, crash)
+    assert not result.ended_well
+    fine = testing.Result("fine", 5, 0, 1, True)
+    assert testing.close([fine, result]) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "5 passed, 1 failed, 1 skipped"
+    assert testing.close([fine]) == 0
+    assert testing.close([testing.Result("none ran", 0, 0, 0, True)]) == 1
+
+
+def test_manifest_names_a_wheel_for_each_python_and_platform():
+    names = package.manifest_wheels()
+    tags = {tuple(name[: -len(".whl")].split("-")[2:]) for name in names}
+    assert len(names) == len(tags) == 12 == len(package.locked_hashes())
+    assert {python for python, _, _ in tags} == {"cp311", "cp313", "cp314"}
+
+
+def test_a_wheel_of_another_hash_is_refused(tmp_path):
+    path = tmp_path / "some.whl"
+    assert not package.is_locked(path, package.locked_hashes())
+    path.write_bytes(b"not the wheel")
+    assert not package.is_locked(path, package.locked_hashes())
+
+
+def test_download_asks_for_what_the_wheel_is():
+    command = package.download_command(
+        "embreex-1-cp314-cp314-manylinux_2_27_x86_64.manylinux_2_28_x86_64.whl"
+    )
+    wanted = {"--require-hashes", "--no-deps", "--only-binary=:all:", "--python-version=314", "--abi=cp314"}
+    wanted |= {"--platform=manylinux_2_27_x86_64", "--platform=manylinux_2_28_x86_64"}
+    assert wanted <= set(command)
+
+
+def test_platform_tags():
+    linux = own_blender.platform_tags({"platform": "linux-x86_64", "glibc": "2.28"})
+    assert linux[0] == "manylinux_2_28_x86_64" and linux[-1] == "linux_x86_64"
+    assert "manylinux_2_17_x86_64" in linux and "manylinux_2_29_x86_64" not in linux
+    assert own_blender.platform_tags({"platform": "win-amd64", "glibc": ""}) == ["win_amd64"]
+    mac = own_blender.platform_tags({"platform": "macosx-11.2-arm64", "glibc": ""})
+    assert mac == ["macosx_11_2_arm64"]
+
+
+def test_help_needs_nothing_but_a_python(tmp_path):
+    """No environment is made, no network asked, to say what there is."""
+    done = subprocess.run(
+        [sys.executable, "-S", "-E", str(ROOT / "dev.py"), "--help"],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    assert re.findall(r"^    (\w+) ", done.stdout, re.MULTILINE) == ["demo", "test", "build", "lint", "bench"]
