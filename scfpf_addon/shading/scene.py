@@ -48,9 +48,14 @@ class Light:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that a frame shows. world_color: (3,) radiance of the background."""
+    """Everything that a frame shows.
+
+    world_color: (3,) radiance of the background. warnings: what the reader had to
+    leave out, a line each.
+    """
 
     geometry: Geometry
     materials: Materials
     lights: tuple[Light, ...] = ()
     world_color: Array = field(default_factory=lambda: np.zeros(3))
+    warnings: tuple[str, ...] = ()

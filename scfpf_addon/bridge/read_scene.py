@@ -1,0 +1,363 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Depsgraph → ``Scene``: triangles, normals, materials and lights as arrays in world space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..casting.geometry import Geometry
+from ..projection.typing import Array
+from ..shading.scene import Light, Scene
+from .flexible_camera import control_objects
+from .read_lights import read_light, read_world
+from .read_materials import MaterialTable, listing
+
+# Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
+MAXIMUM_TRIANGLES = (2**31 - 1) // 9
+
+# Beyond this the square of a float32 coordinate overflows; Blender itself turns an infinite one into 3.4e38.
+LARGEST_COORDINATE = 1e18
+
+# What has no faces to show but is seen in Blender's own renders.
+FACELESS = {"CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
+
+
+class SceneError(ValueError):
+    """The scene cannot be read; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class MeshArrays:
+    """One mesh as evaluated, in its own space.
+
+    vertices: (V, 3) float32. triangles: (T, 3) int32. normals: (T, 3, 3) float32,
+    the shading normal at each corner. slot: (T,) int32, material slot numbers.
+    finite: False if triangles were left out because of non-finite vertices.
+    """
+
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    normals: NDArray[np.float32]
+    slot: NDArray[np.int32]
+    finite: bool = True
+
+
+@dataclass(frozen=True)
+class Instances:
+    """Where meshes stand.
+
+    mesh: (N,) number of each instance's mesh. look: (N,) number of its look.
+    matrix: (N, 4, 4) float64. look_object: (L,) object number of each look.
+    look_material: (L, S) material number of each slot, the last slot repeated.
+    """
+
+    mesh: NDArray[np.int32]
+    look: NDArray[np.int32]
+    matrix: Array
+    look_object: NDArray[np.int32]
+    look_material: NDArray[np.int32]
+
+
+def read_scene(depsgraph) -> Scene:
+    """Everything that a picture of the depsgraph's view layer shows.
+
+    Objects come as F12 shows them if the depsgraph is a render one
+    (``render_depsgraph``); a viewport one lacks what is hidden in the viewport and
+    has the viewport's subdivision levels. Left out in both: what is hidden in
+    renders, excluded collections, objects invisible to the camera, control surfaces.
+    A hidden object is shown where it is instanced by nodes or on vertices, as by F12.
+    Raises SceneError if nothing is left or memory cannot hold it.
+    """
+    reader = _SceneReader(depsgraph)
+    for instance in depsgraph.object_instances:
+        reader.add(instance)
+    geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers))
+    world_color, world_warnings = read_world(depsgraph.scene_eval)
+    return Scene(
+        geometry,
+        reader.materials.materials(),
+        tuple(reader.lights),
+        world_color,
+        warnings=reader.warnings() + reader.materials.warnings() + world_warnings,
+    )
+
+
+class _SceneReader:
+    """Gathers instances; every mesh, material and visibility is looked at once."""
+
+    def __init__(self, depsgraph) -> None:
+        self.meshes: list[MeshArrays] = []
+        self.object_numbers: dict[str, int] = {}
+        self.lights: list[Light] = []
+        self.materials = MaterialTable()
+        self._view_layer = depsgraph.view_layer
+        self._left_out = control_objects()
+        self._rendered = None if depsgraph.mode == "RENDER" else _rendered_objects(depsgraph.view_layer)
+        self._shown: dict[tuple[int, int], bool] = {}
+        self._mesh_numbers: dict[int, int] = {}
+        self._look_numbers: dict[tuple[int, int], int] = {}
+        self._looks: list[tuple[int, list[int]]] = []
+        self._placed: list[tuple[int, int]] = []
+        self._matrices: list[Array] = []
+        self._bad_place: dict[str, None] = {}
+        self._bad_shape: dict[str, None] = {}
+        self._faceless: dict[str, None] = {}
+
+    def add(self, instance) -> None:
+        """Take one entry of ``object_instances``; nothing of it is kept."""
+        thing = instance.object
+        if thing.type not in {"MESH", "LIGHT"} and thing.type not in FACELESS:
+            return
+        own, parent = thing.original, instance.parent
+        pointer = own.as_pointer()
+        key = (pointer, parent.original.as_pointer() if parent else 0)
+        shown = self._shown.get(key)
+        if shown is None:
+            shown = self._shown[key] = self._is_shown(thing, parent)
+        if not shown:
+            return
+        if thing.type in FACELESS:
+            self._faceless[own.name] = None
+            return
+        matrix = np.array(instance.matrix_world, np.float64)
+        if thing.type == "MESH":
+            self._placed.append(self._mesh_and_look(thing, pointer))
+            self._matrices.append(matrix)
+        elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
+            self._bad_place[own.name] = None
+        else:
+            light = read_light(thing.data, matrix)
+            if light is not None:
+                self.lights.append(light)
+
+    def _is_shown(self, thing, parent) -> bool:
+        own = thing.original
+        top = parent.original if parent else own
+        if own.name_full in self._left_out or top.name_full in self._left_out:
+            return False
+        if self._rendered is not None and not self._is_rendered(own, top):
+            return False
+        if thing.type == "LIGHT":
+            return True
+        return thing.visible_camera and not top.indirect_only_get(view_layer=self._view_layer)
+
+    def _is_rendered(self, own, top) -> bool:
+        """Whether a render shows what a viewport's depsgraph lists; a render's lists nothing else.
+
+        top: what instances ``own``, or ``own`` itself. A hidden object can still be
+        instanced, on vertices or by nodes; only instanced collections leave it out.
+        """
+        if top.hide_render or top.name_full not in self._rendered:
+            return False
+        return not own.hide_render or top.instance_type != "COLLECTION"
+
+    def _mesh_and_look(self, thing, pointer: int) -> tuple[int, int]:
+        mesh_pointer = thing.data.as_pointer()
+        mesh = self._mesh_numbers.get(mesh_pointer)
+        if mesh is None:
+            mesh = self._mesh_numbers[mesh_pointer] = len(self.meshes)
+            self.meshes.append(_read_object_mesh(thing))
+        look = self._look_numbers.get((pointer, mesh_pointer))
+        if look is None:
+            look = self._look_numbers[pointer, mesh_pointer] = len(self._looks)
+            name = thing.original.name_full
+            number = self.object_numbers.setdefault(name, len(self.object_numbers))
+            slots = [self.materials.number(slot.material) for slot in thing.material_slots]
+            self._looks.append((number, slots or [0]))
+            if not self.meshes[mesh].finite:
+                self._bad_shape[name] = None
+        return mesh, look
+
+    def instances(self) -> Instances:
+        """All that was added and stands at a finite place, as arrays."""
+        placed = np.array(self._placed, np.int32).reshape(-1, 2)
+        matrix = np.array(self._matrices).reshape(-1, 4, 4)
+        look_object = np.array([number for number, _ in self._looks], np.int32)
+        width = max((len(slots) for _, slots in self._looks), default=1)
+        finite = (np.abs(matrix) <= LARGEST_COORDINATE).all(axis=(1, 2))
+        names = list(self.object_numbers)
+        for number in np.unique(look_object[placed[~finite, 1]]):
+            self._bad_place[names[number]] = None
+        return Instances(
+            placed[finite, 0],
+            placed[finite, 1],
+            matrix[finite],
+            look_object,
+            np.array([slots + slots[-1:] * (width - len(slots)) for _, slots in self._looks], np.int32),
+        )
+
+    def warnings(self) -> tuple[str, ...]:
+        """One line for each way in which objects could not be shown."""
+        found = (
+            (self._bad_place, "Left out, as their transforms are not finite: "),
+            (self._bad_shape, "Faces left out, as their vertices are not finite: "),
+            (self._faceless, "Not shown, as they have no faces (hair, points, volumes, Grease Pencil): "),
+        )
+        return tuple(text + listing(list(names)) for names, text in found if names)
+
+
+def _rendered_objects(view_layer) -> set[str]:
+    """Full names of the objects in collections that are neither excluded nor hidden in renders."""
+    names: set[str] = set()
+    pending = [view_layer.layer_collection]
+    while pending:
+        layer = pending.pop()
+        if not layer.collection.hide_render:
+            if not layer.exclude:
+                names.update(one.name_full for one in layer.collection.objects)
+            pending.extend(layer.children)
+    return names
+
+
+def _read_object_mesh(thing) -> MeshArrays:
+    if not thing.data.is_editmode:
+        return read_mesh(thing.data)
+    # The evaluated mesh of an object in Edit Mode has no arrays yet: to_mesh() makes them.
+    try:
+        return read_mesh(thing.to_mesh())
+    finally:
+        thing.to_mesh_clear()
+
+
+def read_mesh(mesh) -> MeshArrays:
+    """The arrays of an evaluated bpy.types.Mesh."""
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    vertices = np.empty((len(mesh.vertices), 3), np.float32)
+    corners = np.empty(3 * count, np.int32)
+    slot = np.zeros(count, np.int32)
+    if count == 0:
+        return MeshArrays(vertices[:0], corners.reshape(-1, 3), np.empty((0, 3, 3), np.float32), slot)
+    mesh.vertices.foreach_get("co", vertices.reshape(-1))
+    mesh.loop_triangles.foreach_get("loops", corners)
+    corner_vertex = np.empty(len(mesh.loops), np.int32)
+    # The attribute's memory is copied at once; loops[].vertex_index goes corner by corner.
+    mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
+    corner_normal = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", corner_normal.reshape(-1))
+    if "material_index" in mesh.attributes:
+        face = np.empty(count, np.int32)
+        mesh.loop_triangle_polygons.foreach_get("value", face)
+        face_slot = np.empty(len(mesh.polygons), np.int32)
+        mesh.attributes["material_index"].data.foreach_get("value", face_slot)
+        slot = face_slot.take(face)
+    return _finite(
+        MeshArrays(
+            vertices,
+            corner_vertex.take(corners).reshape(-1, 3),
+            corner_normal.take(corners, axis=0).reshape(-1, 3, 3),
+            slot,
+        )
+    )
+
+
+def _finite(mesh: MeshArrays) -> MeshArrays:
+    """The mesh without the triangles that have a NaN, infinite or as good as infinite corner."""
+    if np.abs(mesh.vertices).max() <= LARGEST_COORDINATE:
+        return mesh
+    good = (np.abs(mesh.vertices) <= LARGEST_COORDINATE).all(axis=1)
+    keep = good[mesh.triangles].all(axis=1)
+    return MeshArrays(
+        # No triangle uses the bad ones any more; they must not stretch the scene's bounds.
+        np.where(good[:, None], mesh.vertices, mesh.vertices[good][:1] if good.any() else 0.0),
+        mesh.triangles[keep],
+        mesh.normals[keep],
+        mesh.slot[keep],
+        finite=False,
+    )
+
+
+def join(meshes: list[MeshArrays], instances: Instances, object_names: tuple[str, ...]) -> Geometry:
+    """One triangle soup of all instances in world space. Raises SceneError if it is empty or too large."""
+    order = np.argsort(instances.mesh, kind="stable")
+    counts = np.bincount(instances.mesh, minlength=len(meshes))
+    triangles = sum(int(count) * len(mesh.triangles) for count, mesh in zip(counts, meshes, strict=True))
+    vertices = sum(int(count) * len(mesh.vertices) for count, mesh in zip(counts, meshes, strict=True))
+    if not triangles:
+        raise SceneError("There is nothing to render: add an object with faces that is visible in renders")
+    if max(triangles, vertices) > MAXIMUM_TRIANGLES:
+        raise SceneError(
+            f"The scene has {triangles:,} triangles once every instance is counted, more than "
+            f"{MAXIMUM_TRIANGLES:,}: hide instances or lower the subdivision"
+        )
+    result = Geometry(
+        np.empty((vertices, 3)),
+        np.empty((triangles, 3), np.int32),
+        np.empty((triangles, 3, 3), np.float32),
+        np.empty(triangles, np.int32),
+        np.empty(triangles, np.int32),
+        object_names,
+    )
+    normal_matrix, mirrored = normal_transforms(instances.matrix[:, :3, :3])
+    triangle = vertex = done = 0
+    for mesh, count in zip(meshes, counts, strict=True):
+        mine = order[done : done + count]
+        done += count
+        if len(mine) and len(mesh.triangles):
+            _place(mesh, instances, mine, normal_matrix[mine], result, triangle, vertex)
+            _turn_over(mirrored[mine], result, triangle, len(mesh.triangles))
+            triangle += len(mine) * len(mesh.triangles)
+            vertex += len(mine) * len(mesh.vertices)
+    normalize(result.corner_normals)
+    return result
+
+
+def _place(
+    mesh: MeshArrays,
+    instances: Instances,
+    mine: NDArray[np.int64],
+    normal_matrix: NDArray[np.float32],
+    into: Geometry,
+    triangle: int,
+    vertex: int,
+) -> None:
+    """Write the instances ``mine`` of a mesh into ``into``, from the given triangle and vertex on."""
+    count, many, each = len(mine), len(mesh.triangles), len(mesh.vertices)
+    own = slice(triangle, triangle + count * many)
+    matrix, look = instances.matrix[mine], instances.look[mine]
+    vertices = into.vertices[vertex : vertex + count * each].reshape(count, each, 3)
+    np.matmul(mesh.vertices.astype(np.float64), matrix[:, :3, :3].swapaxes(1, 2), out=vertices)
+    vertices += matrix[:, None, :3, 3]
+    first = vertex + each * np.arange(count, dtype=np.int32)
+    np.add(mesh.triangles, first[:, None, None], out=into.triangles[own].reshape(count, many, 3))
+    normals = into.corner_normals[own].reshape(count, 3 * many, 3)
+    np.matmul(mesh.normals.reshape(-1, 3), normal_matrix.swapaxes(1, 2), out=normals)
+    slots = instances.look_material[look]
+    slot = mesh.slot.clip(0, slots.shape[1] - 1)
+    into.material[own].reshape(count, many)[:] = slots[:, slot]
+    into.object_index[own].reshape(count, many)[:] = instances.look_object[look][:, None]
+
+
+def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many: int) -> None:
+    """Reverse the corners of mirrored instances, so that geometric normals stay outside."""
+    for start in triangle + many * np.flatnonzero(mirrored):
+        own = slice(start, start + many)
+        into.triangles[own] = into.triangles[own][:, [0, 2, 1]]
+        into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
+
+
+def normal_transforms(linear: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """What turns normals as ``linear`` (N, 3, 3) turns points, (N, 3, 3) float32, and which mirror.
+
+    Up to a positive factor the inverse transpose, made of cofactors so that it also
+    serves an object that is flattened.
+    """
+    x, y, z = linear.swapaxes(0, 1)
+    cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
+    mirrored = np.einsum("nc,nc->n", cofactors[:, 0], x) < 0
+    size = np.abs(cofactors).max(axis=(1, 2), keepdims=True)
+    cofactors /= np.where(size == 0, 1.0, size)
+    return np.where(mirrored[:, None, None], -cofactors, cofactors).astype(np.float32), mirrored
+
+
+def normalize(normals: NDArray[np.float32]) -> None:
+    """Make vectors (..., 3) unit in place; what has no direction points along +Z."""
+    length = np.sqrt(np.einsum("...c,...c->...", normals, normals))[..., None]
+    none = ~(length[..., 0] > 0)
+    if none.any():
+        normals[none] = (0.0, 0.0, 1.0)
+        length[none] = 1.0
+    normals /= length

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scene as F12 would see it, at any time and without rendering.
+
+A viewport's depsgraph lacks what is hidden in the viewport and has the viewport's
+modifiers and subdivision levels. Blender makes a render depsgraph for its own
+renders and bakes only. A bake leaves the user's last render, its slots and the
+render handlers alone, so this module lets Blender bake a triangle of its own with
+an engine of its own, whose ``bake`` is handed the depsgraph and reads from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import bpy
+
+ENGINE = "SCFPF_READER"
+
+_Result = TypeVar("_Result")
+
+
+class RenderDepsgraphError(ValueError):
+    """Blender cannot evaluate the scene for a render now; the message says why."""
+
+
+def with_render_depsgraph(scene, view_layer, read: Callable[[object], _Result]) -> _Result:
+    """``read(depsgraph)`` with the scene evaluated for a render of the view layer.
+
+    The depsgraph ends with the call: ``read`` must return arrays and numbers only.
+    The scene is left as it was. Raises what ``read`` raises, and RenderDepsgraphError
+    when Blender refuses (another bake is running, or the scene is a linked one).
+    """
+    outcome: list[tuple[_Result | None, BaseException | None]] = []
+
+    class SceneReader(bpy.types.RenderEngine):
+        bl_idname = ENGINE
+        bl_label = "SCFPF Scene Reader"
+
+        def bake(self, depsgraph, object, pass_type, pass_filter, width, height):
+            try:
+                outcome.append((read(depsgraph), None))
+            except BaseException as error:  # Blender prints what leaves here: the caller raises it.
+                outcome.append((None, error))
+
+    if scene.library:
+        raise RenderDepsgraphError(f"The scene '{scene.name}' is linked from another file: render it there")
+    engine = scene.render.engine
+    target = _bake_target()
+    bpy.utils.register_class(SceneReader)
+    try:
+        scene.collection.objects.link(target)
+        scene.render.engine = ENGINE
+        _bake(scene, view_layer, target)
+    except RuntimeError as error:
+        raise RenderDepsgraphError(f"Blender cannot evaluate the scene now: {error}") from error
+    finally:
+        scene.render.engine = engine
+        bpy.utils.unregister_class(SceneReader)
+        bpy.data.meshes.remove(target.data)
+    if not outcome:
+        raise RenderDepsgraphError("Blender cannot evaluate the scene now: is a bake or a render running?")
+    result, error = outcome[0]
+    if error is not None:
+        raise error
+    return result
+
+
+def _bake_target():
+    """A triangle that no picture shows, with what a bake to vertex colours asks for."""
+    mesh = bpy.data.meshes.new(ENGINE)
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
+    mesh.color_attributes.new("Color", "FLOAT_COLOR", "CORNER")
+    target = bpy.data.objects.new(ENGINE, mesh)
+    target.visible_camera = False
+    return target
+
+
+def _bake(scene, view_layer, target) -> None:
+    """Bake ``target`` alone; every option is given, or the scene's own bake settings would count."""
+    with bpy.context.temp_override(
+        scene=scene, view_layer=view_layer, active_object=target, object=target, selected_objects=[target]
+    ):
+        bpy.ops.object.bake(
+            type="EMIT",
+            target="VERTEX_COLORS",
+            save_mode="INTERNAL",
+            use_clear=False,
+            use_selected_to_active=False,
+            use_cage=False,
+            use_split_materials=False,
+            use_automatic_name=False,
+        )

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Follow the links of a shader node tree to what feeds a socket: a node, or a constant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+# The share of each channel when a colour feeds a grey input (Rec.709, Blender's working space).
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+# A socket, and the group nodes that were entered to reach it, outermost first.
+Place = tuple[object, tuple]
+
+
+def resolve(socket, groups: tuple = ()) -> Place:
+    """What feeds an input socket, through reroutes and node groups.
+
+    Returns the output socket of a node, or the unlinked input socket whose own
+    value counts. Muted and invalid links count as none.
+    """
+    while not socket.is_output:
+        link = next((one for one in socket.links if one.is_valid and not one.is_muted), None)
+        if link is None:
+            break
+        node, output = link.from_node, link.from_socket
+        inside = _group_output(node) if node.type == "GROUP" else None
+        if node.type == "REROUTE":
+            socket = node.inputs[0]
+        elif inside is not None:
+            socket = _by_identifier(inside.inputs, output.identifier)
+            groups = (*groups, node)
+        elif node.type == "GROUP_INPUT" and groups:
+            socket = _by_identifier(groups[-1].inputs, output.identifier)
+            groups = groups[:-1]
+        else:
+            socket = output
+    return socket, groups
+
+
+def _group_output(node):
+    nodes = node.node_tree.nodes if node.node_tree else ()
+    return next((one for one in nodes if one.type == "GROUP_OUTPUT" and one.is_active_output), None)
+
+
+def _by_identifier(sockets, identifier: str):
+    return next(socket for socket in sockets if socket.identifier == identifier)
+
+
+def output_shaders(tree, name: str = "Surface") -> Iterator[Place]:
+    """The shader nodes behind an input of the active output node, as (node, groups).
+
+    Mix and Add nodes are entered, depth first, upper input before lower. An
+    output for Cycles is preferred to one for EEVEE.
+    """
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
+    if output is not None:
+        yield from _shaders(output.inputs[name], ())
+
+
+def _shaders(socket, groups: tuple) -> Iterator[Place]:
+    socket, groups = resolve(socket, groups)
+    if not socket.is_output:
+        return
+    node = socket.node
+    if node.type in {"MIX_SHADER", "ADD_SHADER"}:
+        for branch in node.inputs:
+            if branch.type == "SHADER":
+                yield from _shaders(branch, groups)
+    else:
+        yield node, groups
+
+
+def _constant(node, groups: tuple, name: str):
+    socket, _ = resolve(node.inputs[name], groups)
+    if socket.is_output and socket.node.type not in {"RGB", "VALUE"}:
+        return None
+    return socket.default_value
+
+
+def color_input(node, groups: tuple, name: str):
+    """An input's constant colour, (3,) float64, or None if a texture or a sum feeds it."""
+    value = _constant(node, groups, name)
+    return None if value is None else np.resize(np.array(value, np.float64), 4)[:3]
+
+
+def value_input(node, groups: tuple, name: str) -> float | None:
+    """An input's constant number, or None if a texture or a sum feeds it."""
+    value = _constant(node, groups, name)
+    if value is None or isinstance(value, (int, float)):
+        return value
+    return float(np.dot(np.array(value, np.float64)[:3], LUMINANCE))

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lamps in Blender's units, straight shadow rays, and the Phong sum (paper §4.3).
+
+Everything happens in cast space. Lengths there are ``scale`` times the world's,
+so a lamp whose light thins out with the square of the distance is made scale² stronger.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..casting.scene import CastScene
+from ..projection.typing import Array
+from .film import lamp_positions
+from .scene import Light
+from .surface import TINY, PhongTable, SurfacePoints, dot
+from .typing import Single
+
+# A blend of nothing would make the spot's edge a division by zero.
+SMALLEST_BLEND = 1e-6
+# Cosine of the light to a triangle below which shadow rays begin to start from the rounded
+# surface. Facets of a convex solid shade each other at 0; the margin makes it gradual.
+GRAZING = np.float32(0.1)
+
+
+class Incidence(NamedTuple):
+    """Light that arrives at N points.
+
+    direction: (3, N), or (3, 1) from a sun, unit, towards the lamp. strength: (N,) or
+    (1,), irradiance on a surface that faces the lamp, per unit of the lamp's colour.
+    distance: (N,) or (1,), infinite for a sun.
+    """
+
+    direction: Single
+    strength: Single
+    distance: Single
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A light in cast space, with a place for each sample of the film.
+
+    color: (3,) radiant intensity, or irradiance of a sun. places: (3, S).
+    axis: (3,) unit, where it shines. local: (3, 3) from directions in cast space to
+    those in the light's own space, where a spot's cone is round. softness: the squared
+    radius of a point or spot, which lights as a disc that faces whatever it lights.
+    """
+
+    light: Light
+    color: Single
+    places: Single
+    axis: Single
+    local: Single
+    softness: np.float32
+
+    @classmethod
+    def of(cls, light: Light, matrix: Array, samples: int) -> Lamp:
+        """A light as a frame of ``samples`` samples sees it.
+
+        matrix: (4, 4), world to cast space: a uniform scale and a shift. Blender's units: a
+        point of P watts has the intensity P/4π whatever its size, a spot the same within
+        its cone; an area lamp has the radiance P/πA on its front, so that each of its
+        points stands for the intensity P/π times the cosine; a sun is W/m².
+        """
+        placed = matrix @ np.asarray(light.matrix, np.float64)
+        scale = float(np.linalg.norm(matrix[:3, 0]))
+        axes = placed[:3, :3]
+        if light.kind == "SUN":
+            strength, offsets = 1.0, np.zeros((3, samples))
+        elif light.kind == "AREA":
+            strength = scale**2 / np.pi
+            plane = lamp_positions(samples, "DISC" if light.ellipse else "SQUARE")
+            offsets = axes[:, :2] @ (plane * np.reshape(light.size, (2, 1)))
+        else:
+            strength = scale**2 / (4 * np.pi)
+            offsets = lamp_positions(samples, "BALL") * (light.radius * scale)
+        return cls(
+            light,
+            (np.asarray(light.color) * strength).astype(np.float32),
+            (placed[:3, 3:] + offsets).astype(np.float32),
+            (-axes[:, 2] / max(float(np.linalg.norm(axes[:, 2])), float(TINY))).astype(np.float32),
+            np.linalg.pinv(axes / scale).astype(np.float32),
+            np.float32((light.radius * scale) ** 2 if light.kind in ("POINT", "SPOT") else 0.0),
+        )
+
+    def incidence(self, position: Single, sample: int) -> Incidence:
+        """What arrives at position (3, N) from the lamp's place of this sample."""
+        if self.light.kind == "SUN":
+            return Incidence(-self.axis[:, None], np.ones(1, np.float32), np.full(1, np.inf, np.float32))
+        direction = self.places[:, sample, None] - position
+        squared = np.maximum(dot(direction, direction), TINY)
+        distance = np.sqrt(squared)
+        direction /= distance
+        squared += self.softness
+        strength = np.reciprocal(squared, out=squared)
+        if self.light.kind == "AREA":
+            strength *= np.maximum(-dot(direction, self.axis[:, None]), 0)
+        elif self.light.kind == "SPOT":
+            strength *= self.spot(direction)
+        return Incidence(direction, strength, distance)
+
+    def spot(self, direction: Single) -> Single:
+        """Share of a spot's intensity that leaves it against direction (3, N), (N,).
+
+        A smoothstep of the cosine to the axis, from the edge of the cone inwards over
+        the share ``spot_blend`` of the way to the axis. Compared with Cycles' pictures.
+        """
+        local = np.einsum("ij,jn->in", self.local, direction)
+        cosine = local[2] / np.maximum(np.sqrt(dot(local, local)), TINY)
+        edge = np.cos(self.light.spot_angle / 2)
+        width = max((1 - edge) * self.light.spot_blend, SMALLEST_BLEND)
+        rise = np.clip((cosine - np.float32(edge)) * np.float32(1 / width), 0, 1)
+        smooth: Single = rise * rise * (3 - 2 * rise)
+        return smooth
+
+
+def radiance(
+    points: SurfacePoints, table: PhongTable, lamps: Sequence[Lamp], sample: int, cast_scene: CastScene
+) -> Single:
+    """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
+
+    Emission and the world's light, plus for every lamp Lambert's and Phong's share
+    of what arrives. The highlight is (R·V)ⁿ with V against the projector's tangent.
+    """
+    color = table.emitted.take(points.material, axis=1, mode="clip")
+    exponent = table.exponent.take(points.material, mode="clip")
+    facing = dot(points.normal, points.view)
+    for lamp in lamps:
+        light = lamp.incidence(points.position, sample)
+        cosine = dot(points.normal, light.direction)
+        received = np.maximum(cosine, 0)
+        received *= light.strength
+        if lamp.light.casts_shadow:
+            cut_shadows(received, points, light, cast_scene)
+        tint = lamp.color[:, None]
+        share = (table.diffuse * tint).take(points.material, axis=1, mode="clip")
+        color += np.multiply(share, received, out=share)
+        if table.glossy:
+            mirror = 2 * cosine
+            mirror *= facing
+            mirror -= dot(points.view, light.direction)
+            # exp(n log x) because NumPy vectorises these for float32 and its power is ten times slower.
+            mirror = np.log(np.maximum(mirror, TINY, out=mirror), out=mirror)
+            mirror *= exponent
+            received *= np.exp(mirror, out=mirror)
+            share = (table.gloss * tint).take(points.material, axis=1, mode="clip")
+            color += np.multiply(share, received, out=share)
+    return color
+
+
+def cut_shadows(received: Single, points: SurfacePoints, light: Incidence, cast_scene: CastScene) -> None:
+    """Set to zero, in place, what points in shadow receive: one straight ray from each lit point.
+
+    Where light grazes a triangle or falls on its back, but on the front of the surface
+    that smooth shading pretends, the ray starts on the latter: from the triangle it would
+    meet the facets next door, and their edges would show as steps.
+    """
+    lit = np.flatnonzero(received)
+    if points.shadow is None or not len(lit):
+        return
+    count = len(received)
+    directions = np.broadcast_to(light.direction, (3, count)).take(lit, axis=1)
+    distances = np.broadcast_to(light.distance, count).take(lit)
+    grazing = 1 - dot(points.shadow.flat.take(lit, axis=1), directions) / GRAZING
+    height = points.shadow.height.take(lit) * np.clip(grazing, 0, 1)
+    origins = points.shadow.origin.take(lit, axis=1)
+    origins += points.normal.take(lit, axis=1) * height
+    hidden = cast_scene.occluded(origins, directions.astype(np.float64), distances.astype(np.float64))
+    received[lit[hidden]] = 0

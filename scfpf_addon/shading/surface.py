@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is at a hit: normals that face the viewer, the view direction, the material.
+
+float32 throughout: cast space has the size of the unit box, so that a float32
+keeps seven digits of it. Nothing here feeds back into where a projector hits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ..casting.geometry import Geometry
+from ..casting.scene import CastScene
+from ..projection.typing import Array, IndexArray
+from .scene import Materials
+from .typing import Single
+
+# Smallest length that is divided by: keeps a zero vector zero instead of NaN.
+TINY = np.float32(1e-30)
+# Roughness below which a highlight no longer sharpens. Its exponent is 12,200, a spot a
+# degree across; what that power makes of a float32's rounding is still below 0.1 %.
+SMALLEST_ROUGHNESS = 0.08
+
+
+class ShadowStart(NamedTuple):
+    """Where shadow rays of N points start, in cast space.
+
+    origin: (3, N) float64, just off the triangle on the side of the viewer. flat: (3, N)
+    unit normal of the triangle on that side. height: (N,), see ``smooth_height``.
+    """
+
+    origin: Array
+    flat: Single
+    height: Single
+
+
+class SurfacePoints(NamedTuple):
+    """N hits as shading sees them, float32, in cast space.
+
+    position: (3, N). normal: (3, N) unit, interpolated, on the side of the viewer.
+    view: (3, N) unit, towards the viewer: against the projector's tangent (paper §4.3).
+    material: (N,) index. shadow: None where no lamp casts any.
+    """
+
+    position: Single
+    normal: Single
+    view: Single
+    material: IndexArray
+    shadow: ShadowStart | None
+
+
+def dot(a: Single, b: Single) -> Single:
+    """Scalar products of two (3, N) arrays, (N,); either may be (3, 1)."""
+    result: Single = np.einsum("cn,cn->n", a, b)
+    return result
+
+
+@dataclass(frozen=True)
+class SurfaceTable:
+    """What is looked up by triangle, component-first so that a lookup is one take.
+
+    normals: (12, T) float32: the first corner's normal, the differences to it of the
+    second's and third's, and the unit normal of the triangle on the same side.
+    bulge: (6, T) float32, see ``corner_heights``; None where nothing casts a shadow.
+    material: (T,).
+    """
+
+    cast_scene: CastScene
+    normals: Single
+    bulge: Single | None
+    material: IndexArray
+
+    @classmethod
+    def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool) -> SurfaceTable:
+        """The table of the triangles that ``cast_scene`` was made of."""
+        normals = np.empty((4, 3, len(geometry.triangles)), np.float32)
+        for corner in range(3):
+            normals[corner] = geometry.corner_normals[:, corner].T
+        bulge = corner_heights(cast_scene, normals[:3]) if shadows else None
+        normals[3] = cast_scene.planes[:3]
+        agreement = dot(normals[3], normals[0])
+        agreement += dot(normals[3], normals[1])
+        agreement += dot(normals[3], normals[2])
+        normals[3] *= np.copysign(np.float32(1), agreement)
+        normals[1] -= normals[0]
+        normals[2] -= normals[0]
+        return cls(cast_scene, normals.reshape(12, -1), bulge, geometry.material.astype(np.intp))
+
+    def points(
+        self, triangle: IndexArray, barycentric: Array, position: Array, tangent: Array
+    ) -> SurfacePoints:
+        """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
+
+        The weights are those of the second and third corner. Position is in cast
+        space; the tangent is dQ/dt of the projector, of any length.
+        """
+        triangle = triangle.astype(np.intp)
+        weight = barycentric.astype(np.float32)
+        normal, second, third, flat = self.normals.take(triangle, axis=1, mode="clip").reshape(4, 3, -1)
+        second *= weight[0]
+        third *= weight[1]
+        normal += second
+        normal += third
+        view = tangent.astype(np.float32)
+        view *= -1 / np.maximum(np.sqrt(dot(view, view)), TINY)
+        # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
+        side = np.copysign(np.float32(1), dot(flat, view))
+        normal *= side / np.maximum(np.sqrt(dot(normal, normal)), TINY)
+        shadow = None
+        if self.bulge is not None:
+            height = smooth_height(self.bulge.take(triangle, axis=1), weight, side)
+            origin = self.cast_scene.offset_origins(position, triangle, -tangent)
+            shadow = ShadowStart(origin, np.multiply(flat, side, out=flat), height)
+        return SurfacePoints(position.astype(np.float32), normal, view, self.material.take(triangle), shadow)
+
+
+def corner_heights(cast_scene: CastScene, normals: Single) -> Single:
+    """How far each corner lies above the tangent plane at each other, (6, T) float32.
+
+    normals: (3, 3, T), corner by corner. Row 2k+j: for corner k the next one (j = 0)
+    and the one after (j = 1), along the shading normal at k, in cast space.
+    """
+    vertices = cast_scene.vertices.astype(np.float32)
+    corners = [vertices.take(cast_scene.triangles[:, k], axis=1) for k in range(3)]
+    heights = np.empty((6, normals.shape[2]), np.float32)
+    for k in range(3):
+        for j in range(2):
+            edge = corners[(k + j + 1) % 3] - corners[k]
+            heights[2 * k + j] = dot(edge, normals[k])
+    return heights
+
+
+def smooth_height(heights: Single, weight: Single, side: Single) -> Single:
+    """Height, along the normal, of the rounded surface that smooth shading pretends to, (N,).
+
+    heights: (6, N) of ``corner_heights``; weight: (2, N); side: (N,) ±1. The mean of
+    the distances by which the point lies below the corners' tangent planes, nought
+    where it lies above, in a hollow. After Hanika, Hacking the Shadow Terminator (Ray
+    Tracing Gems II, ch. 4).
+    """
+    weights = (1 - weight[0] - weight[1], weight[0], weight[1])
+    height = np.zeros_like(side)
+    for k in range(3):
+        above = heights[2 * k] * weights[(k + 1) % 3]
+        above += heights[2 * k + 1] * weights[(k + 2) % 3]
+        above *= side
+        height -= weights[k] * np.minimum(above, 0)
+    return height
+
+
+@dataclass(frozen=True)
+class PhongTable:
+    """M materials, turned into the coefficients of the Phong sum, float32.
+
+    emitted: (3, M) radiance that needs no lamp. diffuse: (3, M) albedo/π.
+    gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
+    exponent: (M,). glossy: whether any material has a highlight.
+    """
+
+    emitted: Single
+    diffuse: Single
+    gloss: Single
+    exponent: Single
+    glossy: bool
+
+    @classmethod
+    def of(cls, materials: Materials, world_color: Array) -> PhongTable:
+        """Coefficients under a uniform world of radiance ``world_color`` (3,).
+
+        Diffuse is Lambert's, scaled by 1 - metallic. The lobe is (n+2)/2π · (R·V)ⁿ,
+        which keeps energy (Lafortune and Willems 1994). Its exponent is that of the
+        Beckmann distribution of Blender's roughness, 2/α² - 2 with α = roughness²
+        (Walter et al. 2007), divided by 4: that one counts the angle of the half
+        vector, which is half the angle between R and V. The world lights a surface
+        with base colour × radiance, whatever share of it is metallic.
+        """
+        base = np.asarray(materials.base_color, np.float64).reshape(-1, 3).T
+        metallic = np.asarray(materials.metallic, np.float64)
+        alpha = np.maximum(materials.roughness, SMALLEST_ROUGHNESS) ** 2
+        exponent = np.maximum(2 / alpha**2 - 2, 0) / 4
+        reflectance = materials.specular_f0 + (base - materials.specular_f0) * metallic
+        emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
+        return cls(
+            (emission + base * np.reshape(world_color, (3, 1))).astype(np.float32),
+            (base * (1 - metallic) / np.pi).astype(np.float32),
+            (reflectance * (exponent + 2) / (2 * np.pi)).astype(np.float32),
+            exponent.astype(np.float32),
+            bool(reflectance.any()),
+        )
