@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image positions to hits."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..projection.typing import Array, BoolArray
+from ..projection.volume import Projection
+from .chords import cast_chords
+from .curves import Bundle
+from .hits import CastCounts, Hits
+from .scene import CastError, CastScene
+from .schedule import Schedule, corners, plan, sample_curves, scene_reach
+from .straight import cast_straight
+
+__all__ = ["CastCounts", "Hits", "cast"]
+
+# Control points farther out than this, in cast units (the scene reaches to 1),
+# cannot be told from infinity in float32; their projectors count as not finite.
+FARTHEST = 1e15
+
+# Error in pixels of chords that are compared with their neighbours': a chord that
+# strays no farther than the next pixel cannot pass what all its neighbours see.
+NEIGHBOUR_ERROR = 1.0
+
+# Doubtful hits are looked at with chords that stray this share of the pixel error:
+# they decide, so they should add little to it.
+FINE_SHARE = 0.3
+
+# Pixel errors below this are beyond float32 and count as this.
+SMALLEST_ERROR = 1e-4
+
+# Straight rays start where the scene does when the control points lie farther out
+# than this: float32 loses a digit with every power of ten.
+FAR = 4.0
+
+
+def cast(
+    scene: CastScene,
+    projection: Projection,
+    x: Array,
+    y: Array,
+    pixel_size: tuple[float, float],
+    pixel_error: float = 0.1,
+    counts: CastCounts | None = None,
+    columns: int | None = None,
+) -> Hits:
+    """The first hit of the projectors through image positions x, y.
+
+    projection: in cast space, ``projection.transformed(scene.matrix)``. x, y: (N,)
+    float64 in [0, 1]; neighbours in the image should be neighbours here, since they
+    share their chords. pixel_size: a pixel's width and height in the same units.
+    pixel_error: how far, in pixels, a silhouette may be displaced by curved
+    projectors, >= 0; 0 asks for all that float32 can tell. Straight ones and
+    polylines have no such error. counts: added to when given. columns: says that x, y
+    are whole rows of that many neighbouring pixels, from the bottom up; curved
+    projectors are then cast in a fraction of the time (``chords.cast_chords``).
+    Raises CastError for a negative or non-finite pixel error.
+    """
+    if not 0.0 <= pixel_error < math.inf:
+        raise CastError(f"the pixel error must be 0 or more, not {pixel_error}")
+    counts = CastCounts() if counts is None else counts
+    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+    if len(x) == 0:
+        return Hits.empty(0)
+    if columns is not None and len(x) % columns:
+        raise CastError(f"{len(x)} image positions are not rows of {columns}")
+    spans = projection.volume.spans
+    if spans.degree > 1:
+        return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
+    points, mask, farthest = _projectors(projection, x, y)
+    single = len(spans.matrices) == 1
+    if single and farthest <= FAR:
+        return cast_straight(scene, points, mask, (0.0, 1.0), counts)
+    reach = scene_reach(spans, points, scene)
+    if single:
+        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts)
+    schedule = None if reach is None else corners(spans, reach)
+    return cast_chords(scene, Bundle(spans, points), mask, schedule, None, counts)
+
+
+def _cast_curved(
+    scene: CastScene,
+    projection: Projection,
+    x: Array,
+    y: Array,
+    pixel_size: tuple[float, float],
+    pixel_error: float,
+    counts: CastCounts,
+    columns: int | None,
+) -> Hits:
+    """As cast, for spans of degree 2 and more."""
+    chord_error = pixel_error
+    if columns is not None:
+        # A row more on either side, for the outer rows to be compared with.
+        x = np.concatenate([x[:columns], x, x[-columns:]])
+        y = np.concatenate([y[:columns] - pixel_size[1], y, y[-columns:] + pixel_size[1]])
+        chord_error = max(pixel_error, NEIGHBOUR_ERROR)
+    fine_error = FINE_SHARE * max(pixel_error, SMALLEST_ERROR)
+    finer = math.ceil(math.sqrt(max(chord_error / fine_error, 1.0)))
+    points, mask, _ = _projectors(projection, x, y)
+    if columns is not None:
+        mask &= (y > 0.0) & (y < 1.0)
+    spans = projection.volume.spans
+    schedule: Schedule | None = None
+    reach = scene_reach(spans, points, scene)
+    if reach is not None and mask.any():
+        curves = sample_curves(projection, x, y, mask, pixel_size)
+        schedule = plan(spans, curves, reach, chord_error, finer)
+    return cast_chords(scene, Bundle(spans, points), mask, schedule, columns, counts)
+
+
+def _projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:
+    """Control points (K, 3, N), which projectors exist, and the largest coordinate.
+
+    Projectors that are not finite do not exist; their control points are 0.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        points, mask = projection.projectors(x, y)
+        farthest = float(max(points.max(), -points.min()))
+        if not farthest < FARTHEST:
+            finite = (np.abs(points) < FARTHEST).all(axis=(0, 1))
+            points, mask = np.where(finite, points, 0.0), mask & finite
+            farthest = float(np.abs(points).max())
+    return points, mask, farthest

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where a Bézier curve meets a plane: roots of polynomials in Bernstein form.
+
+The heights of a curve's control points over a plane are the Bernstein
+coefficients of the curve's height; all functions here work on batches of such
+coefficients, (d+1, N) float64, over the parameter interval [0, 1].
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..projection.typing import Array
+
+# Splits a float64 into two halves of 26 bits (Veltkamp 1968).
+SPLITTER = 2.0**27 + 1.0
+
+# Newton steps and halvings until a bracket in [0, 1] is one rounding wide.
+MOST_STEPS = 64
+
+# A root is final when a step moves it by less than this.
+SETTLED = 2.0**-52
+
+
+def unit_roots(coefficients: Array) -> Array:
+    """The roots in [0, 1] of N polynomials, ascending, NaN where fewer exist.
+
+    coefficients: (d+1, N), d >= 1, finite. Returns (d, N). Polynomials that are
+    zero throughout have no roots.
+    """
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        if len(coefficients) == 2:
+            return _within(coefficients[:1] / (coefficients[:1] - coefficients[1:]))
+        if len(coefficients) == 3:
+            return _quadratic(coefficients)
+        return _general(coefficients)
+
+
+def _within(roots: Array) -> Array:
+    return np.where((roots >= 0.0) & (roots <= 1.0), roots, np.nan)
+
+
+def _quadratic(coefficients: Array) -> Array:
+    """Roots without cancellation: q/a and c/q (Blinn 2006, How to Solve a Quadratic Equation)."""
+    first, middle, last = coefficients
+    half = middle - first
+    leading = (first - middle) - (middle - last)
+    # half² - leading·first, with the cancelling terms taken out by hand.
+    root = np.sqrt(_difference_of_products(middle, middle, first, last))
+    q = -(half + np.copysign(root, half))
+    one, other = _within(np.stack([q / leading, first / q]))
+    both = np.isfinite(one) & np.isfinite(other)
+    return np.stack([np.fmin(one, other), np.where(both, np.maximum(one, other), np.nan)])
+
+
+def _difference_of_products(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """ab - cd with the rounding errors of both products put back (Dekker 1971)."""
+    first, second = a * b, c * d
+    result: Array = (first - second) + (_product_error(a, b, first) - _product_error(c, d, second))
+    return result
+
+
+def _product_error(a: Array, b: Array, product: Array) -> Array:
+    """The exact difference a·b - fl(a·b)."""
+    scaled = SPLITTER * a
+    a_high = scaled - (scaled - a)
+    a_low = a - a_high
+    scaled = SPLITTER * b
+    b_high = scaled - (scaled - b)
+    b_low = b - b_high
+    return ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+
+
+def _general(coefficients: Array) -> Array:
+    """Any degree: between the derivative's roots the polynomial is monotone.
+
+    Each monotone piece with a change of sign is bracketed and solved by Newton's
+    method (Yuksel 2022, High-Performance Polynomial Root Finding for Graphics).
+    """
+    slopes = np.diff(coefficients, axis=0)
+    roots = np.full((len(slopes), coefficients.shape[1]), np.nan)
+    # Coefficients that only rise or only fall: one piece, the usual case near a hit.
+    simple = (slopes > 0.0).all(axis=0) | (slopes < 0.0).all(axis=0)
+    single = np.flatnonzero(simple & (coefficients[0] * coefficients[-1] <= 0.0))
+    roots[0, single] = _bracketed(
+        coefficients.take(single, 1), np.zeros(len(single)), np.ones(len(single))
+    )
+    several = np.flatnonzero(~simple)
+    if len(several):
+        roots[:, several] = _piecewise(coefficients.take(several, 1), slopes.take(several, 1))
+    return roots
+
+
+def _piecewise(coefficients: Array, slopes: Array) -> Array:
+    """As unit_roots; slopes: the differences of the coefficients."""
+    # Sorted, with the missing turns at 1, where they make empty pieces.
+    turns = unit_roots(slopes)
+    turns = np.sort(np.where(np.isnan(turns), 1.0, turns), axis=0)
+    zero, one = np.zeros((1, turns.shape[1])), np.ones((1, turns.shape[1]))
+    breaks = np.concatenate([zero, turns, one])
+    heights = np.stack([_value(coefficients, b)[0] for b in breaks])
+    low, high = heights[:-1], heights[1:]
+    crossed = (np.signbit(low) != np.signbit(high)) | (low == 0.0) | (high == 0.0)
+    crossed &= (breaks[1:] > breaks[:-1]) & ((low != 0.0) | (high != 0.0))
+    piece, curve = np.nonzero(crossed)
+    roots = np.full(low.shape, np.nan)
+    roots[piece, curve] = _bracketed(
+        coefficients.take(curve, 1), breaks[piece, curve], breaks[piece + 1, curve]
+    )
+    return np.sort(roots, axis=0)
+
+
+def _value(coefficients: Array, s: Array) -> tuple[Array, Array]:
+    """Height and its derivative by de Casteljau's algorithm, each (N,)."""
+    points = coefficients
+    while len(points) > 2:
+        points = points[:-1] + (points[1:] - points[:-1]) * s
+    slope = points[1] - points[0]
+    return points[0] + slope * s, (len(coefficients) - 1) * slope
+
+
+def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
+    """The root of each monotone piece [low, high] that has one, (N,)."""
+    start, end = _value(coefficients, low)[0], _value(coefficients, high)[0]
+    rising = end > start
+    s = np.clip(low + (high - low) * (start / (start - end)), low, high)
+    result = s.copy()
+    active = np.arange(len(s))
+    for _ in range(MOST_STEPS):
+        height, slope = _value(coefficients, s)
+        below = (height < 0.0) == rising
+        low, high = np.where(below, s, low), np.where(below, high, s)
+        step = s - height / slope
+        step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        step = np.where(height == 0.0, s, step)
+        result[active] = step
+        going = np.flatnonzero(np.abs(step - s) > SETTLED)
+        if len(going) == 0:
+            break
+        s = step
+        if len(going) < 0.5 * len(s):
+            coefficients = coefficients.take(going, 1)
+            active, s, low, high, rising = (a.take(going) for a in (active, s, low, high, rising))
+    return result

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The triangles of a scene, prepared for casting.
+
+Embree works in float32, where a scene far from the origin falls apart; so the
+triangles are re-centred and scaled in float64 first. That space is *cast
+space*; ``CastScene.matrix`` leads into it. Embree only names candidates there:
+what a hit is, is computed from the float64 triangles.
+"""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, version
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..projection.typing import Array, BoolArray, IndexArray
+from .neighbours import edge_neighbours
+
+# The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
+EMBREEX_MINIMUM = (4, 4)
+
+# A larger coordinate cannot be squared twice in float64; it counts as not finite.
+LARGEST_COORDINATE = 1e60
+
+# A triangle whose height is a smaller share of its length has no usable
+# barycentric coordinates: float64 keeps 16 digits, the inside test needs some.
+FLATTEST = 1e-12
+
+# Secondary rays start this share of the triangle's largest coordinate off its
+# plane: 32 float32 roundings (2⁻²³), since Embree rounds the triangle's corners
+# and the ray's origin. After Wächter & Binder, Ray Tracing Gems (2019), ch. 6.
+ORIGIN_OFFSET = 2.0**-18
+
+# A shadow ray ends this share before the lamp, which may stand in a surface.
+SHADOW_END = 1e-4
+
+Float32Array = NDArray[np.float32]
+
+
+class CastError(ValueError):
+    """Casting is impossible; the message says what to do."""
+
+
+def _load_embreex() -> tuple[Any, Any]:
+    """The embreex modules for scenes and meshes; CastError if missing or too old."""
+    needed = ".".join(map(str, EMBREEX_MINIMUM))
+    try:
+        from embreex import mesh_construction, rtcore_scene
+        found = version("embreex")
+    except (ImportError, PackageNotFoundError) as error:
+        raise CastError(
+            f"the ray caster embreex is missing ({error}); install embreex {needed} or later"
+        ) from error
+    if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
+        raise CastError(f"embreex {found} is too old; install embreex {needed} or later")
+    return rtcore_scene, mesh_construction
+
+
+class CastScene:
+    """Triangles in cast space, in float64 and in Embree.
+
+    vertices: (V, 3) float64, world space; triangles: (T, 3) int32. Triangles with
+    a vertex that is not finite, and those without area, are never hit; indices of
+    triangles stay what they were.
+    Raises CastError when embreex is missing or too old, an index is out of
+    range, or no triangle is left.
+
+    centre: (3,) world; scale: cast-space units in a world unit; matrix: (4, 4),
+    world to cast space. lower, upper: (3,) bounds in cast space, within [-1, 1].
+    planes: (4, T) unit normal and offset, so that planes[:3]·p + planes[3] is the
+    height of p over the triangle. Safe to use from several threads.
+    """
+
+    def __init__(self, vertices: Array, triangles: NDArray[np.int32]) -> None:
+        scenes, meshes = _load_embreex()
+        vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
+        self.triangles = np.ascontiguousarray(triangles, np.int32).reshape(-1, 3)
+        if self.triangles.size and not 0 <= self.triangles.min() <= self.triangles.max() < len(vertices):
+            raise CastError("a triangle names a vertex that does not exist")
+        with np.errstate(invalid="ignore"):
+            finite = (np.abs(vertices) < LARGEST_COORDINATE).all(axis=1)
+        usable = finite[self.triangles].all(axis=1)
+        if not usable.any():
+            raise CastError("the scene has no triangles: add a mesh, or show one in renders")
+        self._place(vertices, finite, usable)
+        self._measure(usable)
+        if not usable.any():
+            raise CastError("the scene has no triangle with an area: check the objects' scale")
+        faces = np.where(usable[:, None], self.triangles, self.triangles[:, :1])
+        self._embree = scenes.EmbreeScene(robust=True)
+        self._mesh = meshes.TriangleMesh(self._embree, self.vertices.T.astype(np.float32), faces)
+        # Embree builds at the first run, which must happen in one thread.
+        nowhere = np.zeros((3, 1), np.float32)
+        self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
+        self._neighbours: NDArray[np.int32] | None = None
+        self._lock = Lock()
+
+    def _place(self, vertices: Array, finite: BoolArray, usable: BoolArray) -> None:
+        """Choose cast space and put the vertices, (3, V), into it."""
+        used = np.zeros(len(vertices), bool)
+        used[self.triangles[usable]] = True
+        points = vertices[used]
+        # The median, not the middle of the bounds: float32 is finest at the
+        # origin, which so falls among the objects and not in the middle of a sky.
+        self.centre: Array = np.median(points, axis=0)
+        reach = float(np.abs(points - self.centre).max())
+        self.scale = 1.0 / reach if reach > 0.0 else 1.0
+        self.matrix: Array = np.diag([self.scale, self.scale, self.scale, 1.0])
+        self.matrix[:3, 3] = -self.scale * self.centre
+        kept = np.where((finite & used)[:, None], vertices, self.centre)
+        self.vertices: Array = np.ascontiguousarray(((kept - self.centre) * self.scale).T)
+        self.lower: Array = self.vertices.min(axis=1)
+        self.upper: Array = self.vertices.max(axis=1)
+
+    def _measure(self, usable: BoolArray) -> None:
+        """Planes and barycentric rows of the triangles; ``usable`` loses those without area."""
+        first, second, third = (self.vertices.take(self.triangles[:, k], 1) for k in range(3))
+        along, across = second - first, third - first
+        normal = np.cross(along, across, axis=0)
+        area = np.einsum("ct,ct->t", normal, normal)
+        length = np.maximum(
+            np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across)
+        )
+        usable &= area > (FLATTEST * length) ** 2
+        inverse = np.divide(1.0, area, out=np.zeros_like(area), where=usable)
+        self.planes: Array = np.empty((4, len(usable)))
+        self._corners: Array = np.empty((8, len(usable)))
+        for rows, gradient in (
+            (self.planes, normal * np.sqrt(inverse)),
+            (self._corners[:4], np.cross(across, normal, axis=0) * inverse),
+            (self._corners[4:], np.cross(normal, along, axis=0) * inverse),
+        ):
+            rows[:3] = gradient
+            rows[3] = -np.einsum("ct,ct->t", gradient, first)
+        reach: Array = np.maximum(np.maximum(np.abs(first), np.abs(second)), np.abs(third)).max(axis=0)
+        self._reach = reach.astype(np.float32)
+
+    @property
+    def neighbours(self) -> NDArray[np.int32]:
+        """(3, T): the triangle across the edge opposite each corner, -1 where none is.
+
+        Made at first use: straight casting does not need it.
+        """
+        with self._lock:
+            if self._neighbours is None:
+                self._neighbours = edge_neighbours(self.triangles)
+            return self._neighbours
+
+    def trace(self, origins: Float32Array, directions: Float32Array, limits: Float32Array) -> NDArray[np.int32]:
+        """The first triangle on each ray, (N,) int32, -1 where none is.
+
+        origins, directions: (3, N) float32, cast space; limits: (N,) float32, in
+        units of the direction's length; a negative limit switches a ray off.
+        """
+        found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
+        return found
+
+    def trace_distance(self, origins: Float32Array, directions: Float32Array, limits: Float32Array) -> Float32Array:
+        """Embree's own distance to the first triangle, (N,) float32; the limit where none is."""
+        # embreex overwrites the array of limits.
+        found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")
+        return found
+
+    def occluded(self, origins: Array, directions: Array, distances: Array) -> BoolArray:
+        """Whether anything lies on each ray before its distance.
+
+        origins, directions: (3, N), distances: (N,) in units of the direction's
+        length (inf is allowed), float64, cast space. The last SHADOW_END of the
+        way is left out; origins are taken as they are (see ``offset_origins``).
+        """
+        with np.errstate(invalid="ignore", over="ignore"):
+            limits = (distances * (1.0 - SHADOW_END)).astype(np.float32)
+            start, way = origins.astype(np.float32), directions.astype(np.float32)
+            dead = ~np.isfinite(start.sum(axis=0) + way.sum(axis=0))
+        if dead.any():
+            start[:, dead], way[:, dead], limits[dead] = 0.0, 0.0, -1.0
+        geometry: NDArray[np.int32] = self._embree.run(start.T, way.T, limits, query="OCCLUDED")
+        return geometry >= 0
+
+    def offset_origins(self, positions: Array, triangles: IndexArray, directions: Array) -> Array:
+        """Origins (3, N) of secondary rays that leave ``triangles`` (N,) at ``positions`` (3, N).
+
+        Moved off the triangle's plane to the side that ``directions`` (3, N) go to,
+        by ORIGIN_OFFSET of the triangle's largest coordinate.
+        """
+        normal = self.normals(triangles)
+        side = np.copysign(ORIGIN_OFFSET, np.einsum("cn,cn->n", normal, directions))
+        return positions + normal * (side * self._reach.take(triangles))
+
+    def normals(self, triangles: IndexArray) -> Array:
+        """Unit geometric normals (3, N), counter-clockwise corners seen from their tip."""
+        normals: Array = self.planes[:3].take(triangles, 1)
+        return normals
+
+    def barycentric(self, positions: Array, triangles: IndexArray) -> Array:
+        """Weights (2, N) of the triangles' second and third corners at positions (3, N)."""
+        rows = self._corners.take(triangles, 1)
+        weights = np.empty((2, positions.shape[1]))
+        for target, row in zip(weights, (rows[:4], rows[4:]), strict=True):
+            np.einsum("cn,cn->n", row[:3], positions, out=target)
+            target += row[3]
+        return weights

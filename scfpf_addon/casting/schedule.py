@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the chords of a tile's projectors begin and end.
+
+All projectors of a tile share one list of breaks in t. The pixel error becomes a
+length at each t: an error of ε pixels may move the picture of Q(t) by ε pixels,
+so across the projector it may be as long as ε times the smaller stretch of the
+map from pixels to space. The breaks then lie at equal quantiles of
+
+    ∫ √(‖q''‖ / (16 ε(t))) dt,
+
+q'' across the projector: short chords where the projector bends or pixels are
+small. A chord over a step h strays ‖q''‖ h²/8; shifting the ends by half of that
+(``SHIFT``) spreads the error to both sides, hence 16. The integral is finite
+even for a near surface that is a point, where ε grows as t from 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..projection.basis import SpanBasis
+from ..projection.bezier import bernstein, bernstein_derivative, restrict
+from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.volume import Projection, image_derivatives
+from .scene import CastScene
+
+# Projectors of a tile that its schedule looks at, besides its corners.
+SAMPLES = 56
+
+# Steps in t at which they are looked at, per span.
+STEPS = 32
+
+# Of those projectors, how many the finished schedule is measured on.
+MEASURED = 24
+
+# Pieces of a span whose bounds are compared with the scene's.
+PIECES = 32
+
+# Where pixels are squeezed more than this in one direction (near a pole, at a
+# fold) the error counts against this share of the wide direction: the chords
+# would multiply for a difference that nobody sees.
+MOST_SQUEEZE = 64.0
+
+# Chords closer to the curve than this share of its coordinates are lost on
+# Embree's float32 (2⁻²⁴ a rounding).
+FINEST = 2.0**-22
+
+# Chords are this much denser than the sampled projectors ask for.
+MARGIN = 1.1
+
+# The end of a chord moves by this times q'' h² (see above).
+SHIFT = 1.0 / 16.0
+
+# More chords a span than this are never cast.
+MOST_CHORDS = 4096
+
+# Attempts to bring the measured error under the one asked for.
+ATTEMPTS = 3
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """The chords of a tile.
+
+    breaks: (n+1,) increasing t. span: (n,) the span of each chord. ends: (n+1, K)
+    weights of the K control points that give the chords' ends. error: the largest
+    distance between curve and chord on the sampled projectors, in pixels.
+    finest: the smallest tolerance, in cast units. finer: finer chords to a chord,
+    where a hit is in doubt; they stray by the square of it less. pixel: (n,) the
+    least size of a pixel at each chord, as a step in t.
+    """
+
+    breaks: Array
+    span: IndexArray
+    ends: Array
+    error: float
+    finest: float
+    finer: int
+    pixel: Array
+
+
+class Curves(NamedTuple):
+    """Sampled projectors with their derivatives by one pixel step in x and in y, (K, 3, S)."""
+
+    points: Array
+    dx: Array
+    dy: Array
+
+
+class Tolerance(NamedTuple):
+    """What is asked of chords at G places on S projectors.
+
+    length: (G, S) allowed distance, cast units. pixel: (G, S) size of a pixel there.
+    bend: (G, S) ‖q''‖ across the projector. speed: (G, S) ‖q'‖.
+    """
+
+    length: Array
+    pixel: Array
+    bend: Array
+    speed: Array
+
+
+def scene_reach(spans: SpanBasis, points: Array, scene: CastScene) -> tuple[float, float] | None:
+    """The part of [0, 1] in t where any of the projectors can be inside the scene's bounds.
+
+    points: (K, 3, N). None where they all pass it by. Certain, not sampled: the
+    control points of a piece enclose it, and those of all projectors lie in a box.
+    """
+    lower, upper = points.min(axis=2), points.max(axis=2)
+    edges = np.linspace(0.0, 1.0, PIECES + 1)
+    degree = spans.degree
+    identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
+    pieces = restrict(identity, edges[:-1], edges[1:])
+    weights = np.einsum("jip,sik->spjk", pieces, spans.matrices)
+    positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
+    low = (positive @ lower + negative @ upper).min(axis=2)
+    high = (positive @ upper + negative @ lower).max(axis=2)
+    slack = FINEST * (1.0 + np.abs(points).max(initial=0.0))
+    touching = ((low <= scene.upper + slack) & (high >= scene.lower - slack)).all(axis=2)
+    lengths = np.diff(spans.breaks)[:, None]
+    starts = (spans.breaks[:-1, None] + edges[:-1] * lengths)[touching]
+    ends = (spans.breaks[:-1, None] + edges[1:] * lengths)[touching]
+    return (float(starts.min()), float(ends.max())) if len(starts) else None
+
+
+def sample_curves(
+    projection: Projection, x: Array, y: Array, mask: BoolArray, pixel_size: tuple[float, float]
+) -> Curves:
+    """A spread of the tile's projectors: its outermost ones and SAMPLES within."""
+    present = np.flatnonzero(mask)
+    if len(present) > SAMPLES:
+        px, py = x[present], y[present]
+        outermost = [f(a) for a in (px, py, px + py, px - py) for f in (np.argmin, np.argmax)]
+        # Multiples of the golden section spread evenly over rows and columns alike.
+        spread = (np.arange(SAMPLES) * 0.6180339887498949 % 1.0 * len(present)).astype(np.int64)
+        present = present[np.concatenate([outermost, spread])]
+    image = projection.parameters(x[present], y[present])
+    controls = projection.volume.controls(image.u, image.v)
+    dx, dy = image_derivatives(controls.du, controls.dv, image.jacobian)
+    return Curves(controls.points, dx * pixel_size[0], dy * pixel_size[1])
+
+
+def _second_derivative(spans: SpanBasis, span: int, local: Array) -> Array:
+    """Weights (G, K) of the second derivative by t."""
+    degree = spans.degree
+    if degree < 2:
+        return np.zeros((len(local), spans.matrices.shape[2]))
+    second = degree * (degree - 1) * np.diff(spans.matrices[span], 2, axis=0)
+    length = spans.breaks[span + 1] - spans.breaks[span]
+    weights: Array = bernstein(degree - 2, local).T @ second / length**2
+    return weights
+
+
+def tolerance(curves: Curves, spans: SpanBasis, span: int, local: Array, pixel_error: float) -> Tolerance:
+    """Evaluate the demand on chords at ``local`` (G,) in a span."""
+    matrix = spans.matrices[span]
+    here = bernstein(spans.degree, local).T @ matrix
+    slope = bernstein_derivative(spans.degree, local).T @ matrix
+    second = _second_derivative(spans, span, local)
+    position, dx, dy = (np.einsum("gk,kcs->cgs", here, c) for c in curves)
+    tangent = np.einsum("gk,kcs->cgs", slope, curves.points)
+    bend = np.einsum("gk,kcs->cgs", second, curves.points)
+    squared = (tangent**2).sum(axis=0)
+    # Where the tangent vanishes there is no across: all of a vector counts.
+    inverse = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0.0)
+    dx, dy, bend = (a - tangent * ((a * tangent).sum(axis=0) * inverse) for a in (dx, dy, bend))
+    xx, yy, xy = (dx * dx).sum(axis=0), (dy * dy).sum(axis=0), (dx * dy).sum(axis=0)
+    wide = 0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))
+    area = np.maximum(xx * yy - xy * xy, 0.0)
+    narrow = np.divide(area, wide, out=np.zeros_like(area), where=wide > 0.0)
+    pixel = np.sqrt(np.maximum(narrow, wide / MOST_SQUEEZE**2))
+    floor = FINEST * np.abs(position).max(axis=0) + np.finfo(np.float64).tiny
+    return Tolerance(
+        np.maximum(pixel_error * pixel, floor), pixel, np.sqrt((bend**2).sum(axis=0)), np.sqrt(squared)
+    )
+
+
+def plan(
+    spans: SpanBasis, curves: Curves, reach: tuple[float, float], pixel_error: float, finer: int
+) -> Schedule:
+    """The schedule for a tile whose projectors ``curves`` sample, over ``reach`` in t.
+
+    pixel_error: of the chords, pixels. finer: see Schedule.
+    """
+    return _joined(
+        [
+            _plan_span(spans, span, local, curves, pixel_error, finer)
+            for span, local in _spans_within(spans, reach)
+        ]
+    )
+
+
+def corners(spans: SpanBasis, reach: tuple[float, float]) -> Schedule:
+    """The schedule for spans of degree 1: each is its own chord."""
+    return _joined(
+        [_chords(spans, span, np.array(local), 1) for span, local in _spans_within(spans, reach)]
+    )
+
+
+def _spans_within(spans: SpanBasis, reach: tuple[float, float]) -> list[tuple[int, tuple[float, float]]]:
+    """The spans that ``reach`` in t touches, with the part of each in its own parameter."""
+    result = []
+    for span, (start, end) in enumerate(pairwise(spans.breaks)):
+        low, high = max(reach[0], start), min(reach[1], end)
+        if low < high:
+            result.append((span, ((low - start) / (end - start), (high - start) / (end - start))))
+    return result
+
+
+def _joined(parts: list[Schedule]) -> Schedule:
+    """Schedules of consecutive spans as one: each begins where the one before ends."""
+    return Schedule(
+        np.concatenate([p.breaks[:-1] for p in parts] + [parts[-1].breaks[-1:]]),
+        np.concatenate([p.span for p in parts]),
+        np.concatenate([p.ends[:-1] for p in parts] + [parts[-1].ends[-1:]]),
+        max(p.error for p in parts),
+        min(p.finest for p in parts),
+        parts[0].finer,
+        np.concatenate([p.pixel for p in parts]),
+    )
+
+
+def _plan_span(
+    spans: SpanBasis,
+    span: int,
+    reach: tuple[float, float],
+    curves: Curves,
+    pixel_error: float,
+    finer: int,
+) -> Schedule:
+    """The schedule of one span; reach: in the span's own parameter."""
+    first, last = reach
+    length = spans.breaks[span + 1] - spans.breaks[span]
+    # s = (1 - cos θ)/2: even steps in θ are fine at both ends of s, which turns
+    # the integrand's pole at a point-like near surface into a constant.
+    edges = np.linspace(np.arccos(1.0 - 2.0 * first), np.arccos(1.0 - 2.0 * last), STEPS + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    demand = tolerance(curves, spans, span, 0.5 - 0.5 * np.cos(middle), pixel_error)
+    density = np.sqrt(SHIFT * demand.bend / demand.length).max(axis=1) * length
+    total = np.concatenate([[0.0], np.cumsum(density * 0.5 * np.sin(middle) * np.diff(edges))])
+    factor = MARGIN
+    for _ in range(ATTEMPTS):
+        count = int(np.clip(np.ceil(total[-1] * factor), 1, MOST_CHORDS))
+        quantiles = np.linspace(0.0, total[-1], count + 1)
+        local = 0.5 - 0.5 * np.cos(np.interp(quantiles, total, edges))
+        local[0], local[-1] = first, last
+        schedule = _chords(spans, span, local, finer)
+        excess, error, pixel = _measure(schedule, spans, span, local, curves, pixel_error)
+        if excess <= 1.0 or count == MOST_CHORDS:
+            break
+        factor *= MARGIN * np.sqrt(excess)
+    return replace(schedule, error=error, finest=float(demand.length.min()) / finer**2, pixel=pixel)
+
+
+def _chords(spans: SpanBasis, span: int, local: Array, finer: int) -> Schedule:
+    """Chords between breaks given in the span's own parameter, inner ends shifted."""
+    start, end = spans.breaks[span], spans.breaks[span + 1]
+    ends = bernstein(spans.degree, local).T @ spans.matrices[span]
+    steps = np.diff(local) * (end - start)
+    shift = SHIFT * (steps[1:] * steps[:-1])[:, None]
+    ends[1:-1] -= shift * _second_derivative(spans, span, local[1:-1])
+    span_of = np.full(len(steps), span)
+    return Schedule(start + local * (end - start), span_of, ends, 0.0, np.inf, finer, np.zeros(len(steps)))
+
+
+def _measure(
+    schedule: Schedule, spans: SpanBasis, span: int, local: Array, curves: Curves, pixel_error: float
+) -> tuple[float, float, Array]:
+    """Largest distance of curve and chords, in tolerances and in pixels; pixels in t.
+
+    Compared at both ends and in the middle of each chord, on MEASURED projectors.
+    """
+    some = Curves(*(c[:, :, :MEASURED] for c in curves))
+    corners = np.einsum("nk,kcs->cns", schedule.ends, some.points)
+    chord = np.diff(corners, axis=1)
+    length = (chord**2).sum(axis=0)
+    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
+    excess = error = 0.0
+    pixel = np.full(len(local) - 1, np.inf)
+    for share in (0.0, 0.5, 1.0):
+        place = local[:-1] + share * np.diff(local)
+        demand = tolerance(some, spans, span, place, pixel_error)
+        weights = bernstein(spans.degree, place).T @ spans.matrices[span]
+        offset = np.einsum("gk,kcs->cgs", weights, some.points) - corners[:, :-1]
+        along = np.clip((offset * chord).sum(axis=0) * inverse, 0.0, 1.0)
+        distance = np.sqrt(((offset - chord * along) ** 2).sum(axis=0))
+        excess = max(excess, float((distance / demand.length).max()))
+        known = demand.pixel > 0.0
+        error = max(error, float(np.max(distance[known] / demand.pixel[known], initial=0.0)))
+        speed = np.maximum(demand.speed, np.finfo(np.float64).tiny)
+        pixel = np.minimum(pixel, (demand.pixel / speed).min(axis=1))
+    return excess, error, pixel

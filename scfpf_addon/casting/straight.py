@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Straight projectors: one Embree ray each, then t solved in float64."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..projection.typing import Array, BoolArray
+from .hits import CastCounts, Hits
+from .scene import CastScene
+
+# Rays run this share past t = 1, so that float32 cannot lose a hit just before
+# it; what the float64 solve then puts past 1 is dropped.
+END_SLACK = 1e-6
+
+# A float64 solution this far from [0, 1] means a triangle seen edge-on, whose
+# plane says nothing; Embree's own distance is kept then.
+EDGE_ON = 1e-4
+
+
+def cast_straight(
+    scene: CastScene, points: Array, mask: BoolArray, reach: tuple[float, float], counts: CastCounts
+) -> Hits:
+    """Cast the segments from points[0] to points[1].
+
+    points: (2, 3, N) finite, cast space. mask: (N,). reach: the part of [0, 1]
+    that can hold a hit; the ray starts at its beginning.
+    """
+    start, way = points[0], points[1] - points[0]
+    first, last = reach
+    origins = (start + way * first if first > 0.0 else start).astype(np.float32)
+    directions = (way * (last - first) if last - first < 1.0 else way).astype(np.float32)
+    limits = np.where(mask, np.float32(1.0 + END_SLACK), np.float32(-1.0))
+    found = scene.trace(origins, directions, limits)
+    counts.projectors += int(np.count_nonzero(mask))
+    counts.rays += int(np.count_nonzero(mask))
+    counts.chords += int(np.count_nonzero(mask))
+
+    triangles = np.maximum(found, 0)
+    plane = scene.planes.take(triangles, 1)
+    height = np.einsum("cn,cn->n", plane[:3], start)
+    height += plane[3]
+    slope = np.einsum("cn,cn->n", plane[:3], way)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        t = np.divide(height, slope, out=height)
+        np.negative(t, out=t)
+        hit = found >= 0
+        lost = np.flatnonzero(hit & ~((t > -EDGE_ON) & (t < 1.0 + EDGE_ON)))
+    if len(lost):
+        share = scene.trace_distance(origins[:, lost], directions[:, lost], limits[lost])
+        t[lost] = first + (last - first) * np.minimum(share, 1.0)
+        counts.unresolved += len(lost)
+    hit &= t <= 1.0
+    place = np.maximum(np.where(hit, t, 1.0), 0.0)
+    position = start + way * place
+    barycentric = scene.barycentric(position, triangles)
+    if not hit.all():
+        barycentric *= hit
+        found = np.where(hit, found, np.int32(-1))
+        t = np.where(hit, place, np.inf)
+    else:
+        t = place
+    if not mask.all():
+        position *= mask
+        way *= mask
+    return Hits(t, found, barycentric, position, way, mask)
