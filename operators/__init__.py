@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user can do: ``bpy.ops.scfpf``. One module a family."""
+
+from . import camera, presets, render, surfaces
+
+# Registered in this order, unregistered in the reverse.
+MODULES = (camera, presets, surfaces, render)
+
+
+def register():
+    for module in MODULES:
+        module.register()
+
+
+def unregister():
+    for module in reversed(MODULES):
+        module.unregister()

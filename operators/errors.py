@@ -1,0 +1,10 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The errors that mean bad input: operators report them in one line; all others are bugs and are raised."""
+
+from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
+from ..scfpf_addon.bridge.render_job import RENDER_ERRORS
+from ..scfpf_addon.bridge.result_image import ResultError
+from ..scfpf_addon.bridge.surface_nodes import SurfaceError
+from ..scfpf_addon.projection.preset import PresetError
+
+BAD_INPUT = (FlexibleCameraError, PresetError, ResultError, SurfaceError, *RENDER_ERRORS)

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render a picture through a flexible camera, and show it."""
+
+import time
+
+import bpy
+from bpy.props import StringProperty
+
+from ..scfpf_addon.bridge import render_job
+from ..scfpf_addon.bridge.result_image import discard_progress, result_image, show_progress, write_result
+from ..scfpf_addon.bridge.result_undo import stamp_result
+from .errors import BAD_INPUT
+from .target import render_camera
+
+# Seconds between two looks at the running job.
+TICK = 0.2
+# Seconds between two looks at the picture in the making: handing one of 4K to Blender takes a tenth.
+PICTURE_TICK = 0.5
+NO_CAMERA = (
+    "There is no flexible camera to render: add one with Add > Camera > Flexible Camera, or select one"
+)
+
+
+def object_by_uid(session_uid: int):
+    """The object of this session's number, whatever was renamed, undone or loaded since; None if gone."""
+    return next((obj for obj in bpy.data.objects if obj.session_uid == session_uid), None)
+
+
+def image_editors(window_manager) -> list:
+    """The image spaces that may show a picture: those that show ours or nothing first."""
+    spaces = [
+        area.spaces.active
+        for window in window_manager.windows
+        for area in window.screen.areas
+        if area.ui_type == "IMAGE_EDITOR"
+    ]
+    free = [space for space in spaces if space.ui_mode == "VIEW" and not space.use_image_pin]
+    ours = [space for space in spaces if space.image is not None and space.image == result_image()]
+    return ours + [space for space in free if space.image is None] + free
+
+
+def redraw_interface(window_manager) -> None:
+    """Draw the panels again, not the views beside them."""
+    for window in window_manager.windows:
+        for area in window.screen.areas:
+            for region in area.regions:
+                is_sidebar = area.type == "VIEW_3D" and region.type == "UI"
+                if is_sidebar or (area.type == "PROPERTIES" and region.type == "WINDOW"):
+                    region.tag_redraw()
+
+
+class SCFPF_OT_render(bpy.types.Operator):
+    """Render a picture through the flexible camera into an image. Esc cancels and keeps the old picture"""
+
+    bl_idname = "scfpf.render"
+    bl_label = "Render Flexible Camera"
+    bl_options = {"REGISTER"}
+
+    camera: StringProperty(
+        name="Camera",
+        description="Name of the flexible camera; empty for the scene's camera, or else the active one",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, _context):
+        if render_job.current() is not None:
+            cls.poll_message_set("A render is already running: Esc cancels it")
+            return False
+        return True
+
+    def execute(self, context):
+        if not self._start(context, with_tiles=False):
+            return {"CANCELLED"}
+        return self._deliver(context)
+
+    def invoke(self, context, _event):
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        if not self._start(context, with_tiles=True):
+            return {"CANCELLED"}
+        self._status = ""
+        self._workspaces = set()
+        self._picture_time = time.monotonic()
+        self._is_picture_shown = False
+        window_manager = context.window_manager
+        self._timer = window_manager.event_timer_add(TICK, window=context.window)
+        window_manager.modal_handler_add(self)
+        self._show_progress(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS" and not self._job.cancelled:
+            self._job.cancel()
+            self._show_progress(context)
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if self._job.running:
+            self._show_progress(context)
+            self._show_picture(context)
+            return {"PASS_THROUGH"}
+        self._leave(context)
+        outcome = {"CANCELLED"}
+        try:
+            outcome = self._deliver(context)
+        finally:
+            if self._is_picture_shown and outcome == {"CANCELLED"}:
+                discard_progress()
+        return outcome
+
+    def cancel(self, context):
+        """Blender ends the operator: its window closes, another file is opened, or Blender quits."""
+        render_job.stop()
+        self._leave(context)
+        if self._is_picture_shown:
+            discard_progress()
+
+    def _start(self, context, with_tiles: bool) -> bool:
+        """Read the inputs and start the job; False after reporting why it cannot be."""
+        camera = bpy.data.objects.get(self.camera) if self.camera else render_camera(context)
+        if camera is None:
+            missing = f'There is no object "{self.camera}" to render through' if self.camera else NO_CAMERA
+            self.report({"ERROR"}, missing)
+            return False
+        if camera.type != "CAMERA" or not camera.scfpf.enabled:
+            self.report(
+                {"ERROR"}, f"{camera.name} is not a flexible camera: switch on Flexible Projection for it"
+            )
+            return False
+        for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
+            edited.update_from_editmode()
+        self._camera_uid = camera.session_uid
+        try:
+            inputs = render_job.prepare(context.scene, context.view_layer, camera)
+            self._job = render_job.start(inputs, with_tiles)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return False
+        for warning in inputs.scene.warnings:
+            self.report({"WARNING"}, warning)
+        return True
+
+    def _deliver(self, context):
+        """Write the finished picture; nothing is touched if it was cancelled or has failed."""
+        try:
+            frame = self._job.result()
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error) or "There is not enough memory for this picture")
+            return {"CANCELLED"}
+        finally:
+            render_job.stop()
+        if frame is None:
+            self.report({"INFO"}, "Render cancelled: the old picture is as it was")
+            return {"CANCELLED"}
+        try:
+            image = write_result(frame.pixels)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        stamp_result(image)
+        summary = frame.report.summary()
+        camera = object_by_uid(self._camera_uid)
+        if camera is not None and camera.is_editable:
+            camera.scfpf.report = summary
+        editors = image_editors(context.window_manager)
+        if editors:
+            editors[0].image = image
+            self.report({"INFO"}, summary)
+        else:
+            self.report({"INFO"}, f'{summary}. The image "{image.name}" is ready: open it in an Image Editor')
+        # The operator has no UNDO option, whose redo panel would render again at every change.
+        if bpy.ops.ed.undo_push.poll():
+            bpy.ops.ed.undo_push(message="SCFPF Render")
+        return {"FINISHED"}
+
+    def _show_progress(self, context):
+        percent = int(100 * self._job.progress)
+        text = "SCFPF: cancelling" if self._job.cancelled else f"SCFPF: rendering, {percent} %    Esc: cancel"
+        if text == self._status:
+            return
+        self._status = text
+        context.workspace.status_text_set(text)
+        self._workspaces.add(context.workspace.name)
+        redraw_interface(context.window_manager)
+
+    def _show_picture(self, context):
+        """The tiles so far, where no other image has to give way: cancelling leaves everything as it was."""
+        if time.monotonic() - self._picture_time < PICTURE_TICK or self._job.cancelled:
+            return
+        editors = image_editors(context.window_manager)
+        if not editors or editors[0].image not in (None, result_image()):
+            return
+        tiles = self._job.new_tiles()
+        if tiles is not None:
+            editors[0].image = show_progress(tiles)
+            self._is_picture_shown = True
+            self._picture_time = time.monotonic()
+
+    def _leave(self, context):
+        """Take back what invoke put up."""
+        context.window_manager.event_timer_remove(self._timer)
+        for name in self._workspaces:
+            workspace = bpy.data.workspaces.get(name)
+            if workspace is not None:
+                workspace.status_text_set(None)
+        redraw_interface(context.window_manager)
+
+
+class SCFPF_OT_render_cancel(bpy.types.Operator):
+    """Cancel the render; the old picture stays as it was"""
+
+    bl_idname = "scfpf.render_cancel"
+    bl_label = "Cancel Render"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, _context):
+        return render_job.current() is not None
+
+    def execute(self, _context):
+        job = render_job.current()
+        if job is not None:
+            job.cancel()
+        return {"FINISHED"}
+
+
+class SCFPF_OT_result_show(bpy.types.Operator):
+    """Show the last picture: in an open Image Editor, or else in a window of its own"""
+
+    bl_idname = "scfpf.result_show"
+    bl_label = "Show Picture"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, _context):
+        if result_image() is None:
+            cls.poll_message_set("There is no picture yet: press Render first")
+            return False
+        return True
+
+    def execute(self, context):
+        editors = image_editors(context.window_manager)
+        if editors:
+            editors[0].image = result_image()
+            return {"FINISHED"}
+        if bpy.app.background:
+            self.report({"ERROR"}, "Blender runs without windows: there is nothing to show the picture in")
+            return {"CANCELLED"}
+        bpy.ops.wm.window_new()
+        area = context.window_manager.windows[-1].screen.areas[0]
+        area.ui_type = "IMAGE_EDITOR"
+        area.spaces.active.image = result_image()
+        return {"FINISHED"}
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(
+    (SCFPF_OT_render, SCFPF_OT_render_cancel, SCFPF_OT_result_show)
+)
+
+
+def register():
+    _register_classes()
+
+
+def unregister():
+    # Before the classes go: their thread may still be at work.
+    render_job.stop()
+    _unregister_classes()

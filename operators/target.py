@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which camera an operator or a panel is about."""
+
+
+def camera_with_surface(scene, surface):
+    """The camera of ``scene`` that has ``surface`` in its list, or None."""
+    parent = surface.parent
+    candidates = [parent] if parent is not None and parent.type == "CAMERA" else []
+    for camera in candidates + [obj for obj in scene.objects if obj.type == "CAMERA"]:
+        if any(slot.object == surface for slot in camera.scfpf.surfaces):
+            return camera
+    return None
+
+
+def camera_of(context):
+    """The camera object that the user is at work on, flexible or not, or None.
+
+    The active object if it is a camera; the camera whose control surface it is;
+    else the scene's camera.
+    """
+    active = context.object
+    if active is not None:
+        if active.type == "CAMERA":
+            return active
+        # Asked only of control surfaces: panels come here at every redraw.
+        owner = camera_with_surface(context.scene, active) if active.scfpf_surface.kind != "NONE" else None
+        if owner is not None:
+            return owner
+    return context.scene.camera
+
+
+def flexible_camera_of(context):
+    """``camera_of`` if it is a flexible camera, else None."""
+    camera = camera_of(context)
+    return camera if camera is not None and camera.scfpf.enabled else None
+
+
+def poll_object_mode(cls, context) -> bool:
+    """Adding and removing objects needs Object Mode, as everywhere in Blender."""
+    if context.mode != "OBJECT":
+        cls.poll_message_set("Leave the edit mode first")
+        return False
+    return True
+
+
+def poll_camera(cls, context) -> bool:
+    """A poll for operators on a camera that can be edited; says why when not."""
+    camera = camera_of(context)
+    if camera is None:
+        cls.poll_message_set("Select a camera, or add one with Add > Camera > Flexible Camera")
+        return False
+    if not camera.is_editable:
+        cls.poll_message_set("The camera is linked from another file: make a library override of it first")
+        return False
+    return poll_object_mode(cls, context)
+
+
+def poll_flexible_camera(cls, context) -> bool:
+    """``poll_camera`` for operators that need the camera to be flexible."""
+    camera = camera_of(context)
+    if camera is not None and not camera.scfpf.enabled:
+        cls.poll_message_set("Switch on Flexible Projection for this camera first")
+        return False
+    return poll_camera(cls, context)
+
+
+def render_camera(context):
+    """What Render means when no camera is named: the scene's if flexible, else the active one, or None."""
+    camera = context.scene.camera
+    if camera is not None and camera.scfpf.enabled:
+        return camera
+    return flexible_camera_of(context)

@@ -1,0 +1,17 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the user sees: panels, lists and menus. They draw and decide nothing."""
+
+from . import camera_panels, menus, surface_list
+
+# Registered in this order, unregistered in the reverse.
+MODULES = (surface_list, menus, camera_panels)
+
+
+def register():
+    for module in MODULES:
+        module.register()
+
+
+def unregister():
+    for module in reversed(MODULES):
+        module.unregister()

@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels of a flexible camera: the same in the camera's Data tab and in the 3D viewport's sidebar."""
+
+import bpy
+
+from ..operators.target import camera_of, flexible_camera_of
+from ..scfpf_addon.bridge import render_job
+from ..scfpf_addon.bridge.result_image import result_image
+from ..scfpf_addon.bridge.surface_nodes import SurfaceError, parameter_properties
+from .surface_list import is_missing
+
+
+def problems(scene, camera) -> list[str]:
+    """What keeps a flexible camera from making a picture, in a few words each."""
+    slots = camera.scfpf.surfaces
+    found = []
+    if len(slots) < 2:
+        found.append("A volume needs two control surfaces")
+    if any(is_missing(scene, slot) for slot in slots):
+        found.append("A control surface was deleted")
+    return found
+
+
+def draw_render(layout, context, camera) -> None:
+    """The Render button, or the progress of the render that is running; then what the last one did."""
+    job = render_job.current()
+    row = layout.row(align=True)
+    row.scale_y = 1.5
+    if job is None:
+        row.operator("scfpf.render", text="Render", icon="RENDER_STILL").camera = camera.name
+        if result_image() is not None:
+            row.operator("scfpf.result_show", text="", icon="IMAGE_DATA")
+    else:
+        text = "Cancelling" if job.cancelled else f"Rendering {job.progress:.0%}"
+        row.progress(factor=job.progress, text=text)
+        row.operator("scfpf.render_cancel", text="", icon="X")
+    for problem in problems(context.scene, camera):
+        layout.label(text=problem, icon="ERROR")
+    if camera.scfpf.report:
+        column = layout.column(align=True)
+        column.scale_y = 0.8
+        column.active = False
+        for part in camera.scfpf.report.split(" · "):
+            column.label(text=part)
+
+
+class _MainSection:
+    bl_label = "Flexible Projection"
+    names_camera = False
+
+    def draw_header(self, context):
+        camera = camera_of(context)
+        if camera is not None:
+            icon = "CHECKBOX_HLT" if camera.scfpf.enabled else "CHECKBOX_DEHLT"
+            self.layout.operator("scfpf.camera_toggle", text="", icon=icon, emboss=False)
+
+    def draw(self, context):
+        layout = self.layout
+        camera = camera_of(context)
+        if camera is None:
+            layout.label(text="The scene has no camera", icon="INFO")
+            layout.operator("scfpf.camera_add", icon="OUTLINER_OB_CAMERA")
+            return
+        if self.names_camera:
+            layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA")
+        if camera.scfpf.enabled:
+            draw_render(layout, context, camera)
+            layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
+            return
+        column = layout.column(align=True)
+        column.operator("scfpf.camera_toggle", text="Make This Camera Flexible", icon="OUTLINER_OB_CAMERA")
+        column.menu("SCFPF_MT_presets", text="Start from a Preset", icon="PRESET")
+
+
+class _Subsection:
+    @classmethod
+    def poll(cls, context):
+        return flexible_camera_of(context) is not None and super().poll(context)
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        camera = flexible_camera_of(context)
+        self.draw_settings(context, camera, camera.scfpf)
+
+
+class _SurfacesSection(_Subsection):
+    bl_label = "Control Surfaces"
+
+    def draw_settings(self, context, _camera, settings):
+        layout = self.layout
+        row = layout.row()
+        row.template_list(
+            "SCFPF_UL_surfaces", "", settings, "surfaces", settings, "active_surface", rows=5, sort_lock=True
+        )
+        column = row.column(align=True)
+        column.menu("SCFPF_MT_surface_add", text="", icon="ADD")
+        column.operator("scfpf.surface_remove", text="", icon="REMOVE")
+        column.separator()
+        column.operator("scfpf.surface_move", text="", icon="TRIA_UP").direction = "UP"
+        column.operator("scfpf.surface_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+        column.separator()
+        column.menu("SCFPF_MT_surface_specials", text="", icon="DOWNARROW_HLT")
+        if settings.active_surface < len(settings.surfaces):
+            self.draw_surface(context, settings.surfaces[settings.active_surface])
+
+    def draw_surface(self, context, slot):
+        if is_missing(context.scene, slot):
+            self.layout.label(text="Remove it from the list with -", icon="ERROR")
+            return
+        column = self.layout.column()
+        column.prop(slot.object.scfpf_surface, "kind")
+        try:
+            for label, owner, name in parameter_properties(slot.object):
+                column.prop(owner, name, text=label)
+        except SurfaceError as error:
+            column.label(text=str(error), icon="ERROR")
+
+
+class _ProjectorsSection(_Subsection):
+    bl_label = "Projectors"
+
+    def draw_settings(self, _context, _camera, settings):
+        layout = self.layout
+        # Short labels: the sidebar is narrow, and the tooltips have the full names.
+        layout.prop(settings, "basis", text="Shape")
+        layout.prop(settings, "reparameterisation", text="Mapping")
+        for axis in "uv":
+            column = layout.column(align=True)
+            column.prop(settings, f"{axis}_range", index=0, text=f"{axis.upper()} Start")
+            column.prop(settings, f"{axis}_range", index=1, text="End")
+
+
+class _QualitySection(_Subsection):
+    bl_label = "Quality"
+
+    def draw_settings(self, _context, _camera, settings):
+        self.layout.prop(settings, "pixel_error")
+        self.layout.prop(settings, "samples")
+
+
+class _DisplaySection(_Subsection):
+    bl_label = "Viewport Display"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, _context, _camera, settings):
+        self.layout.prop(settings, "show_projectors")
+        row = self.layout.row()
+        row.active = settings.show_projectors
+        row.prop(settings, "projector_count", text="Count")
+
+
+class _DataTab:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        # A pinned camera's data may be shown while another object is active.
+        obj = context.object
+        return obj is not None and obj.type == "CAMERA" and obj.data == context.camera
+
+
+class _Sidebar:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "SCFPF"
+    names_camera = True
+
+    @classmethod
+    def poll(cls, _context):
+        return True
+
+
+class SCFPF_PT_data(_DataTab, _MainSection, bpy.types.Panel):
+    pass
+
+
+class SCFPF_PT_data_surfaces(_SurfacesSection, _DataTab, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_data"
+
+
+class SCFPF_PT_data_projectors(_ProjectorsSection, _DataTab, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_data"
+
+
+class SCFPF_PT_data_quality(_QualitySection, _DataTab, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_data"
+
+
+class SCFPF_PT_data_display(_DisplaySection, _DataTab, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_data"
+
+
+class SCFPF_PT_view(_Sidebar, _MainSection, bpy.types.Panel):
+    pass
+
+
+class SCFPF_PT_view_surfaces(_SurfacesSection, _Sidebar, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_view"
+
+
+class SCFPF_PT_view_projectors(_ProjectorsSection, _Sidebar, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_view"
+
+
+class SCFPF_PT_view_quality(_QualitySection, _Sidebar, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_view"
+
+
+class SCFPF_PT_view_display(_DisplaySection, _Sidebar, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_view"
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        SCFPF_PT_data,
+        SCFPF_PT_data_surfaces,
+        SCFPF_PT_data_projectors,
+        SCFPF_PT_data_quality,
+        SCFPF_PT_data_display,
+        SCFPF_PT_view,
+        SCFPF_PT_view_surfaces,
+        SCFPF_PT_view_projectors,
+        SCFPF_PT_view_quality,
+        SCFPF_PT_view_display,
+    )
+)

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Menus, and our entries in Blender's own."""
+
+import bpy
+
+from ..operators.presets import preset_items
+from ..operators.surfaces import SURFACE_KINDS
+from .surface_list import KIND_ICONS
+
+
+class SCFPF_MT_surface_add(bpy.types.Menu):
+    """The kinds of control surface"""
+
+    bl_label = "Control Surface"
+
+    def draw(self, _context):
+        for kind, name, _description in SURFACE_KINDS:
+            self.layout.operator("scfpf.surface_add", text=name, icon=KIND_ICONS[kind]).kind = kind
+
+
+class SCFPF_MT_presets(bpy.types.Menu):
+    """Ready-made projections for this camera"""
+
+    bl_label = "Projection Presets"
+
+    def draw(self, _context):
+        for preset, name, _description in preset_items():
+            self.layout.operator("scfpf.preset_apply", text=name).preset = preset
+        self.layout.separator()
+        self.layout.operator(
+            "scfpf.camera_from_camera", text="This Camera's Own Frustum", icon="OUTLINER_OB_CAMERA"
+        )
+        self.layout.operator("scfpf.preset_load", text="From File...", icon="FILE_FOLDER")
+
+
+class SCFPF_MT_camera_add_preset(bpy.types.Menu):
+    """Flexible cameras with a ready-made projection"""
+
+    bl_label = "Flexible Camera Preset"
+
+    def draw(self, _context):
+        self.layout.operator_context = "EXEC_REGION_WIN"
+        for preset, name, _description in preset_items():
+            self.layout.operator("scfpf.camera_add", text=name).preset = preset
+
+
+class SCFPF_MT_surface_specials(bpy.types.Menu):
+    """More about control surfaces"""
+
+    bl_label = "Control Surface Specials"
+
+    def draw(self, _context):
+        self.layout.operator("scfpf.surface_select", icon="RESTRICT_SELECT_OFF")
+        self.layout.operator("scfpf.surface_attach", icon="LINKED")
+
+
+def _camera_entries(menu, _context):
+    menu.layout.operator_context = "EXEC_REGION_WIN"
+    menu.layout.operator(
+        "scfpf.camera_add", text="Flexible Camera", icon="OUTLINER_OB_CAMERA"
+    ).preset = "VIEW"
+    menu.layout.menu("SCFPF_MT_camera_add_preset", icon="PRESET")
+
+
+def _surface_entries(menu, _context):
+    menu.layout.menu("SCFPF_MT_surface_add", icon="SURFACE_DATA")
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(
+    (SCFPF_MT_surface_add, SCFPF_MT_presets, SCFPF_MT_camera_add_preset, SCFPF_MT_surface_specials)
+)
+
+
+def register():
+    _register_classes()
+    bpy.types.VIEW3D_MT_camera_add.append(_camera_entries)
+    bpy.types.VIEW3D_MT_add.append(_surface_entries)
+
+
+def unregister():
+    bpy.types.VIEW3D_MT_add.remove(_surface_entries)
+    bpy.types.VIEW3D_MT_camera_add.remove(_camera_entries)
+    _unregister_classes()

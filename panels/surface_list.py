@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The list of a camera's control surfaces, from near to far."""
+
+import bpy
+
+KIND_ICONS = {
+    "NONE": "MESH_DATA",
+    "POINT": "DOT",
+    "PLANE": "MESH_PLANE",
+    "PATCH": "SURFACE_DATA",
+    "DISC": "MESH_CIRCLE",
+    "CYLINDER": "MESH_CYLINDER",
+    "CONE": "MESH_CONE",
+    "SPHERE": "MESH_UVSPHERE",
+    "GRID": "MESH_GRID",
+}
+
+
+def is_missing(scene, slot) -> bool:
+    """Whether a slot's object is gone: never set, or deleted while the slot still points at it."""
+    return slot.object is None or scene.objects.get(slot.object.name) != slot.object
+
+
+class SCFPF_UL_surfaces(bpy.types.UIList):
+    """Control surfaces from near to far"""
+
+    def draw_item(self, context, layout, data, item, _icon, _active_data, _active_property, index):
+        row = layout.row(align=True)
+        if is_missing(context.scene, item):
+            row.alert = True
+            row.label(
+                text="Deleted" if item.object is None else f"{item.object.name} (deleted)", icon="ERROR"
+            )
+            return
+        row.prop(item.object, "name", text="", emboss=False, icon=KIND_ICONS[item.object.scfpf_surface.kind])
+        end = "Near" if index == 0 else "Far" if index == len(data.surfaces) - 1 else ""
+        if end and end not in item.object.name:
+            place = row.row()
+            place.alignment = "RIGHT"
+            place.active = False
+            place.label(text=end)
+        row.operator("scfpf.surface_select", text="", icon="RESTRICT_SELECT_OFF", emboss=False).index = index
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_UL_surfaces,))

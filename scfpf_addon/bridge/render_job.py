@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A render: everything that it needs is read at once, then a thread sees arrays only."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..casting.scene import CastError
+from ..projection.volume import Projection
+from ..shading.frame import Frame, FrameSettings, render_frame
+from ..shading.scene import Scene
+from .flexible_camera import sync_volume_object
+from .read_projection import ProjectionError, read_projection
+from .read_scene import SceneError, read_scene
+from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
+
+# 16384 × 16384. A pixel passes through the film, Blender's float buffer and the packed file.
+MAXIMUM_PIXELS = 2**28
+BYTES_PER_PIXEL = 64
+
+
+class RenderError(ValueError):
+    """What was asked for cannot be rendered; the message says what to do."""
+
+
+# All that ``prepare`` and a job's ``result`` raise for bad input; anything else is a bug.
+RENDER_ERRORS = (
+    CastError,
+    MemoryError,
+    ProjectionError,
+    RenderDepsgraphError,
+    RenderError,
+    SceneError,
+)
+
+
+@dataclass(frozen=True)
+class RenderInputs:
+    """Arrays and numbers only: Blender may change or free anything while they are used."""
+
+    projection: Projection
+    scene: Scene
+    settings: FrameSettings
+
+
+def picture_size(scene) -> tuple[int, int]:
+    """Width and height in pixels from the scene's resolution and percentage, at least 1 × 1.
+
+    Raises RenderError for a picture that no memory holds.
+    """
+    render = scene.render
+    width = max(render.resolution_x * render.resolution_percentage // 100, 1)
+    height = max(render.resolution_y * render.resolution_percentage // 100, 1)
+    if width * height > MAXIMUM_PIXELS:
+        gigabytes = width * height * BYTES_PER_PIXEL / 1e9
+        raise RenderError(
+            f"A picture of {width} × {height} pixels would need about {gigabytes:.0f} GB of memory; "
+            "lower the resolution or its percentage in Output Properties"
+        )
+    return width, height
+
+
+def picture_aspect(scene) -> float:
+    """Width / height of the picture as it is shown, pixel aspect included."""
+    render = scene.render
+    width, height = picture_size(scene)
+    return width * render.pixel_aspect_x / (height * render.pixel_aspect_y)
+
+
+def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> RenderInputs:
+    """Read all that a picture of ``view_layer`` through ``camera`` needs, as evaluated for a render.
+
+    pixel_error: overrides the camera's own. Raises one of RENDER_ERRORS.
+    """
+    width, height = picture_size(scene)
+    aspect = picture_aspect(scene)
+    name = camera.name
+    if scene.objects.get(name) != camera:
+        raise RenderError(
+            f"'{name}' is not in the scene '{scene.name}': link it there, or choose another camera"
+        )
+    # Restores what keeps hidden surfaces evaluated, should it have been deleted.
+    sync_volume_object(camera)
+
+    def read(depsgraph) -> RenderInputs:
+        options = camera.evaluated_get(depsgraph).scfpf
+        return RenderInputs(
+            read_projection(camera, depsgraph, aspect),
+            read_scene(depsgraph),
+            FrameSettings(
+                width,
+                height,
+                samples=options.samples,
+                pixel_error=options.pixel_error if pixel_error is None else pixel_error,
+                transparent=scene.render.film_transparent,
+            ),
+        )
+
+    return with_render_depsgraph(scene, view_layer, read)
+
+
+class RenderJob:
+    """One picture being made by a thread of its own. Start it with ``start``."""
+
+    def __init__(self, inputs: RenderInputs, with_tiles: bool = False):
+        """with_tiles: keep what is finished so far for ``new_tiles``."""
+        self._inputs = inputs
+        self._cancelled = threading.Event()
+        self._progress = 0.0
+        size = (inputs.settings.height, inputs.settings.width, 4)
+        self._tiles = np.zeros(size, np.float32) if with_tiles else None
+        self._has_new_tiles = threading.Event()
+        self._frame: Frame | None = None
+        self._error: BaseException | None = None
+        self._thread = threading.Thread(target=self._run, name="SCFPF render")
+
+    def _run(self) -> None:
+        try:
+            self._frame = render_frame(
+                self._inputs.projection,
+                self._inputs.scene,
+                self._inputs.settings,
+                progress=self._note_progress,
+                cancelled=self._cancelled.is_set,
+                on_tile=None if self._tiles is None else self._note_tile,
+            )
+        except BaseException as error:  # A thread has nowhere to raise: result() does it.
+            self._error = error
+
+    def _note_progress(self, fraction: float) -> None:
+        self._progress = fraction
+
+    def _note_tile(self, rows: slice, pixels: NDArray[np.float32]) -> None:
+        self._tiles[rows] = pixels
+        self._has_new_tiles.set()
+
+    def new_tiles(self) -> NDArray[np.float32] | None:
+        """The picture so far, (H, W, 4) as in Frame, or None if nothing was added since the last call."""
+        if not self._has_new_tiles.is_set():
+            return None
+        self._has_new_tiles.clear()
+        return self._tiles
+
+    def start(self) -> None:
+        """Begin; returns at once."""
+        self._thread.start()
+
+    @property
+    def progress(self) -> float:
+        """How much of the picture is done, 0 to 1."""
+        return self._progress
+
+    @property
+    def running(self) -> bool:
+        """Whether the thread is still at work."""
+        return self._thread.is_alive()
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether ``cancel`` was called; the thread may still be finishing a tile."""
+        return self._cancelled.is_set()
+
+    def cancel(self) -> None:
+        """Ask the thread to stop; returns at once."""
+        self._cancelled.set()
+
+    def wait(self) -> None:
+        """Wait for the thread to end."""
+        self._thread.join()
+
+    def result(self) -> Frame | None:
+        """Wait for the thread. The frame, or None if cancelled; raises what the thread raised."""
+        self.wait()
+        if self._error is not None:
+            raise self._error
+        return None if self.cancelled else self._frame
+
+
+_current: RenderJob | None = None
+
+
+def start(inputs: RenderInputs, with_tiles: bool = False) -> RenderJob:
+    """Start the one job that may run at a time, see RenderJob. Raises RenderError while another runs."""
+    global _current
+    if current() is not None:
+        raise RenderError("A render is already running: wait for it, or press Esc to cancel it")
+    _current = RenderJob(inputs, with_tiles)
+    _current.start()
+    return _current
+
+
+def current() -> RenderJob | None:
+    """The job that is running, if any."""
+    return _current if _current is not None and _current.running else None
+
+
+def stop() -> None:
+    """Cancel the job, if any, wait for its thread, and let go of its arrays."""
+    global _current
+    if _current is not None:
+        _current.cancel()
+        _current.wait()
+    _current = None

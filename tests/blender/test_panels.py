@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels and menus, drawn into a layout that records: what they name exists, and both places agree."""
+
+import bpy
+import pytest
+
+SECTIONS = ("", "_surfaces", "_projectors", "_quality", "_display")
+
+
+class RecordingLayout:
+    """Stands for a UILayout: checks that each property, operator and menu exists, and notes it."""
+
+    CONTAINERS = ("row", "column", "box", "split")
+
+    def __init__(self, record=None):
+        self.record = [] if record is None else record
+
+    def __getattr__(self, name):
+        if name in self.CONTAINERS:
+            return lambda **_options: RecordingLayout(self.record)
+        raise AttributeError(name)
+
+    def prop(self, owner, name, text=None, **_options):
+        owner.path_resolve(name)
+        self.record.append(("prop", type(owner).__name__, name, text))
+
+    def operator(self, idname, **_options):
+        module, name = idname.split(".")
+        operator = getattr(getattr(bpy.ops, module), name)
+        known = operator.get_rna_type().properties
+        self.record.append(("operator", idname))
+
+        class Properties:
+            def __setattr__(self, name, value):
+                assert name in known, f"{idname} has no property {name}"
+
+        return Properties()
+
+    def menu(self, idname, **_options):
+        assert hasattr(bpy.types, idname), idname
+        self.record.append(("menu", idname))
+
+    def template_list(self, kind, _identifier, owner, collection, active_owner, active, **_options):
+        assert hasattr(bpy.types, kind)
+        assert len(getattr(owner, collection)) >= 0
+        assert isinstance(getattr(active_owner, active), int)
+        self.record.append(("list", kind))
+
+    def label(self, text="", **_options):
+        self.record.append(("label", text))
+
+    def progress(self, factor, text):
+        assert 0 <= factor <= 1
+        self.record.append(("progress", text))
+
+    def separator(self, **_options):
+        pass
+
+
+class FakePanel:
+    """A panel's Python side without Blender's."""
+
+    def __init__(self, cls):
+        self.cls, self.layout = cls, RecordingLayout()
+
+    def __getattr__(self, name):
+        found = getattr(self.cls, name)
+        return found.__get__(self) if callable(found) else found
+
+
+def drawn(cls, context=None):
+    """What a panel or a menu draws."""
+    panel = FakePanel(cls)
+    panel.draw(context or bpy.context)
+    return panel.layout.record
+
+
+def texts(record):
+    return " ".join(entry[1] for entry in record if entry[0] == "label")
+
+
+@pytest.fixture
+def camera():
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.scfpf.camera_add()
+    return bpy.context.object
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize("place", ["data", "view"])
+@pytest.mark.parametrize(
+    "preset", ["perspective", "cylindrical_panorama", "around_the_car", "angular_fisheye"]
+)
+def test_every_section_draws_what_exists(camera, section, place, preset):
+    bpy.ops.scfpf.preset_apply(preset=preset)
+    for index in range(len(camera.scfpf.surfaces)):
+        camera.scfpf.active_surface = index
+        assert drawn(getattr(bpy.types, f"SCFPF_PT_{place}{section}"))
+
+
+@pytest.mark.parametrize("section", SECTIONS[1:])
+def test_both_places_draw_the_same(camera, section):
+    data, view = (drawn(getattr(bpy.types, f"SCFPF_PT_{place}{section}")) for place in ("data", "view"))
+    assert data == view
+
+
+def test_parameters_of_the_active_surface_are_drawn(camera):
+    for kind in ("PLANE", "CYLINDER", "SPHERE", "GRID", "POINT"):
+        bpy.ops.scfpf.surface_add(kind=kind)
+        labels = {entry[3] for entry in drawn(bpy.types.SCFPF_PT_view_surfaces) if entry[0] == "prop"}
+        wanted = {
+            "PLANE": {"Width", "Height"},
+            "CYLINDER": {"Radius", "Arc", "Height"},
+            "SPHERE": {"Radius", "Arc", "Latitude Start", "Latitude End"},
+        }.get(kind, set())
+        assert wanted <= labels, kind
+
+
+def test_settings_of_the_camera_are_all_drawn(camera):
+    names = set()
+    for section in SECTIONS[1:]:
+        record = drawn(getattr(bpy.types, f"SCFPF_PT_data{section}"))
+        names |= {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_CameraSettings"}
+    hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object", "report"}
+    assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden
+
+
+def test_main_section_without_a_camera_with_an_ordinary_and_with_a_flexible_one():
+    main = bpy.types.SCFPF_PT_view
+    assert ("operator", "scfpf.camera_add") in drawn(main)
+    bpy.ops.object.camera_add()
+    record = drawn(main)
+    assert ("operator", "scfpf.camera_toggle") in record and ("operator", "scfpf.render") not in record
+    bpy.ops.scfpf.camera_toggle()
+    record = drawn(main)
+    assert ("operator", "scfpf.render") in record
+    assert ("operator", "scfpf.result_show") not in record
+
+
+def test_report_and_picture_are_offered_after_a_render(camera):
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = 32, 18
+    bpy.ops.scfpf.render()
+    record = drawn(bpy.types.SCFPF_PT_view)
+    assert ("operator", "scfpf.result_show") in record
+    assert "32×18" in texts(record) and " s" in texts(record)
+
+
+def test_progress_replaces_the_button_while_a_render_runs(addon, camera):
+    jobs = addon("scfpf_addon.bridge.render_job")
+    bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 2048
+    camera.scfpf.samples = 64
+    job = jobs.start(jobs.prepare(bpy.context.scene, bpy.context.view_layer, camera))
+    try:
+        record = drawn(bpy.types.SCFPF_PT_view)
+        job.cancel()
+        cancelling = drawn(bpy.types.SCFPF_PT_view)
+    finally:
+        jobs.stop()
+    assert ("operator", "scfpf.render_cancel") in record and ("operator", "scfpf.render") not in record
+    assert any(entry[0] == "progress" and entry[1].startswith("Rendering") for entry in record)
+    assert ("progress", "Cancelling") in cancelling
+
+
+def test_what_is_missing_is_said(camera):
+    main = bpy.types.SCFPF_PT_view
+    assert texts(drawn(main)) == camera.name
+    bpy.data.objects.remove(camera.scfpf.surfaces[0].object)
+    assert "deleted" in texts(drawn(main))
+    assert "Remove it" in texts(drawn(bpy.types.SCFPF_PT_view_surfaces))
+    bpy.ops.scfpf.surface_remove()
+    assert "two control surfaces" in texts(drawn(main))
+
+
+def test_surface_whose_node_group_is_gone_is_said_and_the_rest_drawn(camera):
+    camera.scfpf.surfaces[0].object.modifiers.clear()
+    assert "node group" in texts(drawn(bpy.types.SCFPF_PT_view_surfaces))
+
+
+def test_list_items_are_named_marked_and_selectable(camera):
+    kind = bpy.types.SCFPF_UL_surfaces
+    camera.scfpf.surfaces[0].object.name = "Lens"
+    slots = camera.scfpf.surfaces
+    layout = RecordingLayout()
+    for index, slot in enumerate(slots):
+        kind.draw_item(
+            None, bpy.context, layout, camera.scfpf, slot, 0, camera.scfpf, "active_surface", index
+        )
+    assert texts(layout.record) == "Near", "the near end is marked, and the far one by its own name"
+    assert layout.record.count(("operator", "scfpf.surface_select")) == 2
+
+
+@pytest.mark.parametrize(
+    "menu",
+    ["SCFPF_MT_surface_add", "SCFPF_MT_presets", "SCFPF_MT_camera_add_preset", "SCFPF_MT_surface_specials"],
+)
+def test_menus_draw_what_exists(camera, menu):
+    assert drawn(getattr(bpy.types, menu))
+
+
+def test_add_menus_have_our_entries(addon):
+    menus = addon("panels.menus")
+    for menu, entries in (
+        ("VIEW3D_MT_camera_add", menus._camera_entries),
+        ("VIEW3D_MT_add", menus._surface_entries),
+    ):
+        assert entries in getattr(bpy.types, menu)._dyn_ui_initialize()
+        fake = FakePanel(menus.SCFPF_MT_presets)
+        entries(fake, bpy.context)
+        assert fake.layout.record
+
+
+def test_panels_show_for_a_camera_and_the_sidebar_always(camera):
+    data, view = bpy.types.SCFPF_PT_data, bpy.types.SCFPF_PT_view
+    with bpy.context.temp_override(object=camera, camera=camera.data):
+        assert data.poll(bpy.context) and bpy.types.SCFPF_PT_data_surfaces.poll(bpy.context)
+    other = bpy.data.cameras.new("Pinned")
+    with bpy.context.temp_override(object=camera, camera=other):
+        assert not data.poll(bpy.context), "a pinned camera's data with another object beside it"
+    assert view.poll(bpy.context) and bpy.types.SCFPF_PT_view_surfaces.poll(bpy.context)
+    camera.scfpf.enabled = False
+    assert not bpy.types.SCFPF_PT_view_surfaces.poll(bpy.context)
+
+
+def test_every_operator_has_a_description_and_every_property_too():
+    for name in dir(bpy.ops.scfpf):
+        rna = getattr(bpy.ops.scfpf, name).get_rna_type()
+        assert rna.description, name
+        for prop in rna.properties:
+            if prop.identifier not in {"rna_type", "filter_glob"}:
+                assert prop.description, f"{name}.{prop.identifier}"
