@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Builds the demo's street, renders it through every preset, and saves a .blend with all cameras.
+
+    python demo/render_demo.py --output FOLDER [--percentage N] [--only PRESET]
+
+It runs under a Python that has bpy; `python3 dev.py demo` finds or makes one. Each preset has a scene of its
+own in demo.blend, for its resolution; they share the street. Choose a scene and press Render in the camera's
+properties.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+MODULE = "bl_ext.checkout.scfpf"
+OPENING_SCENE = "around_the_car"
+# The 3D viewport as the file opens: what it turns about, from how far and at which angles (degrees).
+VIEW_CENTRE, VIEW_DISTANCE, VIEW_ANGLES, VIEW_END = (0.0, -2.5, 0.8), 24.0, (46.0, 0.0, -16.0), 1000.0
+
+
+@dataclass(frozen=True)
+class Shot:
+    """Where a preset's camera stands, what it looks at, the scale of its volume, the picture's size."""
+
+    location: tuple[float, float, float]
+    target: tuple[float, float, float]
+    scale: float = 1.0
+    size: tuple[int, int] = (1280, 720)
+
+
+SHOTS = {
+    "around_the_car": Shot((0.0, -10.0, 1.0), (0.0, 0.0, 1.0), size=(1800, 600)),
+    "perspective": Shot((-3.0, -20.0, 1.9), (0.2, 1.0, 2.9)),
+    "orthographic": Shot((-15.0, -22.0, 34.0), (1.5, 1.5, 0.0), 2.4),
+    "inverted_perspective": Shot((0.0, -8.8, 3.0), (0.0, 0.0, 0.7), 0.42),
+    "cylindrical_panorama": Shot((-2.4, -4.2, 1.6), (0.0, 0.0, 1.6)),
+    "angular_fisheye": Shot((-1.7, -3.9, 1.2), (0.0, 0.0, 1.9), size=(800, 800)),
+    "nonlinear_twist": Shot((0.0, -20.5, 10.5), (0.0, 66.0, -1.5), 4.4, (800, 800)),
+}
+# For a preset that the table does not know.
+OTHER_SHOT = SHOTS["perspective"]
+
+
+def enable_add_on(folder: Path) -> None:
+    """Enable the checkout as an extension, through a repository in a folder of its own."""
+    import bpy
+
+    repository = folder / "repository"
+    repository.mkdir()
+    link = repository / "scfpf"
+    if os.name == "nt":
+        import _winapi
+
+        _winapi.CreateJunction(str(ROOT), str(link))  # Symbolic links need a privilege on Windows.
+    else:
+        link.symlink_to(ROOT, target_is_directory=True)
+    bpy.context.preferences.extensions.repos.new(
+        name="checkout", module="checkout", custom_directory=str(repository), remote_url=""
+    )
+    if bpy.ops.preferences.addon_enable(module=MODULE) != {"FINISHED"}:
+        sys.exit("The add-on could not be enabled; the lines above say why.")
+
+
+def preset_files() -> dict[str, Path]:
+    """The presets that ship, by the names of their files."""
+    return {path.stem: path for path in sorted((ROOT / "presets").glob("*.json"))}
+
+
+def build_street():
+    """A fresh file with the demo's scene in it; returns the scene."""
+    import bpy
+
+    from demo.street import build_scene
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    build_scene(scene)
+    return scene
+
+
+def another_scene(street):
+    """A scene that shares the street's collections, its world and its view."""
+    import bpy
+
+    from demo.street import set_view
+
+    scene = bpy.data.scenes.new(street.name)
+    for collection in street.collection.children:
+        scene.collection.children.link(collection)
+    scene.world = street.world
+    set_view(scene)
+    return scene
+
+
+def add_shot(scene, stem: str, text: str):
+    """Give a scene the flexible camera of a preset (its file's name and text); returns the camera."""
+    import bpy
+    from mathutils import Vector
+
+    presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.preset")
+    flexible_camera = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.flexible_camera")
+    preset, shot = presets.load_preset(text), SHOTS.get(stem, OTHER_SHOT)
+    scene.name = preset.name
+    scene.render.resolution_x, scene.render.resolution_y = shot.size
+    scene.render.resolution_percentage = 100
+    collection = bpy.data.collections.new(f"{preset.name} camera")
+    scene.collection.children.link(collection)
+    camera = bpy.data.objects.new(preset.name, bpy.data.cameras.new(preset.name))
+    camera.location = shot.location
+    camera.rotation_euler = (Vector(shot.target) - Vector(shot.location)).to_track_quat("-Z", "Y").to_euler()
+    collection.objects.link(camera)
+    scene.camera = camera
+    layer = scene.view_layers[0]
+    layer.objects.active = camera
+    camera.select_set(True, view_layer=layer)
+    flexible_camera.apply_preset(camera, preset, shot.size[0] / shot.size[1], shot.scale)
+    return camera
+
+
+def render(scene, path: Path) -> str:
+    """Press Render for a scene's camera and write the picture; returns the report's line."""
+    import bpy
+
+    results = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.result_image")
+    with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
+        if bpy.ops.scfpf.render(camera=scene.camera.name) != {"FINISHED"}:
+            sys.exit(f"{scene.name} was not rendered; the lines above say why.")
+    results.save_result(bpy.data.images[results.IMAGE_NAME], str(path), scene)
+    return scene.camera.scfpf.report
+
+
+def open_on(scene) -> None:
+    """Let the file open on a scene, with the car and the volume in view, in their materials' colours."""
+    import bpy
+    from mathutils import Euler
+
+    for window in bpy.context.window_manager.windows:
+        window.scene = scene
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            if area.type == "VIEW_3D":
+                space = area.spaces.active
+                space.shading.color_type = "MATERIAL"
+                space.clip_end = VIEW_END
+                view = space.region_3d
+                view.view_perspective = "PERSP"
+                view.view_location, view.view_distance = VIEW_CENTRE, VIEW_DISTANCE
+                view.view_rotation = Euler([radians(angle) for angle in VIEW_ANGLES]).to_quaternion()
+
+
+def main(arguments: list[str]) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--output", type=Path, required=True, metavar="FOLDER", help="where the pictures and demo.blend go"
+    )
+    parser.add_argument(
+        "--percentage",
+        type=int,
+        default=100,
+        metavar="N",
+        help="size of the pictures in percent (default 100)",
+    )
+    parser.add_argument(
+        "--only", metavar="PRESET", choices=sorted(preset_files()), help="one preset, by its file's name"
+    )
+    options = parser.parse_args(arguments)
+    if not 1 <= options.percentage <= 1000:
+        parser.error("--percentage must be from 1 to 1000")
+    folder = options.output.absolute()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        parser.error(f"cannot make the folder {folder}: {error.strerror}")
+    with tempfile.TemporaryDirectory(prefix="scfpf-demo-", ignore_cleanup_errors=True) as scratch:
+        os.environ["BLENDER_USER_RESOURCES"] = str(Path(scratch, "profile"))
+        Path(scratch, "profile").mkdir()  # Blender passes over a folder that is not there.
+        files = make(Path(scratch), folder, options.percentage, options.only)
+    print("Written:")
+    for file in files:
+        print(f"  {file}")
+
+
+def make(scratch: Path, folder: Path, percentage: int, only: str | None) -> list[Path]:
+    """Build, render and save everything; returns the files written."""
+    import bpy
+
+    started = time.perf_counter()
+    enable_add_on(scratch)
+    street = build_street()
+    print(f"The street is built ({time.perf_counter() - started:.1f} s)", flush=True)
+    presets = {stem: path for stem, path in preset_files().items() if only in (None, stem)}
+    # Made before the street gets a camera of its own.
+    scenes = dict(
+        zip(presets, [street, *(another_scene(street) for _ in range(len(presets) - 1))], strict=True)
+    )
+    files = []
+    for number, (stem, scene) in enumerate(scenes.items(), 1):
+        add_shot(scene, stem, presets[stem].read_text(encoding="utf-8"))
+        scene.render.resolution_percentage = percentage
+        begun = time.perf_counter()
+        print(f"[{number}/{len(scenes)}] {scene.name} ...", flush=True)
+        files.append(folder / f"{stem}.png")
+        report = render(scene, files[-1])
+        print(
+            f"[{number}/{len(scenes)}] {scene.name}: {time.perf_counter() - begun:.1f} s, {report}",
+            flush=True,
+        )
+        scene.render.resolution_percentage = 100
+    open_on(scenes.get(OPENING_SCENE, street))
+    files.append(folder / "demo.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=str(files[-1]), compress=True)
+    print(f"All done in {time.perf_counter() - started:.0f} s", flush=True)
+    return files
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))
+    main(sys.argv[1:])
