@@ -22,9 +22,9 @@ __all__ = ["CastCounts", "Hits", "cast"]
 # cannot be told from infinity in float32; their projectors count as not finite.
 FARTHEST = 1e15
 
-# Error in pixels of chords that are compared with their neighbours': a chord that
-# strays no farther than the next pixel cannot pass what all its neighbours see.
-NEIGHBOUR_ERROR = 1.0
+# Error in pixels of chords that are compared with their neighbours': the eight around
+# a pixel reach this far from its centre, so what its chord passes, one of theirs meets.
+NEIGHBOUR_ERROR = 1.5
 
 # Doubtful hits are looked at with chords that stray this share of the pixel error:
 # they decide, so they should add little to it.
@@ -79,7 +79,7 @@ def cast(
     if single:
         return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts)
     schedule = None if reach is None else corners(spans, reach)
-    return cast_chords(scene, Bundle(spans, points), mask, schedule, None, counts)
+    return cast_chords(scene, Bundle(spans, points), mask, schedule, None, False, counts)
 
 
 def _cast_curved(
@@ -103,14 +103,16 @@ def _cast_curved(
     finer = math.ceil(math.sqrt(max(chord_error / fine_error, 1.0)))
     points, mask, _ = _projectors(projection, x, y)
     if columns is not None:
-        mask &= (y > 0.0) & (y < 1.0)
+        mask[:columns] &= y[:columns] > 0.0
+        mask[-columns:] &= y[-columns:] < 1.0
     spans = projection.volume.spans
     schedule: Schedule | None = None
     reach = scene_reach(spans, points, scene)
     if reach is not None and mask.any():
         curves = sample_curves(projection, x, y, mask, pixel_size)
         schedule = plan(spans, curves, reach, chord_error, finer)
-    return cast_chords(scene, Bundle(spans, points), mask, schedule, columns, counts)
+    compared = schedule is not None and schedule.error > pixel_error
+    return cast_chords(scene, Bundle(spans, points), mask, schedule, columns, compared, counts)
 
 
 def _projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:

@@ -39,10 +39,7 @@ class Solutions(NamedTuple):
 
     def take(self, index: IndexArray) -> Solutions:
         """The solutions at ``index``."""
-        return Solutions(
-            self.t[index], self.triangle[index], self.barycentric[:, index], self.inside[index]
-        )
-
+        return Solutions(self.t[index], self.triangle[index], self.barycentric[:, index], self.inside[index])
 
     def put(self, where: IndexArray, found: Solutions, which: IndexArray) -> None:
         """Write the solutions ``which`` of ``found`` over those at where[which]."""
@@ -80,17 +77,24 @@ class Bundle:
         )
 
     def steer(self, t: Array, tangent: Array) -> None:
-        """Put the curve's next derivative into ``tangent`` (3, N), at t (N,), where it vanishes.
+        """Where ``tangent`` (3, N), at t (N,), vanishes, put the first derivative that does not.
 
-        Coincident control surfaces stop a projector for an instant; it leaves along
-        the second derivative and arrives against it.
+        Coincident control surfaces stop a projector for an instant. It leaves along
+        that derivative; at t = 1 it arrives along it or, if its order is even, against it.
         """
         still = np.flatnonzero(~tangent.any(axis=0))
-        if len(still) == 0 or self.spans.degree < 2:
+        if len(still) == 0:
             return
-        controls = np.einsum("ik,kcn->icn", self.spans.matrices[0], self.points.take(still, 2))
-        second = evaluate(np.diff(controls, axis=0), t[still])[1]
-        tangent[:, still] = np.where(t[still] > 0.5, -second, second)
+        at = t[still]
+        span, start, length = self.spans.locate(at)
+        local = (at - start) / length
+        controls = np.einsum("nik,kcn->icn", self.spans.matrices[span], self.points.take(still, 2))
+        for order in range(2, self.spans.degree + 1):
+            controls = np.diff(controls, axis=0)
+            higher = evaluate(controls, local)[1]
+            lacking = ~tangent[:, still].any(axis=0)
+            sign = np.where((at >= 1.0) & (order % 2 == 0), -1.0, 1.0)
+            tangent[:, still] = np.where(lacking, sign * higher, tangent[:, still])
 
     def solve(
         self, scene: CastScene, triangle: IndexArray, span: IndexArray, low: Array, high: Array

@@ -79,7 +79,8 @@ def cast_frame(
     def run(rows: tuple[int, int]) -> CastCounts:
         own = CastCounts()
         x, y = pixel_centres(width, height, rows)
-        frame.put(slice(rows[0] * width, rows[1] * width), cast(scene, inside, x, y, size, pixel_error, own, width))
+        tile = cast(scene, inside, x, y, size, pixel_error, own, width)
+        frame.put(slice(rows[0] * width, rows[1] * width), tile)
         return own
 
     with ThreadPoolExecutor(thread_count(threads)) as pool:

@@ -43,10 +43,23 @@ class Hits(NamedTuple):
             np.zeros(count, bool),
         )
 
-    def put(self, where: slice | NDArray[np.intp], part: Hits) -> None:
-        """Store ``part`` at ``where``, a slice or indices along the last axis."""
-        for target, source in zip(self, part, strict=True):
-            target[..., where] = source
+    def within(self, where: slice) -> Hits:
+        """Views of the hits ``where``."""
+        return Hits(
+            self.t[where],
+            self.triangle[where],
+            self.barycentric[:, where],
+            self.position[:, where],
+            self.tangent[:, where],
+            self.mask[where],
+        )
+
+    def put(self, where: slice, part: Hits) -> None:
+        """Store ``part`` at ``where``."""
+        target = self.within(where)
+        target.t[:], target.triangle[:], target.mask[:] = part.t, part.triangle, part.mask
+        target.barycentric[:], target.position[:] = part.barycentric, part.position
+        target.tangent[:] = part.tangent
 
 
 @dataclass

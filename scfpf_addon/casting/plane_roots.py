@@ -82,9 +82,7 @@ def _general(coefficients: Array) -> Array:
     # Coefficients that only rise or only fall: one piece, the usual case near a hit.
     simple = (slopes > 0.0).all(axis=0) | (slopes < 0.0).all(axis=0)
     single = np.flatnonzero(simple & (coefficients[0] * coefficients[-1] <= 0.0))
-    roots[0, single] = _bracketed(
-        coefficients.take(single, 1), np.zeros(len(single)), np.ones(len(single))
-    )
+    roots[0, single] = _bracketed(coefficients.take(single, 1), np.zeros(len(single)), np.ones(len(single)))
     several = np.flatnonzero(~simple)
     if len(several):
         roots[:, several] = _piecewise(coefficients.take(several, 1), slopes.take(several, 1))
@@ -139,6 +137,6 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
             break
         s = step
         if len(going) < 0.5 * len(s):
-            coefficients = coefficients.take(going, 1)
-            active, s, low, high, rising = (a.take(going) for a in (active, s, low, high, rising))
+            coefficients, active, rising = coefficients.take(going, 1), active[going], rising[going]
+            s, low, high = s[going], low[going], high[going]
     return result

@@ -24,9 +24,9 @@ import numpy as np
 
 from ..projection.basis import SpanBasis
 from ..projection.bezier import bernstein, bernstein_derivative, restrict
-from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection, image_derivatives
-from .scene import CastScene
+from .scene import LARGEST_COORDINATE, CastScene
 
 # Projectors of a tile that its schedule looks at, besides its corners.
 SAMPLES = 56
@@ -50,7 +50,11 @@ MOST_SQUEEZE = 64.0
 FINEST = 2.0**-22
 
 # Chords are this much denser than the sampled projectors ask for.
-MARGIN = 1.1
+MARGIN = 1.03
+
+# The first and the last chord have one end that is not shifted, and so half as much
+# error again: √(2/3) of the length makes up for it.
+END_CHORD = 0.8165
 
 # The end of a chord moves by this times q'' h² (see above).
 SHIFT = 1.0 / 16.0
@@ -59,14 +63,14 @@ SHIFT = 1.0 / 16.0
 MOST_CHORDS = 4096
 
 # Attempts to bring the measured error under the one asked for.
-ATTEMPTS = 3
+ATTEMPTS = 5
 
 
 @dataclass(frozen=True)
 class Schedule:
     """The chords of a tile.
 
-    breaks: (n+1,) increasing t. span: (n,) the span of each chord. ends: (n+1, K)
+    breaks: (n+1,) increasing t, those of the spans among them. ends: (n+1, K)
     weights of the K control points that give the chords' ends. error: the largest
     distance between curve and chord on the sampled projectors, in pixels.
     finest: the smallest tolerance, in cast units. finer: finer chords to a chord,
@@ -75,12 +79,16 @@ class Schedule:
     """
 
     breaks: Array
-    span: IndexArray
     ends: Array
     error: float
     finest: float
     finer: int
     pixel: Array
+
+    @property
+    def count(self) -> int:
+        """The number of chords."""
+        return len(self.pixel)
 
 
 class Curves(NamedTuple):
@@ -140,8 +148,13 @@ def sample_curves(
         present = present[np.concatenate([outermost, spread])]
     image = projection.parameters(x[present], y[present])
     controls = projection.volume.controls(image.u, image.v)
-    dx, dy = image_derivatives(controls.du, controls.dv, image.jacobian)
-    return Curves(controls.points, dx * pixel_size[0], dy * pixel_size[1])
+    with np.errstate(invalid="ignore", over="ignore"):
+        dx, dy = image_derivatives(controls.du, controls.dv, image.jacobian)
+    curves = Curves(controls.points, dx * pixel_size[0], dy * pixel_size[1])
+    # A surface need not have a derivative everywhere.
+    with np.errstate(invalid="ignore"):
+        finite = np.logical_and.reduce([(np.abs(c) < LARGEST_COORDINATE).all(axis=(0, 1)) for c in curves])
+    return Curves(*(c[:, :, finite] for c in curves))
 
 
 def _second_derivative(spans: SpanBasis, span: int, local: Array) -> Array:
@@ -196,9 +209,7 @@ def plan(
 
 def corners(spans: SpanBasis, reach: tuple[float, float]) -> Schedule:
     """The schedule for spans of degree 1: each is its own chord."""
-    return _joined(
-        [_chords(spans, span, np.array(local), 1) for span, local in _spans_within(spans, reach)]
-    )
+    return _joined([_chords(spans, span, np.array(local), 1) for span, local in _spans_within(spans, reach)])
 
 
 def _spans_within(spans: SpanBasis, reach: tuple[float, float]) -> list[tuple[int, tuple[float, float]]]:
@@ -215,7 +226,6 @@ def _joined(parts: list[Schedule]) -> Schedule:
     """Schedules of consecutive spans as one: each begins where the one before ends."""
     return Schedule(
         np.concatenate([p.breaks[:-1] for p in parts] + [parts[-1].breaks[-1:]]),
-        np.concatenate([p.span for p in parts]),
         np.concatenate([p.ends[:-1] for p in parts] + [parts[-1].ends[-1:]]),
         max(p.error for p in parts),
         min(p.finest for p in parts),
@@ -240,20 +250,22 @@ def _plan_span(
     edges = np.linspace(np.arccos(1.0 - 2.0 * first), np.arccos(1.0 - 2.0 * last), STEPS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
     demand = tolerance(curves, spans, span, 0.5 - 0.5 * np.cos(middle), pixel_error)
-    density = np.sqrt(SHIFT * demand.bend / demand.length).max(axis=1) * length
+    density = np.sqrt(SHIFT * demand.bend / demand.length).max(axis=1, initial=0.0) * length
     total = np.concatenate([[0.0], np.cumsum(density * 0.5 * np.sin(middle) * np.diff(edges))])
-    factor = MARGIN
+    needed = MARGIN * total[-1] + 2 * (1.0 - END_CHORD)
     for _ in range(ATTEMPTS):
-        count = int(np.clip(np.ceil(total[-1] * factor), 1, MOST_CHORDS))
-        quantiles = np.linspace(0.0, total[-1], count + 1)
+        count = int(np.clip(np.ceil(needed), 1, MOST_CHORDS))
+        shares = np.ones(count)
+        shares[[0, -1]] = END_CHORD
+        quantiles = np.concatenate([[0.0], np.cumsum(shares)]) * (total[-1] / shares.sum())
         local = 0.5 - 0.5 * np.cos(np.interp(quantiles, total, edges))
         local[0], local[-1] = first, last
         schedule = _chords(spans, span, local, finer)
         excess, error, pixel = _measure(schedule, spans, span, local, curves, pixel_error)
         if excess <= 1.0 or count == MOST_CHORDS:
             break
-        factor *= MARGIN * np.sqrt(excess)
-    return replace(schedule, error=error, finest=float(demand.length.min()) / finer**2, pixel=pixel)
+        needed = max(count * MARGIN * np.sqrt(excess), count + 1)
+    return replace(schedule, error=error, finest=float(demand.length.min(initial=np.inf)), pixel=pixel)
 
 
 def _chords(spans: SpanBasis, span: int, local: Array, finer: int) -> Schedule:
@@ -263,8 +275,7 @@ def _chords(spans: SpanBasis, span: int, local: Array, finer: int) -> Schedule:
     steps = np.diff(local) * (end - start)
     shift = SHIFT * (steps[1:] * steps[:-1])[:, None]
     ends[1:-1] -= shift * _second_derivative(spans, span, local[1:-1])
-    span_of = np.full(len(steps), span)
-    return Schedule(start + local * (end - start), span_of, ends, 0.0, np.inf, finer, np.zeros(len(steps)))
+    return Schedule(start + local * (end - start), ends, 0.0, np.inf, finer, np.zeros(len(steps)))
 
 
 def _measure(
@@ -288,9 +299,9 @@ def _measure(
         offset = np.einsum("gk,kcs->cgs", weights, some.points) - corners[:, :-1]
         along = np.clip((offset * chord).sum(axis=0) * inverse, 0.0, 1.0)
         distance = np.sqrt(((offset - chord * along) ** 2).sum(axis=0))
-        excess = max(excess, float((distance / demand.length).max()))
+        excess = max(excess, float((distance / demand.length).max(initial=0.0)))
         known = demand.pixel > 0.0
         error = max(error, float(np.max(distance[known] / demand.pixel[known], initial=0.0)))
         speed = np.maximum(demand.speed, np.finfo(np.float64).tiny)
-        pixel = np.minimum(pixel, (demand.pixel / speed).min(axis=1))
+        pixel = np.minimum(pixel, (demand.pixel / speed).min(axis=1, initial=np.inf))
     return excess, error, pixel

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from .bezier import bernstein, bernstein_derivative
-from .typing import Array
+from .typing import Array, IndexArray
 
 BasisKind = Literal["BEZIER", "POLYLINE"]
 
@@ -35,16 +35,24 @@ class SpanBasis:
         """Degree of every span."""
         return int(self.matrices.shape[1]) - 1
 
+    def locate(self, t: Array) -> tuple[IndexArray, Array, Array]:
+        """The span at each t, (N,), its start and its length in t.
+
+        At a break the right-hand span counts, at t = 1 the last; outside [0, 1] the
+        end spans do.
+        """
+        span = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.matrices) - 1)
+        start = self.breaks[span]
+        return span, start, self.breaks[span + 1] - start
+
     def weights(self, t: Array) -> tuple[Array, Array]:
         """Weights of the control points at t and their derivatives by t.
 
-        t: (N,). Returns two (count, N) arrays. At a break the right-hand span
-        counts, at t = 1 the last. Outside [0, 1] the end spans continue.
+        t: (N,). Returns two (count, N) arrays. Spans as in ``locate``, continued
+        outside [0, 1].
         """
         t = np.asarray(t, np.float64)
-        span = np.clip(np.searchsorted(self.breaks, t, side="right") - 1, 0, len(self.matrices) - 1)
-        start = self.breaks[span]
-        length = self.breaks[span + 1] - start
+        span, start, length = self.locate(t)
         local = (t - start) / length
         value, slope = bernstein(self.degree, local), bernstein_derivative(self.degree, local)
         if len(self.matrices) == 1:

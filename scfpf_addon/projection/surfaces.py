@@ -63,6 +63,27 @@ def _apply(matrix: Array, vectors: Array, offset: Array | None = None) -> Array:
     return result
 
 
+def _bilinear(terms: tuple[Array, Array, Array, Array], u: Array, v: Array) -> Array:
+    """a + b·u + c·v + d·u·v, (3, N), of four vectors (3,); terms that are 0 cost nothing."""
+    constant, by_u, by_v, by_uv = terms
+    result = np.empty((3, len(u)))
+    term = np.empty(len(u))
+    for row, target in enumerate(result):
+        if by_u[row] or by_uv[row]:
+            if by_uv[row]:
+                np.multiply(v, by_uv[row], out=target)
+                target += by_u[row]
+                target *= u
+            else:
+                np.multiply(u, by_u[row], out=target)
+            target += constant[row]
+        else:
+            target.fill(constant[row])
+        if by_v[row]:
+            target += np.multiply(v, by_v[row], out=term)
+    return result
+
+
 @dataclass(frozen=True)
 class ControlSurface:
     """Base of all kinds. matrix: (4, 4) affine, own space to volume space."""
@@ -128,8 +149,11 @@ class Plane(ControlSurface):
     width: float = 1.0
     height: float = 1.0
 
-    def local_position(self, u: Array, v: Array, time: float) -> Placement:
-        return self._placed((u - 0.5) * self.width, (v - 0.5) * self.height, np.zeros_like(u))
+    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+        """See ControlSurface.positions."""
+        across, up = self.matrix[:3, 0] * self.width, self.matrix[:3, 1] * self.height
+        corner = self.matrix[:3, 3] - 0.5 * (across + up)
+        return Placement(_bilinear((corner, across, up, np.zeros(3)), u, v), np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
         zero, one = np.zeros_like(u), np.ones_like(u)
@@ -147,6 +171,13 @@ class BilinearPatch(ControlSurface):
     corners: Array = field(
         default_factory=lambda: np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]]) / 2
     )
+
+    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+        """See ControlSurface.positions."""
+        linear = self.matrix[:3, :3]
+        c00, c10, c01, c11 = np.asarray(self.corners, np.float64) @ linear.T + self.matrix[:3, 3]
+        terms = (c00, c10 - c00, c01 - c00, c11 - c10 - c01 + c00)
+        return Placement(_bilinear(terms, u, v), np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
         c00, c10, c01, c11 = np.asarray(self.corners, np.float64)[:, :, None]
@@ -272,6 +303,4 @@ class Grid(ControlSurface):
         c01, c11 = flat.take(first + columns, 1), flat.take(first + columns + 1, 1)
         bottom, top = c00 + (c10 - c00) * a, c01 + (c11 - c01) * a
         along = (c10 - c00) * (1 - b) + (c11 - c01) * b
-        return self._whole(
-            bottom + (top - bottom) * b, (columns - 1) * along, (rows - 1) * (top - bottom)
-        )
+        return self._whole(bottom + (top - bottom) * b, (columns - 1) * along, (rows - 1) * (top - bottom))

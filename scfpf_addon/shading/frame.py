@@ -216,7 +216,16 @@ class Pipeline:
         if self.cast_scene is None:
             return Hits.empty(len(x))._replace(mask=self.projection.projectors(x, y).valid)
         pixel_size = (1 / self.settings.width, 1 / self.settings.height)
-        return cast(self.cast_scene, self.projection, x, y, pixel_size, self.settings.pixel_error, counts)
+        return cast(
+            self.cast_scene,
+            self.projection,
+            x,
+            y,
+            pixel_size,
+            self.settings.pixel_error,
+            counts,
+            self.settings.width,
+        )
 
 
 def tile_rows(width: int, height: int) -> list[slice]:

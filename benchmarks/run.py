@@ -1,0 +1,219 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speed and accuracy of the caster, as ratios taken in one run.
+
+    python3 dev.py bench [--json FILE] [--quick] [--million]
+
+Every time is the least of several runs that take turns with what they are compared
+with. *Raw* is Embree alone: the straight frame's rays, made beforehand, through
+``embreex`` in the same tiles and threads. The counts depend on nothing but the code.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.scenes import SCENES, Mesh, bent_projection
+from scfpf_addon.casting.cast import CastCounts, Hits, cast
+from scfpf_addon.casting.frame import image_tiles, pixel_centres
+from scfpf_addon.casting.geometry import Geometry
+from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.projection.volume import Projection
+from scfpf_addon.shading.frame import FrameSettings, render_frame
+from scfpf_addon.shading.scene import Light, Materials, Scene
+
+THREADS = 2
+PIXEL_ERROR = 0.1
+BENDS = ((2, 10), (2, 60), (3, 180))
+
+# The goals of issue 2: a straight frame at this share of raw Embree, a curved one
+# (60°) at this multiple of the straight cast.
+STRAIGHT_GOAL = 0.6
+CURVED_GOAL = 10.0
+
+
+class Image:
+    """The size of an image and its tiles."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self.width, self.height = width, height
+        self.tiles = image_tiles(width, height)
+
+    def cast_tile(
+        self, scene: CastScene, projection: Projection, rows: tuple[int, int], error: float, grid: bool = True
+    ) -> tuple[Hits, CastCounts]:
+        """One tile of the image; grid: let curved projectors be compared with their neighbours."""
+        counts = CastCounts()
+        x, y = pixel_centres(self.width, self.height, rows)
+        size = (1 / self.width, 1 / self.height)
+        columns = self.width if grid else None
+        return cast(scene, projection, x, y, size, error, counts, columns), counts
+
+
+def timed(work: Callable[[Any], Any], tiles: list[Any]) -> float:
+    """Seconds to do all tiles in THREADS threads, dropping what they give."""
+
+    def drop(tile: Any) -> None:
+        work(tile)
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        start = perf_counter()
+        for done in [pool.submit(drop, tile) for tile in tiles]:
+            done.result()
+        return perf_counter() - start
+
+
+def raw_rays(scene: CastScene, projection: Projection, image: Image) -> list[tuple[Any, ...]]:
+    """The rays of a straight frame, tile by tile, as Embree takes them."""
+    tiles = []
+    for rows in image.tiles:
+        points, _ = projection.projectors(*pixel_centres(image.width, image.height, rows))
+        way = (points[1] - points[0]).astype(np.float32)
+        tiles.append((points[0].astype(np.float32), way, np.ones(way.shape[1], np.float32)))
+    return tiles
+
+
+def lit(mesh: Mesh) -> Scene:
+    """The mesh with flat normals, one material and a sun, for whole frames."""
+    vertices, triangles = mesh
+    corners = vertices[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    count = len(triangles)
+    geometry = Geometry(
+        vertices,
+        triangles,
+        np.repeat(normal[:, None], 3, axis=1).astype(np.float32),
+        np.zeros(count, np.int32),
+        np.zeros(count, np.int32),
+    )
+    one = np.ones(1)
+    materials = Materials(0.8 * np.ones((1, 3)), 0 * one, 0.5 * one, 0.04 * one, np.zeros((1, 3)))
+    sun = np.eye(4)
+    sun[:3, :3] = [[0.8, 0.0, 0.6], [0.36, 0.8, -0.48], [-0.48, 0.6, 0.64]]
+    return Scene(geometry, materials, (Light("SUN", np.full(3, 2.0), sun, casts_shadow=False),))
+
+
+def speed(name: str, mesh: Mesh, image: Image, runs: int) -> dict[str, Any]:
+    """Times of one scene, straight and curved, and the deterministic counts."""
+    start = perf_counter()
+    scene = CastScene(*mesh)
+    build = perf_counter() - start
+    straight = bent_projection(1, 0.0)
+    shown = lit(mesh)
+    settings = FrameSettings(image.width, image.height, samples=1, threads=THREADS)
+    rays = raw_rays(scene, straight.transformed(scene.matrix), image)
+    works: dict[str, Callable[[], float]] = {
+        "raw": lambda: timed(lambda ray: scene.trace(*ray), rays),
+        "frame": lambda: _seconds(lambda: render_frame(straight, shown, settings, scene)),
+    }
+    projections = {"straight": straight}
+    projections |= {f"{angle}°": bent_projection(degree, math.radians(angle)) for degree, angle in BENDS}
+    for title, projection in projections.items():
+        inside = projection.transformed(scene.matrix)
+        works[title] = lambda inside=inside: timed(
+            lambda rows: image.cast_tile(scene, inside, rows, PIXEL_ERROR), image.tiles
+        )
+    best = dict.fromkeys(works, math.inf)
+    for _ in range(runs):
+        for title, work in works.items():
+            best[title] = min(best[title], work())
+    counts = {}
+    for title, projection in projections.items():
+        total, inside = CastCounts(), projection.transformed(scene.matrix)
+        for rows in image.tiles:
+            total.add(image.cast_tile(scene, inside, rows, PIXEL_ERROR)[1])
+        counts[title] = vars(total)
+    return {"scene": name, "triangles": len(mesh[1]), "build": build, "seconds": best, "counts": counts}
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    start = perf_counter()
+    work()
+    return perf_counter() - start
+
+
+def mismatch(name: str, mesh: Mesh, image: Image) -> list[dict[str, Any]]:
+    """Share of pixels whose t differs from a cast with a hundredth of the error."""
+    scene = CastScene(*mesh)
+    rows = []
+    for degree, angle in BENDS:
+        inside = bent_projection(degree, math.radians(angle)).transformed(scene.matrix)
+
+        def depths(error: float, grid: bool, inside: Projection = inside) -> np.ndarray:
+            tiles = [image.cast_tile(scene, inside, rows, error, grid)[0].t for rows in image.tiles]
+            t = np.concatenate(tiles)
+            return np.where(np.isfinite(t), t, 2.0)
+
+        reference = depths(PIXEL_ERROR / 100, False)
+        row: dict[str, Any] = {"scene": name, "bend": f"{angle}°"}
+        for error in (1.0, PIXEL_ERROR, PIXEL_ERROR / 10):
+            row[f"{error:g} px"] = float(np.mean(np.abs(depths(error, True) - reference) > 1e-6))
+        rows.append(row)
+    return rows
+
+
+def report(result: dict[str, Any]) -> None:
+    """Print one scene's figures."""
+    seconds, counts = result["seconds"], result["counts"]
+    pixels = counts["straight"]["projectors"]
+    print(f"\n{result['scene']}, {result['triangles']:,} triangles (built in {result['build']:.2f} s)")
+    print(f"  raw Embree        {seconds['raw']:7.3f} s   {pixels / seconds['raw'] / 1e6:6.1f} Mray/s")
+    for title, label in (("straight", "straight cast"), ("frame", "straight frame, shaded")):
+        share = seconds["raw"] / seconds[title]
+        goal = f"  (goal {STRAIGHT_GOAL:.0%})" if title == "frame" else ""
+        print(f"  {label:22s} {seconds[title]:7.3f} s   {share:6.0%} of raw{goal}")
+    for _, angle in BENDS:
+        title, count = f"{angle}°", counts[f"{angle}°"]
+        goal = f" (goal {CURVED_GOAL:g})" if angle == 60 else ""
+        curved = seconds[title]
+        print(
+            f"  bent by {title:14s} {curved:7.3f} s   {curved / seconds['straight']:5.1f} × straight{goal}, "
+            f"{curved / seconds['raw']:.1f} × raw"
+        )
+        print(
+            f"      a projector: {count['chords'] / pixels:.1f} chords, {count['rays'] / pixels:.1f} rays, "
+            f"{count['compared'] / pixels:.3f} compared, {count['refined'] / pixels:.4f} refined, "
+            f"{count['unresolved'] / pixels:.0e} unresolved"
+        )
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", metavar="FILE", help="write all figures to FILE too")
+    parser.add_argument("--quick", action="store_true", help="a quarter of the pixels, fewer runs")
+    parser.add_argument("--million", action="store_true", help="also scenes of a million triangles")
+    options = parser.parse_args()
+    image = Image(960, 540) if options.quick else Image(1920, 1080)
+    runs = 2 if options.quick else 5
+    sizes = [100_000] + [1_000_000] * options.million
+    print(f"{image.width} × {image.height} pixels, {THREADS} threads, pixel error {PIXEL_ERROR}")
+    results = []
+    for size in sizes:
+        for name, make in SCENES.items():
+            results.append(speed(name, make(size), image, runs))
+            report(results[-1])
+    small = Image(480, 270)
+    size = f"{small.width} × {small.height}"
+    print(f"\npixels whose t differs from that of a {PIXEL_ERROR / 100:g} px cast, {size}")
+    rows = [row for name, make in SCENES.items() for row in mismatch(name, make(sizes[0]), small)]
+    for row in rows:
+        print("  " + "  ".join(f"{k} {v:.1e}" if "px" in k else f"{v:8s}" for k, v in row.items()))
+    if options.json:
+        Path(options.json).write_text(json.dumps({"speed": results, "mismatch": rows}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Comparing a pixel with its neighbours, which may have seen what its chords passed."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..projection.typing import Array, BoolArray
+from .records import Records
+from .refine import NEIGHBOURHOOD, Work, refine
+from .schedule import Schedule
+
+# The t of a pixel that saw nothing: beyond all others.
+NOTHING = 2.0
+
+# A surface that slopes on beyond a pixel by a step that differs from the one before
+# it by less than this share is smooth there.
+SMOOTH = 0.5
+
+# Nearer things of neighbouring pixels that are looked for one behind the other.
+LAYERS = 3
+
+
+def compare(work: Work, first: Records, mask: BoolArray, columns: int) -> None:
+    """Look again where a neighbouring pixel saw something nearer.
+
+    A chord strays by up to a neighbour's width, so it can pass something that its
+    curve hits; but then a neighbour's chord has hit it. There the curve is followed finely, at
+    most LAYERS times, from the nearest of the neighbours' hits on.
+    """
+    hits, breaks = work.hits, work.schedule.breaks
+    seen = np.where(hits.triangle >= 0, hits.t, NOTHING)
+    # A first hit that turned out false for its own curve may be true for another.
+    low, high = breaks[first.chord], breaks[first.chord + 1]
+    false = np.flatnonzero(seen[first.projector] > high + NEIGHBOURHOOD * (high - low))
+    seen[first.projector[false]] = 0.5 * (low + high)[false]
+    projector, layers = _jumps(seen, hits.t, mask, columns, work.schedule)
+    passed = np.full(len(projector), -np.inf)
+    for _ in range(LAYERS):
+        ahead = (layers > passed) & (layers < hits.t[projector])
+        nearest = np.where(ahead, layers, np.inf).min(axis=0, initial=np.inf)
+        going = np.flatnonzero(np.isfinite(nearest))
+        if len(going) == 0:
+            break
+        projector, layers, middle = projector[going], layers[:, going], nearest[going]
+        chord = np.clip(np.searchsorted(breaks, middle, side="right") - 1, 0, len(breaks) - 2)
+        half = 0.5 * (breaks[chord + 1] - breaks[chord])
+        low, high = np.maximum(middle - half, breaks[0]), np.minimum(middle + half, breaks[-1])
+        work.counts.compared += len(going)
+        hit, found = refine(work, work.bundle.take(projector), low, high)
+        nearer = np.flatnonzero(found.t < hits.t[projector[hit]])
+        work.store(projector[hit], found, nearer)
+        passed = high
+
+
+def _jumps(
+    seen: Array, own: Array, mask: BoolArray, columns: int, schedule: Schedule
+) -> tuple[NDArray[np.intp], Array]:
+    """Pixels next to which the picture jumps to something nearer.
+
+    seen: (N,) t that each pixel saw, NOTHING for nothing; own: (N,) t of its hit.
+    Returns the pixels (M,), border rows left out, and (8, M) the nearer neighbours'
+    t, inf for the others. A sloping surface is no jump: it goes on beyond the pixel
+    as it came.
+    """
+    rows = seen.reshape(-1, columns)
+    least = np.minimum(np.minimum(rows[:-2], rows[2:]), rows[1:-1])
+    around = least.copy()
+    np.minimum(around[:, 1:], least[:, :-1], out=around[:, 1:])
+    np.minimum(around[:, :-1], least[:, 1:], out=around[:, :-1])
+    own = np.where(np.isfinite(own), own, NOTHING)
+    pixels = np.flatnonzero(
+        (around.ravel() + schedule.pixel.min() < own[columns:-columns]) & mask[columns:-columns]
+    )
+    pixels += columns
+    here = own[pixels]
+    column = pixels % columns
+    left, right = pixels - (column > 0), pixels + (column < columns - 1)
+    below, above = -columns, columns
+    # In pairs that face each other across the pixel.
+    neighbours = [left, right, pixels + below, pixels + above]
+    neighbours += [left + below, right + above, right + below, left + above]
+    beside = np.stack([seen[n] for n in neighbours])
+    opposite = beside[[1, 0, 3, 2, 5, 4, 7, 6]]
+    gap = here - beside
+    middles = 0.5 * (schedule.breaks[:-1] + schedule.breaks[1:])
+    size = np.interp(around.ravel()[pixels - columns], middles, schedule.pixel)
+    bend = np.abs(opposite - here - gap)
+    jump = (gap > size) & (bend > SMOOTH * gap)
+    some = np.flatnonzero(jump.any(axis=0))
+    return pixels[some], np.where(jump, beside, np.inf)[:, some]

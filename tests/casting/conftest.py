@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A caster to compare with: every projector against every triangle, in float64.
+
+It shares nothing with the caster under test: roots are eigenvalues of companion
+matrices, insides are ratios of areas, there is no Embree and no chord.
+"""
+
+from __future__ import annotations
+
+from math import comb
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from scfpf_addon.casting.cast import CastCounts, cast
+from scfpf_addon.casting.frame import pixel_centres
+
+# Curves that leave a triangle by less than this share of it count as inside.
+INSIDE = 1e-9
+
+# Pixels compared with all triangles at once.
+BATCH = 256
+
+
+def power_basis(heights):
+    """Coefficients of the powers of t, lowest first, of Bernstein coefficients (d+1, N)."""
+    degree = len(heights) - 1
+    matrix = np.zeros((degree + 1, degree + 1))
+    for j in range(degree + 1):
+        for k in range(j + 1):
+            matrix[j, k] = (-1) ** (j - k) * comb(degree, j) * comb(j, k)
+    return matrix @ heights
+
+
+def real_roots(heights):
+    """Real roots in [0, 1] of N polynomials (d+1, N) in Bernstein form, (d, N), NaN where there is none."""
+    powers = power_basis(heights)
+    size = np.abs(powers).max(axis=0)
+    roots = np.full((len(powers) - 1, powers.shape[1]), np.nan)
+    lacking = np.ones(powers.shape[1], bool)
+    # A leading coefficient that is rounding error belongs to a polynomial of lower degree.
+    for degree in range(len(powers) - 1, 0, -1):
+        now = np.flatnonzero(lacking & (np.abs(powers[degree]) > 1e-13 * size))
+        lacking[now] = False
+        roots[:degree, now] = eigenvalue_roots(powers[: degree + 1, now])
+    return np.where((roots >= 0) & (roots <= 1), roots, np.nan)
+
+
+def eigenvalue_roots(powers):
+    """Real roots (d, N) of polynomials given by coefficients of powers (d+1, N), NaN for complex ones."""
+    degree = len(powers) - 1
+    companion = np.zeros((powers.shape[1], degree, degree))
+    companion[:, np.arange(1, degree), np.arange(degree - 1)] = 1.0
+    companion[:, :, -1] = -(powers[:-1] / powers[-1]).T
+    roots = np.linalg.eigvals(companion).T
+    real = np.where(np.abs(roots.imag) < 1e-7 * (1 + np.abs(roots.real)), roots.real, np.nan)
+    for _ in range(4):  # Newton's method takes the eigenvalues' rounding out
+        value, slope = np.zeros_like(real), np.zeros_like(real)
+        for coefficient in powers[::-1]:
+            slope = slope * real + value
+            value = value * real + coefficient
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = value / slope
+        real = np.where(np.abs(step) < 0.01, real - step, real)
+    return real
+
+
+def evaluate(controls, t):
+    """Points (3, N) of Bézier curves (d+1, 3, N)."""
+    degree = len(controls) - 1
+    weights = np.stack([comb(degree, i) * t**i * (1 - t) ** (degree - i) for i in range(degree + 1)])
+    return np.einsum("kn,kcn->cn", weights, controls)
+
+
+def inside(corners, points):
+    """Whether points (3, N) of the planes lie in triangles (N, 3 corners, 3)."""
+    a, b, c = corners[:, 0].T, corners[:, 1].T, corners[:, 2].T
+    normal = np.cross(b - a, c - a, axis=0)
+    whole = (normal * normal).sum(axis=0)
+    shares = [
+        (np.cross(q - p, points - p, axis=0) * normal).sum(axis=0) / whole
+        for p, q in ((a, b), (b, c), (c, a))
+    ]
+    return np.min(shares, axis=0) >= -INSIDE
+
+
+def first_hits(controls, corners):
+    """First t and triangle of Bézier curves (d+1, 3, N) and triangles (T, 3, 3)."""
+    count = controls.shape[2]
+    t, triangle = np.full(count, np.inf), np.full(count, -1)
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    offset = np.einsum("tc,tc->t", normal, corners[:, 0])
+    lower, upper = corners.min(axis=1), corners.max(axis=1)
+    for first in range(0, count, BATCH):
+        some = controls[:, :, first : first + BATCH]
+        heights = np.einsum("tc,kcn->knt", normal, some) - offset
+        crossing = (heights.min(axis=0) <= 0) & (heights.max(axis=0) >= 0)
+        low, high = some.min(axis=0).T, some.max(axis=0).T
+        crossing &= ((low[:, None] <= upper + 1e-9) & (high[:, None] >= lower - 1e-9)).all(axis=2)
+        curve, face = np.nonzero(crossing)
+        for roots in real_roots(heights[:, curve, face]):
+            known = np.flatnonzero(~np.isnan(roots))
+            points = evaluate(some[:, :, curve[known]], roots[known])
+            hit = known[inside(corners[face[known]], points)]
+            # The last of several writes to one pixel is the nearest.
+            hit = hit[np.argsort(-roots[hit])]
+            nearer = hit[roots[hit] < t[first + curve[hit]]]
+            t[first + curve[nearer]], triangle[first + curve[nearer]] = roots[nearer], face[nearer]
+    return t, triangle
+
+
+def brute_force(vertices, triangles, projection, x, y):
+    """First t (inf for none) and triangle (-1) of the projectors through x, y, in world space."""
+    points, valid = projection.projectors(x, y)
+    spans = projection.volume.spans
+    t, triangle = np.full(len(x), np.inf), np.full(len(x), -1)
+    for span in reversed(range(len(spans.matrices))):
+        controls = np.einsum("ik,kcn->icn", spans.matrices[span], points)
+        local, found = first_hits(controls, vertices[triangles])
+        start, end = spans.breaks[span], spans.breaks[span + 1]
+        hit = np.isfinite(local) & valid
+        t[hit], triangle[hit] = start + local[hit] * (end - start), found[hit]
+    return t, triangle
+
+
+def interior(triangle, width):
+    """Pixels (N,) whose 3 × 3 block sees one and the same triangle, or nothing throughout."""
+    rows = triangle.reshape(-1, width)
+    same = np.zeros(rows.shape, bool)
+    height = len(rows)
+    blocks = [rows[1 + j : height - 1 + j, 1 + i : width - 1 + i] for j in (-1, 0, 1) for i in (-1, 0, 1)]
+    same[1:-1, 1:-1] = np.logical_and.reduce([b == rows[1:-1, 1:-1] for b in blocks])
+    return same.ravel()
+
+
+def cast_image(scene, projection, width, height, pixel_error=0.1, grid=True, counts=None):
+    """A whole image as one tile, projection in world space."""
+    x, y = pixel_centres(width, height, (0, height))
+    counts = CastCounts() if counts is None else counts
+    return cast(
+        scene,
+        projection.transformed(scene.matrix),
+        x,
+        y,
+        (1 / width, 1 / height),
+        pixel_error,
+        counts,
+        width if grid else None,
+    )
+
+
+@pytest.fixture(scope="session")
+def reference():
+    """The functions of this file."""
+    return SimpleNamespace(brute_force=brute_force, interior=interior, cast_image=cast_image)
