@@ -95,11 +95,18 @@ def test_outside_a_round_picture_nothing_is_picked(camera):
     assert tuple(camera.scfpf.pick) == (0.5, 0.5)
 
 
-def test_the_place_under_the_mouse_is_found_in_the_picture_only(addon, camera):
-    pick = addon("operators.pick")
-    window = bpy.context.window_manager.windows[0]
-    area = next(a for a in window.screen.areas if a.type == "VIEW_3D")
+@pytest.fixture
+def image_editor():
+    """An Image Editor in the place of the 3D viewport."""
+    area = next(a for a in bpy.context.window_manager.windows[0].screen.areas if a.type == "VIEW_3D")
     area.ui_type = "IMAGE_EDITOR"
+    yield area
+    area.ui_type = "VIEW_3D"
+
+
+def test_the_place_under_the_mouse_is_found_in_the_picture_only(addon, camera, image_editor):
+    pick, area = addon("operators.pick"), image_editor
+    window = bpy.context.window_manager.windows[0]
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 32
     bpy.ops.scfpf.render()
     assert area.spaces.active.image.name == "SCFPF Render"
