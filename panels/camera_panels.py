@@ -48,7 +48,7 @@ def draw_render(layout, context, camera) -> None:
 def draw_pick(layout, settings) -> None:
     """The picked projector: switch, button, and what it met."""
     row = layout.row(align=True)
-    row.prop(settings, "show_pick", text="Picked Projector")
+    row.prop(settings, "show_pick", text="Pick")
     row.operator("scfpf.pick", text="", icon="EYEDROPPER")
     if settings.show_pick:
         column = layout.column(align=True)
@@ -163,10 +163,10 @@ class _DisplaySection(_Subsection):
         column = self.layout.column()
         column.active = settings.show_projectors
         column.prop(settings, "show_folds")
-        column.prop(settings, "iso_surfaces")
+        column.prop(settings, "iso_surfaces", text="Iso Count")
         row = column.row()
         row.active = settings.iso_surfaces == 1
-        row.prop(settings, "iso_t", text="A Single One at t")
+        row.prop(settings, "iso_t", text="Iso t")
         draw_pick(column, settings)
 
 

@@ -247,6 +247,12 @@ def picks(driver):
     assert camera.scfpf.show_pick and abs(camera.scfpf.pick[0] - u) + abs(camera.scfpf.pick[1] - v) < 0.02
     driver.shot("pick")
     with driver.override():
+        bpy.ops.wm.call_panel(name="SCFPF_PT_view_display")
+    yield DRAW
+    driver.shot("pick-panel")
+    driver.key("ESC")
+    yield DRAW
+    with driver.override():
         bpy.ops.ed.undo()
     yield DRAW
     assert not bpy.context.scene.camera.scfpf.show_pick, "undo does not take the pick back"
