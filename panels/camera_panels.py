@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..operators.pick import pick_readout
 from ..operators.target import camera_of, flexible_camera_of
 from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.result_image import result_image
@@ -42,6 +43,18 @@ def draw_render(layout, context, camera) -> None:
         column.active = False
         for part in camera.scfpf.report.split(" · "):
             column.label(text=part)
+
+
+def draw_pick(layout, settings) -> None:
+    """The picked projector: switch, button, and what it met."""
+    row = layout.row(align=True)
+    row.prop(settings, "show_pick", text="Pick")
+    row.operator("scfpf.pick", text="", icon="EYEDROPPER")
+    if settings.show_pick:
+        column = layout.column(align=True)
+        column.active = False
+        for text in pick_readout(settings):
+            column.label(text=text)
 
 
 class _MainSection:
@@ -147,6 +160,14 @@ class _DisplaySection(_Subsection):
         row = self.layout.row()
         row.active = settings.show_projectors
         row.prop(settings, "projector_count", text="Count")
+        column = self.layout.column()
+        column.active = settings.show_projectors
+        column.prop(settings, "show_folds")
+        column.prop(settings, "iso_surfaces", text="Iso Count")
+        row = column.row()
+        row.active = settings.iso_surfaces == 1
+        row.prop(settings, "iso_t", text="Iso t")
+        draw_pick(column, settings)
 
 
 class _DataTab:

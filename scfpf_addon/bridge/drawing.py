@@ -13,15 +13,31 @@ import bpy
 import gpu
 from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
-from mathutils import Matrix
+from mathutils import Color, Matrix
 
-from ..projection.diagram import COLORS, diagram, volume_signature
+from ..projection.diagram import DiagramOptions, diagram, even_iso, projector_point, volume_signature
+from ..projection.line_colors import line_colors
 from .read_projection import ProjectionError, read_projection
 from .render_job import RenderError, picture_aspect
 
 SHADER = "POLYLINE_UNIFORM_COLOR"
 # Multiples of the line thickness that the preferences suggest for the screen.
-LINE_WIDTHS = {"SURFACE": 1.0, "PROJECTOR": 1.5, "FRAME": 2.5}
+LINE_WIDTHS = {
+    "ISO": 1.0,
+    "SURFACE": 1.0,
+    "PROJECTOR": 1.5,
+    "FOLD": 2.0,
+    "FAR": 2.5,
+    "FRAME": 2.5,
+    "U": 3.0,
+    "V": 3.0,
+    "PICK": 3.0,
+}
+POINT_SHADER = "POINT_UNIFORM_COLOR"
+# Pixels across the dot where the picked projector meets the scene.
+DOT_SIZE = 10.0
+# What draw_volume takes to be behind the lines: the 3D viewport of Blender's dark theme.
+DARK_BACKGROUND = (0.24, 0.24, 0.24)
 # Lines come nearer to the viewer by as much as this many pixels are wide at their distance, so that
 # they win against faces and wires in the same place, slanted ones too.
 NEARER = 2.0
@@ -35,6 +51,7 @@ class Drawing:
     aspect: float
     signature: bytes | None = None
     batches: dict[str, gpu.types.GPUBatch] = field(default_factory=dict)
+    dot: gpu.types.GPUBatch | None = None
 
 
 class Drawings:
@@ -74,32 +91,51 @@ class Drawings:
         found = [view_layer.objects.get(name) for name, _ in known]
         return [o for o, (_, uid) in zip(found, known, strict=True) if o is not None and o.session_uid == uid]
 
-    def batches(self, camera, depsgraph, aspect: float) -> dict[str, gpu.types.GPUBatch]:
-        """The lines of a camera's volume by role; none while the volume cannot be read."""
+    def drawing(self, camera, depsgraph, aspect: float) -> Drawing:
+        """The drawing of a camera's volume, made anew if it has changed; empty while it cannot be read."""
         key = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name, camera.session_uid)
         drawing = self._drawings.get(key)
         if drawing is not None and (drawing.edits, drawing.aspect) == (self.edits, aspect):
-            return drawing.batches
+            return drawing
         if drawing is None:
             drawing = self._drawings[key] = Drawing(self.edits, aspect)
         drawing.edits, drawing.aspect = self.edits, aspect
-        count = camera.scfpf.projector_count
+        options, pick_t = diagram_options(camera.evaluated_get(depsgraph).scfpf)
         try:
             projection = read_projection(camera, depsgraph, aspect)
         except ProjectionError:
             # The panel and the render say what is wrong with the volume.
-            drawing.signature, drawing.batches = None, {}
-            return drawing.batches
-        signature = volume_signature(projection, count)
+            drawing.signature, drawing.batches, drawing.dot = None, {}, None
+            return drawing
+        signature = volume_signature(projection, options, pick_t)
         if signature != drawing.signature:
             shader = gpu.shader.from_builtin(SHADER)
             drawing.batches = {
                 role: batch_for_shader(shader, "LINES", {"pos": segments.reshape(-1, 3)})
-                for role, segments in diagram(projection, count, count).items()
+                for role, segments in diagram(projection, options).items()
                 if len(segments)
             }
+            drawing.dot = None
+            if options.pick is not None and pick_t >= 0.0:
+                point = projector_point(projection, *options.pick, pick_t)
+                shader = gpu.shader.from_builtin(POINT_SHADER)
+                if len(point):
+                    drawing.dot = batch_for_shader(shader, "POINTS", {"pos": point})
             drawing.signature = signature
-        return drawing.batches
+        return drawing
+
+
+def diagram_options(settings) -> tuple[DiagramOptions, float]:
+    """What a camera's settings ask to be drawn, and the t of the dot on the picked projector, -1 for none."""
+    count = settings.projector_count
+    options = DiagramOptions(
+        count,
+        count,
+        (settings.iso_t,) if settings.iso_surfaces == 1 else even_iso(settings.iso_surfaces),
+        settings.show_folds,
+        tuple(settings.pick) if settings.show_pick else None,
+    )
+    return options, settings.pick_t if settings.show_pick else -1.0
 
 
 def _is_drawn(candidate) -> bool:
@@ -109,16 +145,24 @@ def _is_drawn(candidate) -> bool:
 drawings = Drawings()
 
 
-def draw_volume(camera, depsgraph, aspect: float, width_scale: float = 1.0) -> None:
+def draw_volume(
+    camera,
+    depsgraph,
+    aspect: float,
+    width_scale: float = 1.0,
+    background: tuple[float, float, float] = DARK_BACKGROUND,
+) -> None:
     """Draw the volume of one camera into the active framebuffer, with the matrices that are set.
 
     depsgraph: evaluated. aspect: width / height of the picture. width_scale:
-    multiplies the line widths, in pixels. Hides behind what the depth buffer holds; draws
+    multiplies the line widths, in pixels. background: the display colour behind the
+    lines, which chooses theirs. Hides behind what the depth buffer holds; draws
     nothing while the volume cannot be read.
     """
-    batches = drawings.batches(camera, depsgraph, aspect)
-    if not batches:
+    drawing = drawings.drawing(camera, depsgraph, aspect)
+    if not drawing.batches:
         return
+    colors = line_colors(background)
     shader = gpu.shader.from_builtin(SHADER)
     gpu.state.depth_test_set("LESS_EQUAL")
     gpu.state.depth_mask_set(False)
@@ -129,13 +173,31 @@ def draw_volume(camera, depsgraph, aspect: float, width_scale: float = 1.0) -> N
     with gpu.matrix.push_pop():
         nearer = _nearer(gpu.matrix.get_projection_matrix(), size[1])
         gpu.matrix.load_matrix(nearer @ gpu.matrix.get_model_view_matrix())
-        for role, batch in batches.items():
+        for role, batch in drawing.batches.items():
             shader.uniform_float("lineWidth", LINE_WIDTHS[role] * width_scale)
-            shader.uniform_float("color", COLORS[role])
+            shader.uniform_float("color", colors[role])
             batch.draw(shader)
+        if drawing.dot is not None:
+            gpu.state.point_size_set(DOT_SIZE * width_scale)
+            shader = gpu.shader.from_builtin(POINT_SHADER)
+            shader.bind()
+            shader.uniform_float("color", colors["PICK"])
+            drawing.dot.draw(shader)
     gpu.state.blend_set("NONE")
     gpu.state.depth_mask_set(True)
     gpu.state.depth_test_set("NONE")
+
+
+def viewport_background(scene, space, theme) -> tuple[float, float, float]:
+    """The display colour behind the lines of a 3D viewport: the shading's own, else the theme's."""
+    shading = space.shading
+    if shading.type in {"SOLID", "WIREFRAME"} and shading.background_type != "THEME":
+        world = scene.world
+        if shading.background_type == "WORLD" and world is None:
+            return (0.0, 0.0, 0.0)
+        linear = world.color if shading.background_type == "WORLD" else shading.background_color
+        return tuple(Color(linear).from_scene_linear_to_srgb())
+    return tuple(theme.view_3d.space.gradients.high_gradient)
 
 
 def _nearer(projection, height: int) -> Matrix:
@@ -182,8 +244,9 @@ def draw_viewport() -> None:
         # Rendering says that the picture is too large; its shape is not known here.
         return
     depsgraph = context.evaluated_depsgraph_get()
+    background = viewport_background(scene, context.space_data, context.preferences.themes[0])
     for camera in cameras:
-        draw_volume(camera, depsgraph, aspect, context.preferences.system.pixel_size)
+        draw_volume(camera, depsgraph, aspect, context.preferences.system.pixel_size, background)
 
 
 @persistent

@@ -203,6 +203,82 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         update=_changed,
         override=OVERRIDABLE,
     )
+    show_folds: BoolProperty(
+        name="Show Folds",
+        description="Draw projectors red where the volume is turned inside out and the picture mirrored",
+        default=True,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    iso_surfaces: IntProperty(
+        name="Iso-Surfaces",
+        description="How many surfaces of equal t are drawn between the near and the far surface",
+        default=0,
+        min=0,
+        soft_max=9,
+        max=64,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    iso_t: FloatProperty(
+        name="Iso-Surface at",
+        description="The t of a single iso-surface: 0 is the near surface, 1 the far one",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        options={"ANIMATABLE"},
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    show_pick: BoolProperty(
+        name="Show Picked Projector",
+        description="Draw the projector through the position in the picture that was picked last",
+        default=False,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    pick: FloatVectorProperty(
+        name="Picked Position",
+        description="What was picked: shares of the picture's width and height from its lower left",
+        size=2,
+        default=(0.5, 0.5),
+        min=0.0,
+        max=1.0,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    pick_t: FloatProperty(
+        name="Picked t",
+        description="Where the picked projector met the scene: 0 near surface, 1 far one, -1 met nothing",
+        default=-1.0,
+        min=-1.0,
+        max=1.0,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    pick_distance: FloatProperty(
+        name="Picked Distance",
+        description="Length of the picked projector from the near surface to what it met",
+        default=0.0,
+        min=0.0,
+        subtype="DISTANCE",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    pick_object: StringProperty(
+        name="Picked Object",
+        description="Name of the object that the picked projector met",
+        default="",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
     volume_object: PointerProperty(
         name="Volume Object",
         description="The object that keeps every control surface evaluated, hidden ones too",

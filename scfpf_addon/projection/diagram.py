@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The lines that picture a viewing volume, as in the paper's figures: surfaces green, projectors blue.
 
+The near rim is whole, the far one dashed; arrows show u and v; folded pieces of projectors are apart.
 Lines are segments, (S, 2, 3) float32, in the space of the projection; those of
 no length and those that touch a hole of a surface are left out.
 """
@@ -8,32 +9,47 @@ no length and those that touch a hole of a surface are left out.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import fields, is_dataclass
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from .bezier import bernstein, chord_count
+from .folds import find_folds, orientations
+from .line_colors import Role
+from .marks import direction_arrows, far_rim, iso_lines
+from .segments import Segments, joined, ranged, segments
 from .typing import Array, BoolArray
-from .volume import Projection
-
-Role: TypeAlias = Literal["SURFACE", "PROJECTOR", "FRAME"]
-Segments: TypeAlias = NDArray[np.float32]
-
-# Display colours, red green blue alpha.
-COLORS: dict[Role, tuple[float, float, float, float]] = {
-    "SURFACE": (0.13, 0.65, 0.22, 1.0),
-    "PROJECTOR": (0.16, 0.36, 0.95, 1.0),
-    "FRAME": (0.45, 0.95, 0.35, 1.0),
-}
+from .volume import ControlSample, Projection, ViewingVolume
 
 # A drawn projector leaves its curve by at most this share of its control polygon's length.
 BEND_TOLERANCE = 2e-3
 # More chords than this in one span cannot be told apart on a screen.
 MAXIMUM_CHORDS = 128
+# Pieces along t in which a projector is looked at for folds, and drawn where it has one.
+FOLD_PIECES = 48
 # Halvings that find the rim of what an image shows: to 2^-40 of the image.
 RIM_STEPS = 40
+
+
+@dataclass(frozen=True)
+class DiagramOptions:
+    """What to draw of a volume.
+
+    count_u, count_v: projectors in each direction. iso: the t of the iso-surfaces.
+    folds: tell folded pieces of projectors from others. pick: the image position
+    (x, y) of a projector to draw apart.
+    """
+
+    count_u: int
+    count_v: int
+    iso: tuple[float, ...] = ()
+    folds: bool = True
+    pick: tuple[float, float] | None = None
+
+
+def even_iso(count: int) -> tuple[float, ...]:
+    """The t of ``count`` iso-surfaces evenly between the near and the far surface."""
+    return tuple((index + 1) / (count + 1) for index in range(count))
 
 
 def surface_lines(projection: Projection, index: int, lines: int = 8, resolution: int = 48) -> Segments:
@@ -48,9 +64,9 @@ def surface_lines(projection: Projection, index: int, lines: int = 8, resolution
     surface = projection.volume.surfaces[index]
     families = []
     for x, y in ((fixed, moving), (moving, fixed)):
-        sample = surface.evaluate(*_ranged(projection, x.ravel(), y.ravel()))
-        families.append(_segments(sample.position.reshape(3, *x.shape), sample.valid.reshape(x.shape)))
-    return np.concatenate(families)
+        sample = surface.evaluate(*ranged(projection, x.ravel(), y.ravel()))
+        families.append(segments(sample.position.reshape(3, *x.shape), sample.valid.reshape(x.shape)))
+    return joined(families)
 
 
 def projector_lines(
@@ -61,11 +77,54 @@ def projector_lines(
     The borders are among them when a count is 2 or more. chords: segments in
     each span of a projector; None: as many as the bend of each needs, one for straight ones.
     """
+    controls = _even_controls(projection, count_u, count_v)
+    return _curves(projection.volume, controls.points, controls.valid, chords)
+
+
+def parted_projector_lines(projection: Projection, count_u: int, count_v: int) -> tuple[Segments, Segments]:
+    """``projector_lines`` in two parts: the pieces in order, and those where the volume is folded."""
+    volume, folds = projection.volume, find_folds(projection)
+    controls = _even_controls(projection, count_u, count_v)
+    ends = np.union1d(np.linspace(0.0, 1.0, FOLD_PIECES + 1), volume.spans.breaks)
+    middles = (ends[1:] + ends[:-1]) / 2
+    folded = (orientations(volume, controls, middles) == -folds.orientation) & (folds.orientation != 0)
+    mixed = folded.any(axis=1)
+    whole = _curves(volume, controls.points[..., ~mixed], controls.valid[~mixed])
+    weights, _ = volume.spans.weights(ends)
+    curves = np.einsum("ks,kdn->dns", weights, controls.points[..., mixed])
+    parts = []
+    for kept in (~folded[mixed], folded[mixed]):
+        pairs = np.stack([curves[..., :-1], curves[..., 1:]], axis=-1)[:, kept]
+        valid = np.repeat(controls.valid[mixed, None], kept.shape[1], axis=1)[kept]
+        parts.append(segments(pairs, np.stack([valid, valid], axis=1)))
+    return joined([whole, parts[0]]), parts[1]
+
+
+def picked_line(projection: Projection, x: float, y: float) -> Segments:
+    """The projector through an image position; none where the image shows nothing."""
+    projectors = projection.projectors(np.array([x]), np.array([y]))
+    return _curves(projection.volume, projectors.points, projectors.valid)
+
+
+def projector_point(projection: Projection, x: float, y: float, t: float) -> Segments:
+    """The point at t of the projector through an image position, (1, 3) float32; (0, 3) without one."""
+    projectors = projection.projectors(np.array([x]), np.array([y]))
+    weights, _ = projection.volume.spans.weights(np.array([t]))
+    points = np.einsum("k,kcn->nc", weights[:, 0], projectors.points)[projectors.valid]
+    single: Segments = points.astype(np.float32)
+    return single
+
+
+def _even_controls(projection: Projection, count_u: int, count_v: int) -> ControlSample:
     x, y = np.meshgrid(_even(count_u), _even(count_v))
-    controls = projection.volume.controls(*_ranged(projection, x.ravel(), y.ravel()))
+    return projection.volume.controls(*ranged(projection, x.ravel(), y.ravel()))
+
+
+def _curves(volume: ViewingVolume, controls: Array, valid: BoolArray, chords: int | None = None) -> Segments:
+    """The curves with control points (m+1, 3, N); see ``projector_lines``."""
     result = []
-    for matrix in projection.volume.spans.matrices:
-        points = np.einsum("kc,cdn->kdn", matrix, controls.points)
+    for matrix in volume.spans.matrices:
+        points = np.einsum("kc,cdn->kdn", matrix, controls)
         length = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)).sum(axis=0)
         if chords is None:
             # A span of no length has no bend either; any tolerance does for it.
@@ -77,9 +136,8 @@ def projector_lines(
             chosen = needed == count
             weights = bernstein(len(points) - 1, np.linspace(0.0, 1.0, count + 1))
             curves = np.einsum("ks,kdn->dns", weights, points[:, :, chosen])
-            valid = np.repeat(controls.valid[chosen, None], count + 1, axis=1)
-            result.append(_segments(curves, valid))
-    return np.concatenate(result)
+            result.append(segments(curves, np.repeat(valid[chosen, None], count + 1, axis=1)))
+    return joined(result)
 
 
 def image_frame(projection: Projection, resolution: int = 48) -> Segments:
@@ -104,16 +162,28 @@ def image_frame(projection: Projection, resolution: int = 48) -> Segments:
         inside, outside = np.where(mask, middle, inside), np.where(mask, outside, middle)
     image = projection.parameters(0.5 + (x - 0.5) * inside, 0.5 + (y - 0.5) * inside)
     sample = projection.volume.surfaces[0].evaluate(image.u, image.v)
-    return _segments(sample.position[:, None], (sample.valid & image.mask)[None])
+    return segments(sample.position[:, None], (sample.valid & image.mask)[None])
 
 
-def diagram(projection: Projection, count_u: int, count_v: int) -> dict[Role, Segments]:
-    """All the lines of a volume by their role; count_u × count_v projectors."""
+def diagram(projection: Projection, options: DiagramOptions) -> dict[Role, Segments]:
+    """All the lines of a volume by their role; later roles are drawn over earlier ones."""
+    counts = options.count_u, options.count_v
+    if options.folds:
+        projectors, folded = parted_projector_lines(projection, *counts)
+    else:
+        projectors, folded = projector_lines(projection, *counts), joined([])
+    along_u, along_v = direction_arrows(projection)
     indices = range(len(projection.volume.surfaces))
     return {
-        "SURFACE": np.concatenate([surface_lines(projection, index) for index in indices]),
-        "PROJECTOR": projector_lines(projection, count_u, count_v),
+        "ISO": joined([iso_lines(projection, t) for t in options.iso]),
+        "SURFACE": joined([surface_lines(projection, index) for index in indices]),
+        "PROJECTOR": projectors,
+        "FOLD": folded,
+        "FAR": far_rim(projection),
         "FRAME": image_frame(projection),
+        "U": along_u,
+        "V": along_v,
+        "PICK": joined([]) if options.pick is None else picked_line(projection, *options.pick),
     }
 
 
@@ -145,17 +215,3 @@ def _digest(digest: hashlib.blake2b, value: object) -> None:
 
 def _even(count: int) -> Array:
     return np.linspace(0.0, 1.0, count) if count > 1 else np.array([0.5])
-
-
-def _ranged(projection: Projection, x: Array, y: Array) -> tuple[Array, Array]:
-    (u0, u1), (v0, v1) = projection.u_range, projection.v_range
-    return u0 + x * (u1 - u0), v0 + y * (v1 - v0)
-
-
-def _segments(lines: Array, valid: BoolArray) -> Segments:
-    """Segments of L polylines of K points each. lines: (3, L, K); valid: (L, K)."""
-    points = np.moveaxis(lines, 0, -1).astype(np.float32)
-    pairs = np.stack([points[:, :-1], points[:, 1:]], axis=2)
-    kept = valid[:, :-1] & valid[:, 1:] & (pairs[:, :, 0] != pairs[:, :, 1]).any(axis=2)
-    segments: Segments = np.ascontiguousarray(pairs[kept])
-    return segments

@@ -17,11 +17,12 @@ from ..casting.cast import cast
 from ..casting.frame import thread_count
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
+from ..projection.folds import find_folds
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
 from .film import Film, pixel_positions
 from .lighting import Lamp, radiance
-from .report import RenderReport, is_folded
+from .report import RenderReport
 from .scene import Scene
 from .surface import PhongTable, SurfaceTable
 from .typing import Single
@@ -114,7 +115,7 @@ def render_frame(
         counts.chords,
         hits / counts.projectors if counts.projectors else 0.0,
         counts.error_bound,
-        is_folded(projection),
+        find_folds(projection).share,
     )
     return Frame(pixels, report)
 

@@ -5,16 +5,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from ..projection.volume import Projection, determinant
-
-# A fold is looked for at this many positions along each side of the image and along t.
-FOLD_GRID = 17
-# A determinant below this share of the product of its columns' lengths has no sign worth
-# trusting: the columns are parallel to within rounding.
-FOLD_TOLERANCE = 1e-9
-
 
 @dataclass(frozen=True)
 class RenderReport:
@@ -25,8 +15,8 @@ class RenderReport:
     sample where the image shows something; chords: straight pieces they were cut into
     where the scene is; rays: all that were traced for them, shadow rays not counted.
     hit_fraction: of the projectors, in [0, 1]. error_bound: pixels between a projector
-    and its chords, at most. folded: whether the volume turns inside out somewhere, so
-    that parts of the picture are mirrored.
+    and its chords, at most. folded_share: of the volume shown, that is turned inside out, so
+    that its picture is mirrored (``projection.folds``).
     """
 
     width: int
@@ -39,12 +29,17 @@ class RenderReport:
     chords: int
     hit_fraction: float
     error_bound: float
-    folded: bool
+    folded_share: float
 
     @property
     def chords_per_projector(self) -> float:
         """Mean number of chords in a projector, 0 when nothing was cast."""
         return self.chords / self.projectors if self.projectors else 0.0
+
+    @property
+    def folded(self) -> bool:
+        """Whether the volume folds."""
+        return self.folded_share > 0.0
 
     def summary(self) -> str:
         """One line for the interface."""
@@ -59,7 +54,7 @@ class RenderReport:
                 parts.append(f"{self.chords_per_projector:.1f} chords a projector")
                 parts.append(f"error ≤ {self.error_bound:.2g} px")
         if self.folded:
-            parts.append("the volume folds")
+            parts.append(f"{max(self.folded_share, 0.01):.0%} of the volume folds")
         return " · ".join(parts)
 
 
@@ -69,20 +64,3 @@ def _short(count: int) -> str:
         if count >= size:
             return f"{count / size:.1f} {unit}"
     return str(count)
-
-
-def is_folded(projection: Projection) -> bool:
-    """Whether det[Qu Qv Qt] changes its sign in the part of the volume that is shown.
-
-    Looked for on a coarse grid, so that a fold smaller than a cell may be missed.
-    """
-    middle = (np.arange(FOLD_GRID) + 0.5) / FOLD_GRID
-    x, y, t = (a.ravel() for a in np.meshgrid(middle, middle, middle, indexing="ij"))
-    image = projection.parameters(x, y)
-    controls = projection.volume.controls(image.u, image.v)
-    sample = projection.volume.evaluate_controls(controls, t)
-    lengths = [np.sqrt(np.einsum("cn,cn->n", d, d)) for d in (sample.du, sample.dv, sample.dt)]
-    size = determinant(sample)
-    certain = np.abs(size) > FOLD_TOLERANCE * np.prod(lengths, axis=0)
-    signs = np.sign(size[certain & image.mask & controls.valid])
-    return bool(len(signs) and signs.min() < 0 < signs.max())

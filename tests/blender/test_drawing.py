@@ -151,7 +151,8 @@ def test_nothing_is_drawn_away_from_the_lines(gpu_context, addon, drawing, camer
     diagram = addon("scfpf_addon.projection.diagram")
     read = addon("scfpf_addon.bridge.read_projection").read_projection
     projection = read(camera, bpy.context.evaluated_depsgraph_get(), ASPECT)
-    segments = np.concatenate(list(diagram.diagram(projection, 3, 3).values())).astype(np.float64)
+    options = diagram.DiagramOptions(3, 3)
+    segments = np.concatenate(list(diagram.diagram(projection, options).values())).astype(np.float64)
     steps = np.linspace(0, 1, 60)[:, None, None]
     points = (segments[:, 0] * (1 - steps) + segments[:, 1] * steps).reshape(-1, 3).T
     x, y = np.rint(pixels_of(view, points)).astype(int)
@@ -209,7 +210,7 @@ def test_lines_win_against_a_face_in_the_same_place(gpu_context, addon, drawing,
 
     alone, on_face = shoot(view, draw(drawing, camera)), shoot(view, draw_on_a_face)
     # Nothing of the volume is behind its far square, so every pixel that a line fills stays as it was.
-    colors = addon("scfpf_addon.projection.diagram").COLORS.values()
+    colors = addon("scfpf_addon.projection.line_colors").BRIGHT.values()
     filled = np.any([np.abs(alone - color).max(axis=-1) < 0.02 for color in colors], axis=0)
     assert filled.sum() > 1000
     assert np.allclose(on_face[filled], alone[filled], atol=0.1)

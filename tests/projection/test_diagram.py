@@ -8,13 +8,14 @@ import pytest
 
 from scfpf_addon.projection.diagram import (
     BEND_TOLERANCE,
-    COLORS,
+    DiagramOptions,
     diagram,
     image_frame,
     projector_lines,
     surface_lines,
     volume_signature,
 )
+from scfpf_addon.projection.line_colors import BRIGHT
 from scfpf_addon.projection.reparameterisation import Polar, Rectangle
 from scfpf_addon.projection.surfaces import ControlSurface, Disc, Grid, Plane, Point, SphereSector
 from scfpf_addon.projection.volume import Projection, ViewingVolume
@@ -52,14 +53,13 @@ class HoledPlane(ControlSurface):
 
 
 def test_every_role_has_a_colour_and_lines_are_float32_segments():
-    lines = diagram(straight(), 3, 3)
-    assert set(lines) == set(COLORS)
-    for segments in lines.values():
-        assert segments.dtype == np.float32 and segments.shape[1:] == (2, 3) and len(segments)
+    lines = diagram(straight(), DiagramOptions(3, 3, iso=(0.5,), pick=(0.2, 0.4)))
+    assert list(lines) == list(BRIGHT)
+    for role, segments in lines.items():
+        assert segments.dtype == np.float32 and segments.shape[1:] == (2, 3)
+        assert len(segments) or role == "FOLD"
         # The GPU reads them as they lie in memory.
         assert segments.flags.c_contiguous
-    surface, projector = COLORS["SURFACE"], COLORS["PROJECTOR"]
-    assert surface[1] > 2 * max(surface[0], surface[2]) and projector[2] > 2 * max(projector[:2])
 
 
 def test_surface_lines_are_the_lattice_of_u_and_v():
@@ -76,7 +76,7 @@ def test_surface_lines_are_the_lattice_of_u_and_v():
 
 def test_only_the_shown_part_is_drawn():
     part = replace(straight(), u_range=(0.5, 1.0), v_range=(0.0, 0.5))
-    for segments in diagram(part, 4, 4).values():
+    for segments in diagram(part, DiagramOptions(4, 4, iso=(0.3,), pick=(0.5, 0.5))).values():
         assert (segments[..., 0] >= 0).all() and (segments[..., 1] <= 0).all()
     assert image_frame(part)[..., 0].max() == 1 and image_frame(part)[..., 1].min() == -0.5
 

@@ -11,11 +11,11 @@ from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.geometry import Geometry
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.reparameterisation import Polar
-from scfpf_addon.projection.surfaces import Cylinder, Disc, Plane
+from scfpf_addon.projection.surfaces import Disc
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 from scfpf_addon.shading import frame as frame_module
 from scfpf_addon.shading.frame import FrameSettings, render_frame, tile_rows
-from scfpf_addon.shading.report import RenderReport, is_folded
+from scfpf_addon.shading.report import RenderReport
 from scfpf_addon.shading.scene import Light, Scene
 
 
@@ -270,39 +270,10 @@ def test_the_report_counts(build):
 
 
 def test_summary_lines():
-    straight = RenderReport(1920, 1080, 0.412, 0.1, True, 2073600, 2073600, 2073600, 0.7, 0.0, False)
+    straight = RenderReport(1920, 1080, 0.412, 0.1, True, 2073600, 2073600, 2073600, 0.7, 0.0, 0.0)
     assert straight.summary() == "1920×1080 in 0.41 s · 2.1 M rays · straight projectors"
-    curved = RenderReport(100, 50, 61.234, 0.1, False, 5000, 61000, 36000, 0.7, 0.0987, True)
+    curved = RenderReport(100, 50, 61.234, 0.1, False, 5000, 61000, 36000, 0.7, 0.0987, 0.124)
     assert curved.summary() == (
-        "100×50 in 61.23 s · 61.0 k rays · 7.2 chords a projector · error ≤ 0.099 px · the volume folds"
+        "100×50 in 61.23 s · 61.0 k rays · 7.2 chords a projector · error ≤ 0.099 px"
+        " · 12% of the volume folds"
     )
-
-
-def planes(build, *sizes):
-    """Level planes of (width, height), the near one on top; negative sizes are mirrored."""
-    return tuple(
-        Plane(matrix=build.placed((0, 0, -index)), width=width, height=height)
-        for index, (width, height) in enumerate(sizes)
-    )
-
-
-@pytest.mark.parametrize(
-    "sizes, folded",
-    [
-        ([(1, 1), (2, 2)], False),
-        ([(-1, 1), (-2, 2)], False),
-        ([(1, 1), (-1, -1)], False),
-        ([(1, 1), (-1, 1)], True),
-        ([(1, 1), (3, 3), (1, -0.5)], True),
-    ],
-    ids=["frustum", "mirrored", "through a point", "through a line", "turned over at the far end"],
-)
-def test_folds_are_changes_of_orientation(build, sizes, folded):
-    assert is_folded(Projection(ViewingVolume(planes(build, *sizes)))) == folded
-
-
-def test_poles_and_points_are_no_folds(build):
-    discs = tuple(Disc(matrix=build.placed((0, 0, -z)), radius=r) for z, r in ((0, 0.0), (1, 1.0)))
-    assert not is_folded(Projection(ViewingVolume(discs), Polar()))
-    rings = (Cylinder(radius=1e-3), Cylinder(radius=5, height=4))
-    assert not is_folded(Projection(ViewingVolume(rings)))

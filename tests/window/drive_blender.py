@@ -211,6 +211,59 @@ def renders(driver):
     assert bpy.context.scene.camera.scfpf.report
 
 
+def picks(driver):
+    """A click in the picture draws the projector through that pixel and its hit; undo takes it back."""
+    build_scene()
+    driver.add_camera("nonlinear_twist")
+    camera = bpy.context.scene.camera
+    yield from driver.show_sidebar()
+    with driver.override():
+        try:
+            bpy.ops.scfpf.pick("INVOKE_DEFAULT")
+        except RuntimeError as error:
+            assert "Image Editor" in str(error)
+        else:
+            raise AssertionError("picking without a picture says nothing")
+    driver.open_image_editor()
+    driver.start_render()
+    yield from driver.finished()
+    area = driver.area("IMAGE_EDITOR")
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with driver.override():
+        bpy.ops.view3d.view_axis(type="FRONT")
+        bpy.ops.view3d.view_all("EXEC_DEFAULT")
+        assert bpy.ops.scfpf.pick("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    yield DRAW
+    driver.key("LEFTMOUSE")
+    yield DRAW
+    assert not camera.scfpf.show_pick, "a click beside the picture picks"
+    u, v = region.view2d.region_to_view(region.width // 2, region.height // 2)
+    where = {"x": region.x + region.width // 2, "y": region.y + region.height // 2}
+    driver.window.event_simulate("MOUSEMOVE", "NOTHING", **where)
+    driver.window.event_simulate("LEFTMOUSE", "PRESS", **where)
+    driver.window.event_simulate("LEFTMOUSE", "RELEASE", **where)
+    yield 2 * DRAW
+    camera = bpy.context.scene.camera
+    assert camera.scfpf.show_pick and abs(camera.scfpf.pick[0] - u) + abs(camera.scfpf.pick[1] - v) < 0.02
+    driver.shot("pick")
+    with driver.override():
+        bpy.ops.wm.call_panel(name="SCFPF_PT_view_display")
+    yield DRAW
+    driver.shot("pick-panel")
+    driver.key("ESC")
+    yield DRAW
+    with driver.override():
+        bpy.ops.ed.undo()
+    yield DRAW
+    assert not bpy.context.scene.camera.scfpf.show_pick, "undo does not take the pick back"
+    with driver.override():
+        assert bpy.ops.scfpf.pick("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    yield DRAW
+    driver.key("ESC")
+    yield DRAW
+    assert not bpy.context.scene.camera.scfpf.show_pick
+
+
 def cancels(driver):
     """Esc in mid-render leaves the old picture as it was, and Blender answers meanwhile."""
     build_scene()
@@ -359,6 +412,7 @@ SCENARIOS = (
     panels,
     presets,
     renders,
+    picks,
     cancels,
     edits_during_render,
     window_closed_during_render,

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pick in the picture: which projector makes a pixel, and what it meets."""
+
+import bpy
+from bpy.props import FloatProperty, StringProperty
+
+from ..scfpf_addon.bridge import render_job
+from ..scfpf_addon.bridge.result_image import result_image
+from ..scfpf_addon.shading.pick import pick
+from .errors import BAD_INPUT
+from .render import NO_CAMERA, redraw_interface
+from .target import render_camera
+
+NO_PICTURE = "Open the picture in an Image Editor of this window first (Show Picture), then click in it"
+
+
+def pick_readout(settings) -> list[str]:
+    """What the picked projector of a camera met, in a few short lines."""
+    lines = [f"At x {settings.pick[0]:.4f}, y {settings.pick[1]:.4f} of the picture"]
+    if settings.pick_t < 0:
+        return [*lines, "It meets nothing"]
+    return [
+        *lines,
+        f"Meets {settings.pick_object}",
+        f"At t {settings.pick_t:.5f}, distance {settings.pick_distance:.5g}",
+    ]
+
+
+def picture_regions(window) -> list:
+    """The regions of a window's Image Editors that show our picture."""
+    image = result_image()
+    return [
+        region
+        for area in window.screen.areas
+        if area.ui_type == "IMAGE_EDITOR" and image is not None and area.spaces.active.image == image
+        for region in area.regions
+        if region.type == "WINDOW"
+    ]
+
+
+def image_position(window, x: int, y: int) -> tuple[float, float] | None:
+    """The position in the picture, each share in [0, 1], under a pixel of the window; None beside it."""
+    for region in picture_regions(window):
+        inside = 0 <= x - region.x < region.width and 0 <= y - region.y < region.height
+        if inside:
+            u, v = region.view2d.region_to_view(x - region.x, y - region.y)
+            return (u, v) if 0 <= u <= 1 and 0 <= v <= 1 else None
+    return None
+
+
+class SCFPF_OT_pick(bpy.types.Operator):
+    """Click in the picture: the 3D viewport shows the projector through that pixel and what it meets"""
+
+    bl_idname = "scfpf.pick"
+    bl_label = "Pick Projector"
+    bl_options = {"REGISTER", "UNDO"}
+
+    x: FloatProperty(
+        name="X",
+        description="From the picture's left border, as a share of its width",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        precision=4,
+        step=1,
+        options={"SKIP_SAVE"},
+    )
+    y: FloatProperty(
+        name="Y",
+        description="From the picture's lower border, as a share of its height",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        precision=4,
+        step=1,
+        options={"SKIP_SAVE"},
+    )
+    camera: StringProperty(
+        name="Camera",
+        description="Name of the flexible camera; empty for the scene's camera, or else the active one",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, _context):
+        if render_job.current() is not None:
+            cls.poll_message_set("A render is running: wait for it, or press Esc to cancel it")
+            return False
+        return True
+
+    def execute(self, context):
+        camera = bpy.data.objects.get(self.camera) if self.camera else render_camera(context)
+        if camera is None:
+            missing = f'There is no object "{self.camera}" to pick through' if self.camera else NO_CAMERA
+            self.report({"ERROR"}, missing)
+            return {"CANCELLED"}
+        if camera.type != "CAMERA" or not camera.scfpf.enabled:
+            self.report(
+                {"ERROR"}, f"{camera.name} is not a flexible camera: switch on Flexible Projection for it"
+            )
+            return {"CANCELLED"}
+        for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
+            edited.update_from_editmode()
+        uid = camera.session_uid
+        try:
+            inputs = render_job.prepare(context.scene, context.view_layer, camera)
+            size = 1 / inputs.settings.width, 1 / inputs.settings.height
+            found = pick(inputs.projection, inputs.scene, self.x, self.y, size)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if found is None:
+            self.report({"WARNING"}, "The picture shows nothing there: no projector goes through it")
+            return {"CANCELLED"}
+        camera = next(obj for obj in bpy.data.objects if obj.session_uid == uid)
+        settings = camera.scfpf
+        settings.pick = self.x, self.y
+        settings.pick_t = -1.0 if found.t is None else found.t
+        settings.pick_object, settings.pick_distance = found.object_name, found.distance
+        settings.show_pick = True
+        self.report({"INFO"}, " · ".join(pick_readout(settings)))
+        redraw_interface(context.window_manager)
+        return {"FINISHED"}
+
+    def invoke(self, context, _event):
+        if context.window is None or not picture_regions(context.window):
+            self.report({"ERROR"}, NO_PICTURE)
+            return {"CANCELLED"}
+        context.window_manager.modal_handler_add(self)
+        context.window.cursor_modal_set("EYEDROPPER")
+        context.workspace.status_text_set("Click in the picture to pick a projector    Esc: cancel")
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
+            self.cancel(context)
+            return {"CANCELLED"}
+        if event.type == "LEFTMOUSE" and event.value == "PRESS":
+            position = image_position(context.window, event.mouse_x, event.mouse_y)
+            if position is not None:
+                self.cancel(context)
+                self.x, self.y = position
+                return self.execute(context)
+            return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context):
+        """Take back what invoke put up."""
+        if context.window is not None:
+            context.window.cursor_modal_restore()
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+
+
+def _image_header(header, context):
+    """In an Image Editor that shows our picture: the button beside its menus."""
+    image = context.space_data.image
+    if image is not None and image == result_image():
+        header.layout.operator("scfpf.pick", text="", icon="EYEDROPPER")
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory((SCFPF_OT_pick,))
+
+
+def register():
+    _register_classes()
+    bpy.types.IMAGE_HT_header.append(_image_header)
+
+
+def unregister():
+    bpy.types.IMAGE_HT_header.remove(_image_header)
+    _unregister_classes()

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The colours of the lines that picture a volume, by what they mean and by what is behind them."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+# ISO: a surface of equal t. FOLD: a projector where the volume is inside out. FAR: the rim of the
+# far surface. FRAME: the image on the near surface. U, V: where u and v grow. PICK: the projector
+# that was asked for.
+Role: TypeAlias = Literal["ISO", "SURFACE", "PROJECTOR", "FOLD", "FAR", "FRAME", "U", "V", "PICK"]
+Color: TypeAlias = tuple[float, float, float, float]
+
+# Display colours (sRGB), red green blue alpha, for dark and for light backgrounds. Blender's
+# light theme has a 3D viewport of medium grey: the bright colours serve it too.
+BRIGHT: dict[Role, Color] = {
+    "ISO": (0.48, 0.78, 0.50, 1.0),
+    "SURFACE": (0.20, 0.78, 0.30, 1.0),
+    "PROJECTOR": (0.36, 0.62, 1.00, 1.0),
+    "FOLD": (1.00, 0.42, 0.38, 1.0),
+    "FAR": (0.10, 0.85, 0.55, 1.0),
+    "FRAME": (0.55, 1.00, 0.40, 1.0),
+    "U": (1.00, 0.65, 0.20, 1.0),
+    "V": (0.90, 0.55, 1.00, 1.0),
+    "PICK": (1.00, 0.95, 0.15, 1.0),
+}
+DARK: dict[Role, Color] = {
+    "ISO": (0.14, 0.36, 0.16, 1.0),
+    "SURFACE": (0.02, 0.38, 0.08, 1.0),
+    "PROJECTOR": (0.08, 0.22, 0.80, 1.0),
+    "FOLD": (0.70, 0.03, 0.03, 1.0),
+    "FAR": (0.00, 0.35, 0.22, 1.0),
+    "FRAME": (0.02, 0.40, 0.02, 1.0),
+    "U": (0.52, 0.26, 0.00, 1.0),
+    "V": (0.50, 0.05, 0.60, 1.0),
+    "PICK": (0.42, 0.33, 0.00, 1.0),
+}
+# Backgrounds of a higher relative luminance get the dark lines: there black and the blue that
+# projectors have stand out equally.
+LIGHT_BACKGROUND = 0.26
+
+
+def line_colors(background: tuple[float, float, float]) -> dict[Role, Color]:
+    """The colours that show on a background, a display colour, (red, green, blue) in [0, 1]."""
+    return DARK if luminance(background) > LIGHT_BACKGROUND else BRIGHT
+
+
+def luminance(color: tuple[float, ...]) -> float:
+    """Relative luminance of a display colour, 0 black to 1 white (WCAG 2.1, "relative luminance")."""
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color[:3]]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(first: tuple[float, ...], second: tuple[float, ...]) -> float:
+    """Contrast ratio of two display colours, 1 to 21 (WCAG 2.1, "contrast ratio")."""
+    darker, lighter = sorted((luminance(first), luminance(second)))
+    return (lighter + 0.05) / (darker + 0.05)

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What tells the parts of a drawn volume apart: the far rim, where u and v grow, iso-surfaces.
+
+As in ``diagram``: segments (S, 2, 3) float32 in the space of the projection.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .segments import Segments, joined, ranged, segments
+from .surfaces import ControlSurface
+from .typing import Array, BoolArray
+from .volume import Projection
+
+# The far rim is dashed: this many dashes a side, each this share of its way long.
+DASHES = 12
+DASH_SHARE = 0.6
+# Arrows, as shares of the u and v ranges: distance from the corner, length, size of the head.
+ARROW_MARGIN = 0.04
+ARROW_LENGTH = 0.28
+ARROW_HEAD = 0.035
+ARROW_STEPS = 16
+# An arrow goes to the opposite border where the surface is narrower than this share of that border,
+# as about a pole.
+NARROW = 0.25
+
+
+def iso_lines(projection: Projection, t: float, lines: int = 8, resolution: int = 48) -> Segments:
+    """Lines of constant u and of constant v on Q(·, ·, t), t in [0, 1], as ``diagram.surface_lines``."""
+    across = np.linspace(0.0, 1.0, lines + 1)
+    along = np.linspace(0.0, 1.0, resolution + 1)
+    fixed, moving = np.meshgrid(across, along, indexing="ij")
+    weights, _ = projection.volume.spans.weights(np.array([t]))
+    families = []
+    for x, y in ((fixed, moving), (moving, fixed)):
+        controls = projection.volume.projectors(*ranged(projection, x.ravel(), y.ravel()))
+        position = np.einsum("k,kcn->cn", weights[:, 0], controls.points)
+        families.append(segments(position.reshape(3, *x.shape), controls.valid.reshape(x.shape)))
+    return joined(families)
+
+
+def far_rim(projection: Projection) -> Segments:
+    """The border of the far surface, dashed: so it is told from the near one, which is whole."""
+    # Centred, so that the two sides of a seam have theirs in the same places.
+    start = (np.arange(DASHES) + (1.0 - DASH_SHARE) / 2) / DASHES
+    # Four points a dash follow the bend of a surface.
+    along = (start[:, None] + np.linspace(0.0, DASH_SHARE / DASHES, 4)).ravel()
+    along = np.tile(along, (4, 1))
+    nought, one = np.zeros_like(along[0]), np.ones_like(along[0])
+    x = np.stack([along[0], one, 1 - along[0], nought])
+    y = np.stack([nought, along[0], one, 1 - along[0]])
+    sample = projection.volume.surfaces[-1].evaluate(*ranged(projection, x.ravel(), y.ravel()))
+    shape = (4 * DASHES, 4)
+    return segments(sample.position.reshape(3, *shape), sample.valid.reshape(shape))
+
+
+def direction_arrows(projection: Projection) -> tuple[Segments, Segments]:
+    """Arrows along u and arrows along v, from the corner where both are least.
+
+    One of each on the near surface and one on the far, since either may be too small to be
+    seen or a point; at a pole they stand at the opposite border.
+    """
+    volume = projection.volume
+    ends = (volume.surfaces[0], volume.surfaces[-1])
+    along_u, along_v = (
+        joined([_arrow(surface, projection, _beside(surface, projection, axis), axis) for surface in ends])
+        for axis in (0, 1)
+    )
+    return along_u, along_v
+
+
+def _beside(surface: ControlSurface, projection: Projection, axis: int) -> float:
+    """Where an arrow stands in the other parameter's range: at the border that is no pole."""
+    near, far = ARROW_MARGIN, 1.0 - ARROW_MARGIN
+    here, there = (_length(surface, projection, beside, axis) for beside in (near, far))
+    return near if here >= NARROW * there else far
+
+
+def _path(projection: Projection, along: Array, beside: Array, axis: int) -> tuple[Array, Array]:
+    return ranged(projection, *((along, beside) if axis == 0 else (beside, along)))
+
+
+def _length(surface: ControlSurface, projection: Projection, beside: float, axis: int) -> float:
+    """The length of an arrow's shaft."""
+    along = np.linspace(ARROW_MARGIN, ARROW_MARGIN + ARROW_LENGTH, ARROW_STEPS + 1)
+    sample = surface.evaluate(*_path(projection, along, np.full_like(along, beside), axis))
+    return float(np.linalg.norm(np.diff(sample.position, axis=1), axis=0).sum())
+
+
+def _arrow(surface: ControlSurface, projection: Projection, beside: float, axis: int) -> Segments:
+    """Shaft and head, at the share ``beside`` of the other parameter's range."""
+    tip = ARROW_MARGIN + ARROW_LENGTH
+    shaft = np.linspace(ARROW_MARGIN, tip, ARROW_STEPS + 1)
+    lines = [(shaft, np.full_like(shaft, beside))]
+    for side in (-ARROW_HEAD, ARROW_HEAD):
+        lines.append((np.array([tip - 1.5 * ARROW_HEAD, tip]), np.array([beside + side, beside])))
+    pieces = []
+    for along, across in lines:
+        sample = surface.evaluate(*_path(projection, along, across, axis))
+        valid: BoolArray = sample.valid[None]
+        pieces.append(segments(sample.position[:, None], valid))
+    return joined(pieces)

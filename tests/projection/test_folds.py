@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Folds: found where a closed form says, and nowhere else, whatever float32 does to the parameters."""
+
+import pathlib
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from scfpf_addon.projection.diagram import FOLD_PIECES, parted_projector_lines, projector_lines
+from scfpf_addon.projection.folds import FOLD_GRID, find_folds
+from scfpf_addon.projection.preset import read_preset
+from scfpf_addon.projection.reparameterisation import Polar
+from scfpf_addon.projection.surfaces import Cylinder, Disc, Grid, Plane, Point, SphereSector
+from scfpf_addon.projection.volume import Projection, ViewingVolume
+
+PRESETS = sorted((pathlib.Path(__file__).resolve().parents[2] / "presets").glob("*.json"))
+
+
+def placed(z):
+    matrix = np.eye(4)
+    matrix[2, 3] = z
+    return matrix
+
+
+def planes(*sizes, basis="BEZIER"):
+    """Parallel planes of (width, height), one unit apart along -Z; negative sizes are mirrored."""
+    surfaces = tuple(Plane(width, height, matrix=placed(-i)) for i, (width, height) in enumerate(sizes))
+    return Projection(ViewingVolume(surfaces, basis))
+
+
+def as_float32(value):
+    return np.float32(value).astype(np.float64) if isinstance(value, float | np.ndarray) else value
+
+
+def in_float32(projection):
+    """Every parameter as Blender stores it."""
+    surfaces = tuple(
+        replace(s, **{f.name: as_float32(getattr(s, f.name)) for f in fields(s)})
+        for s in projection.volume.surfaces
+    )
+    return replace(projection, volume=replace(projection.volume, surfaces=surfaces))
+
+
+def moved(projection):
+    """In another place, turned and mirrored: none of it is a fold."""
+    turn = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))[0]
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = turn @ np.diag([1, -1, 1]), (100, -3000, 7)
+    return projection.transformed(matrix)
+
+
+@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("aspect", [1.0, 1.7778, 0.4])
+def test_no_preset_folds_in_float32(path, aspect):
+    projection = in_float32(read_preset(path).projection(aspect))
+    for same in (projection, moved(projection), moved(in_float32(projection))):
+        assert not find_folds(same)
+        assert not len(parted_projector_lines(same, 9, 9)[1])
+
+
+@pytest.mark.parametrize(
+    "sizes, share",
+    [
+        ([(1, 1), (2, 2)], 0),
+        ([(-1, 1), (-2, 2)], 0),
+        ([(1, 1), (-1, -1)], 0),
+        ([(1, 1), (-1, 1)], 1 / 2),
+        ([(1, 1), (3, 3), (1, -0.5)], 1 - (4 + 38**0.5) / 11),
+        ([(1, 1), (1, -2), (1, -2), (1, 1)], 1 - 5**0.5 / 3),
+    ],
+    ids=["frustum", "mirrored", "through a point", "through a line", "turned over at the far end", "cubic"],
+)
+def test_share_of_parallel_planes(sizes, share):
+    """Width and height are polynomials of t: the fold is where their product has the rarer sign."""
+    folds = find_folds(planes(*sizes))
+    assert bool(folds) == (share > 0)
+    assert folds.share == pytest.approx(share, abs=1 / FOLD_GRID)
+    t = np.linspace(0, 1, 20001)
+    volume = planes(*sizes).volume
+    weights, _ = volume.spans.weights(t)
+    area = (np.array(sizes).T @ weights).prod(axis=0)
+    negative = (area < 0).mean()
+    assert min(negative, 1 - negative) == pytest.approx(share, abs=1e-3)
+    # The samples named are where the sign is the rarer one.
+    depth = np.interp(-folds.positions[2] / (len(sizes) - 1), t, area)
+    rarer = -1 if negative < 0.5 else 1
+    assert (np.sign(depth) == rarer).all() or share == 0.5
+
+
+@pytest.mark.parametrize("shift", [-4e-8, 0.0, 4e-8])
+def test_a_pole_beside_its_place_is_no_fold(shift):
+    spheres = tuple(SphereSector(radius, 2 * np.pi, np.pi / 2 + shift, 0.0) for radius in (0.1, 100.0))
+    assert not find_folds(Projection(ViewingVolume(spheres), Polar()))
+
+
+def test_points_discs_and_thin_cylinders_are_no_folds():
+    discs = (Disc(0.0, matrix=placed(0)), Disc(1.0, matrix=placed(-1)))
+    assert not find_folds(Projection(ViewingVolume(discs), Polar()))
+    assert not find_folds(Projection(ViewingVolume((Point(), Plane(matrix=placed(-1))))))
+    assert not find_folds(Projection(ViewingVolume((Cylinder(1e-3), Cylinder(5.0, height=4.0)))))
+    nothing = find_folds(Projection(ViewingVolume((Point(), Point()))))
+    assert not nothing and nothing.orientation == 0 and nothing.positions.shape == (3, 0)
+
+
+def test_a_polar_picture_of_a_folded_volume_folds():
+    """Radii 1, -2, 1 at t = 0, ½, 1: the radius is negative in between, the area's square is not."""
+    discs = tuple(Disc(1.0, arc, matrix=placed(-i)) for i, arc in enumerate((2.0, -4.0, 2.0)))
+    folds = find_folds(Projection(ViewingVolume(discs), Polar()))
+    assert 0.3 < folds.share < 0.5
+
+
+def test_a_fold_of_a_grid_is_where_its_columns_run_back():
+    columns = np.array([0.0, 2.0, 1.0, 3.0])
+    points = np.stack(np.broadcast_arrays(columns, np.arange(2.0)[:, None], -1.0), axis=-1)
+    near = Grid(points, matrix=placed(0))
+    folds = find_folds(Projection(ViewingVolume((near, replace(near, matrix=placed(-5))))))
+    assert folds.share == pytest.approx(1 / 3, abs=1 / FOLD_GRID)
+    assert folds.positions[0].min() >= 1 and folds.positions[0].max() <= 2
+
+
+@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE"])
+def test_drawn_pieces_of_projectors_part_where_the_height_changes_its_sign(basis):
+    projection = planes((1, 1), (1, 1), (1, -0.5), basis=basis)
+    good, folded = parted_projector_lines(projection, 3, 2)
+    t = np.linspace(0, 1, 20001)
+    height = np.array([1, 1, -0.5]) @ projection.volume.spans.weights(t)[0]
+    crossing = 2 * t[np.argmax(height < 0)]
+    assert len(folded) and -folded[..., 2].max() >= crossing - 2 / FOLD_PIECES
+    assert -good[..., 2].min() <= crossing + 2 / FOLD_PIECES
+
+    def length(lines):
+        return np.linalg.norm(np.diff(lines.astype(float), axis=1), axis=2).sum()
+
+    assert length(good) + length(folded) == pytest.approx(
+        length(projector_lines(projection, 3, 2, 200)), rel=1e-3
+    )
+
+
+def test_without_folds_the_lines_are_those_of_projector_lines():
+    projection = planes((1, 1), (3, 2), (4, 4))
+    good, folded = parted_projector_lines(projection, 4, 3)
+    assert np.array_equal(good, projector_lines(projection, 4, 3)) and folded.shape == (0, 2, 3)
