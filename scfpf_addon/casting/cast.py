@@ -26,6 +26,10 @@ FARTHEST = 1e15
 # a pixel reach this far from its centre, so what its chord passes, one of theirs meets.
 NEIGHBOUR_ERROR = 1.5
 
+# But they never stray more than this many times the pixel error: a thing so thin that no
+# neighbour sees it either must come to light when the error is set lower.
+MOST_COARSER = 15.0
+
 # Doubtful hits are looked at with chords that stray this share of the pixel error:
 # they decide, so they should add little to it.
 FINE_SHARE = 0.3
@@ -98,7 +102,7 @@ def _cast_curved(
         # A row more on either side, for the outer rows to be compared with.
         x = np.concatenate([x[:columns], x, x[-columns:]])
         y = np.concatenate([y[:columns] - pixel_size[1], y, y[-columns:] + pixel_size[1]])
-        chord_error = max(pixel_error, NEIGHBOUR_ERROR)
+        chord_error = max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error))
     fine_error = FINE_SHARE * max(pixel_error, SMALLEST_ERROR)
     finer = math.ceil(math.sqrt(max(chord_error / fine_error, 1.0)))
     points, mask, _ = _projectors(projection, x, y)

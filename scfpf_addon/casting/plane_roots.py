@@ -100,11 +100,9 @@ def _piecewise(coefficients: Array, slopes: Array) -> Array:
     low, high = heights[:-1], heights[1:]
     crossed = (np.signbit(low) != np.signbit(high)) | (low == 0.0) | (high == 0.0)
     crossed &= (breaks[1:] > breaks[:-1]) & ((low != 0.0) | (high != 0.0))
-    piece, curve = np.nonzero(crossed)
+    curve = np.nonzero(crossed)[1]
     roots = np.full(low.shape, np.nan)
-    roots[piece, curve] = _bracketed(
-        coefficients.take(curve, 1), breaks[piece, curve], breaks[piece + 1, curve]
-    )
+    roots[crossed] = _bracketed(coefficients.take(curve, 1), breaks[:-1][crossed], breaks[1:][crossed])
     return np.sort(roots, axis=0)
 
 

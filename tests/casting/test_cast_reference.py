@@ -131,3 +131,15 @@ def test_a_hit_is_where_it_says(reference, name):
     assert hits.mask.all() and (hits.barycentric[:, ~hit] == 0).all() and np.isinf(hits.t[~hit]).all()
     assert hits.t.dtype == hits.position.dtype == hits.barycentric.dtype == np.float64
     assert hits.triangle.dtype == np.int32
+
+
+@pytest.mark.parametrize("name", ["quadratic", "cubic"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_nothing_is_passed_when_the_pixel_error_is_small(reference, scene, name):
+    """In a tiny picture things are thinner than a pixel: comparing neighbours must not hide them."""
+    width, height = 36, 20
+    x, y = pixel_centres(width, height, (0, height))
+    t, _ = reference.brute_force(*mesh(scene), volume(name), x, y)
+    hits = reference.cast_image(cast_scene(scene), volume(name), width, height, 0.001, True)
+    # Of 720 pixels one may lie within a hundredth of a silhouette.
+    assert wrong(hits, t).sum() <= 1
