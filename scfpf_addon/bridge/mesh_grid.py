@@ -48,20 +48,34 @@ def grid_points(evaluated_object):
 
     Raises SurfaceError when they are no regular grid that fills the UV square.
     """
-    name = evaluated_object.name
     mesh = evaluated_object.to_mesh()
     try:
-        layer = mesh.uv_layers.active or next(iter(mesh.uv_layers), None)
-        if not mesh.vertices or layer is None:
-            raise SurfaceError(f"'{name}' has no vertices with a UV map: a grid surface needs both")
-        points = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.vertices.foreach_get("co", points)
-        corners = np.empty(len(mesh.loops), np.int32)
-        mesh.loops.foreach_get("vertex_index", corners)
-        uv = np.empty(2 * len(corners), np.float32)
-        layer.uv.foreach_get("vector", uv)
+        return mesh_points(evaluated_object.name, mesh)
     finally:
         evaluated_object.to_mesh_clear()
+
+
+def uv_layer(mesh):
+    """The UV map that a mesh renders with, or None.
+
+    The first one where Geometry Nodes left none switched on; in 4.5 ``uv_layers.active``
+    then is an unnamed attribute.
+    """
+    shown = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    return shown or next(iter(mesh.uv_layers), None)
+
+
+def mesh_points(name: str, mesh):
+    """``grid_points`` of a mesh; name: what messages call it."""
+    layer = uv_layer(mesh)
+    if not mesh.vertices or layer is None:
+        raise SurfaceError(f"'{name}' has no vertices with a UV map: a grid surface needs both")
+    points = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", points)
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    uv = np.empty(2 * len(corners), np.float32)
+    layer.uv.foreach_get("vector", uv)
     points = points.reshape(-1, 3).astype(np.float64)
     return points[_grid_order(name, len(points), corners, uv.reshape(-1, 2).astype(np.float64))]
 
@@ -73,11 +87,15 @@ def _grid_order(name: str, count: int, corners, uv):
     if not np.isfinite(of_vertex).all():
         raise SurfaceError(f"'{name}' has loose vertices or broken UVs: every vertex must belong to a face")
     if np.abs(of_vertex[corners] - uv).max() > UV_LINE_GAP:
-        raise SurfaceError(f"'{name}' has a seam in its UV map: a grid surface needs one UV for each vertex")
+        raise SurfaceError(
+            f"'{name}' has a seam in its UV map: a grid surface needs one UV "
+            "for each vertex; or make it a UV Mesh"
+        )
     columns, rows = (int((np.diff(np.sort(axis)) > UV_LINE_GAP).sum()) + 1 for axis in of_vertex.T)
     if min(rows, columns) < 2 or rows * columns != count:
         raise SurfaceError(
-            f"'{name}' is no regular grid: its UV map has {columns} × {rows} places for {count} vertices"
+            f"'{name}' is no regular grid: its UV map has {columns} × {rows} places for {count} vertices; "
+            "make it a UV Mesh"
         )
     place = of_vertex * (columns - 1, rows - 1)
     nearest = np.rint(place)
@@ -85,6 +103,7 @@ def _grid_order(name: str, count: int, corners, uv):
     even = np.abs(place - nearest).max() < UV_CELL_TOLERANCE
     if not even or not np.array_equal(np.sort(index), np.arange(count)):
         raise SurfaceError(
-            f"'{name}' is not evenly spaced in its UV map from 0 to 1: unwrap it as a regular grid"
+            f"'{name}' is not evenly spaced in its UV map from 0 to 1: unwrap it as a regular grid, "
+            "or make it a UV Mesh"
         )
     return np.argsort(index).reshape(rows, columns)

@@ -2,7 +2,7 @@
 """The lines that picture a viewing volume, as in the paper's figures: surfaces green, projectors blue.
 
 Lines are segments, (S, 2, 3) float32, in the space of the projection; those of
-no length and those that touch a hole of a surface are left out.
+no length and those that touch a hole of a surface or lead from tile to tile are left out.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .bezier import bernstein, chord_count
-from .typing import Array, BoolArray
+from .typing import Array, BoolArray, IndexArray
 from .volume import Projection
 
 Role: TypeAlias = Literal["SURFACE", "PROJECTOR", "FRAME"]
@@ -49,7 +49,8 @@ def surface_lines(projection: Projection, index: int, lines: int = 8, resolution
     families = []
     for x, y in ((fixed, moving), (moving, fixed)):
         sample = surface.evaluate(*_ranged(projection, x.ravel(), y.ravel()))
-        families.append(_segments(sample.position.reshape(3, *x.shape), sample.valid.reshape(x.shape)))
+        lines = sample.position.reshape(3, *x.shape)
+        families.append(_segments(lines, sample.valid.reshape(x.shape), sample.tile.reshape(x.shape)))
     return np.concatenate(families)
 
 
@@ -104,7 +105,7 @@ def image_frame(projection: Projection, resolution: int = 48) -> Segments:
         inside, outside = np.where(mask, middle, inside), np.where(mask, outside, middle)
     image = projection.parameters(0.5 + (x - 0.5) * inside, 0.5 + (y - 0.5) * inside)
     sample = projection.volume.surfaces[0].evaluate(image.u, image.v)
-    return _segments(sample.position[:, None], (sample.valid & image.mask)[None])
+    return _segments(sample.position[:, None], (sample.valid & image.mask)[None], sample.tile[None])
 
 
 def diagram(projection: Projection, count_u: int, count_v: int) -> dict[Role, Segments]:
@@ -152,10 +153,15 @@ def _ranged(projection: Projection, x: Array, y: Array) -> tuple[Array, Array]:
     return u0 + x * (u1 - u0), v0 + y * (v1 - v0)
 
 
-def _segments(lines: Array, valid: BoolArray) -> Segments:
-    """Segments of L polylines of K points each. lines: (3, L, K); valid: (L, K)."""
+def _segments(lines: Array, valid: BoolArray, tile: IndexArray | None = None) -> Segments:
+    """Segments of L polylines of K points each. lines: (3, L, K); valid, tile: (L, K).
+
+    Where the tile changes the polyline is broken: tiles need not meet.
+    """
     points = np.moveaxis(lines, 0, -1).astype(np.float32)
     pairs = np.stack([points[:, :-1], points[:, 1:]], axis=2)
     kept = valid[:, :-1] & valid[:, 1:] & (pairs[:, :, 0] != pairs[:, :, 1]).any(axis=2)
+    if tile is not None:
+        kept &= tile[:, :-1] == tile[:, 1:]
     segments: Segments = np.ascontiguousarray(pairs[kept])
     return segments
