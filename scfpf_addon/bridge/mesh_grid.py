@@ -48,11 +48,22 @@ def grid_points(evaluated_object):
 
     Raises SurfaceError when they are no regular grid that fills the UV square.
     """
+    name = evaluated_object.name
     mesh = evaluated_object.to_mesh()
     try:
-        return mesh_points(evaluated_object.name, mesh)
+        layer = uv_layer(mesh)
+        if not mesh.vertices or layer is None:
+            raise SurfaceError(f"'{name}' has no vertices with a UV map: a grid surface needs both")
+        points = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", points)
+        corners = np.empty(len(mesh.loops), np.int32)
+        mesh.loops.foreach_get("vertex_index", corners)
+        uv = np.empty(2 * len(corners), np.float32)
+        layer.uv.foreach_get("vector", uv)
     finally:
         evaluated_object.to_mesh_clear()
+    points = points.reshape(-1, 3).astype(np.float64)
+    return points[_grid_order(name, len(points), corners, uv.reshape(-1, 2).astype(np.float64))]
 
 
 def uv_layer(mesh):
@@ -63,21 +74,6 @@ def uv_layer(mesh):
     """
     shown = next((layer for layer in mesh.uv_layers if layer.active_render), None)
     return shown or next(iter(mesh.uv_layers), None)
-
-
-def mesh_points(name: str, mesh):
-    """``grid_points`` of a mesh; name: what messages call it."""
-    layer = uv_layer(mesh)
-    if not mesh.vertices or layer is None:
-        raise SurfaceError(f"'{name}' has no vertices with a UV map: a grid surface needs both")
-    points = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", points)
-    corners = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("vertex_index", corners)
-    uv = np.empty(2 * len(corners), np.float32)
-    layer.uv.foreach_get("vector", uv)
-    points = points.reshape(-1, 3).astype(np.float64)
-    return points[_grid_order(name, len(points), corners, uv.reshape(-1, 2).astype(np.float64))]
 
 
 def _grid_order(name: str, count: int, corners, uv):

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..projection.preset_values import LARGEST_LENGTH
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.uv_chart import UVChart
 from ..projection.uv_mesh import UVMesh
-from .mesh_grid import SurfaceError, grid_points, mesh_points, uv_layer
+from .mesh_grid import SurfaceError, grid_points, uv_layer
 
 
 def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
@@ -23,9 +24,10 @@ def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
         points, triangles, uv = _arrays(name, mesh)
     finally:
         evaluated_object.to_mesh_clear()
-    if not np.isfinite(points).all():
+    if not (np.abs(points) <= LARGEST_LENGTH).all():
         raise SurfaceError(
-            f"'{name}' has vertices that are not finite: look for the modifier that makes them"
+            f"'{name}' has vertices that are not finite or farther out than {LARGEST_LENGTH:g}: "
+            "look for the modifier or shape key that moves them there"
         )
     if not np.isfinite(uv).all():
         raise SurfaceError(f"The UV map of '{name}' is not finite: unwrap it again (U in Edit Mode)")
@@ -65,7 +67,7 @@ def read_reshaped(evaluated_object, matrix) -> ControlSurface:
 
     Raises SurfaceError as ``read_uv_mesh`` does.
     """
-    points = _grid_or_none(lambda: grid_points(evaluated_object))
+    points = _grid_or_none(evaluated_object)
     return read_uv_mesh(evaluated_object, matrix) if points is None else Grid(points, matrix=matrix)
 
 
@@ -78,15 +80,15 @@ def mesh_kind(surface) -> str:
         surface.update_from_editmode()
     if not surface.data.uv_layers:
         return "GRID"
-    points = _grid_or_none(lambda: mesh_points(surface.name, surface.data))
+    points = _grid_or_none(surface)
     if points is None:
         return "UV_MESH"
     return "PATCH" if points.shape[:2] == (2, 2) else "GRID"
 
 
-def _grid_or_none(read):
-    """What ``read`` answers, None where the mesh is no regular grid."""
+def _grid_or_none(surface):
+    """``grid_points`` of an object, evaluated or not; None where the mesh is no regular grid."""
     try:
-        return read()
+        return grid_points(surface)
     except SurfaceError:
         return None
