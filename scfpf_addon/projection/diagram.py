@@ -49,8 +49,8 @@ def surface_lines(projection: Projection, index: int, lines: int = 8, resolution
     families = []
     for x, y in ((fixed, moving), (moving, fixed)):
         sample = surface.evaluate(*_ranged(projection, x.ravel(), y.ravel()))
-        lines = sample.position.reshape(3, *x.shape)
-        families.append(_segments(lines, sample.valid.reshape(x.shape), sample.tile.reshape(x.shape)))
+        drawn = sample.position.reshape(3, *x.shape)
+        families.append(_segments(drawn, sample.valid.reshape(x.shape), sample.tile.reshape(x.shape)))
     return np.concatenate(families)
 
 

@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from scfpf_addon.projection import uv_chart
+from scfpf_addon.projection.diagram import diagram, volume_signature
 from scfpf_addon.projection.surfaces import Grid
 from scfpf_addon.projection.uv_chart import EDGE_TOLERANCE, UVChart
 from scfpf_addon.projection.uv_mesh import UVMesh
+from scfpf_addon.projection.volume import Projection, ViewingVolume
 
 ROUNDING = 1e-12
 
@@ -340,3 +342,36 @@ def test_bad_arrays_are_refused(bad):
 
 def test_the_default_is_half_a_square():
     assert UVMesh().evaluate([0.25, 0.75], [0.25, 0.75]).valid.tolist() == [True, False]
+
+
+def test_drawn_lines_leave_out_holes_and_lead_from_no_island_to_another():
+    """Two islands 5 apart in depth: every drawn segment lies on one, none in the gap."""
+    uv, triangles = two_islands(0.2)
+    near = mesh(uv, triangles, np.column_stack([uv, np.where(uv[:, 0] > 0.5, 5.0, 0.0)]))
+    back = np.eye(4)
+    back[2, 3] = -3.0
+    lines = diagram(Projection(ViewingVolume((near, near.transformed(back)))), 11, 3)
+    # 11 × 3 projectors, those at u = 0.5 in the gap, at 0.4 and 0.6 on its borders.
+    assert len(lines["PROJECTOR"]) == 10 * 3
+    for role in ("SURFACE", "FRAME"):
+        assert len(lines[role]) and not np.ptp(lines[role][:, :, 2], axis=1).any()
+        x = lines[role][:, :, 0]
+        assert ((x < 0.4 + 1e-6) | (x > 0.6 - 1e-6)).all()
+    touching = mesh(*two_islands(0.0), near.points)
+    lines = diagram(Projection(ViewingVolume((touching, touching))), 11, 3)
+    for role in ("SURFACE", "FRAME"):
+        assert len(lines[role]) and not np.ptp(lines[role][:, :, 2], axis=1).any()
+
+
+def test_the_drawing_notices_moved_points_and_moved_uvs():
+    uv, triangles = sheet(2, 2)
+    moved = uv.copy()
+    moved[4] += 0.1
+    points = np.column_stack([uv, np.zeros(len(uv))])
+    volumes = [(mesh(uv, triangles), Grid()), (mesh(uv, triangles, points + 1), Grid())]
+    volumes += [(mesh(moved, triangles, points), Grid()), (mesh(uv, triangles[::-1]), Grid())]
+    signatures = [volume_signature(Projection(ViewingVolume(v))) for v in volumes]
+    assert len(set(signatures)) == 4
+    again = mesh(uv.copy(), triangles.copy())
+    assert again.chart.find(*uv.T).triangle.min() >= 0, "what is kept for look-ups makes no difference"
+    assert volume_signature(Projection(ViewingVolume((again, Grid())))) == signatures[0]
