@@ -301,8 +301,8 @@ def test_a_fan_of_needles_needs_no_more_memory_than_a_sheet():
 
 
 def test_points_are_tested_in_blocks(monkeypatch):
-    """Many more points and candidates than fit into a block give the same answers."""
-    uv, triangles = sheet(6, 6, seed=4)
+    """Many more points and candidates than fit into a block, overlapping ones too, give the same answers."""
+    uv, triangles = joined(sheet(6, 6, seed=4), sheet(3, 5, seed=5), sheet(1, 1))
     u, v = np.random.default_rng(4).uniform(-0.1, 1.1, (2, 500))
     whole = mesh(uv * 0.8, triangles).chart.find(u, v)
     monkeypatch.setattr(uv_chart, "BLOCK", 16)
