@@ -13,6 +13,7 @@ from ..projection.volume import Projection
 from . import surface_nodes, versions
 from .node_builder import NodeBuilder
 from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
+from .uv_mesh import mesh_kind
 
 # The parameters that a preset's scale multiplies; the others are angles and counts.
 LENGTHS = {
@@ -66,7 +67,7 @@ def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=No
     Raises FlexibleCameraError or SurfaceError; nothing is left behind.
     """
     _require_camera(camera)
-    title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else kind.title()
+    title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else MESH_KINDS.get(kind)
     surface = surface_nodes.new_surface(name or title, kind, parameters, points)
     _place(camera, surface, np.eye(4) if matrix is None else matrix)
     _insert(camera, surface, index)
@@ -94,13 +95,13 @@ def _insert(camera, surface, index=None) -> None:
 def attach_surface(camera, surface) -> None:
     """Append an existing object to the camera's surfaces.
 
-    A mesh that is no control surface yet becomes a patch if it has four
-    vertices, else a grid. Raises FlexibleCameraError for any other object.
+    A mesh that is no control surface yet gets the kind that its UV map shows:
+    a patch, a grid, else a UV mesh. Raises FlexibleCameraError for any other object.
     """
     _require_camera(camera)
     if surface.type != "MESH" or is_volume_object(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be a control surface: choose a mesh whose vertices form a UV grid"
+            f"'{surface.name}' cannot be a control surface: choose a mesh with a UV map"
         )
     _insert(camera, surface)
 
@@ -108,8 +109,7 @@ def attach_surface(camera, surface) -> None:
 def _take_kind(surface) -> None:
     """Give a mesh that has none the kind that it looks like."""
     if surface.scfpf_surface.kind == "NONE" and surface.type == "MESH" and surface.is_editable:
-        patch, grid = MESH_KINDS
-        surface.scfpf_surface.kind = patch if len(surface.data.vertices) == 4 else grid
+        surface.scfpf_surface.kind = mesh_kind(surface)
 
 
 def is_volume_object(candidate) -> bool:

@@ -51,7 +51,7 @@ def grid_points(evaluated_object):
     name = evaluated_object.name
     mesh = evaluated_object.to_mesh()
     try:
-        layer = mesh.uv_layers.active or next(iter(mesh.uv_layers), None)
+        layer = uv_layer(mesh)
         if not mesh.vertices or layer is None:
             raise SurfaceError(f"'{name}' has no vertices with a UV map: a grid surface needs both")
         points = np.empty(3 * len(mesh.vertices), np.float32)
@@ -66,6 +66,16 @@ def grid_points(evaluated_object):
     return points[_grid_order(name, len(points), corners, uv.reshape(-1, 2).astype(np.float64))]
 
 
+def uv_layer(mesh):
+    """The UV map that a mesh renders with, or None.
+
+    The first one where Geometry Nodes left none switched on; in 4.5 ``uv_layers.active``
+    then is an unnamed attribute.
+    """
+    shown = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    return shown or next(iter(mesh.uv_layers), None)
+
+
 def _grid_order(name: str, count: int, corners, uv):
     """Vertex indices (rows, columns) of a regular UV grid. corners: (C,) vertices; uv: (C, 2)."""
     of_vertex = np.full((count, 2), np.nan)
@@ -73,11 +83,15 @@ def _grid_order(name: str, count: int, corners, uv):
     if not np.isfinite(of_vertex).all():
         raise SurfaceError(f"'{name}' has loose vertices or broken UVs: every vertex must belong to a face")
     if np.abs(of_vertex[corners] - uv).max() > UV_LINE_GAP:
-        raise SurfaceError(f"'{name}' has a seam in its UV map: a grid surface needs one UV for each vertex")
+        raise SurfaceError(
+            f"'{name}' has a seam in its UV map: a grid surface needs one UV "
+            "for each vertex; or make it a UV Mesh"
+        )
     columns, rows = (int((np.diff(np.sort(axis)) > UV_LINE_GAP).sum()) + 1 for axis in of_vertex.T)
     if min(rows, columns) < 2 or rows * columns != count:
         raise SurfaceError(
-            f"'{name}' is no regular grid: its UV map has {columns} × {rows} places for {count} vertices"
+            f"'{name}' is no regular grid: its UV map has {columns} × {rows} places for {count} vertices; "
+            "make it a UV Mesh"
         )
     place = of_vertex * (columns - 1, rows - 1)
     nearest = np.rint(place)
@@ -85,6 +99,7 @@ def _grid_order(name: str, count: int, corners, uv):
     even = np.abs(place - nearest).max() < UV_CELL_TOLERANCE
     if not even or not np.array_equal(np.sort(index), np.arange(count)):
         raise SurfaceError(
-            f"'{name}' is not evenly spaced in its UV map from 0 to 1: unwrap it as a regular grid"
+            f"'{name}' is not evenly spaced in its UV map from 0 to 1: unwrap it as a regular grid, "
+            "or make it a UV Mesh"
         )
     return np.argsort(index).reshape(rows, columns)

@@ -45,6 +45,7 @@ KINDS = (
     ("CONE", "Cone", "An arc of a cone about the Y axis, open towards +Z"),
     ("SPHERE", "Sphere", "A sector of a sphere with its poles on the Y axis"),
     ("GRID", "Grid", "A mesh whose vertices lie on a regular grid in its UV map"),
+    ("UV_MESH", "UV Mesh", "Any mesh with a UV map: (u, v) is where the map has it; islands may be apart"),
 )
 
 

@@ -14,6 +14,7 @@ from ..projection.volume import Projection, ViewingVolume
 from .flexible_camera import keeps_evaluated
 from .mesh_grid import SurfaceError, grid_points
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
+from .uv_mesh import read_reshaped, read_uv_mesh
 
 # A transform that flattens one axis to less than this share of the longest has
 # no size there: float32 matrices cannot tell it from nought.
@@ -86,10 +87,12 @@ def _read_surface(surface, camera, depsgraph) -> ControlSurface:
     evaluated = surface.evaluated_get(depsgraph)
     matrix = _matrix(evaluated)
     try:
+        if kind == "UV_MESH":
+            return read_uv_mesh(evaluated, matrix)
         if kind in MESH_KINDS:
             return _of_mesh(grid_points(evaluated), kind, matrix)
         if kind != "POINT" and is_reshaped(evaluated, depsgraph.mode):
-            return _of_mesh(grid_points(evaluated), "GRID", matrix)
+            return read_reshaped(evaluated, matrix)
         parameters = surface_parameters(evaluated)
     except SurfaceError as error:
         raise ProjectionError(str(error)) from error

@@ -4,7 +4,8 @@
 A parametric surface is an empty mesh with a node modifier. The modifier's inputs
 are the only source of its parameters, so keyframes and drivers act on the
 drawn shape and on the picture alike. PATCH and GRID are plain meshes whose
-vertices are put in order by their UV map.
+vertices are put in order by their UV map; UV_MESH is any mesh that has one
+(``uv_mesh.py`` reads it).
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from . import versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
 
-MESH_KINDS = ("PATCH", "GRID")
+# Kinds that are plain meshes, with their titles.
+MESH_KINDS = {"PATCH": "Patch", "GRID": "Grid", "UV_MESH": "UV Mesh"}
 
 
 @dataclass(frozen=True)
@@ -286,7 +288,7 @@ def new_surface(name: str, kind: str, parameters: dict | None = None, points=Non
     kind: one of ``PARAMETRIC_KINDS`` or ``MESH_KINDS``. parameters: lengths in
     Blender units and angles in radians by name (``radius``, ``arc``, ...); what
     is missing takes its default. points: (rows, columns, 3), own space, for
-    PATCH (2 × 2, default a unit square) and GRID (default 5 × 5).
+    PATCH (2 × 2, default a unit square), GRID and UV_MESH (default 5 × 5).
     Raises SurfaceError for an unknown kind or parameter, or points of a wrong shape.
     """
     if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS:
@@ -419,7 +421,9 @@ def set_surface_parameters(surface, parameters: dict) -> None:
     kind = surface.scfpf_surface.kind
     if kind in MESH_KINDS:
         if set(parameters) != {"points"}:
-            raise SurfaceError(f"A {kind.title()} is given by its points alone, not by {sorted(parameters)}")
+            raise SurfaceError(
+                f"A {MESH_KINDS[kind]} is given by its points alone, not by {sorted(parameters)}"
+            )
         if kind == "PATCH" and np.shape(parameters["points"]) != (2, 2, 3):
             raise SurfaceError("A Patch needs 2 × 2 points")
         write_grid(surface.data, parameters["points"])
@@ -443,7 +447,7 @@ def set_surface_parameters(surface, parameters: dict) -> None:
 def surface_parameters(evaluated_object) -> dict:
     """What defines a surface: parameters by name in radians and Blender units, as animated.
 
-    PATCH and GRID answer {"points": (rows, columns, 3) float64}, own space.
+    PATCH and GRID answer {"points": (rows, columns, 3) float64}, own space, as does a UV_MESH that is a grid.
     Raises SurfaceError when the node group or the regular grid is gone.
     """
     description = PARAMETRIC_KINDS.get(evaluated_object.scfpf_surface.kind)

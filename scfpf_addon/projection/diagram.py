@@ -3,7 +3,7 @@
 
 The near rim is whole, the far one dashed; arrows show u and v; folded pieces of projectors are apart.
 Lines are segments, (S, 2, 3) float32, in the space of the projection; those of
-no length and those that touch a hole of a surface are left out.
+no length and those that touch a hole of a surface or lead from tile to tile are left out.
 """
 
 from __future__ import annotations
@@ -65,7 +65,8 @@ def surface_lines(projection: Projection, index: int, lines: int = 8, resolution
     families = []
     for x, y in ((fixed, moving), (moving, fixed)):
         sample = surface.evaluate(*ranged(projection, x.ravel(), y.ravel()))
-        families.append(segments(sample.position.reshape(3, *x.shape), sample.valid.reshape(x.shape)))
+        drawn = sample.position.reshape(3, *x.shape)
+        families.append(segments(drawn, sample.valid.reshape(x.shape), sample.tile.reshape(x.shape)))
     return joined(families)
 
 
@@ -162,7 +163,7 @@ def image_frame(projection: Projection, resolution: int = 48) -> Segments:
         inside, outside = np.where(mask, middle, inside), np.where(mask, outside, middle)
     image = projection.parameters(0.5 + (x - 0.5) * inside, 0.5 + (y - 0.5) * inside)
     sample = projection.volume.surfaces[0].evaluate(image.u, image.v)
-    return segments(sample.position[:, None], (sample.valid & image.mask)[None])
+    return segments(sample.position[:, None], (sample.valid & image.mask)[None], sample.tile[None])
 
 
 def diagram(projection: Projection, options: DiagramOptions) -> dict[Role, Segments]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from .segments import Segments, joined, ranged, segments
 from .surfaces import ControlSurface
-from .typing import Array, BoolArray
+from .typing import Array
 from .volume import Projection
 
 # The far rim is dashed: this many dashes a side, each this share of its way long.
@@ -34,9 +34,9 @@ def iso_lines(projection: Projection, t: float, lines: int = 8, resolution: int 
     weights, _ = projection.volume.spans.weights(np.array([t]))
     families = []
     for x, y in ((fixed, moving), (moving, fixed)):
-        controls = projection.volume.projectors(*ranged(projection, x.ravel(), y.ravel()))
-        position = np.einsum("k,kcn->cn", weights[:, 0], controls.points)
-        families.append(segments(position.reshape(3, *x.shape), controls.valid.reshape(x.shape)))
+        controls = projection.volume.controls(*ranged(projection, x.ravel(), y.ravel()))
+        drawn = np.einsum("k,kcn->cn", weights[:, 0], controls.points).reshape(3, *x.shape)
+        families.append(segments(drawn, controls.valid.reshape(x.shape), controls.tile.reshape(x.shape)))
     return joined(families)
 
 
@@ -52,7 +52,8 @@ def far_rim(projection: Projection) -> Segments:
     y = np.stack([nought, along[0], one, 1 - along[0]])
     sample = projection.volume.surfaces[-1].evaluate(*ranged(projection, x.ravel(), y.ravel()))
     shape = (4 * DASHES, 4)
-    return segments(sample.position.reshape(3, *shape), sample.valid.reshape(shape))
+    drawn = sample.position.reshape(3, *shape)
+    return segments(drawn, sample.valid.reshape(shape), sample.tile.reshape(shape))
 
 
 def direction_arrows(projection: Projection) -> tuple[Segments, Segments]:
@@ -98,6 +99,5 @@ def _arrow(surface: ControlSurface, projection: Projection, beside: float, axis:
     pieces = []
     for along, across in lines:
         sample = surface.evaluate(*_path(projection, along, across, axis))
-        valid: BoolArray = sample.valid[None]
-        pieces.append(segments(sample.position[:, None], valid))
+        pieces.append(segments(sample.position[:, None], sample.valid[None], sample.tile[None]))
     return joined(pieces)

@@ -9,20 +9,23 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .typing import Array, BoolArray
+from .typing import Array, BoolArray, IndexArray
 from .volume import Projection
 
 Segments: TypeAlias = NDArray[np.float32]
 
 
-def segments(lines: Array, valid: BoolArray) -> Segments:
-    """Segments of L polylines of K points each. lines: (3, L, K); valid: (L, K).
+def segments(lines: Array, valid: BoolArray, tile: IndexArray | None = None) -> Segments:
+    """Segments of L polylines of K points each. lines: (3, L, K); valid, tile: (L, K).
 
     Those of no length and those that touch a point that is not valid are left out.
+    Where the tile changes the polyline is broken: tiles need not meet.
     """
     points = np.moveaxis(lines, 0, -1).astype(np.float32)
     pairs = np.stack([points[:, :-1], points[:, 1:]], axis=2)
     kept = valid[:, :-1] & valid[:, 1:] & (pairs[:, :, 0] != pairs[:, :, 1]).any(axis=2)
+    if tile is not None:
+        kept &= tile[:, :-1] == tile[:, 1:]
     found: Segments = np.ascontiguousarray(pairs[kept])
     return found
 

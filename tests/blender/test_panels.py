@@ -105,7 +105,7 @@ def test_both_places_draw_the_same(camera, section):
 
 
 def test_parameters_of_the_active_surface_are_drawn(camera):
-    for kind in ("PLANE", "CYLINDER", "SPHERE", "GRID", "POINT"):
+    for kind in ("PLANE", "CYLINDER", "SPHERE", "GRID", "UV_MESH", "POINT"):
         bpy.ops.scfpf.surface_add(kind=kind)
         labels = {entry[3] for entry in drawn(bpy.types.SCFPF_PT_view_surfaces) if entry[0] == "prop"}
         wanted = {

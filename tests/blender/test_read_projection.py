@@ -330,6 +330,7 @@ def no_grid(bridge, camera, near, far):
 
 
 def broken_by_modifier(bridge, camera, near, far):
+    far.scfpf_surface.kind = "GRID"
     far.modifiers.new("Decimate", "DECIMATE").ratio = 0.5
 
 

@@ -185,8 +185,8 @@ def wrong_type(camera):
     camera.scfpf.surfaces[0].object = bpy.context.object
 
 
-def ordinary_mesh(camera):
-    bpy.ops.mesh.primitive_monkey_add()
+def mesh_without_uv_map(camera):
+    bpy.ops.mesh.primitive_monkey_add(calc_uvs=False)
     camera.scfpf.surfaces[0].object = bpy.context.object
 
 
@@ -232,7 +232,7 @@ BAD_INPUT = {
     deleted_surface: "deleted",
     removed_surface: "empty",
     wrong_type: "not a mesh",
-    ordinary_mesh: "grid",
+    mesh_without_uv_map: "UV map",
     zero_size_surface: "no size",
     zero_size_camera: "no size",
     infinite_place: "not finite",
