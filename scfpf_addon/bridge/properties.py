@@ -30,6 +30,11 @@ BASES = (
         "One curve that the surfaces between near and far bend; with two surfaces it is straight",
     ),
     ("POLYLINE", "Polyline", "Straight pieces from each surface to the next"),
+    (
+        "B_SPLINE",
+        "B-Spline",
+        "One smooth curve on which each surface acts near by only; up to four surfaces it is the Bézier curve",
+    ),
 )
 REPARAMETERISATIONS = (
     ("RECTANGLE", "Rectangle", "The picture's width runs along u and its height along v"),
