@@ -13,6 +13,7 @@ KIND_ICONS = {
     "CONE": "MESH_CONE",
     "SPHERE": "MESH_UVSPHERE",
     "GRID": "MESH_GRID",
+    "NURBS": "SURFACE_NSURFACE",
 }
 
 

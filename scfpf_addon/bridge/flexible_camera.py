@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..projection.volume import Projection
-from . import surface_nodes, versions
+from . import nurbs_object, surface_nodes, versions
 from .node_builder import NodeBuilder
 from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
 
@@ -67,6 +67,7 @@ def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=No
     """
     _require_camera(camera)
     title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else kind.title()
+    title = nurbs_object.TITLE if kind == nurbs_object.KIND else title
     surface = surface_nodes.new_surface(name or title, kind, parameters, points)
     _place(camera, surface, np.eye(4) if matrix is None else matrix)
     _insert(camera, surface, index)
@@ -95,19 +96,30 @@ def attach_surface(camera, surface) -> None:
     """Append an existing object to the camera's surfaces.
 
     A mesh that is no control surface yet becomes a patch if it has four
-    vertices, else a grid. Raises FlexibleCameraError for any other object.
+    vertices, else a grid; a SURFACE object becomes NURBS. Raises FlexibleCameraError
+    for any other object.
     """
     _require_camera(camera)
-    if surface.type != "MESH" or is_volume_object(surface):
+    if not may_be_surface(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be a control surface: choose a mesh whose vertices form a UV grid"
+            f"'{surface.name}' cannot be a control surface: choose a mesh whose vertices form a UV grid, "
+            "or a surface object"
         )
     _insert(camera, surface)
 
 
+def may_be_surface(candidate) -> bool:
+    """Whether an object is of a type that control surfaces have, and no volume object."""
+    return candidate.type in {"MESH", "SURFACE"} and not is_volume_object(candidate)
+
+
 def _take_kind(surface) -> None:
-    """Give a mesh that has none the kind that it looks like."""
-    if surface.scfpf_surface.kind == "NONE" and surface.type == "MESH" and surface.is_editable:
+    """Give an object that has none the kind that it looks like."""
+    if surface.scfpf_surface.kind != "NONE" or not surface.is_editable:
+        return
+    if surface.type == "SURFACE":
+        surface.scfpf_surface.kind = nurbs_object.KIND
+    elif surface.type == "MESH":
         patch, grid = MESH_KINDS
         surface.scfpf_surface.kind = patch if len(surface.data.vertices) == 4 else grid
 
@@ -356,7 +368,9 @@ def _scaled(surface, scale: float):
     """A preset's surface as ``_replace_surfaces`` takes it, every length multiplied."""
     lengths = {given.key: given.default for given in _display_lengths(surface.kind)} | surface.parameters
     parameters = {key: value * scale if key in LENGTHS else value for key, value in lengths.items()}
-    points = None if surface.points is None else np.asarray(surface.points, np.float64) * scale
+    points = None if surface.points is None else np.array(surface.points, np.float64)
+    if points is not None:
+        points[..., :3] *= scale  # a fourth number is a weight
     matrix = np.array(surface.matrix, np.float64)
     matrix[:3, 3] *= scale
     return surface.name, surface.kind, matrix, parameters, points

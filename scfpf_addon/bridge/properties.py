@@ -33,7 +33,7 @@ BASES = (
     (
         "B_SPLINE",
         "B-Spline",
-        "One smooth curve on which each surface acts near by only; up to four surfaces it is the Bézier curve",
+        "A smooth curve on which each surface acts near by only; up to four surfaces it is the Bézier curve",
     ),
 )
 REPARAMETERISATIONS = (
@@ -50,6 +50,7 @@ KINDS = (
     ("CONE", "Cone", "An arc of a cone about the Y axis, open towards +Z"),
     ("SPHERE", "Sphere", "A sector of a sphere with its poles on the Y axis"),
     ("GRID", "Grid", "A mesh whose vertices lie on a regular grid in its UV map"),
+    ("NURBS", "Surface Patch", "A B-spline, NURBS or Bézier patch: a surface object with one net of points"),
 )
 
 
@@ -70,7 +71,7 @@ def _kind_changed(settings, context):
 
 
 def _may_be_surface(slot, candidate) -> bool:
-    return candidate.type == "MESH" and not flexible_camera.is_volume_object(candidate)
+    return flexible_camera.may_be_surface(candidate)
 
 
 def _may_be_volume(settings, candidate) -> bool:

@@ -16,8 +16,7 @@ import numpy as np
 from .surfaces import ControlSurface, Placement, SurfaceSample
 from .typing import Array, IndexArray
 
-# Blender's limits for the order of a spline.
-LOWEST_ORDER, HIGHEST_ORDER = 2, 6
+LOWEST_ORDER = 2
 # Combinations of control points that move samples by less than this share of the most do not show in them.
 UNSEEN = 1e-9
 
@@ -26,7 +25,7 @@ UNSEEN = 1e-9
 class NurbsAxis:
     """How a NURBS patch runs in one direction: the settings of Blender's splines.
 
-    order: degree + 1, from 2 to 6. endpoint: the patch begins and ends at its
+    order: degree + 1, at least 2. endpoint: the patch begins and ends at its
     outer control points. bezier: inner knots of the full multiplicity, so that
     the patch is a row of Bézier pieces. cyclic: the patch closes.
     """
@@ -41,8 +40,8 @@ class NurbsAxis:
 
         The conditions are those under which Blender draws a surface.
         """
-        if not LOWEST_ORDER <= self.order <= HIGHEST_ORDER:
-            return f"its order is {self.order} and must lie from {LOWEST_ORDER} to {HIGHEST_ORDER}"
+        if self.order < LOWEST_ORDER:
+            return f"its order is {self.order} and must be at least {LOWEST_ORDER}"
         if count < self.order:
             return f"order {self.order} needs at least {self.order} control points, not {count}"
         if self.bezier and self.cyclic and count % (self.order - 1):

@@ -88,7 +88,7 @@ def exact_functions(axis, count, u):
 def test_basis_functions_are_those_of_the_definition(order, flags):
     axis = NurbsAxis(order, *flags)
     tested = 0
-    for count in range(2, 13):
+    for count in range(2, 16):
         if axis.problem(count):
             continue
         basis = Basis(axis, count)
@@ -260,7 +260,7 @@ def test_tiles_end_where_the_derivative_jumps():
     [
         (np.zeros((4, 4, 2)), NurbsAxis(), "rows × columns"),
         (np.zeros((4, 3, 3)), NurbsAxis(), "along u, order 4 needs at least 4 control points, not 3"),
-        (np.zeros((4, 4, 3)), NurbsAxis(7), "along u, its order is 7"),
+        (np.zeros((4, 4, 3)), NurbsAxis(1), "along u, its order is 1"),
         (np.zeros((4, 4, 3)), NurbsAxis(4, False, True, True), "multiple of 3"),
         (np.zeros((4, 4, 3)), NurbsAxis(4, False, True), "need more than 4"),
         (np.zeros((4, 4, 4)), NurbsAxis(), "weights"),
