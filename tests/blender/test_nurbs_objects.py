@@ -381,6 +381,43 @@ def test_the_operator_adds_undoes_and_saves_a_patch(addon, reading, pure, tmp_pa
     assert not bpy.data.curves
 
 
+def test_a_preset_with_a_patch_is_applied_and_scaled(addon, bridge, reading, pure, camera):
+    presets = addon("scfpf_addon.projection.preset")
+    points = bumpy(3, 4)
+    orders = {"order_u": 4.0, "order_v": 3.0}
+    surfaces = (
+        presets.PresetSurface("Near", "PLANE", np.eye(4), {"width": 1.0, "height": 1.0}),
+        presets.PresetSurface("Far", "NURBS", np.diag([1, 1, 1, 1.0]), orders, points),
+    )
+    preset = presets.Preset(
+        "Trial", "", "", "B_SPLINE", "RECTANGLE", (0.0, 1.0), (0.0, 1.0), 1.0, "NONE", surfaces
+    )
+    bridge.apply_preset(camera, preset, 1.0, scale=3.0)
+    volume = read(reading, camera).volume
+    assert volume.basis == "B_SPLINE" and type(volume.surfaces[1]) is pure.NurbsPatch
+    assert np.allclose(volume.surfaces[1].points, points * [3, 3, 3, 1], rtol=1e-6)
+    assert (volume.surfaces[1].along_u.order, volume.surfaces[1].along_v.order) == (4, 3)
+
+
+def test_the_render_resolution_counts_in_a_render(addon, bridge, reading, pure, camera):
+    bridge.make_flexible(camera)
+    bridge.add_surface(camera, "PLANE", "Near", Matrix.Translation((0, 0, -1)))
+    far = bridge.add_surface(camera, "NURBS", "Far", points=bumpy(4, 5))
+    far.data.render_resolution_u, far.data.render_resolution_v = 7, 5
+    shape_key(far)
+    depsgraphs = addon("scfpf_addon.bridge.render_depsgraph")
+    seen = depsgraphs.with_render_depsgraph(
+        bpy.context.scene,
+        bpy.context.view_layer,
+        lambda depsgraph: reading.read_projection(camera, depsgraph, 1.0),
+    )
+    here = read(reading, camera)
+    u, v = np.random.default_rng(3).uniform(size=(2, 100))
+    one, other = (p.volume.surfaces[1] for p in (seen, here))
+    assert type(one) is pure.NurbsPatch
+    assert np.abs(one.evaluate(u, v).position - other.evaluate(u, v).position).max() < 1e-4
+
+
 def test_the_panel_shows_the_patch_settings(nodes):
     surface = place(nodes.new_surface("S", "NURBS"))
     shown = nodes.parameter_properties(surface)
