@@ -9,7 +9,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..scfpf_addon.bridge.flexible_camera import control_objects
-from ..scfpf_addon.bridge.surface_nodes import MESH_KINDS, surface_parameters
+from ..scfpf_addon.bridge.surface_nodes import surface_parameters
 
 SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 # Things may come this much nearer to a new camera before the near surface cuts them off.
@@ -24,6 +24,8 @@ NEW_ARC = math.radians(90)
 # Neighbours at least this deep for their width count as round: the new surface is put concentric.
 ROUND_DEPTH = 0.25
 GRID_POINTS = 4
+# Kinds that are given by points.
+NET_KINDS = {"PATCH", "GRID", "UV_MESH", "NURBS"}
 
 
 class Box(NamedTuple):
@@ -184,7 +186,7 @@ def surface_place(camera, depsgraph, kind: str, index: int):
         for obj in present
     ]
     box = _between(boxes, index)
-    if before is not None and before.scfpf_surface.kind == kind and kind not in MESH_KINDS:
+    if before is not None and before.scfpf_surface.kind == kind and kind not in NET_KINDS:
         matrix = to_camera @ before.matrix_world
         shift = box.centre - boxes[index - 1].centre
         return (
@@ -238,7 +240,7 @@ def _fill(kind: str, box: Box):
         "SPHERE": {"radius": radius, "arc": arc},
     }.get(kind)
     points = None
-    if kind in MESH_KINDS:
+    if kind in NET_KINDS:
         count = 2 if kind == "PATCH" else GRID_POINTS
         across, up = np.linspace(-0.5, 0.5, count) * width, np.linspace(-0.5, 0.5, count) * height
         points = np.stack([*np.meshgrid(across, up), np.zeros((count, count))], axis=-1)

@@ -58,7 +58,7 @@ class SCFPF_OT_surface_add(bpy.types.Operator):
 
 
 class SCFPF_OT_surface_attach(bpy.types.Operator):
-    """Append the selected mesh objects to the camera's control surfaces"""
+    """Append the selected mesh and surface objects to the camera's control surfaces"""
 
     bl_idname = "scfpf.surface_attach"
     bl_label = "Use Selected as Control Surface"

@@ -14,6 +14,7 @@ KIND_ICONS = {
     "SPHERE": "MESH_UVSPHERE",
     "GRID": "MESH_GRID",
     "UV_MESH": "UV",
+    "NURBS": "SURFACE_NSURFACE",
 }
 
 

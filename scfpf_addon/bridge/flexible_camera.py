@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..projection.volume import Projection
-from . import surface_nodes, versions
+from . import nurbs_object, surface_nodes, versions
 from .node_builder import NodeBuilder
 from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
@@ -68,6 +68,7 @@ def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=No
     """
     _require_camera(camera)
     title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else MESH_KINDS.get(kind)
+    title = nurbs_object.TITLE if kind == nurbs_object.KIND else title
     surface = surface_nodes.new_surface(name or title, kind, parameters, points)
     _place(camera, surface, np.eye(4) if matrix is None else matrix)
     _insert(camera, surface, index)
@@ -96,19 +97,29 @@ def attach_surface(camera, surface) -> None:
     """Append an existing object to the camera's surfaces.
 
     A mesh that is no control surface yet gets the kind that its UV map shows:
-    a patch, a grid, else a UV mesh. Raises FlexibleCameraError for any other object.
+    a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS. Raises
+    FlexibleCameraError for any other object.
     """
     _require_camera(camera)
-    if surface.type != "MESH" or is_volume_object(surface):
+    if not may_be_surface(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be a control surface: choose a mesh with a UV map"
+            f"'{surface.name}' cannot be a control surface: choose a mesh with a UV map, or a surface object"
         )
     _insert(camera, surface)
 
 
+def may_be_surface(candidate) -> bool:
+    """Whether an object is of a type that control surfaces have, and no volume object."""
+    return candidate.type in {"MESH", "SURFACE"} and not is_volume_object(candidate)
+
+
 def _take_kind(surface) -> None:
-    """Give a mesh that has none the kind that it looks like."""
-    if surface.scfpf_surface.kind == "NONE" and surface.type == "MESH" and surface.is_editable:
+    """Give an object that has none the kind that it looks like."""
+    if surface.scfpf_surface.kind != "NONE" or not surface.is_editable:
+        return
+    if surface.type == "SURFACE":
+        surface.scfpf_surface.kind = nurbs_object.KIND
+    elif surface.type == "MESH":
         surface.scfpf_surface.kind = mesh_kind(surface)
 
 
@@ -356,7 +367,9 @@ def _scaled(surface, scale: float):
     """A preset's surface as ``_replace_surfaces`` takes it, every length multiplied."""
     lengths = {given.key: given.default for given in _display_lengths(surface.kind)} | surface.parameters
     parameters = {key: value * scale if key in LENGTHS else value for key, value in lengths.items()}
-    points = None if surface.points is None else np.asarray(surface.points, np.float64) * scale
+    points = None if surface.points is None else np.array(surface.points, np.float64)
+    if points is not None:
+        points[..., :3] *= scale  # a fourth number is a weight
     matrix = np.array(surface.matrix, np.float64)
     matrix[:3, 3] *= scale
     return surface.name, surface.kind, matrix, parameters, points

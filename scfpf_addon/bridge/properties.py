@@ -30,6 +30,11 @@ BASES = (
         "One curve that the surfaces between near and far bend; with two surfaces it is straight",
     ),
     ("POLYLINE", "Polyline", "Straight pieces from each surface to the next"),
+    (
+        "B_SPLINE",
+        "B-Spline",
+        "A smooth curve on which each surface acts near by only; up to four surfaces it is the Bézier curve",
+    ),
 )
 REPARAMETERISATIONS = (
     ("RECTANGLE", "Rectangle", "The picture's width runs along u and its height along v"),
@@ -46,6 +51,7 @@ KINDS = (
     ("SPHERE", "Sphere", "A sector of a sphere with its poles on the Y axis"),
     ("GRID", "Grid", "A mesh whose vertices lie on a regular grid in its UV map"),
     ("UV_MESH", "UV Mesh", "Any mesh with a UV map: (u, v) is where the map has it; islands may be apart"),
+    ("NURBS", "Surface Patch", "A B-spline, NURBS or Bézier patch: a surface object with one net of points"),
 )
 
 
@@ -66,7 +72,7 @@ def _kind_changed(settings, context):
 
 
 def _may_be_surface(slot, candidate) -> bool:
-    return candidate.type == "MESH" and not flexible_camera.is_volume_object(candidate)
+    return flexible_camera.may_be_surface(candidate)
 
 
 def _may_be_volume(settings, candidate) -> bool:

@@ -11,6 +11,7 @@ from ..projection.preset import surface_from_parameters
 from ..projection.reparameterisation import reparameterisation
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.volume import Projection, ViewingVolume
+from . import nurbs_object
 from .flexible_camera import keeps_evaluated
 from .mesh_grid import SurfaceError, grid_points
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
@@ -71,10 +72,13 @@ def _read_surface(surface, camera, depsgraph) -> ControlSurface:
         raise ProjectionError(
             f"Control surface '{name}' was deleted from this scene: undo that, or take it off the list"
         )
-    if surface.type != "MESH":
+    if surface.type not in {"MESH", "SURFACE"}:
         raise ProjectionError(
-            f"'{name}' is of type {surface.type.title()}, not a mesh: remove it from the camera's list"
+            f"'{name}' is of type {surface.type.title()}, neither a mesh nor a surface: "
+            "remove it from the camera's list"
         )
+    if surface.type == "SURFACE" and kind not in {"NONE", nurbs_object.KIND}:
+        raise ProjectionError(f"'{name}' is a surface object: set its kind to {nurbs_object.TITLE}")
     if kind == "NONE":
         raise ProjectionError(
             f"'{name}' is no control surface: choose its kind, or remove it from the camera's list"
@@ -89,6 +93,8 @@ def _read_surface(surface, camera, depsgraph) -> ControlSurface:
     try:
         if kind == "UV_MESH":
             return read_uv_mesh(evaluated, matrix)
+        if kind == nurbs_object.KIND:
+            return nurbs_object.read_patch(evaluated, depsgraph.mode).transformed(matrix)
         if kind in MESH_KINDS:
             return _of_mesh(grid_points(evaluated), kind, matrix)
         if kind != "POINT" and is_reshaped(evaluated, depsgraph.mode):

@@ -5,7 +5,7 @@ A parametric surface is an empty mesh with a node modifier. The modifier's input
 are the only source of its parameters, so keyframes and drivers act on the
 drawn shape and on the picture alike. PATCH and GRID are plain meshes whose
 vertices are put in order by their UV map; UV_MESH is any mesh that has one
-(``uv_mesh.py`` reads it).
+(``uv_mesh.py`` reads it). NURBS is a SURFACE object (``nurbs_object``).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from ..projection import surfaces
 from ..projection.preset import surface_from_parameters
 from ..projection.preset_values import LARGEST_LENGTH
-from . import versions
+from . import nurbs_object, versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
 
@@ -285,22 +285,27 @@ def _surface_group(kind: str):
 def new_surface(name: str, kind: str, parameters: dict | None = None, points=None):
     """A new control-surface object, linked to no collection yet.
 
-    kind: one of ``PARAMETRIC_KINDS`` or ``MESH_KINDS``. parameters: lengths in
+    kind: one of ``PARAMETRIC_KINDS`` or ``MESH_KINDS``, or NURBS. parameters: lengths in
     Blender units and angles in radians by name (``radius``, ``arc``, ...); what
     is missing takes its default. points: (rows, columns, 3), own space, for
-    PATCH (2 × 2, default a unit square), GRID and UV_MESH (default 5 × 5).
+    PATCH (2 × 2, default a unit square), GRID and UV_MESH (default 5 × 5); NURBS takes 4
+    numbers as well, the last a weight (default 4 × 4), and the parameters order_u and order_v.
     Raises SurfaceError for an unknown kind or parameter, or points of a wrong shape.
     """
-    if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS:
+    if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS and kind != nurbs_object.KIND:
         raise SurfaceError(f"Unknown kind of control surface: {kind!r}")
-    surface = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    if kind == nurbs_object.KIND:
+        data = nurbs_object.new_patch_data(name, points, parameters or {})
+    else:
+        data = bpy.data.meshes.new(name)
+    surface = bpy.data.objects.new(name, data)
     surface.scfpf_surface.kind = kind  # its update callback adds the node group
     surface.display_type = "WIRE"
     surface.hide_render = True
     try:
         if kind in PARAMETRIC_KINDS:
             set_surface_parameters(surface, parameters or {})
-        else:
+        elif kind in MESH_KINDS:
             set_surface_parameters(surface, {"points": _flat(kind) if points is None else points})
     except SurfaceError:
         delete_surface(surface)
@@ -316,11 +321,12 @@ def _flat(kind: str):
 
 
 def delete_surface(surface) -> None:
-    """Delete a surface's object, and its mesh if nothing else uses it."""
-    mesh = surface.data
+    """Delete a surface's object, and its data if nothing else uses it."""
+    data = surface.data
+    owner = bpy.data.curves if surface.type == "SURFACE" else bpy.data.meshes
     bpy.data.objects.remove(surface)
-    if mesh.users == 0:
-        bpy.data.meshes.remove(mesh)
+    if data.users == 0:
+        owner.remove(data)
 
 
 def take_kind(surface) -> None:
@@ -403,6 +409,8 @@ def parameter_properties(surface) -> list[tuple[str, object, str]]:
 
     Empty for a mesh kind. Raises SurfaceError when the node group is gone.
     """
+    if surface.scfpf_surface.kind == nurbs_object.KIND:
+        return nurbs_object.spline_properties(surface)
     description = PARAMETRIC_KINDS.get(surface.scfpf_surface.kind)
     if description is None:
         return []
@@ -419,6 +427,9 @@ def set_surface_parameters(surface, parameters: dict) -> None:
     Raises SurfaceError for an unknown name or a value out of its limits.
     """
     kind = surface.scfpf_surface.kind
+    if kind == nurbs_object.KIND:
+        nurbs_object.set_patch_parameters(surface, parameters)
+        return
     if kind in MESH_KINDS:
         if set(parameters) != {"points"}:
             raise SurfaceError(
@@ -447,9 +458,12 @@ def set_surface_parameters(surface, parameters: dict) -> None:
 def surface_parameters(evaluated_object) -> dict:
     """What defines a surface: parameters by name in radians and Blender units, as animated.
 
-    PATCH and GRID answer {"points": (rows, columns, 3) float64}, own space, as does a UV_MESH that is a grid.
+    PATCH and GRID answer {"points": (rows, columns, 3) float64}, own space, as does a UV_MESH
+    that is a grid; NURBS with weights as a fourth number and order_u and order_v beside.
     Raises SurfaceError when the node group or the regular grid is gone.
     """
+    if evaluated_object.scfpf_surface.kind == nurbs_object.KIND:
+        return nurbs_object.patch_parameters(evaluated_object)
     description = PARAMETRIC_KINDS.get(evaluated_object.scfpf_surface.kind)
     if description is None:
         return {"points": grid_points(evaluated_object)}

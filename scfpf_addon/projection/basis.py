@@ -8,6 +8,7 @@ span; casting, drawing and inversion know spans only.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,10 @@ import numpy as np
 from .bezier import bernstein, bernstein_derivative
 from .typing import Array, IndexArray
 
-BasisKind = Literal["BEZIER", "POLYLINE"]
+BasisKind = Literal["BEZIER", "POLYLINE", "B_SPLINE"]
+
+# Of B-spline projectors; cubic is the least degree whose pieces meet with one curvature.
+B_SPLINE_DEGREE = 3
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,9 @@ def span_basis(kind: BasisKind, count: int) -> SpanBasis:
     """The spans of a basis over ``count`` >= 2 control points.
 
     BEZIER: one span of degree count-1 (paper §4.1). POLYLINE: count-1 straight
-    spans of equal length in t.
+    spans of equal length in t. B_SPLINE: the uniform B-spline of degree 3, or
+    count-1 if that is less, clamped to its end points; with up to four control
+    points it is the Bézier curve.
     Raises ValueError for fewer than two control points or an unknown kind.
     """
     if count < 2:
@@ -82,4 +88,28 @@ def span_basis(kind: BasisKind, count: int) -> SpanBasis:
             np.linspace(0.0, 1.0, count),
             np.stack([identity[i : i + 2] for i in range(count - 1)]),
         )
+    if kind == "B_SPLINE":
+        return _b_spline(count)
     raise ValueError(f"unknown projector basis {kind!r}")
+
+
+def _b_spline(count: int) -> SpanBasis:
+    """The Bézier spans of a clamped uniform B-spline.
+
+    Control point j of the span from a to b is the blossom at (a × (d-j), b × j),
+    by de Boor's recurrence. Farin, Curves and Surfaces for CAGD, §8.
+    """
+    degree = min(B_SPLINE_DEGREE, count - 1)
+    breaks = np.linspace(0.0, 1.0, count - degree + 1)
+    knots = np.concatenate([np.zeros(degree), breaks, np.ones(degree)])
+    matrices = np.zeros((count - degree, degree + 1, count))
+    for span, (start, end) in enumerate(pairwise(breaks)):
+        for j in range(degree + 1):
+            points = np.eye(count)[span : span + degree + 1]
+            for level, argument in enumerate([start] * (degree - j) + [end] * j):
+                low = knots[span + 1 + level : span + 1 + degree]
+                high = knots[span + 1 + degree : span + 1 + 2 * degree - level]
+                share = ((argument - low) / (high - low))[:, None]
+                points = points[:-1] * (1.0 - share) + points[1:] * share
+            matrices[span, j] = points[0]
+    return SpanBasis(breaks, matrices)

@@ -16,6 +16,7 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 
 from .basis import BasisKind
+from .nurbs import NurbsAxis, NurbsPatch
 from .preset_values import (
     COORDINATE,
     LENGTH,
@@ -52,7 +53,7 @@ __all__ = [
 ]
 
 FORMAT = 1
-BASES = ("BEZIER", "POLYLINE")
+BASES = ("BEZIER", "POLYLINE", "B_SPLINE")
 REPARAMETERISATIONS = ("RECTANGLE", "POLAR")
 FITS = ("WIDTH", "HEIGHT", "NONE")
 
@@ -71,8 +72,12 @@ _ARC = Limit(1e-6, 360.0)
 _LATITUDE = Limit(-90.0, 90.0)
 _ANGLE = Limit(-36000.0, 36000.0)
 _ASPECT = Limit(1e-3, 1e3)
+# The orders that Blender's interface offers.
+_ORDER = Limit(2, 6)
+# Of a NURBS surface, along each direction: what Blender makes a patch of.
+_FEWEST_NURBS_POINTS = 3
 
-# The numbers of each kind, by their names in a file; PATCH and GRID have points instead.
+# The numbers of each kind, by their names in a file; PATCH, GRID and NURBS have points.
 _KINDS: dict[str, dict[str, Limit]] = {
     "POINT": {},
     "PLANE": {"width": LENGTH, "height": LENGTH},
@@ -92,8 +97,9 @@ _KINDS: dict[str, dict[str, Limit]] = {
         "latitude_end_degrees": _LATITUDE,
     },
     "GRID": {},
+    "NURBS": {"order_u": _ORDER, "order_v": _ORDER},
 }
-_WITH_POINTS = ("PATCH", "GRID")
+_WITH_POINTS = ("PATCH", "GRID", "NURBS")
 _DEGREES = "_degrees"
 
 
@@ -109,11 +115,12 @@ def surface_from_parameters(
 ) -> ControlSurface:
     """The control surface of a kind.
 
-    kind: POINT, PLANE, PATCH, DISC, CYLINDER, CONE, SPHERE or GRID. parameters:
+    kind: POINT, PLANE, PATCH, DISC, CYLINDER, CONE, SPHERE, GRID or NURBS. parameters:
     width, height, radius, radius_start, radius_end, arc, latitude_start,
-    latitude_end as the kind has them, lengths and radians; others are ignored.
+    latitude_end, order_u, order_v as the kind has them, lengths and radians; others are ignored.
     points: (rows, columns, 3) in the surface's own space for GRID, (2, 2, 3) for
-    PATCH, rows along v. matrix: (4, 4), own space to volume space.
+    PATCH, (rows, columns, 3 or 4) with weights for NURBS, which begins and ends at its
+    outer points; rows along v. matrix: (4, 4), own space to volume space.
     Raises ValueError for an unknown kind or a missing parameter.
     """
     placed = np.asarray(matrix, np.float64)
@@ -125,6 +132,9 @@ def surface_from_parameters(
         array = np.asarray(points, np.float64)
         if kind == "GRID":
             return Grid(array, matrix=placed)
+        if kind == "NURBS":
+            orders = (_whole(parameters, name) for name in _KINDS[kind])
+            return NurbsPatch(array, *(NurbsAxis(order) for order in orders), matrix=placed)
         if array.shape != (2, 2, 3):
             raise ValueError(f"a patch needs 2 × 2 points, got shape {array.shape}")
         return BilinearPatch(array.reshape(4, 3), matrix=placed)
@@ -146,13 +156,20 @@ def surface_from_parameters(
     return SphereSector(**values, matrix=placed)
 
 
+def _whole(parameters: Mapping[str, float], name: str) -> int:
+    if not float(parameters.get(name, np.nan)).is_integer():
+        raise ValueError(f"a surface of kind NURBS needs {name}, a whole number")
+    return int(parameters[name])
+
+
 @dataclass(frozen=True)
 class PresetSurface:
     """One control surface of a preset.
 
     kind: as in ``surface_from_parameters``. matrix: (4, 4), own space to camera
     space. parameters: the kind's numbers, angles in radians. points: (rows,
-    columns, 3) float64, rows along v, for PATCH and GRID; None for the others.
+    columns, 3) float64, rows along v, for PATCH and GRID, 3 or 4 numbers each for NURBS;
+    None for the others.
     """
 
     name: str
@@ -386,7 +403,7 @@ def _preset(data: object) -> Preset:
         surfaces=tuple(_surface(item, number) for number, item in enumerate(items, 1)),
         subject=_subject(values["subject"]) if "subject" in values else None,
     )
-    count = sum(s.points.size // 3 for s in preset.surfaces if s.points is not None)
+    count = sum(s.points[..., 0].size for s in preset.surfaces if s.points is not None)
     if count > MAXIMUM_POINTS:
         raise PresetError(f"the surfaces have {count} points together, at most {MAXIMUM_POINTS} are allowed")
     return preset
@@ -416,8 +433,23 @@ def _surface(data: object, number: int) -> PresetSurface:
         raise PresetError(f"{where}: radius_start or radius_end must be above 0")
     points = None
     if kind in _WITH_POINTS:
-        points = read_points(values["points"], f"{where}: points", (2, 2) if kind == "PATCH" else None)
+        exactly = (2, 2) if kind == "PATCH" else None
+        points = read_points(values["points"], f"{where}: points", exactly, weighted=kind == "NURBS")
+        if kind == "NURBS":
+            _check_nurbs(points, parameters, where)
     return PresetSurface(name, kind, _matrix(values, where), parameters, points)
+
+
+def _check_nurbs(points: Array, parameters: dict[str, float], where: str) -> None:
+    rows, columns = points.shape[:2]
+    if min(rows, columns) < _FEWEST_NURBS_POINTS:
+        raise PresetError(f"{where}: points must be at least 3 × 3 for a surface of kind NURBS")
+    for name, count in (("order_u", columns), ("order_v", rows)):
+        if not parameters[name].is_integer():
+            raise PresetError(f"{where}: {name} must be a whole number")
+        problem = NurbsAxis(int(parameters[name])).problem(count)
+        if problem:
+            raise PresetError(f"{where}: {name}: {problem}")
 
 
 def _matrix(values: dict[str, object], where: str) -> Array:

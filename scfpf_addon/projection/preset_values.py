@@ -115,16 +115,25 @@ def read_text(value: object, where: str) -> str:
     return value
 
 
-def read_points(value: object, where: str, exactly: tuple[int, int] | None = None) -> Array:
-    """Rows of points as (rows, columns, 3) float64, at least 2 × 2, or exactly as many as said."""
+def read_points(
+    value: object, where: str, exactly: tuple[int, int] | None = None, weighted: bool = False
+) -> Array:
+    """Rows of points as (rows, columns, 3) float64, at least 2 × 2, or exactly as many as said.
+
+    weighted: every point may have a weight above 0 as a fourth number.
+    """
     wanted = "at least 2 × 2" if exactly is None else f"{exactly[0]} × {exactly[1]}"
-    shape_error = PresetError(f"{where} must be {wanted} points [x, y, z], in rows of one length")
+    form = "[x, y, z] or [x, y, z, weight]" if weighted else "[x, y, z]"
+    shape_error = PresetError(f"{where} must be {wanted} points {form}, in rows of one length")
     if not isinstance(value, list) or set(map(type, value)) != {list}:
         raise shape_error
     points = list(chain.from_iterable(value))
     if len(points) > MAXIMUM_POINTS:
         raise PresetError(f"{where}: {len(points)} points are too many, at most {MAXIMUM_POINTS} are allowed")
-    if len(set(map(len, value))) != 1 or set(map(type, points)) != {list} or set(map(len, points)) != {3}:
+    if len(set(map(len, value))) != 1 or set(map(type, points)) != {list}:
+        raise shape_error
+    widths = set(map(len, points))
+    if widths != {3} and not (weighted and widths == {4}):
         raise shape_error
     size = (len(value), len(value[0]))
     if min(size) < 2 or exactly not in (None, size):
@@ -138,4 +147,6 @@ def read_points(value: object, where: str, exactly: tuple[int, int] | None = Non
         raise range_error from error
     if not (np.abs(array) <= LARGEST_LENGTH).all():
         raise range_error
-    return array.reshape(*size, 3)
+    if array.shape[1] == 4 and array[:, 3].min() < SMALLEST_LENGTH:
+        raise PresetError(f"{where}: every weight must be a number above 0")
+    return array.reshape(*size, -1)

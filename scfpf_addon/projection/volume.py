@@ -151,7 +151,9 @@ class Projection:
         """
         u, v, mask = self.reparameterisation.points(x, y, self.aspect)
         (u0, u1), (v0, v1) = self.u_range, self.v_range
-        projectors = self.volume.projectors(u0 + u * (u1 - u0), v0 + v * (v1 - v0))
+        if (u0, u1, v0, v1) != (0.0, 1.0, 0.0, 1.0):
+            u, v = u0 + u * (u1 - u0), v0 + v * (v1 - v0)
+        projectors = self.volume.projectors(u, v)
         return projectors._replace(valid=projectors.valid & mask)
 
     def transformed(self, matrix: Array) -> Projection:

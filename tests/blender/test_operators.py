@@ -9,7 +9,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
-KINDS = ("POINT", "PLANE", "PATCH", "DISC", "CYLINDER", "CONE", "SPHERE", "GRID", "UV_MESH")
+KINDS = ("POINT", "PLANE", "PATCH", "DISC", "CYLINDER", "CONE", "SPHERE", "GRID", "UV_MESH", "NURBS")
 
 
 def add_cube(location=(0, 0, 0)):

@@ -231,7 +231,7 @@ BAD_INPUT = {
     one_surface: "needs at least two",
     deleted_surface: "deleted",
     removed_surface: "empty",
-    wrong_type: "not a mesh",
+    wrong_type: "neither a mesh",
     mesh_without_uv_map: "UV map",
     zero_size_surface: "no size",
     zero_size_camera: "no size",

@@ -98,6 +98,11 @@ def first_hits(controls, corners):
         crossing = (heights.min(axis=0) <= 0) & (heights.max(axis=0) >= 0)
         low, high = some.min(axis=0).T, some.max(axis=0).T
         crossing &= ((low[:, None] <= upper + 1e-9) & (high[:, None] >= lower - 1e-9)).all(axis=2)
+        for k in range(3):
+            # A curve whose control points all lie beyond an edge cannot enter.
+            inward = np.cross(normal, corners[:, (k + 1) % 3] - corners[:, k])
+            beyond = np.einsum("tc,kcn->knt", inward, some) - np.einsum("tc,tc->t", inward, corners[:, k])
+            crossing &= beyond.max(axis=0) >= -1e-9
         curve, face = np.nonzero(crossing)
         for roots in real_roots(heights[:, curve, face]):
             known = np.flatnonzero(~np.isnan(roots))

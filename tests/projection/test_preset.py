@@ -29,6 +29,11 @@ SURFACES = {
     "CONE": {"radius_start": 0, "radius_end": 2, "arc_degrees": 120, "height": 4},
     "SPHERE": {"radius": 2, "arc_degrees": 90, "latitude_start_degrees": -30, "latitude_end_degrees": 45},
     "GRID": {"points": [[[0, 0, 0], [1, 0, 0], [2, 0, 1]], [[0, 1, 0], [1, 1, 0], [2, 1, 1]]]},
+    "NURBS": {
+        "points": [[[x, y, x * y, 1 + y] for x in range(4)] for y in range(3)],
+        "order_u": 4,
+        "order_v": 3,
+    },
 }
 
 
@@ -254,7 +259,7 @@ def test_fitting_changes_extents_along_one_axis(fit, axis, factor):
         wanted = {k: v * factor if k == extent else v for k, v in old.parameters.items()}
         assert new.parameters == wanted
         if old.points is not None:
-            stretch = np.ones(3)
+            stretch = np.ones(old.points.shape[2])
             stretch[axis] = factor
             assert np.array_equal(new.points, old.points * stretch)
     assert np.array_equal(before.surfaces[1].matrix, all_kinds(fit).surfaces[1].matrix)
