@@ -22,6 +22,7 @@ from ..projection.preset_values import LARGEST_LENGTH
 from . import versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
+from .surface_gizmos import add_gizmos
 
 MESH_KINDS = ("PATCH", "GRID")
 
@@ -277,6 +278,7 @@ def _surface_group(kind: str):
     mesh = _build_sheet(nodes, description.shape, given) if description.shape else _build_point(nodes, given)
     nodes.close_frame()
     nodes.node("NodeGroupOutput", "Surface", {"Mesh": mesh})
+    add_gizmos(nodes, kind, given)
     return tree
 
 
