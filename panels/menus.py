@@ -62,7 +62,8 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.volume_frame", icon="VIEW_CAMERA")
         self.layout.operator("scfpf.volume_fit", icon="SHADING_BBOX")
         self.layout.operator("scfpf.volume_swap", icon="ARROW_LEFTRIGHT")
-        self.layout.operator_menu_enum("scfpf.volume_mirror", "axis", text="Mirror", icon="MOD_MIRROR")
+        for axis in "UV":
+            self.layout.operator("scfpf.volume_mirror", text=f"Mirror {axis}", icon="MOD_MIRROR").axis = axis
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 

@@ -291,6 +291,10 @@ def convert_to_grid(camera, index: int, columns: int, rows: int) -> float:
     kind = surface.scfpf_surface.kind
     if kind == "GRID":
         raise FlexibleCameraError(f"'{surface.name}' is a grid already")
+    if kind not in PARAMETRIC_KINDS and kind != "PATCH":
+        raise FlexibleCameraError(
+            f"'{surface.name}' cannot be converted: a grid comes of a parametric kind or a patch"
+        )
     if surface.data.shape_keys is not None:
         raise FlexibleCameraError(
             f"'{surface.name}' has shape keys, which a new mesh would lose: apply them first"

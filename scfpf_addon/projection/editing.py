@@ -64,8 +64,14 @@ def lattice(columns: int, rows: int) -> tuple[Array, Array]:
 
 
 def sampled(surface: ControlSurface, columns: int, rows: int) -> Array:
-    """Points (rows, columns, 3) of a surface on an even lattice, in volume space."""
-    return surface.evaluate(*lattice(columns, rows)).position.T.reshape(rows, columns, 3)
+    """Points (rows, columns, 3) of a surface on an even lattice, in volume space.
+
+    Raises EditingError for a surface with holes.
+    """
+    placed = surface.evaluate(*lattice(columns, rows))
+    if not placed.valid.all():
+        raise EditingError("A control surface has holes, which no grid can have: fill them first")
+    return placed.position.T.reshape(rows, columns, 3)
 
 
 def blend(first: ControlSurface, second: ControlSurface, weight: float, cells: int) -> Shape:

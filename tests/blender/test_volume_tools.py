@@ -424,3 +424,14 @@ def test_undo_and_redo_of_every_tool(read):
         for after in states[1:]:
             bpy.ops.ed.redo()
             assert same(state(), after)
+
+
+def test_a_mesh_that_is_no_surface_is_not_converted(addon):
+    camera = camera_with(addon, ("PLANE", at(z=-1), {}, None))
+    surfaces(camera)[0].scfpf_surface.kind = "NONE"
+    with pytest.raises(RuntimeError, match="cannot be converted"):
+        bpy.ops.scfpf.surface_to_grid()
+    surfaces(camera)[0].scfpf_surface.kind = "PATCH"
+    surfaces(camera)[0].shape_key_add(name="Basis")
+    with pytest.raises(RuntimeError, match="shape keys"):
+        bpy.ops.scfpf.surface_to_grid()

@@ -102,6 +102,18 @@ def test_a_sheared_matrix_is_not_kept_for_an_object_that_cannot_hold_it():
     assert shape.kind == "GRID" and not shape.exact
 
 
+class Holed(Plane):
+    """A plane without its left half."""
+
+    def local(self, u, v, time):
+        return super().local(u, v, time)._replace(valid=u > 0.5)
+
+
+def test_a_surface_with_holes_is_no_grid():
+    with pytest.raises(editing.EditingError, match="holes"):
+        editing.sampled(Holed(), 5, 5)
+
+
 PARAMETERS = {
     "POINT": {},
     "PLANE": {"width": 2.0, "height": 3.0},
