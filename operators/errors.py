@@ -5,6 +5,7 @@ from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.render_job import RENDER_ERRORS
 from ..scfpf_addon.bridge.result_image import ResultError
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError
+from ..scfpf_addon.projection.editing import EditingError
 from ..scfpf_addon.projection.preset import PresetError
 
-BAD_INPUT = (FlexibleCameraError, PresetError, ResultError, SurfaceError, *RENDER_ERRORS)
+BAD_INPUT = (EditingError, FlexibleCameraError, PresetError, ResultError, SurfaceError, *RENDER_ERRORS)

@@ -13,7 +13,7 @@ from .target import flexible_camera_of, poll_flexible_camera
 SURFACE_KINDS = tuple(kind for kind in KINDS if kind[0] != "NONE")
 
 
-def _poll_slot(cls, context):
+def poll_slot(cls, context):
     if not poll_flexible_camera(cls, context):
         return False
     settings = flexible_camera_of(context).scfpf
@@ -101,7 +101,7 @@ class SCFPF_OT_surface_remove(bpy.types.Operator):
     bl_label = "Remove Control Surface"
     bl_options = {"REGISTER", "UNDO"}
 
-    poll = classmethod(_poll_slot)
+    poll = classmethod(poll_slot)
 
     def execute(self, context):
         camera = flexible_camera_of(context)
@@ -132,7 +132,7 @@ class SCFPF_OT_surface_move(bpy.types.Operator):
         default="UP",
     )
 
-    poll = classmethod(_poll_slot)
+    poll = classmethod(poll_slot)
 
     def execute(self, context):
         camera = flexible_camera_of(context)
@@ -162,7 +162,7 @@ class SCFPF_OT_surface_select(bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    poll = classmethod(_poll_slot)
+    poll = classmethod(poll_slot)
 
     def execute(self, context):
         settings = flexible_camera_of(context).scfpf

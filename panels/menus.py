@@ -52,6 +52,19 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
     def draw(self, _context):
         self.layout.operator("scfpf.surface_select", icon="RESTRICT_SELECT_OFF")
         self.layout.operator("scfpf.surface_attach", icon="LINKED")
+        self.layout.separator()
+        self.layout.operator("scfpf.surface_insert", icon="ADD")
+        self.layout.operator("scfpf.surface_duplicate", icon="DUPLICATE")
+        self.layout.operator("scfpf.surface_to_grid", icon="MESH_GRID")
+        self.layout.operator("scfpf.surface_align", icon="CON_ROTLIKE")
+        self.layout.operator("scfpf.surface_snap_to_view", icon="HIDE_OFF")
+        self.layout.separator()
+        self.layout.operator("scfpf.volume_frame", icon="VIEW_CAMERA")
+        self.layout.operator("scfpf.volume_fit", icon="SHADING_BBOX")
+        self.layout.operator("scfpf.volume_swap", icon="ARROW_LEFTRIGHT")
+        for axis in "UV":
+            self.layout.operator("scfpf.volume_mirror", text=f"Mirror {axis}", icon="MOD_MIRROR").axis = axis
+        self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 
 def _camera_entries(menu, _context):

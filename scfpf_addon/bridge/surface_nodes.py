@@ -23,6 +23,7 @@ from ..projection.preset_values import LARGEST_LENGTH
 from . import nurbs_object, versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
+from .surface_gizmos import add_gizmos
 
 # Kinds that are plain meshes, with their titles.
 MESH_KINDS = {"PATCH": "Patch", "GRID": "Grid", "UV_MESH": "UV Mesh"}
@@ -279,6 +280,7 @@ def _surface_group(kind: str):
     mesh = _build_sheet(nodes, description.shape, given) if description.shape else _build_point(nodes, given)
     nodes.close_frame()
     nodes.node("NodeGroupOutput", "Surface", {"Mesh": mesh})
+    add_gizmos(nodes, kind, given)
     return tree
 
 

@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tools for the whole volume and its control surfaces: insert, duplicate, mirror, align, convert, frame."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+
+from ..scfpf_addon.bridge import volume_edits
+from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
+from ..scfpf_addon.bridge.render_job import picture_aspect
+from ..scfpf_addon.projection.editing import framing
+from .errors import BAD_INPUT
+from .placement import SHAPES, scene_box
+from .surfaces import poll_slot
+from .target import flexible_camera_of, poll_flexible_camera
+
+# From here on a converted surface counts as changed, as a share of its size: float32 gives about 1e-7.
+CHANGED_SHARE = 1e-6
+
+
+class _Tool:
+    """What the tools share: errors become one line, and ``edit`` may return a line to report."""
+
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = classmethod(poll_flexible_camera)
+
+    def execute(self, context):
+        try:
+            message = self.edit(context, flexible_camera_of(context))
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if message:
+            self.report({"INFO"}, message)
+        return {"FINISHED"}
+
+
+def _poll_two(cls, context):
+    """A poll for tools that need a volume: two surfaces at least."""
+    if not poll_flexible_camera(cls, context):
+        return False
+    if len(flexible_camera_of(context).scfpf.surfaces) < 2:
+        cls.poll_message_set("The volume needs two control surfaces at least")
+        return False
+    return True
+
+
+class SCFPF_OT_surface_insert(_Tool, bpy.types.Operator):
+    """Insert one more control surface and leave the volume as it is at this frame.
+
+    Bézier projectors get new inner surfaces, without the old ones' animation; near and far stay"""
+
+    bl_idname = "scfpf.surface_insert"
+    bl_label = "Insert Control Surface"
+
+    resolution: IntProperty(
+        name="Resolution",
+        description="Faces along u and v of a new surface between surfaces of different kinds, "
+        "which only a grid can be",
+        default=64,
+        min=1,
+        max=512,
+    )
+
+    poll = classmethod(_poll_two)
+
+    def edit(self, context, camera):
+        exact = volume_edits.insert_surface(
+            camera,
+            context.evaluated_depsgraph_get(),
+            picture_aspect(context.scene),
+            camera.scfpf.active_surface,
+            self.resolution,
+        )
+        if exact:
+            return None
+        return f"Between surfaces of different kinds now lies a grid of {self.resolution} × {self.resolution}"
+
+
+class SCFPF_OT_surface_duplicate(_Tool, bpy.types.Operator):
+    """Put a copy of the active control surface after it, at the same place"""
+
+    bl_idname = "scfpf.surface_duplicate"
+    bl_label = "Duplicate Control Surface"
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        volume_edits.duplicate_surface(camera, camera.scfpf.active_surface)
+
+
+class SCFPF_OT_volume_swap(_Tool, bpy.types.Operator):
+    """Reverse the order of the control surfaces: the near one becomes the far one"""
+
+    bl_idname = "scfpf.volume_swap"
+    bl_label = "Swap Near and Far"
+
+    poll = classmethod(_poll_two)
+
+    def edit(self, context, camera):
+        volume_edits.swap_ends(camera)
+
+
+class SCFPF_OT_volume_mirror(_Tool, bpy.types.Operator):
+    """Mirror the picture by mirroring the control surfaces' parameter u or v; their shape stays"""
+
+    bl_idname = "scfpf.volume_mirror"
+    bl_label = "Mirror"
+
+    axis: EnumProperty(
+        name="Axis",
+        description="The parameter to mirror",
+        items=(("U", "U", "Exchange left and right"), ("V", "V", "Exchange top and bottom")),
+        default="U",
+    )
+    only_active: BoolProperty(
+        name="Active Surface Only",
+        description="Mirror the active control surface alone; the projectors then cross over",
+        default=False,
+    )
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        indices = [camera.scfpf.active_surface] if self.only_active else None
+        volume_edits.mirror_surfaces(camera, context.evaluated_depsgraph_get(), self.axis, indices)
+
+
+class SCFPF_OT_surface_snap_to_view(_Tool, bpy.types.Operator):
+    """Put the near surface into the 3D viewport's view, of the same size: a plane fills the view, a round
+    surface comes to stand about the eye"""
+
+    bl_idname = "scfpf.surface_snap_to_view"
+    bl_label = "Near Surface to View"
+
+    @classmethod
+    def poll(cls, context):
+        if not poll_slot(cls, context):
+            return False
+        if context.area is None or context.area.type != "VIEW_3D" or context.region_data is None:
+            cls.poll_message_set("Use this in a 3D viewport")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        view = context.region_data
+        window = view.window_matrix
+        context.evaluated_depsgraph_get()  # surfaces that have just been moved
+        half_width = min(1 / window[0][0], picture_aspect(context.scene) / window[1][1])
+        # In perspective the last row of the window matrix divides by depth.
+        parallel = window[3][3] != 0
+        seen = volume_edits.View(view.view_matrix.inverted(), half_width, parallel)
+        volume_edits.snap_near_to_view(camera, seen)
+
+
+class SCFPF_OT_surface_align(_Tool, bpy.types.Operator):
+    """Give the control surface that is active in the list the place and rotation of the active object"""
+
+    bl_idname = "scfpf.surface_align"
+    bl_label = "Align to Active Object"
+
+    location: BoolProperty(name="Location", description="Take the object's place", default=True)
+    rotation: BoolProperty(name="Rotation", description="Take the object's rotation", default=True)
+
+    @classmethod
+    def poll(cls, context):
+        if not poll_slot(cls, context):
+            return False
+        settings = flexible_camera_of(context).scfpf
+        target = context.object
+        if target in (None, settings.surfaces[settings.active_surface].object, settings.id_data):
+            cls.poll_message_set("Make the object active to which the control surface is to be aligned")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        index = camera.scfpf.active_surface
+        context.evaluated_depsgraph_get()  # objects that have just been moved
+        volume_edits.align_surface(camera, index, context.object, self.location, self.rotation)
+
+
+class SCFPF_OT_volume_single_user(_Tool, bpy.types.Operator):
+    """Give this camera control surfaces and meshes that no other camera or object uses"""
+
+    bl_idname = "scfpf.volume_single_user"
+    bl_label = "Make Surfaces Single-User"
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        copied = volume_edits.make_single_user(camera)
+        return f"{copied} copied" if copied else "Nothing was shared"
+
+
+class SCFPF_OT_surface_to_grid(_Tool, bpy.types.Operator):
+    """Make the active control surface a mesh grid of the same shape, to be edited point by point"""
+
+    bl_idname = "scfpf.surface_to_grid"
+    bl_label = "Convert to Grid"
+
+    columns: IntProperty(name="Columns", description="Faces along u", default=32, min=1, max=1024)
+    rows: IntProperty(name="Rows", description="Faces along v", default=16, min=1, max=1024)
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        change = volume_edits.convert_to_grid(camera, camera.scfpf.active_surface, self.columns, self.rows)
+        if change < CHANGED_SHARE:
+            return None
+        return f"The grid is off by up to {100 * change:.2g} % of the surface's size: more faces are nearer"
+
+
+class SCFPF_OT_volume_fit(_Tool, bpy.types.Operator):
+    """Scale the volume and move the camera so that the volume just holds what is selected"""
+
+    bl_idname = "scfpf.volume_fit"
+    bl_label = "Fit Volume Around Selection"
+
+    @classmethod
+    def poll(cls, context):
+        if not _poll_two(cls, context):
+            return False
+        if not any(
+            obj.type in SHAPES and obj.scfpf_surface.kind == "NONE" for obj in context.selected_objects
+        ):
+            cls.poll_message_set("Select the objects that the volume is to hold")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        box = scene_box(context, selected_only=True)
+        if box is None:
+            raise FlexibleCameraError("What is selected is hidden from pictures: select visible objects")
+        aspect = picture_aspect(context.scene)
+        volume_edits.fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
+
+
+class SCFPF_OT_volume_frame(_Tool, bpy.types.Operator):
+    """Pan, tilt, roll, dolly or zoom the whole volume; the camera object stays where it is"""
+
+    bl_idname = "scfpf.volume_frame"
+    bl_label = "Frame Picture"
+
+    pan: FloatProperty(name="Pan", description="Turn the volume to the right", subtype="ANGLE")
+    tilt: FloatProperty(name="Tilt", description="Turn the volume upwards", subtype="ANGLE")
+    roll: FloatProperty(name="Roll", description="Turn the volume anticlockwise", subtype="ANGLE")
+    dolly: FloatProperty(name="Dolly", description="Move the volume forwards", subtype="DISTANCE")
+    zoom: FloatProperty(
+        name="Zoom",
+        description="Show less than before, larger; below 1, more",
+        default=1.0,
+        min=0.01,
+        max=100.0,
+    )
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        amounts = (self.pan, self.tilt, self.roll, self.dolly, self.zoom)
+        volume_edits.move_volume(camera, framing(*amounts))
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        SCFPF_OT_surface_insert,
+        SCFPF_OT_surface_duplicate,
+        SCFPF_OT_volume_swap,
+        SCFPF_OT_volume_mirror,
+        SCFPF_OT_surface_snap_to_view,
+        SCFPF_OT_surface_align,
+        SCFPF_OT_volume_single_user,
+        SCFPF_OT_surface_to_grid,
+        SCFPF_OT_volume_fit,
+        SCFPF_OT_volume_frame,
+    )
+)

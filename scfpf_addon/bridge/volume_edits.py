@@ -1,0 +1,377 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Edits of a flexible camera's volume in the .blend: the tools behind the operators."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from ..projection.editing import EditingError, blend, contains, elevated, lattice, mirrored, sampled
+from ..projection.preset import surface_from_parameters
+from ..projection.surfaces import ControlSurface
+from ..projection.volume import Projection
+from .flexible_camera import (
+    FlexibleCameraError,
+    add_surface,
+    approximate_lens,
+    attach_surface,
+    move_surface,
+    remove_surface,
+    sync_volume_object,
+)
+from .mesh_grid import write_grid
+from .read_projection import read_projection
+from .surface_nodes import (
+    MESH_KINDS,
+    PARAMETRIC_KINDS,
+    is_reshaped,
+    set_surface_parameters,
+    surface_parameters,
+)
+
+# How the size of a volume is searched that just holds what is selected: doubled from this share of the
+# selection's size to the volume's, so often at most, and then halved on a logarithmic scale.
+FIRST_SHARE, MOST_DOUBLINGS, BISECTIONS = 0.125, 40, 10
+# An object holds no shear: a matrix that differs by more from its own location, rotation and scale has one.
+# float32 products agree to about 1e-6.
+SHEAR = 1e-4
+# Room around what a volume is fitted to.
+FIT_MARGIN = 1.05
+
+
+class View(NamedTuple):
+    """What a viewport shows.
+
+    matrix: (4, 4), view to world. half_width: at distance 1, with parallel rays anywhere.
+    """
+
+    matrix: Matrix
+    half_width: float
+    parallel: bool
+
+
+def _surfaces(camera, indices=None) -> list:
+    """The different surface objects of a camera, or of some places of its list; all can be edited."""
+    slots = camera.scfpf.surfaces
+    found = []
+    for index in range(len(slots)) if indices is None else indices:
+        surface = slots[index].object
+        if surface is None:
+            raise FlexibleCameraError(
+                f"Control surface {index + 1} of '{camera.name}' is empty: remove it from the list"
+            )
+        if not surface.is_editable or (surface.data is not None and not surface.data.is_editable):
+            raise FlexibleCameraError(f"'{surface.name}' is linked from another file: make it local first")
+        if surface not in found:
+            found.append(surface)
+    return found
+
+
+def _in_camera_space(camera, depsgraph, aspect: float) -> Projection:
+    world = np.array(camera.evaluated_get(depsgraph).matrix_world, np.float64)
+    return read_projection(camera, depsgraph, aspect).transformed(np.linalg.inv(world))
+
+
+def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> bool:
+    """One control surface more, the volume as it was.
+
+    Bézier projectors: degree elevation; the inner surfaces are replaced, near and far stay. Polyline: a
+    surface half-way between the one at ``index`` and the next; the others stay. Returns whether all new
+    surfaces are exact, see ``projection.editing.blend``; the others are grids of cells × cells faces.
+    Raises FlexibleCameraError, ProjectionError or SurfaceError; then nothing has changed.
+    """
+    volume = _in_camera_space(camera, depsgraph, aspect).volume
+    surfaces, basis = volume.surfaces, camera.scfpf.basis
+    _surfaces(camera)
+    if basis == "BEZIER":
+        first, shapes, replaced = 1, elevated(surfaces, cells), len(surfaces) - 2
+    elif basis == "POLYLINE":
+        index = min(index, len(surfaces) - 2)
+        first, shapes, replaced = index + 1, [blend(surfaces[index], surfaces[index + 1], 0.5, cells)], 0
+    else:
+        raise FlexibleCameraError(
+            "Only Bézier and polyline projectors take a surface more and stay the same: "
+            "change the projectors' shape first"
+        )
+    try:
+        for place, shape in enumerate(shapes, first):
+            add_surface(
+                camera,
+                shape.kind,
+                matrix=shape.matrix,
+                parameters=shape.parameters or None,
+                points=shape.points,
+                index=place,
+            )
+    except ValueError:
+        while len(camera.scfpf.surfaces) > len(surfaces):
+            remove_surface(camera, first)
+        raise
+    for _ in range(replaced):
+        remove_surface(camera, first + len(shapes))
+    camera.scfpf.active_surface = min(max(index, first), first + len(shapes) - 1)
+    return all(shape.exact for shape in shapes)
+
+
+def duplicate_surface(camera, index: int):
+    """A copy of a surface, with its mesh, right after it in the list. Returns the object."""
+    (surface,) = _surfaces(camera, [index])
+    copy = surface.copy()
+    copy.data = surface.data.copy()
+    for collection in surface.users_collection or [bpy.context.scene.collection]:
+        if collection.is_editable and not collection.override_library:
+            collection.objects.link(copy)
+    attach_surface(camera, copy)
+    last = len(camera.scfpf.surfaces) - 1
+    move_surface(camera, last, index + 1 - last)
+    return copy
+
+
+def swap_ends(camera) -> None:
+    """Reverse the list of surfaces: near becomes far."""
+    settings = camera.scfpf
+    last = len(settings.surfaces) - 1
+    for place in range(last):
+        settings.surfaces.move(last, place)
+    settings.active_surface = max(last - settings.active_surface, 0)
+    sync_volume_object(camera)
+
+
+def _is_animated(surface) -> bool:
+    data = surface.animation_data
+    return data is not None and (data.action is not None or len(data.drivers) > 0 or len(data.nla_tracks) > 0)
+
+
+def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
+    """Mirror surfaces: Q(1-u, v) for axis "U", Q(u, 1-v) for "V".
+
+    Meshes get their UV map mirrored and keep their shape; parametric kinds a negative scale or exchanged
+    ends. Raises FlexibleCameraError, before anything is changed, where that cannot be done.
+    """
+    surfaces = _surfaces(camera, indices)
+    changes = []
+    for surface in surfaces:
+        kind = surface.scfpf_surface.kind
+        if kind not in PARAMETRIC_KINDS:
+            if kind not in MESH_KINDS:
+                raise FlexibleCameraError(f"'{surface.name}' cannot be mirrored: convert it to a grid first")
+            continue
+        if kind == "POINT":
+            continue
+        if is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER") or _is_animated(surface):
+            raise FlexibleCameraError(
+                f"'{surface.name}' has modifiers or animation that would not be mirrored: "
+                "convert it to a grid first"
+            )
+        parameters = surface_parameters(surface.evaluated_get(depsgraph))
+        try:
+            matrix, parameters = mirrored(kind, parameters, axis)
+        except EditingError as error:
+            raise FlexibleCameraError(f"'{surface.name}': {error}") from error
+        placed = surface.matrix_basis @ Matrix(matrix.tolist())
+        if not np.allclose(placed, Matrix.LocRotScale(*placed.decompose()), rtol=SHEAR, atol=SHEAR):
+            raise FlexibleCameraError(
+                f"'{surface.name}' is scaled unevenly and cannot be mirrored: apply its scale, "
+                "or convert it to a grid first"
+            )
+        changes.append((surface, placed, parameters))
+    for surface, placed, parameters in changes:
+        surface.matrix_basis = placed
+        set_surface_parameters(surface, parameters)
+    for surface in surfaces:
+        if surface.scfpf_surface.kind in MESH_KINDS:
+            _mirror_uv(surface, "UV".index(axis))
+
+
+def _mirror_uv(surface, axis: int) -> None:
+    if surface.data.users > 1:
+        surface.data = surface.data.copy()
+    layer = surface.data.uv_layers.active
+    if layer is None:
+        raise FlexibleCameraError(f"'{surface.name}' has no UV map: unwrap it as a regular grid")
+    # Not by ``layer.uv``: in Blender 4.5 that writes through to the mesh's copies and to its undo steps.
+    uv = surface.data.attributes[layer.name].data
+    values = np.empty(2 * len(uv), np.float32)
+    uv.foreach_get("vector", values)
+    values[axis::2] = 1 - values[axis::2]
+    uv.foreach_set("vector", values)
+    surface.data.update()
+
+
+def snap_near_to_view(camera, view: View) -> None:
+    """Put the near surface into a view: a plane fills its width, a round kind comes to stand about the eye.
+
+    Size, parameters and scale stay. A view with parallel rays leaves the depth as it was.
+    """
+    (surface,) = _surfaces(camera, [0])
+    place, rotation, scale = surface.matrix_world.decompose()
+    kind = surface.scfpf_surface.kind
+    depth = -(view.matrix.inverted() @ place).z
+    if not view.parallel and kind == "PLANE":
+        depth = surface_parameters(surface)["width"] * abs(scale.x) / (2 * view.half_width)
+    elif not view.parallel and kind in {"POINT", "CYLINDER", "CONE", "SPHERE"}:
+        depth = 0.0
+    rotation = view.matrix.to_quaternion()
+    location = view.matrix @ Vector((0.0, 0.0, -depth))
+    surface.matrix_world = Matrix.LocRotScale(location, rotation, scale)
+
+
+def align_surface(camera, index: int, target, location: bool, rotation: bool) -> None:
+    """Give a surface another object's place, rotation or both; its scale stays."""
+    (surface,) = _surfaces(camera, [index])
+    place, turn, scale = surface.matrix_world.decompose()
+    other_place, other_turn, _ = target.matrix_world.decompose()
+    surface.matrix_world = Matrix.LocRotScale(
+        other_place if location else place, other_turn if rotation else turn, scale
+    )
+
+
+def make_single_user(camera) -> int:
+    """Give the camera surfaces and meshes of its own; returns how many objects and meshes were copied.
+
+    An object on another camera's list too is copied, and so is a mesh with other users.
+    """
+    copied = 0
+    surfaces = _surfaces(camera)
+    others = {
+        slot.object
+        for other in bpy.data.objects
+        if other.type == "CAMERA" and other != camera
+        for slot in other.scfpf.surfaces
+    }
+    for surface in surfaces:
+        own = surface
+        if surface in others:
+            own = _own_copy(camera, surface)
+            copied += 1
+        if own.data.users > 1:
+            own.data = own.data.copy()
+            copied += 1
+    sync_volume_object(camera)
+    return copied
+
+
+def _own_copy(camera, surface):
+    """A copy of a surface at the same place, child of the camera, on the list in its stead."""
+    world = surface.matrix_world.copy()
+    copy = surface.copy()
+    collections = [c for c in camera.users_collection if c.is_editable and not c.override_library]
+    for collection in collections or [bpy.context.scene.collection]:
+        collection.objects.link(copy)
+    if copy.parent != camera:
+        copy.parent = camera
+        copy.matrix_parent_inverse = (
+            camera.matrix_world.inverted_safe() @ world @ copy.matrix_basis.inverted_safe()
+        )
+    for slot in camera.scfpf.surfaces:
+        if slot.object == surface:
+            slot.object = copy
+    return copy
+
+
+def own_shape(surface) -> ControlSurface:
+    """A surface in its own space, as its parameters or its mesh are now, without further modifiers."""
+    parameters = surface_parameters(surface)
+    points = parameters.pop("points", None)
+    return surface_from_parameters(surface.scfpf_surface.kind, parameters, points, np.eye(4))
+
+
+def convert_to_grid(camera, index: int, columns: int, rows: int) -> float:
+    """Make a surface a mesh grid of columns × rows faces, of the same shape at this frame.
+
+    Returns the greatest change of the surface as a share of its size: 0 (float32) for planes and patches,
+    falling as the square of the resolution for curved kinds. Further modifiers stay and act on the grid.
+    """
+    (surface,) = _surfaces(camera, [index])
+    kind = surface.scfpf_surface.kind
+    if kind == "GRID":
+        raise FlexibleCameraError(f"'{surface.name}' is a grid already")
+    if kind not in PARAMETRIC_KINDS and kind != "PATCH":
+        raise FlexibleCameraError(
+            f"'{surface.name}' cannot be converted: a grid comes of a parametric kind or a patch"
+        )
+    if surface.data.shape_keys is not None:
+        raise FlexibleCameraError(
+            f"'{surface.name}' has shape keys, which a new mesh would lose: apply them first"
+        )
+    before = own_shape(surface)
+    points = sampled(before, columns + 1, rows + 1)
+    if surface.data.users > 1:
+        surface.data = surface.data.copy()
+    surface.scfpf_surface.kind = "GRID"
+    write_grid(surface.data, points)
+    surface.update_tag()
+    u, v = lattice(4 * columns + 1, 4 * rows + 1)
+    exact, now = before.evaluate(u, v).position, own_shape(surface).evaluate(u, v).position
+    size = float(np.ptp(exact, axis=1).max())
+    return float(np.linalg.norm(now - exact, axis=0).max()) / size if size > 0 else 0.0
+
+
+def _children(camera) -> list:
+    """The surfaces of a camera, all of them its children."""
+    surfaces = _surfaces(camera)
+    for surface in surfaces:
+        if surface.parent != camera or surface.parent_type != "OBJECT":
+            raise FlexibleCameraError(
+                f"'{surface.name}' is no child of '{camera.name}': parent it to the camera (Ctrl-P) first"
+            )
+    return surfaces
+
+
+def move_volume(camera, matrix) -> None:
+    """Apply an affine (4, 4) matrix in camera space to every surface.
+
+    It goes into the parent inverse: animation and modifiers act as before, and a shear is kept. Raises
+    FlexibleCameraError for a surface that is no child of the camera.
+    """
+    move = Matrix(np.asarray(matrix, np.float64).tolist())
+    for surface in _children(camera):
+        surface.matrix_parent_inverse = move @ surface.matrix_parent_inverse
+
+
+def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
+    """Scale the volume and move the camera, which goes on looking the same way, around a box.
+
+    corners: (8, 3), world space. The middle of the volume comes to the middle of the box, and the volume
+    is the smallest that holds all corners. The ordinary lens follows. Raises FlexibleCameraError.
+    """
+    _children(camera)
+    projection = _in_camera_space(camera, depsgraph, aspect)
+    volume = projection.volume
+    world = np.array(camera.matrix_world, np.float64)
+    centre = (corners.min(0) + corners.max(0)) / 2
+    around = FIT_MARGIN * np.linalg.solve(world[:3, :3], (corners - centre).T)
+    half = np.full(1, 0.5)
+    middle = volume.evaluate(half, half, half).position
+    ends = volume.evaluate(*np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=3))).T).position
+
+    def holds(scale: float) -> bool:
+        return bool(contains(volume, around / scale + middle).all())
+
+    size, reach = float(np.abs(ends - middle).max()), float(np.abs(around).max())
+    if size == 0 or reach == 0:
+        raise FlexibleCameraError("The volume or the selection has no size: there is nothing to fit")
+    scale = FIRST_SHARE * reach / size
+    for _ in range(MOST_DOUBLINGS):
+        if holds(scale):
+            break
+        scale *= 2
+    else:
+        raise FlexibleCameraError(
+            f"The volume of '{camera.name}' holds nothing around its middle: it is flat or folded there"
+        )
+    low, high = scale / 2, scale
+    for _ in range(BISECTIONS):
+        between = math.sqrt(low * high)
+        low, high = (low, between) if holds(between) else (between, high)
+    sizes = np.diag([high, high, high, 1.0])
+    move_volume(camera, sizes)
+    place = camera.matrix_world.copy()
+    place.translation = Vector(centre - world[:3, :3] @ (high * middle[:, 0]))
+    camera.matrix_world = place
+    approximate_lens(camera, projection.transformed(sizes))
