@@ -102,7 +102,7 @@ def _piecewise(coefficients: Array, slopes: Array) -> Array:
     crossed &= (breaks[1:] > breaks[:-1]) & ((low != 0.0) | (high != 0.0))
     curve = np.nonzero(crossed)[1]
     roots = np.full(low.shape, np.nan)
-    roots[crossed] = _bracketed(coefficients.take(curve, 1), breaks[:-1][crossed], breaks[1:][crossed])
+    roots[crossed] = _bracketed(coefficients[:, curve], breaks[:-1][crossed], breaks[1:][crossed])
     return np.sort(roots, axis=0)
 
 

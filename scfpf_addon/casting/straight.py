@@ -15,7 +15,7 @@ END_SLACK = 1e-6
 
 # Rays are moved by about one float32 rounding: Embree loses some of those that pass
 # exactly through a vertex, which a symmetric camera aims at (6 of 259,081 on a grid).
-OFF_VERTICES = 2.0**-23 * np.array([[1.0], [0.7], [0.4]])
+OFF_VERTICES = (2.0**-23 * np.array([[1.0], [0.7], [0.4]])).astype(np.float32)
 
 # A float64 solution this far from [0, 1] means a triangle seen edge-on, whose
 # plane says nothing; Embree's own distance is kept then.
@@ -32,16 +32,20 @@ def cast_straight(
     """
     start, way = points[0], points[1] - points[0]
     first, last = reach
-    origins = (start + (way * first + OFF_VERTICES if first > 0.0 else OFF_VERTICES)).astype(np.float32)
+    origins = (start + way * first if first > 0.0 else start).astype(np.float32)
+    origins += OFF_VERTICES
     directions = (way * (last - first) if last - first < 1.0 else way).astype(np.float32)
-    limits = np.where(mask, np.float32(1.0 + END_SLACK), np.float32(-1.0))
+    limits = np.full(len(mask), 1.0 + END_SLACK, np.float32)
+    whole = bool(mask.all())
+    if not whole:
+        limits[~mask] = -1.0
     found = scene.trace(origins, directions, limits)
-    counts.projectors += int(np.count_nonzero(mask))
-    counts.rays += int(np.count_nonzero(mask))
-    counts.chords += int(np.count_nonzero(mask))
+    count = int(np.count_nonzero(mask))
+    counts.projectors, counts.rays = counts.projectors + count, counts.rays + count
+    counts.chords += count
 
-    triangles = np.maximum(found, 0)
-    plane = scene.planes.take(triangles, 1)
+    # On a miss the last triangle stands in; what comes of it is overwritten below.
+    plane = scene.planes.take(found, 1)
     height = np.einsum("cn,cn->n", plane[:3], start)
     height += plane[3]
     slope = np.einsum("cn,cn->n", plane[:3], way)
@@ -57,14 +61,14 @@ def cast_straight(
     hit &= t <= 1.0
     place = np.maximum(np.where(hit, t, 1.0), 0.0)
     position = start + way * place
-    barycentric = scene.barycentric(position, triangles)
+    barycentric = scene.barycentric(position, found)
     if not hit.all():
         barycentric *= hit
         found = np.where(hit, found, np.int32(-1))
         t = np.where(hit, place, np.inf)
     else:
         t = place
-    if not mask.all():
+    if not whole:
         position *= mask
         way *= mask
     return Hits(t, found, barycentric, position, way, mask)
