@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from scfpf_addon.projection import uv_chart
-from scfpf_addon.projection.diagram import diagram, volume_signature
+from scfpf_addon.projection.diagram import DiagramOptions, diagram, volume_signature
 from scfpf_addon.projection.surfaces import Grid
 from scfpf_addon.projection.uv_chart import EDGE_TOLERANCE, UVChart
 from scfpf_addon.projection.uv_mesh import UVMesh
@@ -350,7 +350,7 @@ def test_drawn_lines_leave_out_holes_and_lead_from_no_island_to_another():
     near = mesh(uv, triangles, np.column_stack([uv, np.where(uv[:, 0] > 0.5, 5.0, 0.0)]))
     back = np.eye(4)
     back[2, 3] = -3.0
-    lines = diagram(Projection(ViewingVolume((near, near.transformed(back)))), 11, 3)
+    lines = diagram(Projection(ViewingVolume((near, near.transformed(back)))), DiagramOptions(11, 3, folds=False))
     # 11 × 3 projectors, those at u = 0.5 in the gap, at 0.4 and 0.6 on its borders.
     assert len(lines["PROJECTOR"]) == 10 * 3
     for role in ("SURFACE", "FRAME"):
@@ -358,7 +358,7 @@ def test_drawn_lines_leave_out_holes_and_lead_from_no_island_to_another():
         x = lines[role][:, :, 0]
         assert ((x < 0.4 + 1e-6) | (x > 0.6 - 1e-6)).all()
     touching = mesh(*two_islands(0.0), near.points)
-    lines = diagram(Projection(ViewingVolume((touching, touching))), 11, 3)
+    lines = diagram(Projection(ViewingVolume((touching, touching))), DiagramOptions(11, 3, folds=False))
     for role in ("SURFACE", "FRAME"):
         assert len(lines[role]) and not np.ptp(lines[role][:, :, 2], axis=1).any()
 
