@@ -22,7 +22,7 @@ from .typing import Array, BoolArray
 from .volume import ControlSample, Projection, ViewingVolume
 
 # A drawn projector leaves its curve by at most this share of its control polygon's length.
-BEND_TOLERANCE = 2e-3
+BEND_TOLERANCE = 5e-4
 # More chords than this in one span cannot be told apart on a screen.
 MAXIMUM_CHORDS = 128
 # Pieces along t in which a projector is looked at for folds, and drawn where it has one.
