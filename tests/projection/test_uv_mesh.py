@@ -350,7 +350,9 @@ def test_drawn_lines_leave_out_holes_and_lead_from_no_island_to_another():
     near = mesh(uv, triangles, np.column_stack([uv, np.where(uv[:, 0] > 0.5, 5.0, 0.0)]))
     back = np.eye(4)
     back[2, 3] = -3.0
-    lines = diagram(Projection(ViewingVolume((near, near.transformed(back)))), DiagramOptions(11, 3, folds=False))
+    lines = diagram(
+        Projection(ViewingVolume((near, near.transformed(back)))), DiagramOptions(11, 3, folds=False)
+    )
     # 11 × 3 projectors, those at u = 0.5 in the gap, at 0.4 and 0.6 on its borders.
     assert len(lines["PROJECTOR"]) == 10 * 3
     for role in ("SURFACE", "FRAME"):
