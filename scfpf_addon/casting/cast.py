@@ -9,7 +9,7 @@ import numpy as np
 
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
-from .chords import cast_chords
+from .chords import cast_chords, complete
 from .curves import Bundle
 from .hits import CastCounts, Hits
 from .scene import CastError, CastScene
@@ -29,6 +29,10 @@ NEIGHBOUR_ERROR = 1.5
 # But they never stray more than this many times the pixel error: a thing so thin that no
 # neighbour sees it either must come to light when the error is set lower.
 MOST_COARSER = 15.0
+
+# Comparing finds more than chords of the whole accuracy do if these are not at least so
+# many times closer to the curves.
+WORTHWHILE = 4.0
 
 # Doubtful hits are looked at with chords that stray this share of the pixel error:
 # they decide, so they should add little to it.
@@ -83,7 +87,9 @@ def cast(
     if single:
         return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts)
     schedule = None if reach is None else corners(spans, reach)
-    return cast_chords(scene, Bundle(spans, points), mask, schedule, None, False, counts)
+    counts.projectors += int(np.count_nonzero(mask))
+    bundle = Bundle(spans, points)
+    return complete(cast_chords(scene, bundle, mask, schedule, None, counts)[0], bundle)
 
 
 def _cast_curved(
@@ -97,26 +103,39 @@ def _cast_curved(
     columns: int | None,
 ) -> Hits:
     """As cast, for spans of degree 2 and more."""
-    chord_error = pixel_error
+    border = columns or 0
     if columns is not None:
         # A row more on either side, for the outer rows to be compared with.
         x = np.concatenate([x[:columns], x, x[-columns:]])
         y = np.concatenate([y[:columns] - pixel_size[1], y, y[-columns:] + pixel_size[1]])
-        chord_error = max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error))
-    fine_error = FINE_SHARE * max(pixel_error, SMALLEST_ERROR)
-    finer = math.ceil(math.sqrt(max(chord_error / fine_error, 1.0)))
     points, mask, _ = _projectors(projection, x, y)
     if columns is not None:
         mask[:columns] &= y[:columns] > 0.0
         mask[-columns:] &= y[-columns:] < 1.0
     spans = projection.volume.spans
-    schedule: Schedule | None = None
+    inner = slice(border, len(x) - border)
+    bundle, shown = Bundle(spans, points), Bundle(spans, points[:, :, inner])
+    counts.projectors += int(np.count_nonzero(mask[inner]))
     reach = scene_reach(spans, points, scene)
-    if reach is not None and mask.any():
-        curves = sample_curves(projection, x, y, mask, pixel_size)
-        schedule = plan(spans, curves, reach, chord_error, finer)
-    compared = schedule is not None and schedule.error > pixel_error
-    return cast_chords(scene, Bundle(spans, points), mask, schedule, columns, compared, counts)
+    if reach is None or not mask.any():
+        return complete(cast_chords(scene, shown, mask[inner], None, None, counts)[0], shown)
+    curves = sample_curves(projection, x, y, mask, pixel_size)
+
+    def schedule(chord_error: float) -> Schedule:
+        fine_error = FINE_SHARE * max(pixel_error, SMALLEST_ERROR)
+        finer = math.ceil(math.sqrt(max(chord_error / fine_error, 1.0)))
+        return plan(spans, curves, reach, chord_error, finer)
+
+    if columns is not None:
+        coarse_error = max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error))
+        coarse = schedule(coarse_error)
+        if coarse.error > pixel_error:
+            hits, thin = cast_chords(scene, bundle, mask, coarse, columns, counts)
+            if not thin or coarse_error < WORTHWHILE * pixel_error:
+                return complete(hits.within(inner), shown)
+            counts.thin += int(np.count_nonzero(mask[inner]))
+    hits = cast_chords(scene, shown, mask[inner], schedule(pixel_error), None, counts)[0]
+    return complete(hits, shown)
 
 
 def _projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:

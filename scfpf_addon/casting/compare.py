@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray
-from .records import Records
-from .refine import NEIGHBOURHOOD, Work, refine
+from .refine import Work, refine
 from .schedule import Schedule
 
 # The t of a pixel that saw nothing: beyond all others.
@@ -21,20 +20,30 @@ SMOOTH = 0.5
 # Nearer things of neighbouring pixels that are looked for one behind the other.
 LAYERS = 3
 
+# A thing that a chord hits is alone if no curve of the pixel and its neighbours hits
+# anything within this many pixels' sizes before or behind (the limb of a smooth thing
+# may recede by some hundreds in a pixel).
+ALONE = 512.0
 
-def compare(work: Work, first: Records, mask: BoolArray, columns: int) -> None:
+# A tile has thin things if more than this share of the hits that turn out false are
+# alone (1 % are around solid things, 5 to 20 % in wires a quarter of a pixel wide), ...
+MOST_ALONE = 0.04
+
+# ... and there are at least so many of them.
+FEWEST_ALONE = 5
+
+
+def compare(work: Work, mask: BoolArray, columns: int) -> None:
     """Look again where a neighbouring pixel saw something nearer.
 
     A chord strays by up to a neighbour's width, so it can pass something that its
-    curve hits; but then a neighbour's chord has hit it. There the curve is followed finely, at
-    most LAYERS times, from the nearest of the neighbours' hits on.
+    curve hits; but then a neighbour's chord has hit it. There the curve is followed
+    finely, at most LAYERS times, from the nearest of the neighbours' hits on. The first
+    and the last row are only there to be looked at.
     """
     hits, breaks = work.hits, work.schedule.breaks
-    seen = np.where(hits.triangle >= 0, hits.t, NOTHING)
-    # A first hit that turned out false for its own curve may be true for another.
-    low, high = breaks[first.chord], breaks[first.chord + 1]
-    false = np.flatnonzero(seen[first.projector] > high + NEIGHBOURHOOD * (high - low))
-    seen[first.projector[false]] = 0.5 * (low + high)[false]
+    # What a pixel's chord hits and its curve does not, another's curve may hit.
+    seen = np.minimum(np.where(hits.triangle >= 0, hits.t, NOTHING), work.passed)
     projector, layers = _jumps(seen, hits.t, mask, columns, work.schedule)
     passed = np.full(len(projector), -np.inf)
     for _ in range(LAYERS):
@@ -52,6 +61,25 @@ def compare(work: Work, first: Records, mask: BoolArray, columns: int) -> None:
         nearer = np.flatnonzero(found.t < hits.t[projector[hit]])
         work.store(projector[hit], found, nearer)
         passed = high
+
+
+def has_thin_things(work: Work, columns: int) -> bool:
+    """Whether chords hit things that no curve around hits.
+
+    Next to a thing wider than chords stray, a neighbour's curve hits it. Things much
+    thinner are seen by few chords, so comparing finds a part of them only, and a
+    wire or a far tree would look thinner than it is.
+    """
+    t, passed = work.hits.t, work.passed[columns:-columns]
+    pixels = np.flatnonzero(passed < t[columns:-columns])
+    there = passed[pixels]
+    pixels += columns
+    column = pixels % columns
+    left, right = pixels - (column > 0), pixels + (column < columns - 1)
+    around = [p + rise for p in (left, pixels, right) for rise in (-columns, 0, columns)]
+    distance = np.abs(t[np.stack(around)] - there).min(axis=0, initial=np.inf)
+    alone = int(np.count_nonzero(distance > ALONE * work.schedule.pixel_at(there)))
+    return alone >= FEWEST_ALONE and alone > MOST_ALONE * len(pixels)
 
 
 def _jumps(
@@ -84,8 +112,7 @@ def _jumps(
     beside = np.stack([seen[n] for n in neighbours])
     opposite = beside[[1, 0, 3, 2, 5, 4, 7, 6]]
     gap = here - beside
-    middles = 0.5 * (schedule.breaks[:-1] + schedule.breaks[1:])
-    size = np.interp(around.ravel()[pixels - columns], middles, schedule.pixel)
+    size = schedule.pixel_at(around.ravel()[pixels - columns])
     bend = np.abs(opposite - here - gap)
     jump = (gap > size) & (bend > SMOOTH * gap)
     some = np.flatnonzero(jump.any(axis=0))

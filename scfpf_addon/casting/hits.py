@@ -70,7 +70,8 @@ class CastCounts:
     chords: rays of the first march (1 a projector when straight). walked: hits
     solved on a neighbour of the triangle that a chord hit. refined: hits looked
     for again with finer chords. compared: projectors followed again because a
-    neighbouring pixel saw something nearer. false_hits: chord hits that the curve does not
+    neighbouring pixel saw something nearer. thin: projectors cast again with chords of
+    the whole accuracy, in tiles with thin things. false_hits: chord hits that the curve does not
     have. unresolved: hits that keep the answer of the finest chord.
     error_bound: the largest distance between curve and chords met on the sampled
     projectors, in pixels; ``add`` keeps the larger.
@@ -82,6 +83,7 @@ class CastCounts:
     walked: int = 0
     refined: int = 0
     compared: int = 0
+    thin: int = 0
     false_hits: int = 0
     unresolved: int = 0
     error_bound: float = 0.0
