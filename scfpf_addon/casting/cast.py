@@ -30,10 +30,6 @@ NEIGHBOUR_ERROR = 1.5
 # neighbour sees it either must come to light when the error is set lower.
 MOST_COARSER = 15.0
 
-# Comparing finds more than chords of the whole accuracy do if these are not at least so
-# many times closer to the curves.
-WORTHWHILE = 4.0
-
 # Doubtful hits are looked at with chords that stray this share of the pixel error:
 # they decide, so they should add little to it.
 FINE_SHARE = 0.3
@@ -127,13 +123,17 @@ def _cast_curved(
         return plan(spans, curves, reach, chord_error, finer)
 
     if columns is not None:
-        coarse_error = max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error))
-        coarse = schedule(coarse_error)
+        coarse = schedule(max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error)))
         if coarse.error > pixel_error:
             hits, thin = cast_chords(scene, bundle, mask, coarse, columns, counts)
-            if not thin or coarse_error < WORTHWHILE * pixel_error:
-                return complete(hits.within(inner), shown)
-            counts.thin += int(np.count_nonzero(mask[inner]))
+            hits = hits.within(inner)
+            if len(thin):
+                counts.thin += len(thin)
+                fine = schedule(pixel_error)
+                again = cast_chords(scene, shown.take(thin), hits.mask[thin], fine, None, counts)[0]
+                nearer = np.flatnonzero(again.t < hits.t[thin])
+                hits.put(thin[nearer], again.take(nearer))
+            return complete(hits, shown)
     hits = cast_chords(scene, shown, mask[inner], schedule(pixel_error), None, counts)[0]
     return complete(hits, shown)
 
