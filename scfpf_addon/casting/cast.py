@@ -51,6 +51,7 @@ def cast(
     pixel_error: float = 0.1,
     counts: CastCounts | None = None,
     columns: int | None = None,
+    weighted: bool = True,
 ) -> Hits:
     """The first hit of the projectors through image positions x, y.
 
@@ -62,6 +63,7 @@ def cast(
     polylines have no such error. counts: added to when given. columns: says that x, y
     are whole rows of that many neighbouring pixels, from the bottom up; curved
     projectors are then cast in a fraction of the time (``chords.cast_chords``).
+    weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
     Raises CastError for a negative or non-finite pixel error.
     """
     if not 0.0 <= pixel_error < math.inf:
@@ -78,10 +80,10 @@ def cast(
     points, mask, farthest = _projectors(projection, x, y)
     single = len(spans.matrices) == 1
     if single and farthest <= FAR:
-        return cast_straight(scene, points, mask, (0.0, 1.0), counts)
+        return cast_straight(scene, points, mask, (0.0, 1.0), counts, weighted)
     reach = scene_reach(spans, points, scene)
     if single:
-        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts)
+        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
     schedule = None if reach is None else corners(spans, reach)
     counts.projectors += int(np.count_nonzero(mask))
     bundle = Bundle(spans, points)
