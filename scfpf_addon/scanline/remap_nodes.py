@@ -9,6 +9,10 @@ its local matrix, sensor fit HORIZONTAL, ortho scale 1 and clip range 1 to 2 fra
 
 from __future__ import annotations
 
+from .table_object import table_object
+
+__all__ = ["preview_group", "remap_counts", "remap_group", "table_object"]
+
 
 def remap_group():
     """The node group "SCFPF Remap": geometry → what the camera of a table sees of it, in the viewbox.
@@ -16,16 +20,6 @@ def remap_group():
     Inputs: Geometry, Table (Object, of ``table_object``), Aspect (width / height of the picture),
     Pixel Error, Picture Width (pixels). Usable in any modifier stack: positions are
     taken from the modified object's space, the viewbox stands in the table's. Found in the file or built.
-    """
-    raise NotImplementedError
-
-
-def table_object(camera):
-    """The camera's table of projectors, made or brought up to date; a child of the camera.
-
-    Call it when the list of surfaces, a kind, the basis or the re-parameterisation has
-    changed; shapes, transforms and animation it follows by itself, without Python.
-    It is linked to no collection: the preview's modifier keeps it evaluated.
     """
     raise NotImplementedError
 
