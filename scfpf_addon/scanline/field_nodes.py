@@ -101,6 +101,8 @@ class FieldBuilder(NodeBuilder):
             return self.out(
                 "ShaderNodeMath", label, {0: a} if b is None else {0: a, 1: b}, operation=operation
             )
+        a, b = ((side,) * 3 if isinstance(side, (int, float)) and operation != "MULTIPLY" else side
+                for side in (a, b))  # fmt: skip
         inputs = {0: a}
         if operation == "MULTIPLY" and not all(vectors):
             operation = "SCALE"
@@ -148,10 +150,10 @@ class FieldBuilder(NodeBuilder):
             "GeometryNodeStoreNamedAttribute", f"Store {name}", inputs, data_type=kind, domain=domain
         )
 
-    def sample(self, geometry, value, index, kind: str, label: str) -> Value:
+    def sample(self, geometry, value, index, kind: str, label: str, domain: str = "POINT") -> Value:
         """The value of a field at a point of another geometry; the index is clamped."""
         inputs = {"Geometry": geometry, "Value": value, "Index": index}
-        return self.out("GeometryNodeSampleIndex", label, inputs, data_type=kind, domain="POINT", clamp=True)
+        return self.out("GeometryNodeSampleIndex", label, inputs, data_type=kind, domain=domain, clamp=True)
 
     def statistic(self, geometry, value, which: str, label: str, selection=None, domain="POINT") -> Value:
         inputs = {"Geometry": geometry, "Attribute": value}
@@ -165,6 +167,28 @@ class FieldBuilder(NodeBuilder):
     def evaluate_on(self, value, domain: str, kind: str, label: str) -> Value:
         """A field evaluated on a domain first, whatever domain it is used on."""
         return self.out("GeometryNodeFieldOnDomain", label, {0: value}, data_type=kind, domain=domain)
+
+    def at_index(self, value, index, domain: str, kind: str) -> Value:
+        inputs = {0: value, 1: index}
+        return self.out("GeometryNodeFieldAtIndex", "There", inputs, data_type=kind, domain=domain)
+
+    def separate(self, geometry, selection, label: str) -> tuple[Value, Value]:
+        """The faces that are selected, and the others."""
+        inputs = {"Geometry": geometry, "Selection": selection}
+        node = self.node("GeometryNodeSeparateGeometry", label, inputs, domain="FACE")
+        return Value(self, node.outputs[0]), Value(self, node.outputs[1])
+
+    def join(self, *parts: Value) -> Value:
+        """Several geometries as one, in order."""
+        node = self.node("GeometryNodeJoinGeometry", "Join", {0: parts[-1]})
+        # Of several links into one socket the last comes first.
+        for part in parts[-2::-1]:
+            self.tree.links.new(part.socket, node.inputs[0])
+            self._columns[node.name] = max(
+                self._columns[node.name], self._columns[part.socket.node.name] + 1
+            )
+        node.location.x = self.COLUMN * self._columns[node.name]
+        return Value(self, node.outputs[0])
 
     def point(self, position, matrix, label: str = "Transform Point") -> Value:
         return self.out("FunctionNodeTransformPoint", label, {0: position, 1: matrix})
@@ -196,6 +220,8 @@ class FieldBuilder(NodeBuilder):
         for name, (kind, _) in state.items():
             end.repeat_items.new(kind, name)
         for name, (_, value) in ({"Iterations": ("INT", iterations)} | state).items():
+            if value is None:
+                continue
             if isinstance(value, Value):
                 self.tree.links.new(value.socket, start.inputs[name])
                 column = self._columns[value.socket.node.name] + 1

@@ -63,7 +63,9 @@ def table_group(basis: str, count: int):
         box, low, extent = _box(nodes, cloud)
         lattice = _lattice(nodes, whole, cloud, box)
         nodes.open_frame("What is true of the whole table")
-        sign = nodes.statistic(cloud, _determinant(nodes, whole), "Median", "Turn of the volume")
+        determinant = _determinant(nodes, whole)
+        sign = nodes.statistic(cloud, determinant, "Median", "Turn of the volume")
+        cloud = nodes.store(cloud, "folded", determinant * sign < 0.0, "FLOAT")
         for name, value in (
             ("size", size),
             ("wrap", wrap),
@@ -73,12 +75,7 @@ def table_group(basis: str, count: int):
         ):
             cloud = nodes.store(cloud, name, value, "FLOAT_VECTOR")
         nodes.close_frame()
-        join = nodes.node("GeometryNodeJoinGeometry", "Table, Lattice, Cloud", {})
-        # Of several links into one socket the last comes first.
-        for part in (cloud, lattice, table):
-            nodes.tree.links.new(part.socket, join.inputs[0])
-        nodes._columns[join.name] = nodes._columns[lattice.socket.node.name] + 4
-        return {"Table": Value(nodes, join.outputs[0])}
+        return {"Table": nodes.join(table, lattice, cloud)}
 
     text = f"The projectors of a flexible camera: {count} surfaces, {basis.replace('_', '-').title()}"
     return node_group(f"SCFPF Table {basis} {count}", text, inputs, {"Table": "Geometry"}, build, modifier=True)
