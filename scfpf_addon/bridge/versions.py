@@ -53,3 +53,14 @@ def image_format_properties() -> tuple[str, ...]:
     names = ("file_format", "color_mode", "color_depth")
     # From 5.0 the media type decides which formats there are.
     return ("media_type", *names) if bpy.app.version >= (5, 0, 0) else names
+
+
+def set_node_menu(node, socket: str, setting: str, value: str) -> None:
+    """Choose from a menu of a node: a setting of the node up to 4.5, a socket with titles from 5.0.
+
+    value: the setting's identifier; the socket's item is found by it.
+    """
+    if hasattr(node, setting):
+        setattr(node, setting, value)
+    else:
+        node.inputs[socket].default_value = value.replace("_", " ").title()

@@ -226,6 +226,7 @@ class Pipeline:
             self.settings.pixel_error,
             counts,
             self.settings.width,
+            self.shading is None or self.shading.surface.weighted,
         )
 
 
