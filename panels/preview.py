@@ -5,14 +5,14 @@ import bpy
 
 from ..scfpf_addon.scanline.preview_data import preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
-from ..scfpf_addon.scanline.remap_nodes import remap_counts
+from ..scfpf_addon.scanline import remap_nodes
 from .camera_panels import _DataTab, _Sidebar, _Subsection
 
 # What a picture by Render shows otherwise, a line each.
 DIFFERENCES = (
-    "Solid or Material Preview only, no lamps",
-    "Rendered shading: press Render instead",
-    "Objects hidden in viewports only are shown",
+    "Solid and Material Preview, no lamps",
+    "For Rendered shading press Render",
+    "Shows all that renders, hidden or not",
 )
 LEFT_OUT = (
     ("unreachable", "{:,} faces left out: beyond the volume's reach"),
@@ -44,7 +44,7 @@ class _PreviewSection(_Subsection):
             if source.scfpf_preview.problem:
                 layout.label(text=source.scfpf_preview.problem, icon="ERROR")
             picture = source.scfpf_preview.picture
-            for text in left_out(remap_counts(picture.evaluated_get(context.evaluated_depsgraph_get()))):
+            for text in left_out(remap_nodes.remap_counts(picture.evaluated_get(context.evaluated_depsgraph_get()))):
                 layout.label(text=text, icon="INFO")
         column = layout.column(align=True)
         column.scale_y = 0.8

@@ -69,10 +69,13 @@ def _remove(source) -> None:
 def _camera_signature(camera) -> tuple:
     """What the table and the node group depend on, beyond what nodes follow by themselves."""
     settings = camera.scfpf
-    surfaces = [(slot.object.session_uid, slot.object.scfpf_surface.kind) if slot.object else None
-                for slot in settings.surfaces]
-    return (*surfaces, settings.basis, settings.reparameterisation, tuple(settings.u_range),
-            tuple(settings.v_range), settings.pixel_error)
+    surfaces = (
+        (slot.object.session_uid, slot.object.scfpf_surface.kind) if slot.object is not None else None
+        for slot in settings.surfaces
+    )
+    # Nodes follow the ranges; only whether they are whole says how fine the table must be.
+    whole = tuple(settings.u_range) == tuple(settings.v_range) == (0.0, 1.0)
+    return (*surfaces, settings.basis, settings.reparameterisation, whole, settings.pixel_error)
 
 
 def tend(scene, structure_changed: bool) -> None:

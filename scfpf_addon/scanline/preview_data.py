@@ -13,6 +13,7 @@ import bpy
 from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
 from . import remap_nodes
+from .table_object import TABLE_KEY
 
 MODIFIER = "SCFPF Preview"
 # The viewbox of remap_nodes: one wide, between these distances of the camera that frames it.
@@ -223,6 +224,8 @@ def remove_preview(source) -> None:
         # What the artist has put here stays.
         if len(guest.users_collection) == 1 and settings.scene is not None:
             settings.scene.collection.objects.link(guest)
+    if settings.camera is not None:
+        settings.camera.pop(TABLE_KEY, None)
     _remove_parts(shelf, parts)
     bpy.data.collections.remove(source)
 

@@ -60,16 +60,17 @@ def note_viewports() -> None:
 
 
 def close_orphans() -> None:
-    """Close the viewports that showed a preview which is gone."""
+    """Close the viewports that showed a preview which is gone; they look through no or another camera."""
+    cameras = preview_cameras()
     orphans = [
         (window, area)
         for window, area in _viewports()
-        if area.as_pointer() in _shown_in
-        and area.spaces.active.use_local_camera
-        and area.spaces.active.camera is None
+        if area.as_pointer() in _shown_in and area.spaces.active.camera not in cameras
     ]
     for window, area in orphans:
-        close_viewport(window, area)
+        space = area.spaces.active
+        if space.use_local_camera and space.use_local_collections:
+            close_viewport(window, area)
 
 
 def open_viewport(context, source) -> None:

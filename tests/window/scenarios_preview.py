@@ -1,0 +1,258 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live preview's viewport: its look, what it follows, its end, undo, save and reload."""
+
+import tempfile
+
+import bpy
+import numpy as np
+from driver import DRAW, build_scene
+
+VIEW = "VIEW_3D"
+# Long enough for the preview to be computed and drawn by a software renderer.
+SETTLE = 2 * DRAW
+# Mean difference of equal views, of 1: smoothed edges are not always smoothed alike.
+SAME = 2e-3
+
+
+def source_of(camera):
+    """The source collection of a camera's preview, or None."""
+    found = [c for c in bpy.data.collections if c.scfpf_preview.is_source]
+    return next((c for c in found if c.scfpf_preview.camera == camera), None)
+
+
+def viewports(driver):
+    return [area for area in driver.window.screen.areas if area.type == VIEW]
+
+
+def preview_areas(driver):
+    """The viewports that look through the camera of a preview."""
+    cameras = {c.scfpf_preview.view_camera for c in bpy.data.collections} - {None}
+    return [a for a in viewports(driver) if a.spaces.active.use_local_camera and a.spaces.active.camera in cameras]
+
+
+def artist_area(driver):
+    shown = preview_areas(driver)
+    return next(area for area in viewports(driver) if area not in shown)
+
+
+def toggle(driver, area=None):
+    """Press the toggle, with the mouse over the artist's viewport, as one step of undo."""
+    area = area or artist_area(driver)
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=driver.window, area=area, region=region):
+        assert bpy.ops.scfpf.preview_toggle("INVOKE_DEFAULT", True) == {"FINISHED"}
+
+
+def look(driver, area, name):
+    """What an area shows, (H, W, 3), of a screenshot that is kept under a name."""
+    driver.shot(name)
+    image = bpy.data.images.load(str(driver.folder / f"{driver.scenario}-{name}.png"))
+    width, height = image.size
+    pixels = np.empty(width * height * image.channels, np.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    rows = slice(region.y, region.y + region.height)
+    columns = slice(region.x, region.x + region.width)
+    return pixels.reshape(height, width, -1)[rows, columns, :3]
+
+
+def prepare(driver, preset="VIEW"):
+    """Generator: a scene, a flexible camera, its preview switched on."""
+    build_scene()
+    driver.add_camera(preset)
+    yield DRAW
+    toggle(driver)
+    yield SETTLE
+
+
+def preview_look(driver):
+    """The preview stands beside the artist's viewport, which keeps its look; off gives the room back."""
+    build_scene()
+    driver.add_camera()
+    yield from driver.show_sidebar()
+    (area,) = viewports(driver)
+    whole = area.width
+    before = look(driver, area, "before")
+    toggle(driver)
+    yield SETTLE
+    (shown,) = preview_areas(driver)
+    space = shown.spaces.active
+    assert shown.x > artist_area(driver).x and not space.overlay.show_overlays
+    picture = look(driver, shown, "on")
+    assert picture.std() > 0.01, "the preview is empty"
+    source = source_of(bpy.context.scene.camera)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    evaluated = source.scfpf_preview.picture.evaluated_get(depsgraph)
+    assert evaluated.visible_in_viewport_get(space)
+    assert not source.scfpf_preview.picture.visible_get(viewport=artist_area(driver).spaces.active)
+    space.shading.type = "MATERIAL"
+    yield 2 * SETTLE
+    look(driver, shown, "material-preview")
+    toggle(driver)
+    yield SETTLE
+    (area,) = viewports(driver)
+    assert area.width == whole
+    after = look(driver, area, "off")
+    # Its middle: Blender's own panel about the last step comes and goes in a corner.
+    rows, columns = (slice(size // 3, 2 * size // 3) for size in before.shape[:2])
+    difference = np.abs(after - before)[rows, columns].mean()
+    assert difference < SAME, f"the artist's viewport differs by {difference} from what it was"
+
+
+def preview_follows(driver):
+    """Moved objects, moved surfaces, new objects and the frame change the picture; playback runs."""
+    yield from prepare(driver)
+    (shown,) = preview_areas(driver)
+    scene = bpy.context.scene
+    pictures = [look(driver, shown, "start")]
+
+    def changed(name):
+        pictures.append(look(driver, shown, name))
+        return np.abs(pictures[-1] - pictures[-2]).max() > 0.05
+
+    assert bpy.data.objects["Cube"] is not None
+    bpy.data.objects["Cube"].location.z += 1.5
+    yield SETTLE
+    assert changed("moved"), "a moved object"
+    scene.camera.scfpf.surfaces[0].object.scale.x *= 0.5
+    yield SETTLE
+    assert changed("surface"), "a scaled control surface"
+    with driver.override():
+        bpy.ops.mesh.primitive_torus_add(location=(0, 0, 2), major_radius=2)
+    yield SETTLE
+    assert changed("added"), "a new object"
+    torus = bpy.data.objects["Torus"]
+    for frame, height in ((1, 2.0), (20, 6.0)):
+        torus.location.z = height
+        torus.keyframe_insert("location", frame=frame)
+    scene.frame_set(20)
+    yield SETTLE
+    assert changed("frame"), "another frame"
+    with driver.override():
+        bpy.ops.screen.animation_play()
+    yield 2 * SETTLE
+    with driver.override():
+        bpy.ops.screen.animation_cancel(restore_frame=False)
+    yield DRAW
+    torus.hide_render = True
+    yield SETTLE
+    pictures.append(look(driver, shown, "shown"))
+    torus.hide_render = False
+    yield SETTLE
+    assert changed("hidden"), "an object hidden in renders"
+    scene.render.resolution_x = scene.render.resolution_y
+    yield SETTLE
+    assert changed("square"), "another resolution"
+
+
+def preview_undo(driver):
+    """The toggle is one step of undo; the viewport comes and goes with it, and with the camera."""
+    build_scene()
+    driver.add_camera()
+    bpy.ops.ed.undo_push(message="ready")
+    toggle(driver)
+    yield SETTLE
+    assert len(preview_areas(driver)) == 1
+    with driver.override():
+        bpy.ops.ed.undo()
+    yield SETTLE
+    assert len(viewports(driver)) == 1 and source_of(bpy.context.scene.camera) is None
+    driver.shot("undone")
+    with driver.override():
+        bpy.ops.ed.redo()
+    yield SETTLE
+    (shown,) = preview_areas(driver)
+    assert look(driver, shown, "redone").std() > 0.01
+    with driver.override():
+        bpy.ops.mesh.primitive_torus_add("EXEC_DEFAULT", True, location=(0, 0, 2), major_radius=2)
+    yield SETTLE
+    for _ in range(3):
+        with driver.override():
+            bpy.ops.ed.undo()
+        yield 0.3
+        with driver.override():
+            bpy.ops.ed.redo()
+        yield 0.3
+    assert len(preview_areas(driver)) == 1
+    with driver.override():
+        bpy.ops.object.select_all(action="DESELECT")
+        bpy.context.scene.camera.select_set(True)
+        bpy.ops.object.delete("EXEC_DEFAULT", True)
+    yield SETTLE
+    driver.shot("camera-deleted")
+    assert len(viewports(driver)) == 1 and not [c for c in bpy.data.collections if c.scfpf_preview.is_source]
+    with driver.override():
+        bpy.ops.ed.undo()
+    yield SETTLE
+    (shown,) = preview_areas(driver)
+    assert look(driver, shown, "camera-back").std() > 0.01
+
+
+def preview_reload(driver):
+    """A saved file still shows the preview, which still follows; F12 and Render leave it out."""
+    yield from prepare(driver)
+    (shown,) = preview_areas(driver)
+    before = look(driver, shown, "saved")
+    with tempfile.TemporaryDirectory() as folder:
+        bpy.ops.wm.save_as_mainfile(filepath=f"{folder}/preview.blend")
+        bpy.ops.wm.open_mainfile(filepath=f"{folder}/preview.blend")
+    yield 2 * SETTLE
+    (shown,) = preview_areas(driver)
+    after = look(driver, shown, "reloaded")
+    difference = np.abs(after - before).mean()
+    assert difference < SAME, f"the preview differs by {difference} after reloading"
+    bpy.data.objects["Cube"].location.z += 1.5
+    yield SETTLE
+    assert np.abs(look(driver, shown, "moved") - after).max() > 0.05
+    scene = bpy.context.scene
+    scene.render.resolution_percentage = 25
+    driver.start_render()
+    yield from driver.finished()
+    with_preview = driver.pixels()
+    scene.render.engine = "BLENDER_WORKBENCH"
+    bpy.ops.render.render()
+    path = driver.folder / f"{driver.scenario}-workbench.png"
+    bpy.data.images["Render Result"].save_render(str(path))
+    toggle(driver)
+    yield SETTLE
+    assert len(viewports(driver)) == 1
+    driver.start_render()
+    yield from driver.finished()
+    assert np.array_equal(driver.pixels(), with_preview)
+    bpy.ops.render.render()
+    other = driver.folder / f"{driver.scenario}-workbench-off.png"
+    bpy.data.images["Render Result"].save_render(str(other))
+    one, two = (bpy.data.images.load(str(p)) for p in (path, other))
+    assert np.array_equal(np.array(one.pixels), np.array(two.pixels))
+
+
+def preview_windows(driver):
+    """Two cameras have a preview each; where there is no room, in a window of its own."""
+    yield from prepare(driver)
+    first = bpy.context.scene.camera
+    driver.add_camera("nonlinear_twist")
+    second = bpy.context.scene.camera
+    assert first != second
+    toggle(driver)
+    yield SETTLE
+    assert source_of(first) and source_of(second)
+    windows = bpy.context.window_manager.windows
+    driver.shot("two")
+    driver.add_camera("cylindrical_panorama")
+    toggle(driver)
+    yield 2 * SETTLE
+    assert len(windows) == 2, "the third preview has found room"
+    driver.shot("window")
+    toggle(driver)
+    yield SETTLE
+    assert len(windows) == 1
+    for camera in (first, second):
+        bpy.context.view_layer.objects.active = camera
+        toggle(driver)
+        yield SETTLE
+    assert len(viewports(driver)) == 1
+    driver.shot("off")
+
+
+SCENARIOS = (preview_look, preview_follows, preview_undo, preview_reload, preview_windows)
