@@ -4,13 +4,16 @@
 from __future__ import annotations
 
 from .field_nodes import FieldBuilder, Value, node_group
-from .solve_nodes import PROJECTOR, TABLE_INPUTS, nearest_start, solve_group
+from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group
 from .table_nodes import LATTICE
 
 # The attribute that holds a vertex' place in the viewbox.
 BOX = "scfpf_box"
-# A point without a place in the volume stands here; what is in the viewbox has a z below 0.
+# The z of a point without a place in the volume; what is in the viewbox has a z below 0. Its x is then how far
+# it is from the volume, at least, and its y how far that reaches there.
 NOWHERE = 9.0
+# The z of a point that the lattice knows to be out of the volume.
+SURELY_NOWHERE = 10.0
 # A solution is accepted when one more step of Newton's method would move it by less, in (x, y, t); the
 # step itself is made as well, so that the square of this remains.
 ACCEPTED = 2e-3
@@ -113,10 +116,20 @@ def quick_place_group():
         inverse = nodes.sample(
             given["Table"], nodes.attribute(PROJECTOR, "FLOAT4X4"), index, "FLOAT4X4", "Its Inverse Map"
         )
-        start = nodes.point(given["Point"], inverse, "First Guess")
-        start = start.most((-START_OUTSIDE,) * 3).least((1.0 + START_OUTSIDE,) * 3)
+        guess = nodes.point(given["Point"], inverse, "First Guess")
+        start = guess.most((-START_OUTSIDE,) * 3).least((1.0 + START_OUTSIDE,) * 3)
         nodes.close_frame()
-        return _solved(nodes, given, start, LATTICE_STEPS)
+        solved = _solved(nodes, given, start, LATTICE_STEPS)["Position"]
+        nodes.open_frame("Out of the lattice, or in one of its cells that are out of the volume?")
+        x, away, reach = guess.parts()
+        beyond = ((ahead - cell).absolute() - (1.0, 1.0, 1.0)).most((0.0, 0.0, 0.0))
+        off_lattice = (beyond * given["Extent"]).length() * (1.0 / (LATTICE - 1))
+        empty = x > FAR_AWAY * 0.5
+        out = nodes.either(empty, off_lattice > 0.0)
+        failed = solved.parts()[2] > 0.0
+        far = nodes.switch(empty, off_lattice, away, "FLOAT", "How Far")
+        nowhere = nodes.xyz(far, nodes.switch(empty, 0.0, reach, "FLOAT", "Reach"), SURELY_NOWHERE, "Nowhere")
+        return {"Position": nodes.switch(nodes.both(out, failed), solved, nowhere, "VECTOR", "Place")}
 
     inputs = VIEW_INPUTS | {"Point": ("Vector", None, "A point in the table's space")}
     text = "The place of a point in the viewbox, from a guess by the lattice; some fail"
@@ -127,8 +140,10 @@ def sure_place_group():
     """The place of a point, guessed by the nearest point of the cloud: for what the quick way has left."""
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        start = nearest_start(nodes, given["Cloud"], given["Point"])
-        return _solved(nodes, given, start, CLOUD_STEPS)
+        start, distance, reach = nearest_start(nodes, given["Cloud"], given["Point"])
+        solved = _solved(nodes, given, start, CLOUD_STEPS)["Position"]
+        nowhere = nodes.xyz(distance - reach, reach, NOWHERE, "Nowhere, and How Far")
+        return {"Position": nodes.switch(solved.parts()[2] > 0.0, solved, nowhere, "VECTOR", "Place")}
 
     inputs = VIEW_INPUTS | {"Point": ("Vector", None, "A point in the table's space")}
     text = "The place of a point in the viewbox, from a guess by the cloud"

@@ -28,6 +28,8 @@ GUESS_MARGIN = 0.25
 GUESS_MARGIN_T = 0.1
 # From the root mean square of the corners' distances from the middle to more than the largest.
 SPREAD = 2.0
+# A face without a place that is smaller than this share of the distance between points of the cloud stays so.
+SMALL_SHARE = 0.5
 # With more faces than this nothing more is divided: memory must stay bounded.
 MOST_FACES = 400_000.0
 
@@ -57,6 +59,15 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     limit = SMALL / given["Picture Width"]
     small = nodes.both(square - box.dot(box) < limit * limit * (1 / 3), box.parts()[2] < 0.0)
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
+    nodes.open_frame("Faces that are out of the volume, or small there and without a place, go")
+    position = nodes.out("GeometryNodeInputPosition", "Position", {})
+    corner = nodes.node("GeometryNodeFaceOfCorner", "Face of Corner", {})
+    middle = nodes.at_index(position, Value(nodes, corner.outputs["Face Index"]), "FACE", "FLOAT_VECTOR")
+    square = nodes.evaluate_on((position - middle).dot(position - middle), "CORNER", "FLOAT", "At Corners")
+    radius = nodes.combine("SQRT", square) * SPREAD
+    away, reach, _ = box.parts()
+    gone = nodes.both(_all_nowhere(nodes), radius < away.most(reach * SMALL_SHARE))
+    _, rest = nodes.separate(rest, gone, "Out of the Volume")
     triangulate = nodes.node("GeometryNodeTriangulate", "Triangles", {"Mesh": rest})
     versions.set_node_menu(triangulate, "Quad Method", "quad_method", "FIXED")
     nodes.close_frame()
@@ -84,13 +95,23 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         wraps = given["Wrap"].parts()[axis] > 0.5
         mesh = nodes.switch(wraps, mesh, _at_both_ends(nodes, mesh, axis, period), "GEOMETRY", "Periodic?")
     folded = nodes.statistic(given["Cloud"], nodes.attribute("folded"), "Sum", "Folded Samples")
-    return {"Mesh": nodes.join(small_part, mesh), "Left Out": nodes.xyz(left, folded, 0.0, "Left Out")}
+    mesh = nodes.join(small_part, mesh)
+    nodes.open_frame("A polar picture ends at its rim")
+    is_polar = given["Numbers"].parts()[2] > 0.5
+    mesh = nodes.switch(is_polar, mesh, _trimmed(nodes, given, mesh), "GEOMETRY", "Polar?")
+    return {"Mesh": mesh, "Left Out": nodes.xyz(left, folded, 0.0, "Left Out")}
 
 
 def _all_there(nodes: FieldBuilder) -> Value:
     """Whether all corners of a face have a place."""
     there = nodes.attribute(BOX, "FLOAT_VECTOR").parts()[2] < 0.0
     return nodes.evaluate_on(there, "POINT", "BOOLEAN", "All Corners")
+
+
+def _all_nowhere(nodes: FieldBuilder) -> Value:
+    """Whether no corner of a face has a place."""
+    nowhere = nodes.attribute(BOX, "FLOAT_VECTOR").parts()[2] > 0.0
+    return nodes.evaluate_on(nowhere, "POINT", "BOOLEAN", "No Corner")
 
 
 def _faces(nodes: FieldBuilder, mesh: Value) -> Value:
@@ -144,6 +165,25 @@ def round_group():
     return node_group("SCFPF Divide Once", text, inputs, outputs, build)
 
 
+def _beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
+    """How far a place is beyond the rim of a polar picture's disc; -1 in other pictures."""
+    polar = given["Numbers"].parts()[2]
+    beyond = (place * (1.0, 1.0, 0.0)).length() - 0.5 / given["Aspect"].most(1.0)
+    return nodes.mix(polar, -1.0 + polar * 0.0, beyond)
+
+
+def _trimmed(nodes: FieldBuilder, given, mesh: Value) -> Value:
+    """Faces beyond the rim of a polar picture left out, the corners of those across it moved onto it."""
+    box = nodes.attribute(BOX, "FLOAT_VECTOR")
+    beyond = _beyond_rim(nodes, given, box)
+    every = nodes.evaluate_on(beyond > 0.0, "POINT", "BOOLEAN", "All Corners")
+    _, shown = nodes.separate(mesh, every, "Beyond the Rim")
+    rim = 0.5 / given["Aspect"].most(1.0)
+    share = rim / (rim + beyond.most(0.0))
+    moved = box * nodes.xyz(share, share, 1.0, "Onto the Rim")
+    return nodes.store(shown, BOX, moved, "FLOAT_VECTOR")
+
+
 def _nearest_turn(nodes: FieldBuilder, given, difference: Value, period: Value) -> Value:
     """A difference without whole turns of a periodic picture."""
     return difference - (difference / period + 0.5).floor() * given["Wrap"] * period
@@ -167,8 +207,12 @@ def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Valu
     )
     nowhere = first.parts()[2].most(last.parts()[2]).most(middle.parts()[2]) > 0.0
     free = nodes.negate(nodes.attribute(FROZEN, "BOOLEAN"))
-    need = nodes.both(free, nodes.either(bent, nowhere))
-    mark = nodes.either(need, nodes.both(free, crossing))
+    off_straight = nodes.both(free, nodes.either(bent, nowhere))
+    mark = nodes.either(off_straight, nodes.both(free, crossing))
+    # Across the rim of a polar picture even straight edges are divided, and stay straight.
+    beyond = _beyond_rim(nodes, given, first) * _beyond_rim(nodes, given, last)
+    at_rim = nodes.both(beyond < 0.0, straight.length() > pixel * SHORTEST)
+    need = nodes.either(off_straight, at_rim)
     mesh = nodes.store(mesh, NEED, need, "FLOAT", "EDGE")
     return nodes.store(mesh, MARK, mark, "BOOLEAN", "EDGE")
 

@@ -11,9 +11,15 @@ from .field_nodes import FieldBuilder, Value, node_group
 
 # Names of attributes. On the table's points: coefficients of a projector, or of an inverse map.
 PROJECTOR = "projector"
+# On the cloud's points: how far it is to their neighbours.
+REACH = "reach"
+# The x of the lattice's "guess" where there is no volume near; y and z are how far it is, and its reach there.
+FAR_AWAY = 1000.0
 # No step of Newton's method goes farther than this in x, y or t, nor farther out of the volume.
 LONGEST_STEP = 0.5
 OUTSIDE = 0.5
+# How far from a point of the cloud its inverse map is trusted, in x, y and t.
+GUESS = 0.25
 
 TABLE_INPUTS = {
     "Table": ("Geometry", None, "Points of the table"),
@@ -133,19 +139,24 @@ def solve_group():
     return node_group("SCFPF Solve", text, inputs, outputs, build)
 
 
-def nearest_start(nodes: FieldBuilder, cloud: Value, point: Value) -> Value:
-    """A first guess of (x, y, t) by the nearest point of the cloud and its inverse map."""
-    nearest = nodes.out(
-        "GeometryNodeSampleNearest", "Nearest of the Cloud", {"Geometry": cloud, "Sample Position": point},
-        domain="POINT",
-    )  # fmt: skip
-    inverse = nodes.sample(cloud, nodes.attribute(PROJECTOR, "FLOAT4X4"), nearest, "FLOAT4X4", "Its Inverse Map")
-    place = nodes.sample(
-        cloud, nodes.attribute("place", "FLOAT_VECTOR"), nearest, "FLOAT_VECTOR", "Its Place"
+def nearest_start(nodes: FieldBuilder, cloud: Value, point: Value) -> tuple[Value, Value, Value]:
+    """A first guess of (x, y, t) by the nearest point of the cloud and its inverse map.
+
+    Also how far that point is, and how far from its neighbours it is.
+    """
+    inputs = {"Geometry": cloud, "Sample Position": point}
+    nearest = nodes.out("GeometryNodeSampleNearest", "Nearest of the Cloud", inputs, domain="POINT")
+    inverse = nodes.sample(cloud, nodes.attribute(PROJECTOR, "FLOAT4X4"), nearest, "FLOAT4X4", "Inverse Map")
+    place, there = (
+        nodes.sample(cloud, field, nearest, "FLOAT_VECTOR", label)
+        for field, label in (
+            (nodes.attribute("place", "FLOAT_VECTOR"), "Its x, y, t"),
+            (nodes.out("GeometryNodeInputPosition", "Position", {}), "Where it is"),
+        )
     )
-    reach = (0.25, 0.25, 0.25)
-    away = (nodes.point(point, inverse) - place).most(tuple(-r for r in reach)).least(reach)
-    return place + away
+    reach = nodes.sample(cloud, nodes.attribute(REACH), nearest, "FLOAT", "Its Reach")
+    away = (nodes.point(point, inverse) - place).most((-GUESS,) * 3).least((GUESS,) * 3)
+    return place + away, (point - there).length(), reach
 
 
 def inverse_map(nodes: FieldBuilder, found: dict[str, Value], place: Value) -> Value:

@@ -12,7 +12,9 @@ from math import pi
 
 from .field_nodes import FieldBuilder, Value, node_group
 from .solve_nodes import (
+    FAR_AWAY,
     PROJECTOR,
+    REACH,
     inverse_map,
     look_up_group,
     nearest_start,
@@ -61,7 +63,7 @@ def table_group(basis: str, count: int):
         ratio = _ratio(nodes, whole)
         cloud = _cloud(nodes, whole, ratio, given["Polar"])
         box, low, extent = _box(nodes, cloud)
-        lattice = _lattice(nodes, whole, cloud, box)
+        lattice = _lattice(nodes, whole, cloud, box, extent)
         nodes.open_frame("What is true of the whole table")
         determinant = _determinant(nodes, whole)
         sign = nodes.statistic(cloud, determinant, "Median", "Turn of the volume")
@@ -203,16 +205,32 @@ def _cloud(nodes: FieldBuilder, whole, ratio: Value, polar: Value) -> Value:
     press = nodes.mix(polar, 1.0 + polar * 0.0, pressed)
     x, y = a * press * 0.5 + 0.5, b * press * 0.5 + 0.5
     # Evenly by the size of the volume: a wide far end does not take all places from a small near one.
-    part = (layer + 0.5) / float(along)
+    # The last layer is the far surface; the near one may be a point, where nothing can be inverted.
+    part = (layer + 0.5) / (along - 0.5)
     even = (ratio - 1.0).absolute() < EVEN_RATIO
-    graded = (nodes.combine("POWER", ratio, 1.0 - part) - ratio) / (1.0 - ratio)
-    t = nodes.switch(even, graded, part, "FLOAT", "t")
+    t, before = (
+        nodes.switch(
+            even,
+            (nodes.combine("POWER", ratio, 1.0 - share) - ratio) / (1.0 - ratio),
+            share,
+            "FLOAT",
+            "t",
+        )
+        for share in (part, part - 1.0 / (along - 0.5))
+    )
+    cloud = nodes.store(cloud, "layer", t - before, "FLOAT")
     place = nodes.xyz(x, y, t, "Place")
     nodes.open_frame("Where they are, and the inverse map around them")
     cloud = nodes.store(cloud, "place", place, "FLOAT_VECTOR")
     place = nodes.attribute("place", "FLOAT_VECTOR")
     found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
     cloud = nodes.store(cloud, PROJECTOR, inverse_map(nodes, found, place), "FLOAT4X4")
+    sides = (
+        found["By x"].length() * (1 / across),
+        found["By y"].length() * (1 / up),
+        found["By t"].length() * nodes.attribute("layer"),
+    )
+    cloud = nodes.store(cloud, REACH, sides[0] + sides[1] + sides[2], "FLOAT")
     return nodes.out(
         "GeometryNodeSetPosition", "Cloud", {"Geometry": cloud, "Position": found["Position"]}
     )
@@ -240,16 +258,22 @@ def _box(nodes: FieldBuilder, cloud: Value):
     return low + extent * (cell * (1.0 / (LATTICE - 1))), low, extent
 
 
-def _lattice(nodes: FieldBuilder, whole, cloud: Value, position: Value) -> Value:
+def _lattice(nodes: FieldBuilder, whole, cloud: Value, position: Value, extent: Value) -> Value:
     """Inverse maps on a grid of the space: a first guess by arithmetic, for whole meshes."""
     nodes.open_frame("Lattice of inverse maps")
     points = nodes.out(
         "GeometryNodePoints", "Points of the Lattice", {"Count": LATTICE**3, "Position": position}
     )
     here = nodes.out("GeometryNodeInputPosition", "Position", {})
-    start = nearest_start(nodes, cloud, here)
+    start, distance, reach = nearest_start(nodes, cloud, here)
     solved = nodes.call(solve_group(), "Solve", whole | {"Point": here, "Start": start, "Steps": 4})
     reached = solved["Last Step"] < LATTICE_ACCEPTED
     place = nodes.switch(reached, start, solved["Position"], "VECTOR", "Place")
     found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
-    return nodes.store(points, PROJECTOR, inverse_map(nodes, found, place), "FLOAT4X4")
+    nodes.open_frame("A cell that is out of the volume tells how far, instead of a guess")
+    cell = extent.length() * (1.0 / (LATTICE - 1))
+    away = distance - cell - reach
+    nought = nodes.xyz(0.0, 0.0, 0.0, "Nought")
+    far = nodes.matrix([nought, nought, nought, nodes.xyz(FAR_AWAY, away, reach, "How Far")])
+    inverse = nodes.switch(away > 0.0, inverse_map(nodes, found, place), far, "MATRIX", "In or Out")
+    return nodes.store(points, PROJECTOR, inverse, "FLOAT4X4")
