@@ -133,6 +133,7 @@ def _settle_viewports_soon() -> None:
 def _settle_viewports() -> None:
     """Close the viewports whose preview is gone; show the previews that undo or redo brought back."""
     preview_viewports.close_orphans()
+    _known.intersection_update(source.session_uid for source in previews())
     for window in bpy.context.window_manager.windows:
         for source in previews():
             if source.session_uid in _known or source.scfpf_preview.scene != window.scene:

@@ -131,10 +131,10 @@ def show_preview(window, area, source) -> None:
     _shown_in.add(area.as_pointer())
     settings = source.scfpf_preview
     space = area.spaces.active
+    _set_look(space)
     with bpy.context.temp_override(window=window, area=area, region=_region(area)):
         if space.region_quadviews:
             bpy.ops.screen.region_quadview()
-        _set_look(space)
         space.use_local_camera = True
         space.camera = settings.view_camera
         space.use_local_collections = False
@@ -150,9 +150,10 @@ def show_preview(window, area, source) -> None:
 def _set_look(space) -> None:
     space.overlay.show_overlays = False
     space.show_gizmo = False
-    space.show_region_ui = False
-    space.show_region_toolbar = False
-    space.show_region_tool_header = False
+    for name in ("show_region_ui", "show_region_toolbar", "show_region_tool_header"):
+        # Blender would animate the vanishing of what is hidden already, and might leave it open.
+        if getattr(space, name):
+            setattr(space, name, False)
     space.show_object_viewport_mesh = True
     space.use_render_border = False
     space.region_3d.use_clip_planes = False

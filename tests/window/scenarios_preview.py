@@ -2,10 +2,12 @@
 """The live preview's viewport: its look, what it follows, its end, undo, save and reload."""
 
 import tempfile
+import time
 
 import bpy
 import numpy as np
-from driver import DRAW, build_scene
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from driver import DRAW, PATIENCE, build_scene
 
 VIEW = "VIEW_3D"
 # Long enough for the preview to be computed and drawn by a software renderer.
@@ -55,6 +57,15 @@ def look(driver, area, name):
     rows = slice(region.y, region.y + region.height)
     columns = slice(region.x, region.x + region.width)
     return pixels.reshape(height, width, -1)[rows, columns, :3]
+
+
+def until_shown(driver, count):
+    """Generator: wait until just so many viewports show a preview, and no other has been split off."""
+    end = time.monotonic() + PATIENCE
+    while len(preview_areas(driver)) != count or len(viewports(driver)) != count + 1:
+        assert time.monotonic() < end, f"{len(preview_areas(driver))} previews are shown, not {count}"
+        yield 0.2
+    yield SETTLE
 
 
 def prepare(driver, preset="VIEW"):
@@ -152,39 +163,38 @@ def preview_undo(driver):
     driver.add_camera()
     bpy.ops.ed.undo_push(message="ready")
     toggle(driver)
-    yield SETTLE
-    assert len(preview_areas(driver)) == 1
-    with driver.override():
-        bpy.ops.ed.undo()
-    yield SETTLE
-    assert len(viewports(driver)) == 1 and source_of(bpy.context.scene.camera) is None
+    yield from until_shown(driver, 1)
+
+    def step(operator):
+        with driver.override():
+            operator()
+
+    step(bpy.ops.ed.undo)
+    yield from until_shown(driver, 0)
+    assert source_of(bpy.context.scene.camera) is None
     driver.shot("undone")
-    with driver.override():
-        bpy.ops.ed.redo()
-    yield SETTLE
+    step(bpy.ops.ed.redo)
+    yield from until_shown(driver, 1)
     (shown,) = preview_areas(driver)
     assert look(driver, shown, "redone").std() > 0.01
     with driver.override():
         bpy.ops.mesh.primitive_torus_add("EXEC_DEFAULT", True, location=(0, 0, 2), major_radius=2)
     yield SETTLE
     for _ in range(3):
-        with driver.override():
-            bpy.ops.ed.undo()
+        step(bpy.ops.ed.undo)
         yield 0.3
-        with driver.override():
-            bpy.ops.ed.redo()
+        step(bpy.ops.ed.redo)
         yield 0.3
-    assert len(preview_areas(driver)) == 1
+    yield from until_shown(driver, 1)
     with driver.override():
         bpy.ops.object.select_all(action="DESELECT")
         bpy.context.scene.camera.select_set(True)
         bpy.ops.object.delete("EXEC_DEFAULT", True)
-    yield SETTLE
+    yield from until_shown(driver, 0)
     driver.shot("camera-deleted")
-    assert len(viewports(driver)) == 1 and not [c for c in bpy.data.collections if c.scfpf_preview.is_source]
-    with driver.override():
-        bpy.ops.ed.undo()
-    yield SETTLE
+    assert not [c for c in bpy.data.collections if c.scfpf_preview.is_source]
+    step(bpy.ops.ed.undo)
+    yield from until_shown(driver, 1)
     (shown,) = preview_areas(driver)
     assert look(driver, shown, "camera-back").std() > 0.01
 
@@ -255,4 +265,128 @@ def preview_windows(driver):
     driver.shot("off")
 
 
-SCENARIOS = (preview_look, preview_follows, preview_undo, preview_reload, preview_windows)
+# Flat colours that no mixture of two others is taken for; the last is the background.
+PALETTE = ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (0, 1, 1), (1, 1, 1), (0, 0, 0), (1, 0, 1))
+# Of the pixels that are two pixels or more from any silhouette, how many may show another object.
+MISTAKES = 2e-3
+COMPARED = (
+    "perspective",
+    "orthographic",
+    "inverted_perspective",
+    "nonlinear_twist",
+    "cylindrical_panorama",
+    "angular_fisheye",
+    "around_the_car",
+)
+
+
+def build_flat_scene():
+    """Objects of one flat colour each: what is where can be read from any picture."""
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    bpy.ops.mesh.primitive_plane_add(size=40, location=(0, 0, -1))
+    for x, y in ((-6, 3), (-3, -4), (0, 0), (3, 4), (6, -3)):
+        bpy.ops.mesh.primitive_monkey_add(location=(x, y, 1))
+    bpy.ops.mesh.primitive_cube_add(location=(0, 7, 1))
+    meshes = [obj for obj in bpy.data.objects if obj.type == "MESH"]
+    for obj, color in zip(meshes, PALETTE, strict=False):
+        material = bpy.data.materials.new(obj.name)
+        material.diffuse_color = (*color, 1)
+        material.use_nodes = True
+        shader = material.node_tree.nodes["Principled BSDF"]
+        shader.inputs["Base Color"].default_value = (0, 0, 0, 1)
+        shader.inputs["Specular IOR Level"].default_value = 0
+        shader.inputs["Emission Color"].default_value = (*color, 1)
+        shader.inputs["Emission Strength"].default_value = 1
+        obj.data.materials.append(material)
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 480, 270, 100
+    render.film_transparent = True
+
+
+def flatten(space):
+    """Flat colours in a viewport, and the palette's background."""
+    space.shading.light = "FLAT"
+    space.shading.color_type = "MATERIAL"
+    space.shading.background_type = "VIEWPORT"
+    space.shading.background_color = PALETTE[-1]
+
+
+def labels(pixels):
+    """The number of the nearest colour of the palette for each pixel, (..., 3)."""
+    return np.argmin([((pixels - np.array(color)) ** 2).sum(-1) for color in PALETTE], axis=0)
+
+
+def frame_of(area, width, height, picture):
+    """The labels that a preview's viewport shows at the pixel centres of a picture of that size."""
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    space = area.spaces.active
+    camera = space.camera
+    corners = [
+        location_3d_to_region_2d(region, space.region_3d, camera.matrix_world @ corner)
+        for corner in camera.data.view_frame(scene=bpy.context.scene)
+    ]
+    (right, top), (left, bottom) = corners[0], corners[2]
+    columns = left + (np.arange(width) + 0.5) / width * (right - left)
+    rows = bottom + (np.arange(height) + 0.5) / height * (top - bottom)
+    return labels(picture)[np.ix_(rows.astype(int), columns.astype(int))]
+
+
+def uniform(found):
+    """Where a pixel and all within two pixels of it have one label."""
+    height, width = found.shape
+    padded = np.pad(found, 2, mode="edge")
+    around = [padded[y : y + height, x : x + width] for y in range(5) for x in range(5)]
+    return np.all([part == found for part in around], axis=0)
+
+
+def preview_against_caster(driver):
+    """What the preview's viewport shows is where the caster's picture has it, preset by preset."""
+    build_flat_scene()
+    scene = bpy.context.scene
+    width, height = scene.render.resolution_x, scene.render.resolution_y
+    with driver.override():
+        bpy.ops.view3d.view_all("EXEC_DEFAULT")
+    yield DRAW
+    found = {}
+    for preset in COMPARED:
+        driver.add_camera(preset)
+        toggle(driver)
+        yield from until_shown(driver, 1)
+        (shown,) = preview_areas(driver)
+        flatten(shown.spaces.active)
+        yield SETTLE
+        seen = frame_of(shown, width, height, look(driver, shown, preset))
+        driver.start_render()
+        yield from driver.finished()
+        pixels = driver.pixels().reshape(height, width, 4)
+        background = np.array(PALETTE[-1])
+        cast = labels(np.where(pixels[..., 3:] > 0.5, pixels[..., :3], background))
+        colors = np.array(PALETTE, np.float32)
+        beside = np.concatenate((colors[seen], colors[cast]), axis=1)
+        keep_picture(driver.folder / f"{driver.scenario}-{preset}-beside.png", beside)
+        inside = uniform(cast)
+        found[preset] = (seen != cast)[inside].mean()
+        print(f"{preset}: {found[preset]:.5f} of {inside.mean():.2f}", flush=True)
+        toggle(driver)
+        yield from until_shown(driver, 0)
+    assert max(found.values()) < MISTAKES, found
+
+
+def keep_picture(path, pixels):
+    """Save (H, W, 3) as a PNG file."""
+    height, width, _ = pixels.shape
+    image = bpy.data.images.new("Kept", width, height)
+    image.pixels.foreach_set(np.dstack((pixels, np.ones((height, width), np.float32))).ravel())
+    image.filepath_raw, image.file_format = str(path), "PNG"
+    image.save()
+    bpy.data.images.remove(image)
+
+
+SCENARIOS = (
+    preview_look,
+    preview_follows,
+    preview_undo,
+    preview_reload,
+    preview_windows,
+    preview_against_caster,
+)
