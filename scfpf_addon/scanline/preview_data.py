@@ -16,6 +16,8 @@ from . import remap_nodes
 from .table_object import TABLE_KEY
 
 MODIFIER = "SCFPF Preview"
+# The constraint that takes a scaled camera's scale away.
+UNSCALED = "SCFPF Unscaled"
 # The viewbox of remap_nodes: one wide, between these distances of the camera that frames it.
 FRAME_WIDTH, FRAME_NEAR, FRAME_FAR = 1.0, 1.0, 2.0
 # The clip range is wider than the viewbox by this share of its depth: float32 must not clip its ends.
@@ -85,6 +87,8 @@ def make_preview(scene, view_layer, camera):
         shelf.objects.link(part)
         part.parent = camera
         part.hide_render = True
+    for part in (picture, view_camera, table):
+        _keep_size(part)
     shelf.hide_render = shelf.hide_select = True
     shelf.scfpf_preview.source = source
     settings = source.scfpf_preview
@@ -96,6 +100,18 @@ def make_preview(scene, view_layer, camera):
     scene.collection.children.link(shelf)
     settle_in_layers(source)
     return source
+
+
+def _keep_size(part) -> None:
+    """Let an object not take its parent's scale: a view camera cannot, so the picture must not."""
+    if part.constraints.get(UNSCALED) is not None:
+        return
+    limit = part.constraints.new("LIMIT_SCALE")
+    limit.name = UNSCALED
+    for bound in ("min", "max"):
+        for axis in "xyz":
+            setattr(limit, f"use_{bound}_{axis}", True)
+            setattr(limit, f"{bound}_{axis}", 1.0)
 
 
 def _new_picture(camera):

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview's data: what switching it on makes, what it follows, what switching it off leaves."""
 
+import os
+import subprocess
+import sys
+from types import SimpleNamespace
+
 import bpy
 import pytest
 from mathutils import Matrix
@@ -14,6 +19,46 @@ def preview(addon):
 @pytest.fixture
 def data(addon):
     return addon("scfpf_addon.scanline.preview_data")
+
+
+@pytest.fixture
+def light_nodes(data, monkeypatch):
+    """Nodes that pass the collection on: what is about datablocks need not invert volumes."""
+
+    def group(_camera):
+        found = bpy.data.node_groups.get("Passes On")
+        if found is not None:
+            return found
+        tree = bpy.data.node_groups.new("Passes On", "GeometryNodeTree")
+        for name, kind in (
+            ("Collection", "Collection"),
+            ("Table", "Object"),
+            ("Aspect", "Float"),
+            ("Picture Width", "Float"),
+            ("Pixel Error", "Float"),
+        ):
+            tree.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        given, info, real, end = (
+            tree.nodes.new(kind)
+            for kind in (
+                "NodeGroupInput",
+                "GeometryNodeCollectionInfo",
+                "GeometryNodeRealizeInstances",
+                "NodeGroupOutput",
+            )
+        )
+        tree.links.new(given.outputs["Collection"], info.inputs["Collection"])
+        tree.links.new(info.outputs[0], real.inputs[0])
+        tree.links.new(real.outputs[0], end.inputs[0])
+        return tree
+
+    def table(camera):
+        name = f"{camera.name} Table"
+        found = bpy.data.objects.get(name)
+        return found or bpy.data.objects.new(name, bpy.data.meshes.new(name))
+
+    monkeypatch.setattr(data, "remap_nodes", SimpleNamespace(preview_group=group, table_object=table))
 
 
 @pytest.fixture
@@ -85,6 +130,7 @@ def test_on_and_off_leave_nothing(camera, data):
     assert all_data() == before
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_the_preview_is_hidden_from_everything_else(camera, data):
     add_cube()
     toggle(camera)
@@ -98,6 +144,7 @@ def test_the_preview_is_hidden_from_everything_else(camera, data):
     assert source.name not in {c.name for c in bpy.context.scene.collection.children_recursive}
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_the_scene_reader_leaves_the_preview_out(camera, data, addon):
     add_cube()
     job = addon("scfpf_addon.bridge.render_job")
@@ -111,6 +158,7 @@ def test_the_scene_reader_leaves_the_preview_out(camera, data, addon):
     assert len(read_scene(bpy.context.evaluated_depsgraph_get()).geometry.triangles) == len(before.triangles)
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_the_view_camera_frames_the_viewbox_in_the_camera_s_place(camera, data):
     camera.matrix_world = Matrix.Translation((3, 2, 1)) @ Matrix.Rotation(0.7, 4, "X")
     bpy.context.view_layer.update()
@@ -127,6 +175,7 @@ def test_the_view_camera_frames_the_viewbox_in_the_camera_s_place(camera, data):
     assert frame[0].y == pytest.approx(0.5 * render.resolution_y / render.resolution_x)
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_members_follow_the_scene(camera, data):
     add_cube("First")
     toggle(camera)
@@ -151,6 +200,7 @@ def test_members_follow_the_scene(camera, data):
     assert members(source) == set()
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_members_follow_collections(camera, data):
     scene = bpy.context.scene
     inner = bpy.data.collections.new("Inner")
@@ -173,6 +223,7 @@ def test_members_follow_collections(camera, data):
     assert members(source) == set()
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_surfaces_volumes_and_previews_are_no_members(camera, data, addon):
     other = add_camera(addon, "Other", (0, 0, 9))
     toggle(camera)
@@ -195,6 +246,7 @@ def test_surfaces_volumes_and_previews_are_no_members(camera, data, addon):
     assert members(second) == {"Cube"}
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_animated_visibility_is_followed(camera, data):
     cube = add_cube()
     for frame, hidden in ((1, False), (2, True), (3, False)):
@@ -211,6 +263,7 @@ def test_animated_visibility_is_followed(camera, data):
     assert shown == [1, 0, 1]
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_instancers(camera, data):
     held = bpy.data.collections.new("Held")
     add_cube("Inside", held)
@@ -227,6 +280,7 @@ def test_instancers(camera, data):
     assert members(data.preview_of(camera, bpy.context.scene)) == {"Instance"}
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_an_empty_scene(camera, data):
     toggle(camera)
     source = data.preview_of(camera, bpy.context.scene)
@@ -248,6 +302,59 @@ def test_the_picture_follows_edits(camera, data):
     near.location.x += 0.01
     bpy.context.view_layer.update()
     assert picture_points(source) != moved
+
+
+def test_a_scaled_camera_makes_the_same_picture(camera, data):
+    add_cube()
+    toggle(camera)
+    source = data.preview_of(camera, bpy.context.scene)
+    before = picture_points(source)
+    settings = source.scfpf_preview
+    placed = {slot.object: slot.object.matrix_world.copy() for slot in camera.scfpf.surfaces}
+    camera.scale = (2, 1, 0.5)
+    bpy.context.view_layer.update()
+    for surface, matrix in placed.items():
+        surface.matrix_world = matrix
+    after = picture_points(source)
+    assert len(after) == len(before)
+    assert max((a - b).length for a, b in zip(after, before, strict=True)) < 1e-5
+    assert settings.view_camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).matrix_world.to_scale()[
+        0
+    ] == pytest.approx(1)
+
+
+WITHOUT_ADDON = """
+import bpy, os, sys
+bpy.ops.wm.open_mainfile(filepath=sys.argv[-1])
+picture = next(obj for obj in bpy.data.objects if obj.name.endswith(" Preview"))
+def count():
+    evaluated = picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    return len(evaluated.data.vertices), sum(vertex.co.x for vertex in evaluated.data.vertices)
+before = count()
+bpy.data.objects["Cube"].location.x += 0.5
+after = count()
+print("POINTS", before[0], before[1] != after[1], flush=True)
+os._exit(0)
+"""
+
+
+def test_a_file_works_without_the_add_on(camera, data, tmp_path):
+    add_cube()
+    toggle(camera)
+    source = data.preview_of(camera, bpy.context.scene)
+    path = tmp_path / "preview.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    environment = os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT_ADDON, str(path)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    told = next(line for line in done.stdout.splitlines() if line.startswith("POINTS"))
+    assert told.split() == ["POINTS", str(len(picture_points(source))), "True"]
 
 
 def test_aspect_and_width_follow_the_resolution(camera, data, addon):
@@ -272,6 +379,7 @@ def test_aspect_and_width_follow_the_resolution(camera, data, addon):
     assert inputs() == pytest.approx([1000 / 1080, 250])
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_a_deleted_camera_takes_its_preview_along(camera, data, addon):
     other = add_camera(addon, "Other")
     add_cube()
@@ -287,6 +395,7 @@ def test_a_deleted_camera_takes_its_preview_along(camera, data, addon):
 
 
 @pytest.mark.parametrize("how", ["delete", "unlink", "ordinary", "picture", "view_camera", "table", "shelf"])
+@pytest.mark.usefixtures("light_nodes")
 def test_a_lost_part_ends_the_preview(camera, data, how):
     add_cube()
     toggle(camera)
@@ -307,6 +416,7 @@ def test_a_lost_part_ends_the_preview(camera, data, how):
     assert not [c.name for c in bpy.data.collections if "Preview" in c.name]
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_other_view_layers_leave_the_preview_out(camera, data):
     scene = bpy.context.scene
     first = bpy.context.view_layer
@@ -326,6 +436,7 @@ def test_other_view_layers_leave_the_preview_out(camera, data):
 
 
 @pytest.mark.parametrize("how", ["FULL_COPY", "LINK_COPY"])
+@pytest.mark.usefixtures("light_nodes")
 def test_a_copied_scene_starts_without_a_preview(camera, data, how):
     add_cube()
     toggle(camera)
@@ -372,6 +483,7 @@ def test_a_duplicated_camera_has_no_preview(camera, data):
     assert picture_points(data.preview_of(copy, scene))
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_undo_and_redo(camera, data):
     add_cube()
     bpy.ops.ed.undo_push(message="before")
@@ -416,6 +528,7 @@ def test_save_and_reload(camera, data, tmp_path):
     assert data.previews() == []
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_linked_objects_are_shown(camera, data, tmp_path):
     cube = add_cube("Linked")
     path = str(tmp_path / "library.blend")
@@ -431,6 +544,7 @@ def test_linked_objects_are_shown(camera, data, tmp_path):
     assert picture_points(source)
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_what_cannot_be_previewed_is_refused(camera, data, tmp_path):
     before = all_data()
     camera.scfpf.surfaces.clear()
@@ -439,6 +553,7 @@ def test_what_cannot_be_previewed_is_refused(camera, data, tmp_path):
     assert all_data() == before
 
 
+@pytest.mark.usefixtures("light_nodes")
 def test_what_the_artist_puts_into_the_preview_stays(camera, data):
     toggle(camera)
     source = data.preview_of(camera, bpy.context.scene)

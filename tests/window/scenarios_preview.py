@@ -3,11 +3,13 @@
 
 import tempfile
 import time
+from math import radians
 
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from driver import DRAW, PATIENCE, build_scene
+from mathutils import Matrix
 
 VIEW = "VIEW_3D"
 # Long enough for the preview to be computed and drawn by a software renderer.
@@ -98,8 +100,11 @@ def preview_look(driver):
     assert evaluated.visible_in_viewport_get(space)
     assert not source.scfpf_preview.picture.visible_get(viewport=artist_area(driver).spaces.active)
     space.shading.type = "MATERIAL"
-    yield 2 * SETTLE
-    look(driver, shown, "material-preview")
+    # EEVEE compiles its shaders first.
+    end = time.monotonic() + PATIENCE
+    while look(driver, shown, "material-preview").std() < 0.01:
+        assert time.monotonic() < end, "Material Preview shows nothing"
+        yield SETTLE
     toggle(driver)
     yield SETTLE
     (area,) = viewports(driver)
@@ -278,6 +283,8 @@ COMPARED = (
     "angular_fisheye",
     "around_the_car",
 )
+# Those that look all round: they stand among the objects.
+AMIDST = {"cylindrical_panorama", "angular_fisheye"}
 
 
 def build_flat_scene():
@@ -350,6 +357,8 @@ def preview_against_caster(driver):
     found = {}
     for preset in COMPARED:
         driver.add_camera(preset)
+        if preset in AMIDST:
+            scene.camera.matrix_world = Matrix.Translation((1.5, -1, 1)) @ Matrix.Rotation(radians(90), 4, "X")
         toggle(driver)
         yield from until_shown(driver, 1)
         (shown,) = preview_areas(driver)
