@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from ..bridge import versions
 from .field_nodes import FieldBuilder, Value, node_group
-from .place_nodes import BOX, FAR_Z, NEAR_Z, VIEW_INPUTS, sure_place_group
+from .place_nodes import BOX, FAR_Z, NEAR_Z, VIEW_INPUTS, store_places
 from .solve_nodes import PROJECTOR
 
-# Faces whose vertices lie within this many pixels are not looked at: no volume bends that much there.
-SMALL = 6.0
+# Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
+# square root of others, since what a straight edge is off by grows with the square of its length.
+SMALL = 16.0
 # Edges shorter than this, in pixels, are not divided.
 SHORTEST = 2.0
 # What depth counts beside the picture: it decides only which of two faces is in front.
@@ -57,7 +58,8 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     square = nodes.evaluate_on(box.dot(box), "POINT", "FLOAT", "At Vertices")
     limit = SMALL / given["Picture Width"]
-    small = nodes.both(square - box.dot(box) < limit * limit * (1 / 3), box.parts()[2] < 0.0)
+    spread = limit * limit * given["Pixel Error"] * (1 / 3)
+    small = nodes.both(square - box.dot(box) < spread, box.parts()[2] < 0.0)
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
     nodes.open_frame("Faces that are out of the volume, or small there and without a place, go")
     position = nodes.out("GeometryNodeInputPosition", "Position", {})
@@ -76,8 +78,17 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 
     def body(state: dict[str, Value]) -> dict[str, Value]:
         made = nodes.call(round_group(), "Divide Once", view | options | {"Mesh": state["Active"]})
-        done = nodes.join(state["Done"], made["Done"])
-        return {"Active": made["Active"], "Done": done, "Left": state["Left"] + made["Left"]}
+        after = {
+            "Active": made["Active"],
+            "Done": nodes.join(state["Done"], made["Done"]),
+            "Left": state["Left"] + made["Left"],
+        }
+        # Rounds with nothing left to do cost nothing: a Switch evaluates only the side that is asked for.
+        some = _faces(nodes, state["Active"]) > 0.5
+        return {
+            name: nodes.switch(some, state[name], value, "FLOAT" if name == "Left" else "GEOMETRY", "Any Left?")
+            for name, value in after.items()
+        }
 
     state = {
         "Active": ("GEOMETRY", Value(nodes, triangulate.outputs[0])),
@@ -148,9 +159,8 @@ def round_group():
         view = {key: given[key] for key in VIEW_INPUTS}
         position = nodes.out("GeometryNodeInputPosition", "Position", {})
         point = nodes.point(position, given["Inverse"], "In Camera's Space")
-        place = nodes.call(sure_place_group(), "Sure Place", view | {"Point": point})["Position"]
-        mesh = nodes.store(given["Mesh"], EDGE_BOX, place, "FLOAT_VECTOR", "EDGE")
-        mesh = nodes.store(mesh, FACE_BOX, place, "FLOAT_VECTOR", "FACE")
+        mesh = store_places(nodes, given["Mesh"], view | {"Point": point}, EDGE_BOX, "EDGE")
+        mesh = store_places(nodes, mesh, view | {"Point": point}, FACE_BOX, "FACE")
         period = nodes.xyz(1.0, 1.0 / given["Aspect"], 1.0, "Period")
         mesh = _judge_edges(nodes, given, mesh, period)
         mesh, left = _judge_faces(nodes, given, mesh, period, point)
