@@ -133,8 +133,8 @@ def render(scene, height, colours, folder):
 
 
 def near_borders(regions):
-    """Pixels nearer than SILHOUETTE to one of another region."""
-    padded, near = np.pad(regions, 2, mode="edge"), np.zeros(regions.shape, bool)
+    """Pixels nearer than SILHOUETTE to one of another region, or to the picture's border."""
+    padded, near = np.pad(regions, 2, constant_values=-3), np.zeros(regions.shape, bool)
     for down in range(-2, 3):
         for right in range(-2, 3):
             if down**2 + right**2 <= SILHOUETTE**2:
