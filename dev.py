@@ -87,7 +87,8 @@ def command_lint(options, rest):
 def command_bench(options, rest):
     """Run the benchmarks and print their figures; --json FILE writes them too."""
     environment = environments.first()
-    environments.run([environment.python, "benchmarks/run.py", *rest])
+    for script in ("benchmarks/run.py", "benchmarks/scanline.py"):
+        environments.run([environment.python, script, *rest])
 
 
 def parser():

@@ -12,13 +12,18 @@ from __future__ import annotations
 
 from ..bridge import versions
 from .field_nodes import FieldBuilder, Value, node_group
-from .place_nodes import BOX, FAR_Z, NEAR_Z, VIEW_INPUTS, sure_place_group
+from .place_nodes import BOX, FAR_Z, NEAR_Z, VIEW_INPUTS, store_places
 from .solve_nodes import PROJECTOR
 
-# Faces whose vertices lie within this many pixels are not looked at: no volume bends that much there.
-SMALL = 6.0
+# Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
+# square root of others, since what a straight edge is off by grows with the square of its length.
+SMALL = 16.0
 # Edges shorter than this, in pixels, are not divided.
 SHORTEST = 2.0
+# Across the rim of a polar picture they are; what stands out beyond it is pushed in by as much.
+SHORTEST_AT_RIM = 0.75
+# A divided face overlaps one that is not by this, in pixels: more than Workbench rounds places to.
+OVERLAP = 0.02
 # What depth counts beside the picture: it decides only which of two faces is in front.
 DEPTH_WEIGHT = 0.25
 # Faces that lie farther out of the picture than this share of it are left out.
@@ -35,6 +40,7 @@ MOST_FACES = 400_000.0
 
 EDGE_BOX, FACE_BOX = "scfpf_edge_box", "scfpf_face_box"
 NEED, MARK, FROZEN, FATE = "scfpf_need", "scfpf_mark", "scfpf_frozen", "scfpf_fate"
+PLACED = "scfpf_placed"
 LEAVE, KEEP, DIVIDE = 0.0, 1.0, 2.0
 
 
@@ -57,8 +63,13 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     square = nodes.evaluate_on(box.dot(box), "POINT", "FLOAT", "At Vertices")
     limit = SMALL / given["Picture Width"]
-    small = nodes.both(square - box.dot(box) < limit * limit * (1 / 3), box.parts()[2] < 0.0)
+    spread = limit * limit * given["Pixel Error"] * (1 / 3)
+    small = nodes.both(square - box.dot(box) < spread, box.parts()[2] < 0.0)
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
+    at_rim, within = nodes.separate(small_part, _across_rim(nodes, given), "At the Rim")
+    is_polar = given["Numbers"].parts()[2] > 0.5
+    rest = nodes.switch(is_polar, rest, nodes.join(rest, at_rim), "GEOMETRY", "Polar?")
+    small_part = nodes.switch(is_polar, small_part, within, "GEOMETRY", "Polar?")
     nodes.open_frame("Faces that are out of the volume, or small there and without a place, go")
     position = nodes.out("GeometryNodeInputPosition", "Position", {})
     corner = nodes.node("GeometryNodeFaceOfCorner", "Face of Corner", {})
@@ -76,8 +87,17 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 
     def body(state: dict[str, Value]) -> dict[str, Value]:
         made = nodes.call(round_group(), "Divide Once", view | options | {"Mesh": state["Active"]})
-        done = nodes.join(state["Done"], made["Done"])
-        return {"Active": made["Active"], "Done": done, "Left": state["Left"] + made["Left"]}
+        after = {
+            "Active": made["Active"],
+            "Done": nodes.join(state["Done"], made["Done"]),
+            "Left": state["Left"] + made["Left"],
+        }
+        # Rounds with nothing left to do cost nothing: a Switch evaluates only the side that is asked for.
+        some = _faces(nodes, state["Active"]) > 0.5
+        return {
+            name: nodes.switch(some, state[name], value, "FLOAT" if name == "Left" else "GEOMETRY", "Any Left?")
+            for name, value in after.items()
+        }
 
     state = {
         "Active": ("GEOMETRY", Value(nodes, triangulate.outputs[0])),
@@ -97,7 +117,6 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     folded = nodes.statistic(given["Cloud"], nodes.attribute("folded"), "Sum", "Folded Samples")
     mesh = nodes.join(small_part, mesh)
     nodes.open_frame("A polar picture ends at its rim")
-    is_polar = given["Numbers"].parts()[2] > 0.5
     mesh = nodes.switch(is_polar, mesh, _trimmed(nodes, given, mesh), "GEOMETRY", "Polar?")
     return {"Mesh": mesh, "Left Out": nodes.xyz(left, folded, 0.0, "Left Out")}
 
@@ -148,9 +167,8 @@ def round_group():
         view = {key: given[key] for key in VIEW_INPUTS}
         position = nodes.out("GeometryNodeInputPosition", "Position", {})
         point = nodes.point(position, given["Inverse"], "In Camera's Space")
-        place = nodes.call(sure_place_group(), "Sure Place", view | {"Point": point})["Position"]
-        mesh = nodes.store(given["Mesh"], EDGE_BOX, place, "FLOAT_VECTOR", "EDGE")
-        mesh = nodes.store(mesh, FACE_BOX, place, "FLOAT_VECTOR", "FACE")
+        mesh = store_places(nodes, given["Mesh"], view | {"Point": point}, EDGE_BOX, "EDGE")
+        mesh = store_places(nodes, mesh, view | {"Point": point}, FACE_BOX, "FACE")
         period = nodes.xyz(1.0, 1.0 / given["Aspect"], 1.0, "Period")
         mesh = _judge_edges(nodes, given, mesh, period)
         mesh, left = _judge_faces(nodes, given, mesh, period, point)
@@ -158,6 +176,7 @@ def round_group():
         fate = nodes.attribute(FATE)
         done, other = nodes.separate(mesh, nodes.both(fate > 0.5, fate < 1.5), "Kept")
         before, _ = nodes.separate(other, fate > 1.5, "Divided")
+        before = _overlapping(nodes, before, 1.0 / given["Picture Width"])
         return {"Active": _divided(nodes, before), "Done": done, "Left": left}
 
     outputs = {"Active": "Geometry", "Done": "Geometry", "Left": "Float"}
@@ -170,6 +189,15 @@ def _beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
     polar = given["Numbers"].parts()[2]
     beyond = (place * (1.0, 1.0, 0.0)).length() - 0.5 / given["Aspect"].most(1.0)
     return nodes.mix(polar, -1.0 + polar * 0.0, beyond)
+
+
+def _across_rim(nodes: FieldBuilder, given) -> Value:
+    """Whether some corners of a face are beyond the rim and some are not."""
+    beyond = _beyond_rim(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"))
+    sides = [
+        nodes.evaluate_on(side, "POINT", "BOOLEAN", "All Corners") for side in (beyond > 0.0, beyond < 0.0)
+    ]
+    return nodes.negate(nodes.either(*sides))
 
 
 def _trimmed(nodes: FieldBuilder, given, mesh: Value) -> Value:
@@ -211,7 +239,7 @@ def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Valu
     mark = nodes.either(off_straight, nodes.both(free, crossing))
     # Across the rim of a polar picture even straight edges are divided, and stay straight.
     beyond = _beyond_rim(nodes, given, first) * _beyond_rim(nodes, given, last)
-    at_rim = nodes.both(beyond < 0.0, straight.length() > pixel * SHORTEST)
+    at_rim = nodes.both(beyond < 0.0, straight.length() > pixel * SHORTEST_AT_RIM)
     need = nodes.either(off_straight, at_rim)
     mesh = nodes.store(mesh, NEED, need, "FLOAT", "EDGE")
     return nodes.store(mesh, MARK, mark, "BOOLEAN", "EDGE")
@@ -286,6 +314,25 @@ def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value
     return root * SPREAD, middle
 
 
+def _overlapping(nodes: FieldBuilder, before: Value, pixel: Value) -> Value:
+    """Straight edges at the border of what is divided get middles that overlap the other side a little.
+
+    A vertex on the straight edge of a face that is not divided would let single pixels through.
+    """
+    nodes.open_frame("No pixel between a divided face and its neighbour")
+    index = nodes.out("GeometryNodeInputIndex", "Index", {})
+    corner = nodes.out("GeometryNodeCornersOfEdge", "A Corner", {"Edge Index": index}, "Corner Index")
+    face = nodes.out("GeometryNodeFaceOfCorner", "Its Face", {"Corner Index": corner}, "Face Index")
+    centre = nodes.at_index(nodes.attribute(FACE_BOX, "FLOAT_VECTOR"), face, "FACE", "FLOAT_VECTOR")
+    straight = nodes.attribute(BOX, "FLOAT_VECTOR")
+    outward = (straight - centre) * (1.0, 1.0, 0.0)
+    middle = straight + outward * (pixel * OVERLAP / outward.length())
+    sides = nodes.out("GeometryNodeInputMeshEdgeNeighbors", "Faces at the Edge", {}) + 0.0
+    at_border = nodes.both(sides < 1.5, nodes.negate(nodes.attribute(MARK, "BOOLEAN")))
+    before = nodes.store(before, EDGE_BOX, middle, "FLOAT_VECTOR", "EDGE", at_border)
+    return nodes.store(before, PLACED, nodes.either(at_border, nodes.attribute(MARK, "BOOLEAN")), "BOOLEAN", "EDGE")
+
+
 def _divided(nodes: FieldBuilder, before: Value) -> Value:
     """The mesh with each face divided into quads; new vertices where they belong.
 
@@ -301,7 +348,8 @@ def _divided(nodes: FieldBuilder, before: Value) -> Value:
     of_face = of_edge - edges
     on_edge, in_face = of_edge > -0.5, of_face > -0.5
     mark = nodes.attribute(MARK, "BOOLEAN")
-    marked = nodes.sample(before, mark, of_edge, "BOOLEAN", "Bends", "EDGE")
+    placed = nodes.attribute(PLACED, "BOOLEAN")
+    placed = nodes.sample(before, placed, of_edge, "BOOLEAN", "Has a Place", "EDGE")
     edge_place = nodes.sample(
         before, nodes.attribute(EDGE_BOX, "FLOAT_VECTOR"), of_edge, "FLOAT_VECTOR", "Edge's Middle", "EDGE"
     )
@@ -309,7 +357,7 @@ def _divided(nodes: FieldBuilder, before: Value) -> Value:
         before, nodes.attribute(FACE_BOX, "FLOAT_VECTOR"), of_face, "FLOAT_VECTOR", "Face's Middle", "FACE"
     )
     place = nodes.switch(in_face, edge_place, face_place, "VECTOR", "Edge or Face")
-    moved = nodes.both(on_edge, nodes.either(in_face, marked))
+    moved = nodes.both(on_edge, nodes.either(in_face, placed))
     after = nodes.store(after, BOX, place, "FLOAT_VECTOR", selection=moved)
     part_of_edge = index < edges * 2.0 - 0.5
     frozen = nodes.both(part_of_edge, nodes.either(nodes.attribute(FROZEN, "BOOLEAN"), nodes.negate(mark)))

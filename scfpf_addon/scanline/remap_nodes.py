@@ -10,7 +10,7 @@ its local matrix, sensor fit HORIZONTAL, ortho scale 1 and clip range 1 to 2 fra
 from __future__ import annotations
 
 from .field_nodes import FieldBuilder, Value, node_group, remove_attributes
-from .place_nodes import BOX, NOWHERE, SURELY_NOWHERE, quick_place_group, sure_place_group, view_inputs
+from .place_nodes import BOX, store_places, view_inputs
 from .refine_nodes import refine_group
 from .table_object import table_object
 
@@ -60,12 +60,7 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     position = nodes.out("GeometryNodeInputPosition", "Position", {})
     inverse = nodes.out("FunctionNodeInvertMatrix", "Into Camera's Space", {0: matrix})
     point = {"Point": nodes.point(position, inverse, "In Camera's Space")}
-    quick = nodes.call(quick_place_group(), "Quick Place", view | point)["Position"]
-    mesh = nodes.store(mesh, BOX, quick, "FLOAT_VECTOR")
-    height = nodes.attribute(BOX, "FLOAT_VECTOR").parts()[2]
-    failed = nodes.both(height > 0.0, height < (NOWHERE + SURELY_NOWHERE) / 2)
-    sure = nodes.call(sure_place_group(), "Sure Place", view | point)["Position"]
-    mesh = nodes.store(mesh, BOX, sure, "FLOAT_VECTOR", selection=failed)
+    mesh = store_places(nodes, mesh, view | point)
     nodes.open_frame("Large faces are divided, what has no place goes")
     options = {key: given[key] for key in ("Pixel Error", "Picture Width", "Rounds")}
     refined = nodes.call(refine_group(), "Refine", view | options | {"Mesh": mesh, "Inverse": inverse})
