@@ -34,7 +34,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         if bpy.app.background:
-            self.report({"INFO"}, "The preview is ready; Blender runs without windows, so that nothing shows it")
+            self.report({"INFO"}, "The preview is ready; Blender runs without windows: nothing shows it")
         return {"FINISHED"}
 
 

@@ -86,6 +86,8 @@ class _MainSection:
 
 
 class _Subsection:
+    bl_order = 1  # below the live preview
+
     @classmethod
     def poll(cls, context):
         return flexible_camera_of(context) is not None and super().poll(context)

@@ -3,9 +3,9 @@
 
 import bpy
 
+from ..scfpf_addon.scanline import remap_nodes
 from ..scfpf_addon.scanline.preview_data import preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
-from ..scfpf_addon.scanline import remap_nodes
 from .camera_panels import _DataTab, _Sidebar, _Subsection
 
 # What a picture by Render shows otherwise, a line each.
@@ -27,6 +27,7 @@ def left_out(counts) -> list[str]:
 
 class _PreviewSection(_Subsection):
     bl_label = "Live Preview"
+    bl_order = 0
 
     def draw_settings(self, context, camera, _settings):
         layout = self.layout
@@ -43,8 +44,8 @@ class _PreviewSection(_Subsection):
                 row.operator("scfpf.preview_show", text="", icon="WINDOW")
             if source.scfpf_preview.problem:
                 layout.label(text=source.scfpf_preview.problem, icon="ERROR")
-            picture = source.scfpf_preview.picture
-            for text in left_out(remap_nodes.remap_counts(picture.evaluated_get(context.evaluated_depsgraph_get()))):
+            evaluated = source.scfpf_preview.picture.evaluated_get(context.evaluated_depsgraph_get())
+            for text in left_out(remap_nodes.remap_counts(evaluated)):
                 layout.label(text=text, icon="INFO")
         column = layout.column(align=True)
         column.scale_y = 0.8

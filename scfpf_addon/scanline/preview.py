@@ -140,8 +140,11 @@ def _settle_viewports() -> None:
                 continue
             _known.add(source.session_uid)
             if not preview_viewports.viewports_of(source):
-                with bpy.context.temp_override(window=window):
-                    preview_viewports.open_viewport(bpy.context, source)
+                try:
+                    with bpy.context.temp_override(window=window):
+                        preview_viewports.open_viewport(bpy.context, source)
+                except preview_viewports.ViewportError as error:
+                    source.scfpf_preview.problem = str(error)
 
 
 @persistent

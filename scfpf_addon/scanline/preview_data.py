@@ -75,7 +75,9 @@ def make_preview(scene, view_layer, camera):
     if not scene.is_editable:
         raise PreviewError("The scene is linked from another file: preview it there")
     if not camera.is_editable:
-        raise PreviewError(f"'{camera.name}' is linked from another file: make a library override of it first")
+        raise PreviewError(
+            f"'{camera.name}' is linked from another file: make a library override of it first"
+        )
     if len(camera.scfpf.surfaces) < 2 or any(slot.object is None for slot in camera.scfpf.surfaces):
         raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
     sync_volume_object(camera)
@@ -211,7 +213,11 @@ def settle_in_layers(source) -> None:
                 setattr(layer, name, value)
     for scene in bpy.data.scenes:
         children = scene.collection.children
-        if scene != settings.scene and scene.is_editable and children.get(settings.shelf.name) == settings.shelf:
+        if (
+            scene != settings.scene
+            and scene.is_editable
+            and children.get(settings.shelf.name) == settings.shelf
+        ):
             children.unlink(settings.shelf)
 
 

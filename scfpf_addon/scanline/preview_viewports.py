@@ -42,9 +42,7 @@ def viewports_of(source) -> list:
     return [
         (window, area)
         for window, area in _viewports()
-        if camera is not None
-        and area.spaces.active.use_local_camera
-        and area.spaces.active.camera == camera
+        if camera is not None and area.spaces.active.use_local_camera and area.spaces.active.camera == camera
     ]
 
 
@@ -166,7 +164,8 @@ def _show_shelf(window, space, source) -> None:
     """Switch a collection on in a viewport's local collections."""
     picture = source.scfpf_preview.picture
     if not _sees_shelf(window.view_layer, space, picture):
-        bpy.ops.object.hide_collection(collection_index=_layer_index(window.view_layer, source.scfpf_preview.shelf), toggle=True)
+        number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
+        bpy.ops.object.hide_collection(collection_index=number, toggle=True)
 
 
 def _sees_shelf(view_layer, space, picture) -> bool:
@@ -238,9 +237,8 @@ def hide_from_others(source) -> None:
             window.view_layer, space, picture
         ):
             with bpy.context.temp_override(window=window, area=area, region=_region(area)):
-                bpy.ops.object.hide_collection(
-                    collection_index=_layer_index(window.view_layer, source.scfpf_preview.shelf), toggle=True
-                )
+                number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
+                bpy.ops.object.hide_collection(collection_index=number, toggle=True)
 
 
 def close_viewport(window, area) -> None:

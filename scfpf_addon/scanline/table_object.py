@@ -69,15 +69,27 @@ def table_object(camera):
 
 def _drive(modifier, identifier: str, owner, path: str) -> None:
     """Let an input follow a property, without Python."""
-    target, name = versions.modifier_input_property(modifier, identifier)
-    curve = target.driver_add(name)
+    place, name = versions.modifier_input_property(modifier, identifier)
+    curve = place.driver_add(name)
     curve.driver.type = "AVERAGE"
     for old in list(curve.driver.variables):
         curve.driver.variables.remove(old)
     variable = curve.driver.variables.new()
     variable.type = "SINGLE_PROP"
-    variable.targets[0].id = owner
-    variable.targets[0].data_path = path
+    target = variable.targets[0]
+    target.id = owner
+    target.data_path = path
+    # Without the add-on the file has no such property: the table keeps what it was made with.
+    target.use_fallback_value = True
+    target.fallback_value = _number(owner, path)
+
+
+def _number(owner, path: str) -> float:
+    """A property's value as drivers see it: an enum is its number."""
+    value = owner.path_resolve(path)
+    if isinstance(value, str):
+        value = owner.path_resolve("scfpf").bl_rna.properties[path.rpartition(".")[2]].enum_items[value].value
+    return float(value)
 
 
 def _uv_map(surface) -> str:

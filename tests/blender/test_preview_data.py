@@ -369,7 +369,9 @@ def test_aspect_and_width_follow_the_resolution(camera, data, addon):
         evaluated = source.scfpf_preview.picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
         modifier = evaluated.modifiers[0]
         group = source.scfpf_preview.picture.modifiers[0].node_group
-        sockets = {item.name: item.identifier for item in group.interface.items_tree if item.in_out == "INPUT"}
+        sockets = {
+            item.name: item.identifier for item in group.interface.items_tree if item.in_out == "INPUT"
+        }
         return [versions.modifier_input(modifier, sockets[name]) for name in ("Aspect", "Picture Width")]
 
     assert inputs() == pytest.approx([1920 / 1080, 1920])

@@ -31,7 +31,9 @@ def viewports(driver):
 def preview_areas(driver):
     """The viewports that look through the camera of a preview."""
     cameras = {c.scfpf_preview.view_camera for c in bpy.data.collections} - {None}
-    return [a for a in viewports(driver) if a.spaces.active.use_local_camera and a.spaces.active.camera in cameras]
+    return [
+        a for a in viewports(driver) if a.spaces.active.use_local_camera and a.spaces.active.camera in cameras
+    ]
 
 
 def artist_area(driver):
@@ -59,6 +61,12 @@ def look(driver, area, name):
     rows = slice(region.y, region.y + region.height)
     columns = slice(region.x, region.x + region.width)
     return pixels.reshape(height, width, -1)[rows, columns, :3]
+
+
+def middle(picture):
+    """The middle ninth of a picture."""
+    rows, columns = (slice(size // 3, 2 * size // 3) for size in picture.shape[:2])
+    return picture[rows, columns]
 
 
 def until_shown(driver, count):
@@ -100,9 +108,10 @@ def preview_look(driver):
     assert evaluated.visible_in_viewport_get(space)
     assert not source.scfpf_preview.picture.visible_get(viewport=artist_area(driver).spaces.active)
     space.shading.type = "MATERIAL"
-    # EEVEE compiles its shaders first.
+    yield SETTLE
+    # EEVEE compiles its shaders first, and shows nothing until then.
     end = time.monotonic() + PATIENCE
-    while look(driver, shown, "material-preview").std() < 0.01:
+    while middle(look(driver, shown, "material-preview")).std() < 0.01:
         assert time.monotonic() < end, "Material Preview shows nothing"
         yield SETTLE
     toggle(driver)
@@ -111,9 +120,54 @@ def preview_look(driver):
     assert area.width == whole
     after = look(driver, area, "off")
     # Its middle: Blender's own panel about the last step comes and goes in a corner.
-    rows, columns = (slice(size // 3, 2 * size // 3) for size in before.shape[:2])
-    difference = np.abs(after - before)[rows, columns].mean()
+    difference = np.abs(middle(after) - middle(before)).mean()
     assert difference < SAME, f"the artist's viewport differs by {difference} from what it was"
+
+
+def preview_stays_out(driver):
+    """Local collections, a local view, quad views and Rendered shading of the artist's are left alone."""
+    build_scene()
+    driver.add_camera()
+    space = artist_area(driver).spaces.active
+    space.use_local_collections = True
+    space.shading.type = "WIREFRAME"
+    with driver.override():
+        bpy.ops.object.select_all(action="DESELECT")
+        bpy.data.objects["Cube"].select_set(True)
+        bpy.ops.view3d.localview(frame_selected=False)
+        bpy.ops.object.select_all(action="DESELECT")
+        bpy.ops.screen.region_quadview()
+    yield DRAW
+    active = bpy.context.view_layer.objects.active
+    toggle(driver)
+    yield from until_shown(driver, 1)
+    driver.shot("on")
+    assert not bpy.context.selected_objects and bpy.context.view_layer.objects.active == active
+    (shown,) = preview_areas(driver)
+    picture = source_of(bpy.context.scene.camera).scfpf_preview.picture
+    evaluated = picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    own = artist_area(driver).spaces.active
+    assert own.local_view is not None and own.use_local_collections and own.region_quadviews
+    assert own.shading.type == "WIREFRAME" and shown.spaces.active.shading.type == "SOLID"
+    assert not shown.spaces.active.region_quadviews
+    assert evaluated.visible_in_viewport_get(shown.spaces.active)
+    with driver.override():
+        bpy.ops.view3d.localview(frame_selected=False)
+    yield DRAW
+    evaluated = picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert not evaluated.visible_in_viewport_get(artist_area(driver).spaces.active)
+    with driver.override():
+        bpy.ops.mesh.primitive_torus_add("EXEC_DEFAULT", True, location=(0, 0, 2), major_radius=2)
+    area = shown
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=driver.window, area=area, region=region):
+        bpy.ops.mesh.primitive_cone_add("EXEC_DEFAULT", True, location=(0, 0, 4))
+    yield SETTLE
+    driver.shot("added")
+    for name in ("Torus", "Cone"):
+        assert not bpy.data.objects[name].local_view_get(shown.spaces.active), name
+    toggle(driver)
+    yield from until_shown(driver, 0)
 
 
 def preview_follows(driver):
@@ -358,7 +412,9 @@ def preview_against_caster(driver):
     for preset in COMPARED:
         driver.add_camera(preset)
         if preset in AMIDST:
-            scene.camera.matrix_world = Matrix.Translation((1.5, -1, 1)) @ Matrix.Rotation(radians(90), 4, "X")
+            scene.camera.matrix_world = Matrix.Translation((1.5, -1, 1)) @ Matrix.Rotation(
+                radians(90), 4, "X"
+            )
         toggle(driver)
         yield from until_shown(driver, 1)
         (shown,) = preview_areas(driver)
@@ -393,6 +449,7 @@ def keep_picture(path, pixels):
 
 SCENARIOS = (
     preview_look,
+    preview_stays_out,
     preview_follows,
     preview_undo,
     preview_reload,
