@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, is_dataclass
 import numpy as np
 
 from .bezier import bernstein, chord_count
-from .folds import find_folds, orientations
+from .folds import find_folds, folded_pieces
 from .line_colors import Role
 from .marks import direction_arrows, far_rim, iso_lines
 from .segments import Segments, joined, ranged, segments
@@ -88,8 +88,10 @@ def parted_projector_lines(projection: Projection, count_u: int, count_v: int) -
     controls = _even_controls(projection, count_u, count_v)
     ends = np.union1d(np.linspace(0.0, 1.0, FOLD_PIECES + 1), volume.spans.breaks)
     middles = (ends[1:] + ends[:-1]) / 2
-    folded = (orientations(volume, controls, middles) == -folds.orientation) & (folds.orientation != 0)
+    folded = folded_pieces(volume, controls, middles, folds.orientation)
     mixed = folded.any(axis=1)
+    if not mixed.any():
+        return _curves(volume, controls.points, controls.valid), joined([])
     whole = _curves(volume, controls.points[..., ~mixed], controls.valid[~mixed])
     weights, _ = volume.spans.weights(ends)
     curves = np.einsum("ks,kdn->dns", weights, controls.points[..., mixed])
