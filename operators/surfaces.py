@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import EnumProperty, IntProperty
 
+from ..scfpf_addon.bridge.edit_volume import set_edit_volume
 from ..scfpf_addon.bridge.flexible_camera import add_surface, attach_surface, move_surface, remove_surface
 from ..scfpf_addon.bridge.properties import KINDS
 from .errors import BAD_INPUT
@@ -58,7 +59,9 @@ class SCFPF_OT_surface_add(bpy.types.Operator):
 
 
 class SCFPF_OT_surface_attach(bpy.types.Operator):
-    """Append the selected mesh and surface objects to the camera's control surfaces"""
+    """Append the selected mesh and surface objects to the camera's control surfaces.
+
+    They stay selected: the camera enters the Edit Volume mode"""
 
     bl_idname = "scfpf.surface_attach"
     bl_label = "Use Selected as Control Surface"
@@ -75,6 +78,8 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
 
     def execute(self, context):
         camera = flexible_camera_of(context)
+        before = camera.scfpf.edit_volume
+        camera.scfpf.edit_volume = True
         attached = 0
         for obj in _candidates(context):
             try:
@@ -84,6 +89,7 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
             else:
                 attached += 1
         if attached == 0:
+            camera.scfpf.edit_volume = before
             return {"CANCELLED"}
         camera.scfpf.active_surface = len(camera.scfpf.surfaces) - 1
         return {"FINISHED"}
@@ -148,7 +154,7 @@ class SCFPF_OT_surface_move(bpy.types.Operator):
 
 
 class SCFPF_OT_surface_select(bpy.types.Operator):
-    """Select the control surface's object and make it active"""
+    """Select the control surface's object and make it active; enters the Edit Volume mode"""
 
     bl_idname = "scfpf.surface_select"
     bl_label = "Select Control Surface"
@@ -165,7 +171,8 @@ class SCFPF_OT_surface_select(bpy.types.Operator):
     poll = classmethod(poll_slot)
 
     def execute(self, context):
-        settings = flexible_camera_of(context).scfpf
+        camera = flexible_camera_of(context)
+        settings = camera.scfpf
         index = settings.active_surface if self.index < 0 else self.index
         surface = settings.surfaces[index].object if index < len(settings.surfaces) else None
         if surface is None or surface.name not in context.view_layer.objects:
@@ -176,6 +183,13 @@ class SCFPF_OT_surface_select(bpy.types.Operator):
         if not surface.visible_get():
             self.report({"ERROR"}, f"{surface.name} is hidden: show it in the Outliner to select it")
             return {"CANCELLED"}
+        try:
+            if surface.hide_select:
+                set_edit_volume(camera, True)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        context.view_layer.update()
         settings.active_surface = index
         for obj in context.selected_objects:
             obj.select_set(False)

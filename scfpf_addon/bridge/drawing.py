@@ -36,6 +36,8 @@ LINE_WIDTHS = {
 POINT_SHADER = "POINT_UNIFORM_COLOR"
 # Pixels across the dot where the picked projector meets the scene.
 DOT_SIZE = 10.0
+# Drawn in front of the scene in the Edit Volume mode, as Blender draws the surfaces' own wires then.
+IN_FRONT = {"SURFACE", "FAR", "FRAME"}
 # What draw_volume takes to be behind the lines: the 3D viewport of Blender's dark theme.
 DARK_BACKGROUND = (0.24, 0.24, 0.24)
 # Lines come nearer to the viewer by as much as this many pixels are wide at their distance, so that
@@ -164,7 +166,7 @@ def draw_volume(
         return
     colors = line_colors(background)
     shader = gpu.shader.from_builtin(SHADER)
-    gpu.state.depth_test_set("LESS_EQUAL")
+    in_front = IN_FRONT if camera.scfpf.edit_volume else ()
     gpu.state.depth_mask_set(False)
     gpu.state.blend_set("ALPHA")
     shader.bind()
@@ -174,9 +176,11 @@ def draw_volume(
         nearer = _nearer(gpu.matrix.get_projection_matrix(), size[1])
         gpu.matrix.load_matrix(nearer @ gpu.matrix.get_model_view_matrix())
         for role, batch in drawing.batches.items():
+            gpu.state.depth_test_set("NONE" if role in in_front else "LESS_EQUAL")
             shader.uniform_float("lineWidth", LINE_WIDTHS[role] * width_scale)
             shader.uniform_float("color", colors[role])
             batch.draw(shader)
+        gpu.state.depth_test_set("LESS_EQUAL")
         if drawing.dot is not None:
             gpu.state.point_size_set(DOT_SIZE * width_scale)
             shader = gpu.shader.from_builtin(POINT_SHADER)

@@ -10,7 +10,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..projection.volume import Projection
-from . import nurbs_object, surface_nodes, versions
+from . import edit_volume, nurbs_object, surface_nodes, versions
 from .node_builder import NodeBuilder
 from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
@@ -135,9 +135,11 @@ def _flexible_cameras():
 
 def _delete_if_unused(camera, surface) -> None:
     """Delete a surface that is the camera's own child and on no camera's list."""
-    if surface is None or surface.parent != camera or not surface.is_editable:
+    if surface is None:
         return
-    if any(slot.object == surface for other in _flexible_cameras() for slot in other.scfpf.surfaces):
+    listed = any(slot.object == surface for other in _flexible_cameras() for slot in other.scfpf.surfaces)
+    if listed or surface.parent != camera or not surface.is_editable:
+        edit_volume.release(surface)
         return
     surface_nodes.delete_surface(surface)
 
@@ -336,6 +338,7 @@ def surfaces_edited(camera) -> None:
     for slot in camera.scfpf.surfaces:
         if slot.object is not None:
             _take_kind(slot.object)
+    edit_volume.obey(camera)
     if camera.scfpf.enabled or camera.scfpf.volume_object:
         sync_volume_object(camera)
 

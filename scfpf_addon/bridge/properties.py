@@ -19,7 +19,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import flexible_camera, surface_nodes
+from . import edit_volume, flexible_camera, surface_nodes
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
@@ -62,6 +62,12 @@ def _changed(owner, context):
 def _volume_changed(owner, context):
     """The volume object follows an edit of ``enabled`` or of a surface pointer."""
     flexible_camera.surfaces_edited(owner.id_data)
+
+
+def _edit_volume_changed(settings, context):
+    """The surfaces come to the front and can be clicked, or get out of the way."""
+    if not settings.id_data.is_evaluated:
+        edit_volume.obey(settings.id_data)
 
 
 def _kind_changed(settings, context):
@@ -130,6 +136,15 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         min=0,
         options=set(),
         update=_changed,
+        override=OVERRIDABLE,
+    )
+    edit_volume: BoolProperty(
+        name="Edit Volume",
+        description="Show the control surfaces in front of the scene and let them be clicked; "
+        "otherwise they are out of the way",
+        default=False,
+        options=set(),
+        update=_edit_volume_changed,
         override=OVERRIDABLE,
     )
     basis: EnumProperty(
