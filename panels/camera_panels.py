@@ -57,6 +57,18 @@ def draw_pick(layout, settings) -> None:
             column.label(text=text)
 
 
+def draw_found(layout, settings) -> None:
+    """The object found in the picture: switch, button, and how much of it is to be seen."""
+    row = layout.row(align=True)
+    row.prop(settings, "show_found", text="Found Object")
+    row.operator("scfpf.find_in_image", text="", icon="VIEWZOOM")
+    if settings.show_found:
+        column = layout.column(align=True)
+        column.active = False
+        for text in settings.found_object.split(" · "):
+            column.label(text=text)
+
+
 class _MainSection:
     bl_label = "Flexible Projection"
     names_camera = False
@@ -169,6 +181,7 @@ class _DisplaySection(_Subsection):
         row.active = settings.iso_surfaces == 1
         row.prop(settings, "iso_t", text="Iso t")
         draw_pick(column, settings)
+        draw_found(column, settings)
 
 
 class _DataTab:

@@ -301,6 +301,33 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         update=_changed,
         override=OVERRIDABLE,
     )
+    show_found: BoolProperty(
+        name="Show Found Object",
+        description="Mark in the picture where the object is that was found in it last",
+        default=False,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    found_box: FloatVectorProperty(
+        name="Found Object's Box",
+        description="Left, lower, right and upper border of what was found, as shares of the picture",
+        size=4,
+        default=(0.0, 0.0, 1.0, 1.0),
+        min=0.0,
+        max=1.0,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    found_object: StringProperty(
+        name="Found Object",
+        description="What was looked for in the picture, and how much of it is to be seen",
+        default="",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
     volume_object: PointerProperty(
         name="Volume Object",
         description="The object that keeps every control surface evaluated, hidden ones too",
