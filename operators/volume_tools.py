@@ -2,12 +2,11 @@
 """Tools for the whole volume and its control surfaces: insert, duplicate, mirror, align, convert, frame."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ..scfpf_addon.bridge import volume_edits
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.render_job import picture_aspect
-from ..scfpf_addon.projection.editing import framing
 from .errors import BAD_INPUT
 from .placement import SHAPES, scene_box
 from .surfaces import poll_slot
@@ -235,31 +234,6 @@ class SCFPF_OT_volume_fit(_Tool, bpy.types.Operator):
         volume_edits.fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
 
 
-class SCFPF_OT_volume_frame(_Tool, bpy.types.Operator):
-    """Pan, tilt, roll, dolly or zoom the whole volume; the camera object stays where it is"""
-
-    bl_idname = "scfpf.volume_frame"
-    bl_label = "Frame Picture"
-
-    pan: FloatProperty(name="Pan", description="Turn the volume to the right", subtype="ANGLE")
-    tilt: FloatProperty(name="Tilt", description="Turn the volume upwards", subtype="ANGLE")
-    roll: FloatProperty(name="Roll", description="Turn the volume anticlockwise", subtype="ANGLE")
-    dolly: FloatProperty(name="Dolly", description="Move the volume forwards", subtype="DISTANCE")
-    zoom: FloatProperty(
-        name="Zoom",
-        description="Show less than before, larger; below 1, more",
-        default=1.0,
-        min=0.01,
-        max=100.0,
-    )
-
-    poll = classmethod(poll_slot)
-
-    def edit(self, context, camera):
-        amounts = (self.pan, self.tilt, self.roll, self.dolly, self.zoom)
-        volume_edits.move_volume(camera, framing(*amounts))
-
-
 register, unregister = bpy.utils.register_classes_factory(
     (
         SCFPF_OT_surface_insert,
@@ -271,6 +245,5 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_OT_volume_single_user,
         SCFPF_OT_surface_to_grid,
         SCFPF_OT_volume_fit,
-        SCFPF_OT_volume_frame,
     )
 )

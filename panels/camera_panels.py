@@ -125,7 +125,9 @@ class _SurfacesSection(_Subsection):
         column.operator("scfpf.surface_move", text="", icon="TRIA_DOWN").direction = "DOWN"
         column.separator()
         column.menu("SCFPF_MT_surface_specials", text="", icon="DOWNARROW_HLT")
-        layout.operator("scfpf.edit_volume", icon="EDITMODE_HLT", depress=settings.edit_volume)
+        row = layout.row(align=True)
+        row.operator("scfpf.edit_volume", icon="EDITMODE_HLT", depress=settings.edit_volume)
+        row.operator("scfpf.volume_frame", text="", icon="VIEW_PAN")
         if settings.active_surface < len(settings.surfaces):
             self.draw_surface(context, settings.surfaces[settings.active_surface])
 

@@ -7,7 +7,7 @@ anew only when an edit has changed the volume, never because the view turns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 import gpu
@@ -28,6 +28,7 @@ LINE_WIDTHS = {
     "PROJECTOR": 1.5,
     "FOLD": 2.0,
     "FAR": 2.5,
+    "SAFE": 1.5,
     "FRAME": 2.5,
     "U": 3.0,
     "V": 3.0,
@@ -37,7 +38,7 @@ POINT_SHADER = "POINT_UNIFORM_COLOR"
 # Pixels across the dot where the picked projector meets the scene.
 DOT_SIZE = 10.0
 # Drawn in front of the scene in the Edit Volume mode, as Blender draws the surfaces' own wires then.
-IN_FRONT = {"SURFACE", "FAR", "FRAME"}
+IN_FRONT = {"SURFACE", "FAR", "SAFE", "FRAME"}
 # What draw_volume takes to be behind the lines: the 3D viewport of Blender's dark theme.
 DARK_BACKGROUND = (0.24, 0.24, 0.24)
 # Lines come nearer to the viewer by as much as this many pixels are wide at their distance, so that
@@ -51,6 +52,7 @@ class Drawing:
 
     edits: int
     aspect: float
+    safe_areas: tuple[tuple[float, float], ...]
     signature: bytes | None = None
     batches: dict[str, gpu.types.GPUBatch] = field(default_factory=dict)
     dot: gpu.types.GPUBatch | None = None
@@ -97,12 +99,19 @@ class Drawings:
         """The drawing of a camera's volume, made anew if it has changed; empty while it cannot be read."""
         key = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name, camera.session_uid)
         drawing = self._drawings.get(key)
-        if drawing is not None and (drawing.edits, drawing.aspect) == (self.edits, aspect):
+        # Asked every time: edits of these settings are no news to the depsgraph's handlers.
+        safe = safe_areas(camera.data, depsgraph.scene)
+        if drawing is not None and (drawing.edits, drawing.aspect, drawing.safe_areas) == (
+            self.edits,
+            aspect,
+            safe,
+        ):
             return drawing
         if drawing is None:
-            drawing = self._drawings[key] = Drawing(self.edits, aspect)
-        drawing.edits, drawing.aspect = self.edits, aspect
+            drawing = self._drawings[key] = Drawing(self.edits, aspect, safe)
+        drawing.edits, drawing.aspect, drawing.safe_areas = self.edits, aspect, safe
         options, pick_t = diagram_options(camera.evaluated_get(depsgraph).scfpf)
+        options = replace(options, safe_areas=safe)
         try:
             projection = read_projection(camera, depsgraph, aspect)
         except ProjectionError:
@@ -138,6 +147,17 @@ def diagram_options(settings) -> tuple[DiagramOptions, float]:
         tuple(settings.pick) if settings.show_pick else None,
     )
     return options, settings.pick_t if settings.show_pick else -1.0
+
+
+def safe_areas(lens, scene) -> tuple[tuple[float, float], ...]:
+    """The margins of the safe areas that a camera's data asks for; one without a margin is the frame."""
+    margins = scene.safe_areas
+    shown = []
+    if lens.show_safe_areas:
+        shown += [margins.title, margins.action]
+        if lens.show_safe_center:
+            shown += [margins.title_center, margins.action_center]
+    return tuple(tuple(margin) for margin in shown if any(margin))
 
 
 def _is_drawn(candidate) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 from .bezier import bernstein, chord_count
 from .folds import find_folds, folded_pieces
 from .line_colors import Role
-from .marks import direction_arrows, far_rim, iso_lines
+from .marks import direction_arrows, far_rim, iso_lines, safe_area
 from .segments import Segments, joined, ranged, segments
 from .typing import Array, BoolArray
 from .volume import ControlSample, Projection, ViewingVolume
@@ -37,7 +37,8 @@ class DiagramOptions:
 
     count_u, count_v: projectors in each direction. iso: the t of the iso-surfaces.
     folds: tell folded pieces of projectors from others. pick: the image position
-    (x, y) of a projector to draw apart.
+    (x, y) of a projector to draw apart. safe_areas: margins of safe areas, each (left and
+    right, below and above) as a share of half the image, as Blender counts them.
     """
 
     count_u: int
@@ -45,6 +46,7 @@ class DiagramOptions:
     iso: tuple[float, ...] = ()
     folds: bool = True
     pick: tuple[float, float] | None = None
+    safe_areas: tuple[tuple[float, float], ...] = ()
 
 
 def even_iso(count: int) -> tuple[float, ...]:
@@ -183,6 +185,7 @@ def diagram(projection: Projection, options: DiagramOptions) -> dict[Role, Segme
         "PROJECTOR": projectors,
         "FOLD": folded,
         "FAR": far_rim(projection),
+        "SAFE": joined([safe_area(projection, *margins) for margins in options.safe_areas]),
         "FRAME": image_frame(projection),
         "U": along_u,
         "V": along_v,

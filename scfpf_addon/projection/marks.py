@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What tells the parts of a drawn volume apart: the far rim, where u and v grow, iso-surfaces.
+"""What tells the parts of a drawn volume apart: the far rim, safe areas, where u and v grow, iso-surfaces.
 
 As in ``diagram``: segments (S, 2, 3) float32 in the space of the projection.
 """
@@ -17,6 +17,8 @@ from .volume import Projection
 # The far rim is dashed: this many dashes a side, each this share of its way long.
 DASHES = 12
 DASH_SHARE = 0.6
+# Segments of each side of a safe area.
+RIM_SEGMENTS = 48
 # Arrows, as shares of the u and v ranges: distance from the corner, length, size of the head.
 ARROW_MARGIN = 0.04
 ARROW_LENGTH = 0.28
@@ -55,6 +57,20 @@ def far_rim(projection: Projection) -> Segments:
     shape = (4 * DASHES, 4)
     drawn = sample.position.reshape(3, *shape)
     return segments(drawn, sample.valid.reshape(shape), sample.tile.reshape(shape))
+
+
+def safe_area(projection: Projection, margin_x: float, margin_y: float) -> Segments:
+    """The border of a safe area of the image, on the near surface; whatever the image shows of it.
+
+    margin_x, margin_y: in [0, 1], distance from the image's borders as a share of half its size.
+    """
+    step = np.arange(RIM_SEGMENTS) / RIM_SEGMENTS
+    one, nought = np.ones(RIM_SEGMENTS), np.zeros(RIM_SEGMENTS)
+    x = np.concatenate([step, one, 1 - step, nought, [0.0]])
+    y = np.concatenate([nought, step, one, 1 - step, [0.0]])
+    image = projection.parameters(0.5 + (x - 0.5) * (1 - margin_x), 0.5 + (y - 0.5) * (1 - margin_y))
+    sample = projection.volume.surfaces[0].evaluate(image.u, image.v)
+    return segments(sample.position[:, None], (sample.valid & image.mask)[None], sample.tile[None])
 
 
 def direction_arrows(projection: Projection) -> tuple[Segments, Segments]:

@@ -70,7 +70,8 @@ def find(
         nearest = 0
     else:
         nearest = inside[np.argmin(np.linalg.norm(some[:, inside] - middle[:, None], axis=0))]
-    hidden, hider = _hidden(projection, scene, ImagePlaces(*(v[inside] for v in place)), names, pixel_size)
+    seen = ImagePlaces(x, y, place.t[inside], place.found[inside])
+    hidden, hider = _hidden(projection, scene, seen, names, pixel_size)
     return Found(
         (float(x.min()), float(y.min()), float(x.max()), float(y.max())),
         (float(place.x[nearest]), float(place.y[nearest])),
