@@ -83,6 +83,7 @@ def _latitude(label: str, default: float, description: str) -> Input:
     return Input(label, default, -math.pi / 2, math.pi / 2, "ANGLE", description)
 
 
+# Multiples of 8 by default: the mesh has edges, which can be clicked, where lines of the volume are drawn.
 def _resolution(u: int, v: int) -> tuple[Input, Input]:
     text = (
         "Faces of the drawn mesh along {}; the picture uses the exact surface until a further modifier acts"
@@ -154,7 +155,7 @@ PARAMETRIC_KINDS = {
             _length("Width", surfaces.Plane.width, "Extent along X as u goes from 0 to 1"),
             _length("Height", surfaces.Plane.height, "Extent along Y as v goes from 0 to 1"),
         ),
-        _resolution(4, 4),
+        _resolution(8, 8),
         _plane,
     ),
     "DISC": ParametricKind(
@@ -163,7 +164,7 @@ PARAMETRIC_KINDS = {
             _length("Radius", surfaces.Disc.radius, "Distance from the centre at v = 1"),
             _arc(surfaces.Disc.arc),
         ),
-        _resolution(32, 4),
+        _resolution(32, 8),
         _disc,
     ),
     "CYLINDER": ParametricKind(
@@ -173,7 +174,7 @@ PARAMETRIC_KINDS = {
             _arc(surfaces.Cylinder.arc),
             _length("Height", surfaces.Cylinder.height, _HEIGHT),
         ),
-        _resolution(32, 4),
+        _resolution(32, 8),
         _cylinder,
     ),
     "CONE": ParametricKind(
@@ -184,7 +185,7 @@ PARAMETRIC_KINDS = {
             _arc(surfaces.Cone.arc),
             _length("Height", surfaces.Cone.height, _HEIGHT),
         ),
-        _resolution(32, 4),
+        _resolution(32, 8),
         _cone,
     ),
     "SPHERE": ParametricKind(
@@ -195,7 +196,7 @@ PARAMETRIC_KINDS = {
             _latitude("Latitude Start", surfaces.SphereSector.latitude_start, "Latitude at v = 0"),
             _latitude("Latitude End", surfaces.SphereSector.latitude_end, "Latitude at v = 1"),
         ),
-        _resolution(32, 12),
+        _resolution(32, 16),
         _sphere,
     ),
 }

@@ -10,16 +10,17 @@ from driver import DRAW, build_scene
 from mathutils import Matrix, Vector
 
 
-def look(driver, distance=26.0, turn=(1.1, 0.0, 0.9)):
-    """Look at the origin from outside the volume."""
+def beside(driver, camera, turn=0.55, distance=13.0):
+    """Look at the near surface of a camera's volume from beside, above and behind it."""
     with driver.override():
         view = bpy.context.region_data
         view.view_perspective = "PERSP"
-        view.view_location, view.view_distance = (0, 0, 0), distance
-        view.view_rotation = (
-            Matrix.Rotation(turn[2], 3, "Z").to_quaternion()
-            @ Matrix.Rotation(turn[0], 3, "X").to_quaternion()
+        place = camera.matrix_world @ Vector((0, 0, -4))
+        rotation = (
+            camera.matrix_world.to_3x3() @ Matrix.Rotation(turn, 3, "Y") @ Matrix.Rotation(-0.3, 3, "X")
         )
+        view.view_location, view.view_distance = place, distance
+        view.view_rotation = rotation.to_quaternion()
         view.update()
 
 
@@ -64,28 +65,24 @@ def click(driver, where):
     driver.window.event_simulate("LEFTMOUSE", "RELEASE", **where)
 
 
-def on_far_surface(camera):
-    """A point on the drawn far surface: three quarters up its left border."""
-    far = camera.scfpf.surfaces[len(camera.scfpf.surfaces) - 1].object
-    corners = np.array([far.matrix_world @ Vector(corner) for corner in far.bound_box])
-    local = np.array(far.bound_box)
-    low, high = local.min(axis=0), local.max(axis=0)
-    assert len(corners)
-    return far, far.matrix_world @ Vector((low[0], 0.25 * low[1] + 0.75 * high[1], low[2]))
+def on_surface(surface, u, v):
+    """A point of a plane's drawn shape, in the world."""
+    corners = np.array(surface.bound_box)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return surface.matrix_world @ Vector(low + (high - low) * (u, v, 0))
 
 
 def edit_volume(driver):
     """Outside the mode a click passes through the surfaces, in it the click selects; undo ends it."""
-    camera = flexible_camera(driver)
+    camera = flexible_camera(driver, "nonlinear_twist")
     yield from driver.show_sidebar()
-    look(driver)
-    with driver.override():
-        bpy.ops.view3d.view_all()
+    beside(driver, camera)
     yield DRAW
-    far, point = on_far_surface(camera)
+    near = camera.scfpf.surfaces[0].object
+    point = on_surface(near, 0.0, 0.75)
     click(driver, pixel(driver, point))
     yield DRAW
-    assert not far.select_get(), "a click selects a surface outside the mode"
+    assert not near.select_get(), "a click selects a surface outside the mode"
     bpy.context.view_layer.objects.active = camera
     yield DRAW
     yield from both_themes(driver, "off")
@@ -95,11 +92,17 @@ def edit_volume(driver):
     yield from both_themes(driver, "on")
     click(driver, pixel(driver, point))
     yield DRAW
-    assert bpy.context.object == far and far.select_get(), f"clicked {bpy.context.object}"
+    assert bpy.context.object == near and near.select_get(), f"clicked {bpy.context.object}"
     driver.shot("clicked")
+    # Where two of the drawn lines cross inside the surface, before the scene.
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    click(driver, pixel(driver, on_surface(near, 0.375, 0.375)))
+    yield DRAW
+    assert near.select_get(), f"clicked {bpy.context.object}"
     with driver.override():
-        bpy.ops.ed.undo()
-        bpy.ops.ed.undo()
+        for _ in range(3):
+            bpy.ops.ed.undo()
     yield DRAW
     assert not bpy.context.scene.camera.scfpf.edit_volume, "undo does not end the mode"
 
@@ -108,12 +111,12 @@ def found_in_picture(driver):
     """An object that is selected is marked in the picture, and its projector drawn."""
     camera = flexible_camera(driver)
     yield from driver.show_sidebar()
-    driver.open_image_editor()
+    driver.area("PROPERTIES").ui_type = "IMAGE_EDITOR"
     driver.start_render()
     yield from driver.finished()
-    look(driver)
     with driver.override():
-        bpy.ops.view3d.view_all()
+        bpy.context.region_data.view_location = (3, -1, 2)
+        bpy.context.region_data.view_distance = 26.0
         bpy.ops.object.select_all(action="DESELECT")
         bpy.data.objects["Suzanne.001"].select_set(True)
         bpy.context.view_layer.objects.active = bpy.data.objects["Suzanne.001"]
@@ -131,11 +134,9 @@ def found_in_picture(driver):
 
 def framing(driver):
     """The mouse frames the volume; Esc restores it to the last bit; accepted, it is one step of undo."""
-    camera = flexible_camera(driver)
+    camera = flexible_camera(driver, "nonlinear_twist")
     yield from driver.show_sidebar()
-    look(driver)
-    with driver.override():
-        bpy.ops.view3d.view_all()
+    beside(driver, camera, distance=30.0)
     yield DRAW
 
     def state():
@@ -187,12 +188,9 @@ def framing(driver):
 
 def safe_areas(driver):
     """The safe areas that the camera shows are drawn in the frame on the near surface, at once."""
-    camera = flexible_camera(driver, "cylindrical_panorama")
-    camera.scfpf.surfaces[0].object.scale = (3, 3, 3)
+    camera = flexible_camera(driver, "nonlinear_twist")
     yield from driver.show_sidebar()
-    look(driver, 9.0)
-    with driver.override():
-        bpy.context.region_data.view_location = camera.matrix_world.translation
+    beside(driver, camera)
     camera.data.show_safe_areas = True
     camera.data.show_safe_center = True
     yield 2 * DRAW
