@@ -52,7 +52,7 @@ class Drawing:
 
     edits: int
     aspect: float
-    safe_areas: tuple[tuple[float, float], ...]
+    asked: tuple[tuple, tuple]
     signature: bytes | None = None
     batches: dict[str, gpu.types.GPUBatch] = field(default_factory=dict)
     dot: gpu.types.GPUBatch | None = None
@@ -99,19 +99,19 @@ class Drawings:
         """The drawing of a camera's volume, made anew if it has changed; empty while it cannot be read."""
         key = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name, camera.session_uid)
         drawing = self._drawings.get(key)
-        # Asked every time: edits of these settings are no news to the depsgraph's handlers.
-        safe = safe_areas(camera.data, depsgraph.scene)
-        if drawing is not None and (drawing.edits, drawing.aspect, drawing.safe_areas) == (
+        # Asked every time: what decides them is no news to the depsgraph's handlers.
+        asked = safe_areas(camera.data, depsgraph.scene), selected_surfaces(camera)
+        if drawing is not None and (drawing.edits, drawing.aspect, drawing.asked) == (
             self.edits,
             aspect,
-            safe,
+            asked,
         ):
             return drawing
         if drawing is None:
-            drawing = self._drawings[key] = Drawing(self.edits, aspect, safe)
-        drawing.edits, drawing.aspect, drawing.safe_areas = self.edits, aspect, safe
+            drawing = self._drawings[key] = Drawing(self.edits, aspect, asked)
+        drawing.edits, drawing.aspect, drawing.asked = self.edits, aspect, asked
         options, pick_t = diagram_options(camera.evaluated_get(depsgraph).scfpf)
-        options = replace(options, safe_areas=safe)
+        options = replace(options, safe_areas=asked[0], without=asked[1])
         try:
             projection = read_projection(camera, depsgraph, aspect)
         except ProjectionError:
@@ -158,6 +158,15 @@ def safe_areas(lens, scene) -> tuple[tuple[float, float], ...]:
         if lens.show_safe_center:
             shown += [margins.title_center, margins.action_center]
     return tuple(tuple(margin) for margin in shown if any(margin))
+
+
+def selected_surfaces(camera) -> tuple[int, ...]:
+    """Surfaces selected in the Edit Volume mode: our lines would hide the colour that Blender gives them."""
+    settings = camera.scfpf
+    if not settings.edit_volume:
+        return ()
+    slots = enumerate(settings.surfaces)
+    return tuple(i for i, slot in slots if slot.object is not None and slot.object.select_get())
 
 
 def _is_drawn(candidate) -> bool:

@@ -38,7 +38,8 @@ class DiagramOptions:
     count_u, count_v: projectors in each direction. iso: the t of the iso-surfaces.
     folds: tell folded pieces of projectors from others. pick: the image position
     (x, y) of a projector to draw apart. safe_areas: margins of safe areas, each (left and
-    right, below and above) as a share of half the image, as Blender counts them.
+    right, below and above) as a share of half the image, as Blender counts them. without:
+    numbers of control surfaces whose lines are left out.
     """
 
     count_u: int
@@ -47,6 +48,7 @@ class DiagramOptions:
     folds: bool = True
     pick: tuple[float, float] | None = None
     safe_areas: tuple[tuple[float, float], ...] = ()
+    without: tuple[int, ...] = ()
 
 
 def even_iso(count: int) -> tuple[float, ...]:
@@ -178,7 +180,7 @@ def diagram(projection: Projection, options: DiagramOptions) -> dict[Role, Segme
     else:
         projectors, folded = projector_lines(projection, *counts), joined([])
     along_u, along_v = direction_arrows(projection)
-    indices = range(len(projection.volume.surfaces))
+    indices = [i for i in range(len(projection.volume.surfaces)) if i not in options.without]
     return {
         "ISO": joined([iso_lines(projection, t) for t in options.iso]),
         "SURFACE": joined([surface_lines(projection, index) for index in indices]),

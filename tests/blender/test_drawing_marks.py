@@ -233,3 +233,17 @@ def test_safe_areas_are_drawn_and_follow_their_settings_without_an_edit_of_the_v
     camera.data.show_safe_areas = False
     drawing.drawings.edits = edits
     assert roles(drawing, camera) == ALWAYS
+
+
+def test_a_selected_surface_keeps_the_colour_that_blender_gives_it(drawing, camera):
+    near = camera.scfpf.surfaces[0].object
+    near.select_set(True)
+    assert drawing.selected_surfaces(camera) == ()
+    camera.scfpf.edit_volume = True
+    bpy.context.view_layer.update()
+    near.select_set(True)
+    assert drawing.selected_surfaces(camera) == (0,)
+    assert roles(drawing, camera) == ALWAYS
+    for slot in camera.scfpf.surfaces:
+        slot.object.select_set(True)
+    assert roles(drawing, camera) == ALWAYS - {"SURFACE"}

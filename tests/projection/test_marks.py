@@ -144,6 +144,11 @@ def test_options_leave_out_what_is_not_asked_for():
     assert [role for role, segments in lines.items() if not len(segments)] == ["ISO", "FOLD", "SAFE", "PICK"]
 
 
+def test_lines_of_surfaces_are_left_out_at_will():
+    lines = diagram(quadratic(), DiagramOptions(3, 3, without=(0, 2)))["SURFACE"]
+    assert (lines[..., 2] == -2).all() and len(lines)
+
+
 def test_every_option_counts_in_the_signature():
     base = DiagramOptions(3, 3)
     others = [
@@ -153,6 +158,7 @@ def test_every_option_counts_in_the_signature():
         DiagramOptions(3, 3, folds=False),
         DiagramOptions(3, 3, pick=(0.5, 0.5)),
         DiagramOptions(3, 3, safe_areas=((0.1, 0.05),)),
+        DiagramOptions(3, 3, without=(1,)),
     ]
     signatures = {volume_signature(quadratic(), options) for options in (base, *others)}
     assert len(signatures) == len(others) + 1

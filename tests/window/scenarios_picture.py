@@ -100,6 +100,8 @@ def edit_volume(driver):
     click(driver, pixel(driver, on_surface(near, 0.375, 0.375)))
     yield DRAW
     assert near.select_get(), f"clicked {bpy.context.object}"
+    yield DRAW
+    driver.shot("clicked-inside")
     with driver.override():
         for _ in range(3):
             bpy.ops.ed.undo()
