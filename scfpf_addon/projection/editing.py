@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from .basis import B_SPLINE_DEGREE
 from .surfaces import BilinearPatch, Cone, ControlSurface, Cylinder, Disc, Grid, Plane, Point, SphereSector
 from .typing import Array, BoolArray
 from .volume import ViewingVolume
@@ -97,14 +98,62 @@ def blend(first: ControlSurface, second: ControlSurface, weight: float, cells: i
     return _with_points("GRID", points, exact)
 
 
+class Insertion(NamedTuple):
+    """A volume with one control surface more.
+
+    shapes: new surfaces; they take the places of ``replaced`` old ones from place ``first``
+    on. weights: of all surfaces then, None where the basis has none.
+    """
+
+    first: int
+    replaced: int
+    shapes: list[Shape]
+    weights: tuple[float, ...] | None
+
+
+def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
+    """The same volume with one control surface more. cells: as for ``blend``.
+
+    BEZIER: ``elevated``. POLYLINE: a surface half-way between the one at ``index`` and the
+    next. B_SPLINE and NURBS: up to three surfaces are elevated, of four the span is cut
+    in two at t = 1/2; more have knots that no even spacing with one more holds, so that no
+    surface can be added and leave the volume as it is: EditingError.
+    """
+    surfaces, count = volume.surfaces, len(volume.surfaces)
+    if volume.basis == "POLYLINE":
+        index = min(index, count - 2)
+        return Insertion(index + 1, 0, [blend(surfaces[index], surfaces[index + 1], 0.5, cells)], None)
+    if volume.basis == "BEZIER" or count <= B_SPLINE_DEGREE:
+        shares = [i / count for i in range(1, count)]
+    elif count == B_SPLINE_DEGREE + 1:
+        # The blossom at (0, 0, ½), (0, ½, 1) and (½, 1, 1).
+        shares = [0.5] * (count - 1)
+    else:
+        raise EditingError(
+            "B-spline and NURBS projectors of more than four surfaces cannot take one more and leave the "
+            "volume as it is: change the projectors' shape first"
+        )
+    if volume.basis != "NURBS":
+        return Insertion(1, count - 2, _blends(surfaces, shares, cells), None)
+    old = volume.weights or (1.0,) * count
+    # The same for the homogeneous control surfaces (w Q, w).
+    inner = [s * old[i] + (1 - s) * old[i + 1] for i, s in enumerate(shares)]
+    shares = [s * old[i] / w for i, (s, w) in enumerate(zip(shares, inner, strict=True))]
+    return Insertion(1, count - 2, _blends(surfaces, shares, cells), (old[0], *inner, old[-1]))
+
+
 def elevated(surfaces: Sequence[ControlSurface], cells: int) -> list[Shape]:
     """The inner control surfaces of the same Bézier volume with one surface more.
 
     Degree elevation: Pi' = i/(m+1)·P(i-1) + (1 - i/(m+1))·Pi for i = 1 … m, with
     m = len(surfaces) - 1 and the ends as they were. cells: as for ``blend``.
     """
-    count = len(surfaces)
-    return [blend(surfaces[i], surfaces[i - 1], i / count, cells) for i in range(1, count)]
+    return _blends(surfaces, [i / len(surfaces) for i in range(1, len(surfaces))], cells)
+
+
+def _blends(surfaces: Sequence[ControlSurface], shares: Sequence[float], cells: int) -> list[Shape]:
+    """Surface i and the one before it, of which a share is taken, for i = 1 … m."""
+    return [blend(surfaces[i], surfaces[i - 1], share, cells) for i, share in enumerate(shares, 1)]
 
 
 def _corners(surface: ControlSurface) -> Array | None:
