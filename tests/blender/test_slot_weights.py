@@ -199,6 +199,33 @@ def test_moving_swapping_duplicating_and_removing_take_weights_and_animation_alo
     assert not camera.animation_data.drivers
 
 
+def test_two_animated_weights_change_places(camera, bridge):
+    keyed(camera, 1)
+    keyed(camera, 2)
+    camera.scfpf.surfaces[2].keyframe_insert("weight", frame=21)
+    before = curves(camera)
+    assert set(before) == {"B", "C"} and before["B"] != before["C"]
+    bridge.move_surface(camera, 1, 1)
+    assert [s.object.name for s in camera.scfpf.surfaces] == list("ACBD")
+    assert curves(camera) == before
+    bridge.add_surface(camera, "POINT", "E", index=0)
+    bridge.remove_surface(camera, 2)
+    assert curves(camera) == {"B": before["B"]}
+
+
+def test_animation_in_nla_strips_goes_along(camera, bridge, read):
+    keyed(camera, 1)
+    data = camera.animation_data
+    action, slot = data.action, data.action_slot
+    strip = data.nla_tracks.new().strips.new("Weights", 1, action)
+    strip.action_slot = slot
+    data.action = None
+    bridge.move_surface(camera, 1, -1)
+    for frame in FRAMES:
+        bpy.context.scene.frame_set(frame)
+        assert read(camera).weights == pytest.approx((frame / 2, 1.0, 0.25, 2.0))
+
+
 def test_swapping_the_ends_turns_the_volume_round(camera, read):
     before = read(camera).evaluate(U, V, T).position
     bpy.ops.scfpf.volume_swap()

@@ -194,3 +194,12 @@ def test_what_lies_inside_is_found(name):
     assert editing.contains(volume, volume.evaluate(*inner).position).all()
     outside = volume.evaluate(U[:40], V[:40], np.full(40, 1.05)).position
     assert not editing.contains(volume, outside).any()
+
+
+@pytest.mark.parametrize("weights", [(1.0, 2.0, 0.5), (1.0, 10.0, 0.1), (30.0, 1.0, 0.1), (0.02, 1.0, 40.0)])
+def test_what_lies_inside_a_weighted_volume_is_found(weights):
+    volume = ViewingVolume(VOLUMES["cylinders"], "NURBS", weights)
+    inner = 0.02 + 0.96 * RANDOM.random((3, 60))
+    assert editing.contains(volume, volume.evaluate(*inner).position).all()
+    outside = ViewingVolume(VOLUMES["cylinders"]).evaluate(U[:40], V[:40], np.full(40, 1.05)).position
+    assert not editing.contains(volume, outside).any()
