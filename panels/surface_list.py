@@ -47,6 +47,8 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
         if data.basis == "NURBS":
             weight = row.row()
             weight.ui_units_x = WEIGHT_WIDTH
+            # The panel splits its properties into name and value, for which there is no room here.
+            weight.use_property_split = weight.use_property_decorate = False
             weight.prop(item, "weight", text="", emboss=False)
         row.operator("scfpf.surface_select", text="", icon="RESTRICT_SELECT_OFF", emboss=False).index = index
 
