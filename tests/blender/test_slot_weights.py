@@ -151,6 +151,30 @@ def test_saved_and_reloaded(camera, read, tmp_path):
     assert np.array_equal(positions(read(camera)), before)
 
 
+def test_a_library_override_keeps_its_own_weights(camera, read, tmp_path):
+    rig = bpy.data.collections.new("Rig")
+    bpy.context.scene.collection.children.link(rig)
+    for obj in (camera, *camera.children):
+        if obj.name not in rig.objects:
+            rig.objects.link(obj)
+    library, shot = str(tmp_path / "library.blend"), str(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(library, link=True) as (_, target):
+        target.collections = ["Rig"]
+    linked = target.collections[0]
+    bpy.context.scene.collection.children.link(linked)
+    linked.override_hierarchy_create(bpy.context.scene, bpy.context.view_layer, do_fully_editable=True)
+
+    def overridden():
+        return next(o for o in bpy.context.scene.objects if o.type == "CAMERA" and o.override_library)
+
+    overridden().scfpf.surfaces[1].weight = 6.0
+    bpy.ops.wm.save_as_mainfile(filepath=shot)
+    bpy.ops.wm.open_mainfile(filepath=shot)
+    assert read(overridden()).weights == (1.0, 6.0, 0.25, 2.0)
+
+
 def test_a_duplicate_of_the_camera_has_its_weights(camera):
     bpy.ops.object.select_all(action="DESELECT")
     camera.select_set(True)
