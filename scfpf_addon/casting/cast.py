@@ -76,7 +76,7 @@ def cast(
     if columns is not None and len(x) % columns:
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
     spans = projection.volume.spans
-    if spans.degree > 1:
+    if spans.degree > 1 or spans.point_weights is not None:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
     points, mask, farthest = _projectors(projection, x, y)
     single = len(spans.matrices) == 1
@@ -101,7 +101,7 @@ def _cast_curved(
     counts: CastCounts,
     columns: int | None,
 ) -> Hits:
-    """As cast, for spans of degree 2 and more."""
+    """As cast, for spans of degree 2 and more, and for rational ones."""
     border = columns or 0
     if columns is not None:
         # A row more on either side, for the outer rows to be compared with.
