@@ -47,8 +47,9 @@ def cast_chords(
     schedule: the tile's chords, None where nothing of the scene is in reach.
     columns: when given, the projectors are rows of this many pixels, and each is
     compared with its neighbours. Position and tangent of the answer are not filled
-    in yet (``complete``). where: the stretches that are not empty, if known. Returns the pixels, too, around which there may be things too
-    thin for that (``compare.thin_things``).
+    in yet (``complete``). where: the stretches that are not empty, if known. Returns
+    the pixels, too, around which there may be things too thin for that
+    (``compare.thin_things``).
     """
     hits, thin = Hits.empty(bundle.count), np.empty(0, np.intp)
     if schedule is not None:

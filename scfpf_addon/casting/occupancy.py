@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..projection.basis import SpanBasis
-from ..projection.bezier import restrict
 from ..projection.typing import Array, BoolArray, IndexArray
+from .pieces import piece_bounds, piece_edges
 
 # Cells along an axis of the scene's bounds.
 CELLS = 64
@@ -33,9 +33,6 @@ SLACK = 2.0**-20
 
 # Side in pixels of the blocks of projectors that are looked at together.
 BLOCK = 8
-
-# Pieces of a span that are looked for in the grid.
-PIECES = 32
 
 
 @dataclass(frozen=True)
@@ -167,10 +164,7 @@ def stretches(occupancy: Occupancy, spans: SpanBasis, points: Array, columns: in
     low, high = piece_bounds(spans, lower, upper)
     slack = SLACK * (1.0 + max(float(upper.max()), -float(lower.min())))
     held = occupancy.holds(low - slack, high + slack)
-    fractions = np.linspace(0.0, 1.0, PIECES + 1)[:-1]
-    lengths = np.diff(spans.breaks)[:, None]
-    edges = np.append((spans.breaks[:-1, None] + fractions * lengths).ravel(), 1.0)
-    return Stretches(edges, held, block)
+    return Stretches(piece_edges(spans), held, block)
 
 
 def _reduced(values: Array, least: np.ufunc, axis: int) -> Array:
@@ -181,22 +175,3 @@ def _reduced(values: Array, least: np.ufunc, axis: int) -> Array:
         part = values[k::BLOCK]
         least(result[: len(part)], part, out=result[: len(part)])
     return np.moveaxis(result, 0, axis)
-
-
-def piece_bounds(spans: SpanBasis, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Bounds (3, S·PIECES, B) of the pieces of projectors whose control points lie in boxes (K, 3, B).
-
-    The control points of a piece enclose it, and are weighted sums of the projector's.
-    """
-    edges = np.linspace(0.0, 1.0, PIECES + 1)
-    degree = spans.degree
-    identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
-    pieces = restrict(identity, edges[:-1], edges[1:])
-    weights = np.einsum("jip,sik->spjk", pieces, spans.matrices).reshape(-1, degree + 1, lower.shape[0])
-    positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
-    low, high = np.empty((3, len(weights), lower.shape[2])), np.empty((3, len(weights), lower.shape[2]))
-    for axis in range(3):
-        least, most = lower[:, axis], upper[:, axis]
-        low[axis] = (positive @ least + negative @ most).min(axis=1)
-        high[axis] = (positive @ most + negative @ least).max(axis=1)
-    return low, high

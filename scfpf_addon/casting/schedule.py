@@ -26,6 +26,7 @@ from ..projection.basis import SpanBasis
 from ..projection.bezier import restrict
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection, image_derivatives
+from .pieces import piece_bounds, piece_edges
 from .scene import LARGEST_COORDINATE, CastScene
 
 # Projectors of a tile that its schedule looks at, besides its corners.
@@ -36,9 +37,6 @@ STEPS = 32
 
 # Of those projectors, how many the finished schedule is measured on.
 MEASURED = 24
-
-# Pieces of a span whose bounds are compared with the scene's.
-PIECES = 32
 
 # The denominator of a rational projector varies by less than this along a chord: as this
 # times the finer the finer chords within.
@@ -131,26 +129,11 @@ def scene_reach(spans: SpanBasis, points: Array, scene: CastScene) -> tuple[floa
     points: (K, 3, N). None where they all pass it by. Certain, not sampled: the
     control points of a piece enclose it, and those of all projectors lie in a box.
     """
-    lower, upper = points.min(axis=2), points.max(axis=2)
-    edges = np.linspace(0.0, 1.0, PIECES + 1)
-    degree = spans.degree
-    identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
-    pieces = restrict(identity, edges[:-1], edges[1:])
-    if spans.point_weights is None:
-        weights = np.einsum("jip,sik->spjk", pieces, spans.matrices)
-    else:
-        shares = np.einsum("jip,si->spji", pieces, spans.point_weights)
-        shares /= shares.sum(axis=3, keepdims=True)
-        weights = np.einsum("spji,sik->spjk", shares, spans.matrices)
-    positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
-    low = (positive @ lower + negative @ upper).min(axis=2)
-    high = (positive @ upper + negative @ lower).max(axis=2)
+    low, high = piece_bounds(spans, points.min(axis=2)[:, :, None], points.max(axis=2)[:, :, None])
     slack = FINEST * (1.0 + np.abs(points).max(initial=0.0))
-    touching = ((low <= scene.upper + slack) & (high >= scene.lower - slack)).all(axis=2)
-    lengths = np.diff(spans.breaks)[:, None]
-    starts = (spans.breaks[:-1, None] + edges[:-1] * lengths)[touching]
-    ends = (spans.breaks[:-1, None] + edges[1:] * lengths)[touching]
-    return (float(starts.min()), float(ends.max())) if len(starts) else None
+    touching = (scene.upper + slack >= low[:, :, 0].T) & (scene.lower - slack <= high[:, :, 0].T)
+    some, edges = np.flatnonzero(touching.all(axis=1)), piece_edges(spans)
+    return (float(edges[some[0]]), float(edges[some[-1] + 1])) if len(some) else None
 
 
 def sample_curves(
