@@ -12,10 +12,10 @@ from ..projection.reparameterisation import reparameterisation
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.volume import Projection, ViewingVolume
 from . import nurbs_object
-from .flexible_camera import keeps_evaluated
 from .mesh_grid import SurfaceError, grid_points
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
 from .uv_mesh import read_reshaped, read_uv_mesh
+from .volume_object import keeps_evaluated
 
 # A transform that flattens one axis to less than this share of the longest has
 # no size there: float32 matrices cannot tell it from nought.
