@@ -104,6 +104,14 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
         update=_kind_changed,
         override=OVERRIDABLE,
     )
+    is_volume: BoolProperty(
+        name="Volume Object",
+        description="This object keeps the control surfaces of its parent camera evaluated",
+        default=False,
+        options={"HIDDEN"},
+        update=_changed,
+        override=OVERRIDABLE,
+    )
 
 
 class SCFPF_CameraSettings(bpy.types.PropertyGroup):

@@ -20,6 +20,61 @@ def is_volume_object(candidate) -> bool:
     return parent is not None and parent.type == "CAMERA" and parent.scfpf.volume_object == candidate
 
 
+def volume_facts(camera) -> tuple:
+    """What ``sync_volume_object`` depends on and sets, as numbers to compare with those of another time."""
+    settings = camera.scfpf
+    if not settings.enabled:
+        return (camera.session_uid,)
+    volume = settings.volume_object
+    listed = tuple(_uid(slot.object) for slot in settings.surfaces)
+    facts = (camera.session_uid, camera.users, camera.is_editable, listed)
+    if volume is None:
+        return facts
+    modifier = _node_modifier(volume)
+    taken = () if modifier is None or modifier.node_group is None else _taken_surfaces(modifier)
+    return (
+        *facts,
+        *(_uid(volume), volume.users, _uid(volume.parent), volume.hide_viewport, volume.hide_render),
+        modifier is not None and modifier.show_viewport and modifier.show_render,
+        tuple(_uid(surface) for surface in taken),
+    )
+
+
+def _uid(obj) -> int:
+    return 0 if obj is None else obj.session_uid
+
+
+def _node_modifier(volume):
+    return next((m for m in volume.modifiers if m.type == "NODES"), None)
+
+
+def delete_volume_object(volume) -> None:
+    """Delete a volume object that no camera needs any more, with its mesh and an unused node group."""
+    data, modifier = volume.data, _node_modifier(volume)
+    group = None if modifier is None else modifier.node_group
+    bpy.data.objects.remove(volume)
+    if data.users == 0:
+        bpy.data.meshes.remove(data)
+    if group is not None and group.users == 0 and group.is_editable:
+        bpy.data.node_groups.remove(group)
+
+
+def is_deleted(surface, scene) -> bool:
+    """Whether an object was deleted from a scene with X; it lives on for its pointer.
+
+    Never an object of another file: linking a camera alone brings its surfaces
+    along without linking them to the scene, and the volume object evaluates them.
+    """
+    return surface.library is None and not holds(scene.objects, surface)
+
+
+def holds(objects, obj) -> bool:
+    """Whether an object is among a scene's or a collection's."""
+    found = objects.get(obj.name)
+    # A linked object, or a library override of it, may have the same name.
+    return found == obj or (found is not None and obj in objects.values())
+
+
 def sync_volume_object(camera):
     """Make the volume object take every surface of the list; create it where it is missing.
 
@@ -35,7 +90,7 @@ def sync_volume_object(camera):
         if volume is not None:
             _link_beside(volume, camera)
         return volume
-    if volume is None or volume.type != "MESH" or not volume.is_editable or _is_anothers(volume, camera):
+    if not _may_serve(volume, camera):
         volume = _new_volume_object(camera)
         settings.volume_object = volume
     if volume.parent != camera:
@@ -43,7 +98,7 @@ def sync_volume_object(camera):
     _link_beside(volume, camera)
     surfaces = [slot.object for slot in settings.surfaces]
     group = _volume_group(len(surfaces))
-    modifier = next((m for m in volume.modifiers if m.type == "NODES"), None)
+    modifier = _node_modifier(volume)
     if modifier is None:
         modifier = volume.modifiers.new("SCFPF Volume", "NODES")
     # Hidden or disabled, it would evaluate nothing. Eye-hidden it still does.
@@ -72,14 +127,21 @@ def sync_volume_object(camera):
 def _new_volume_object(camera):
     name = f"{camera.name} Volume"
     volume = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    volume.scfpf_surface.is_volume = True
     volume.hide_select = True
     volume.display_type = "WIRE"
     return volume
 
 
-def _is_anothers(volume, camera) -> bool:
-    """Whether a volume object serves another camera, of which this one is a duplicate."""
-    return volume.parent != camera and is_volume_object(volume)
+def _may_serve(volume, camera) -> bool:
+    """Whether an object can be the camera's volume object.
+
+    Not another camera's, of which this one is a duplicate. Not a library override either: a node
+    modifier's inputs are not overridden for good, they go back to the library's own surfaces.
+    """
+    if volume is None or volume.type != "MESH" or not volume.is_editable or volume.override_library:
+        return False
+    return volume.parent == camera or not is_volume_object(volume)
 
 
 def _link_beside(volume, camera) -> None:
@@ -91,7 +153,7 @@ def _link_beside(volume, camera) -> None:
         if scene.is_editable and scene.collection not in wanted
     ]
     for collection in wanted:
-        if collection.objects.get(volume.name) != volume:
+        if not holds(collection.objects, volume):
             collection.objects.link(volume)
     for collection in editable_collections(volume):
         if collection not in wanted:
@@ -121,7 +183,7 @@ def keeps_evaluated(camera, surface, depsgraph) -> bool:
     )
     if volume is None or getattr(volume, hide):
         return False
-    if depsgraph.scene.collection.objects.get(volume.name) != volume:
+    if not holds(depsgraph.scene.collection.objects, volume):
         return False
     return any(
         modifier.type == "NODES"
