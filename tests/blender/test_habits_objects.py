@@ -58,7 +58,7 @@ def moved(matrix, positions):
 
 
 def evaluated_positions(surface, u, v):
-    """A regular grid surface's own evaluated mesh, at its UV's, bilinearly between: independent of our reader."""
+    """The evaluated mesh of a regular grid at (u, v), bilinear between its vertices; (3, N), world."""
     evaluated = surface.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
     co = np.empty(3 * len(mesh.vertices), np.float32)
@@ -111,7 +111,7 @@ def test_camera_parented_to_a_moving_empty(camera, shown):
 
 @pytest.mark.parametrize("keep", [True, False], ids=["parent inverse", "no inverse"])
 def test_surface_parented_elsewhere(camera, shown, keep):
-    """It stays where it is, or lands in the new parent's space; then it follows that parent, not the camera."""
+    """It stays, or lands in the new parent's space; then it follows that parent, not the camera."""
     far = camera.scfpf.surfaces[2].object
     before, basis = shown(camera, 1), far.matrix_basis.copy()
     bpy.ops.object.empty_add(location=(2, 0, 5), rotation=(0, 0.3, 0.2))
@@ -193,14 +193,14 @@ def test_scale_of_the_camera(camera, shown, scale):
 
 
 def test_mirrored_camera_shows_a_mirrored_picture_as_blenders_own_does(addon, projection):
-    """A camera scaled by -1 along X: Blender's own view of the camera is mirrored, so is the volume, without a fold."""
+    """Blender's own view of a camera scaled by -1 is mirrored; so is the volume, without a fold."""
     bpy.ops.object.camera_add(location=(3, -2, 1), rotation=(1.2, 0.1, 0.4))
     camera = bpy.context.object
     bpy.context.scene.camera = camera
     camera.data.clip_start, camera.data.clip_end = 0.5, 8
     bpy.ops.scfpf.camera_from_camera()
     folds = addon("scfpf_addon.projection.folds").find_folds
-    assert folds(projection(camera)).orientation == -1
+    assert not folds(projection(camera)).mirrored
     for scale in ((-1, 1, 1), (1, -1, 1), (-1, -1, 1)):
         camera.scale = scale
         made = projection(camera)
@@ -209,7 +209,7 @@ def test_mirrored_camera_shows_a_mirrored_picture_as_blenders_own_does(addon, pr
             seen = world_to_camera_view(bpy.context.scene, camera, Vector(point))
             assert (seen.x, seen.y) == pytest.approx((u, v), abs=1e-5)
         found = folds(made)
-        assert not found and found.orientation == (1 if np.prod(scale) < 0 else -1)
+        assert not found and found.mirrored == (np.prod(scale) < 0)
 
 
 def test_apply_scale_of_a_mesh_surface(camera, add, shown):
@@ -226,7 +226,7 @@ def test_apply_scale_of_a_mesh_surface(camera, add, shown):
 
 
 def test_apply_scale_of_a_parametric_surface(camera, shown):
-    """Its shape is its parameters, its own mesh is empty: Blender's Apply changes what is seen, and undo mends it."""
+    """Its own mesh is empty, so that Blender's Apply changes what is seen; undo mends it."""
     far = camera.scfpf.surfaces[2].object
     far.scale = 2, 2, 2
     for obj in bpy.context.selected_objects:
@@ -367,11 +367,13 @@ def test_shape_keys_on_a_uv_mesh(camera, shown):
     mesh = ball.data
     uv = mesh.uv_layers.active.uv
     middles = [np.mean([uv[i].vector for i in face.loop_indices], axis=0) for face in mesh.polygons[:20]]
-    bodies = [np.mean([mesh.vertices[i].co for i in face.vertices], axis=0) for face in mesh.polygons[:20]]
+    bodies = np.array(
+        [np.mean([mesh.vertices[i].co for i in face.vertices], axis=0) for face in mesh.polygons[:20]]
+    )
     u, v = np.array(middles, float).T
     bpy.context.scene.frame_set(1)
     first = shown_at(camera, shown, u, v)
-    assert np.abs(first - (np.array(bodies).T + [[0], [0], [-6]])).max() < 1e-4
+    assert np.abs(first - (bodies + np.array([0, 0, -6])).T).max() < 1e-4
     for frame, shift in ((6, 1.5), (11, 3)):
         bpy.context.scene.frame_set(frame)
         assert np.allclose(shown_at(camera, shown, u, v) - first, [[shift], [0], [0]], atol=1e-4)
@@ -416,7 +418,7 @@ def test_further_modifiers_reshape_the_volume(camera, add, shown, which, kind, h
         seen.append(shown(camera, 1))
         assert np.abs(seen[-1] - evaluated_positions(last, U, V)).max() < FLOAT32 * 3
     if which == "Subdivide and bend":
-        # More faces on the flat facets: the faceted shape stays, a cylinder's chords are off by r(1-cos(arc/64)).
+        # More faces on flat facets: a cylinder's chords are off by r(1-cos(arc/64)).
         sagitta = 9 * (1 - math.cos(2 / 64)) if kind == "CYLINDER" else 0
         assert np.abs(seen[0] - plain).max() < sagitta + FLOAT32
     else:
