@@ -205,6 +205,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     settings.reparameterisation = fitted.reparameterisation
     settings.u_range = fitted.u_range
     settings.v_range = fitted.v_range
+    settings.fit, settings.fitted_aspect = fitted.fit, aspect
     make_flexible(camera)
     sizes = np.diag([scale, scale, scale, 1.0])
     approximate_lens(camera, fitted.projection(aspect).transformed(sizes))
@@ -321,6 +322,10 @@ def volume_from_camera(camera, scene) -> None:
     settings = camera.scfpf
     settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
     settings.u_range = settings.v_range = (0.0, 1.0)
+    width, height = (right_top - left_bottom)[:2]
+    # As the ordinary camera: the side that its sensor is fitted to stays.
+    is_wide = lens.sensor_fit == "HORIZONTAL" or (lens.sensor_fit == "AUTO" and width >= height)
+    settings.fit, settings.fitted_aspect = "HEIGHT" if is_wide else "WIDTH", width / height
     make_flexible(camera)
 
 
