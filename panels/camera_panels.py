@@ -153,6 +153,11 @@ class _ProjectorsSection(_Subsection):
             column = layout.column(align=True)
             column.prop(settings, f"{axis}_range", index=0, text=f"{axis.upper()} Start")
             column.prop(settings, f"{axis}_range", index=1, text="End")
+        column = layout.column(align=True)
+        column.prop(settings, "fit")
+        row = column.row()
+        row.active = settings.fit != "NONE"
+        row.prop(settings, "fitted_aspect", text="Aspect")
 
 
 class _QualitySection(_Subsection):
