@@ -8,6 +8,7 @@ from ..scfpf_addon.bridge import volume_edits
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.render_job import picture_aspect
 from .errors import BAD_INPUT
+from .local_view import show_in_local_view
 from .placement import SHAPES, scene_box
 from .surfaces import poll_slot
 from .target import flexible_camera_of, poll_flexible_camera
@@ -24,11 +25,15 @@ class _Tool:
     poll = classmethod(poll_flexible_camera)
 
     def execute(self, context):
+        camera = flexible_camera_of(context)
+        before = {slot.object for slot in camera.scfpf.surfaces}
         try:
-            message = self.edit(context, flexible_camera_of(context))
+            message = self.edit(context, camera)
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        made = [slot.object for slot in camera.scfpf.surfaces if slot.object not in before]
+        show_in_local_view(context, made)
         if message:
             self.report({"INFO"}, message)
         return {"FINISHED"}
@@ -47,7 +52,7 @@ def _poll_two(cls, context):
 class SCFPF_OT_surface_insert(_Tool, bpy.types.Operator):
     """Insert one more control surface and leave the volume as it is at this frame.
 
-    Bézier projectors get new inner surfaces, without the old ones' animation; near and far stay"""
+    Of polylines all others stay; otherwise the inner ones are replaced and lose their animation"""
 
     bl_idname = "scfpf.surface_insert"
     bl_label = "Insert Control Surface"

@@ -19,6 +19,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..projection.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
 from . import edit_volume, flexible_camera, surface_nodes
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
@@ -34,6 +35,11 @@ BASES = (
         "B_SPLINE",
         "B-Spline",
         "A smooth curve on which each surface acts near by only; up to four surfaces it is the Bézier curve",
+    ),
+    (
+        "NURBS",
+        "NURBS",
+        "The B-spline with a weight for each surface; with three surfaces an arc of a circle, for example",
     ),
 )
 REPARAMETERISATIONS = (
@@ -86,7 +92,10 @@ def _may_be_volume(settings, candidate) -> bool:
 
 
 class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
-    """One place in a flexible camera's ordered list of control surfaces."""
+    """One place in a flexible camera's ordered list of control surfaces.
+
+    Change the order through ``slot_animation``, which takes the slots' animation along.
+    """
 
     object: PointerProperty(
         name="Control Surface",
@@ -94,6 +103,19 @@ class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
         type=bpy.types.Object,
         poll=_may_be_surface,
         update=_volume_changed,
+        override=OVERRIDABLE,
+    )
+    weight: FloatProperty(
+        name="Weight",
+        description="How strongly NURBS projectors are drawn to this surface, compared with the others",
+        default=1.0,
+        min=SMALLEST_WEIGHT,
+        soft_min=0.01,
+        soft_max=100.0,
+        max=LARGEST_WEIGHT,
+        precision=3,
+        step=10,
+        update=_changed,
         override=OVERRIDABLE,
     )
 
@@ -108,6 +130,14 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
         default="NONE",
         options=set(),
         update=_kind_changed,
+        override=OVERRIDABLE,
+    )
+    is_volume: BoolProperty(
+        name="Volume Object",
+        description="This object keeps the control surfaces of its parent camera evaluated",
+        default=False,
+        options={"HIDDEN"},
+        update=_changed,
         override=OVERRIDABLE,
     )
 
@@ -324,6 +354,29 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         name="Found Object",
         description="What was looked for in the picture, and how much of it is to be seen",
         default="",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    fit: EnumProperty(
+        name="Fit",
+        description="What changes of the volume when it is fitted to a picture of another shape",
+        items=(
+            ("NONE", "None", "The volume does not depend on the picture's shape"),
+            ("WIDTH", "Width", "The width along the camera's X axis; the height stays"),
+            ("HEIGHT", "Height", "The height along the camera's Y axis; the width stays"),
+        ),
+        default="NONE",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    fitted_aspect: FloatProperty(
+        name="Fitted Aspect",
+        description="Width by height of the picture that the volume is made for",
+        default=1.0,
+        min=1e-6,
+        max=1e6,
         options=set(),
         update=_changed,
         override=OVERRIDABLE,

@@ -34,12 +34,14 @@ class Folds:
 
     share: of the shown volume, in image × t, that is folded, in [0, 0.5]. orientation:
     the sign of det[Qu Qv Qt] in the rest, -1 or 1, 0 if it vanishes everywhere.
+    mirrored: whether the picture is that of a mirror outside the folds.
     positions: (3, F) float64, the samples in the folds, as Q.
     """
 
     share: float
     orientation: int
     positions: Array
+    mirrored: bool = False
 
     def __bool__(self) -> bool:
         return self.share > 0.0
@@ -67,7 +69,7 @@ def find_folds(projection: Projection) -> Folds:
     positions = _evaluate(projection.volume, part, middle).position.reshape(3, *signs.shape)
     # Back from the image to u and v: the commoner handedness of the image map.
     handedness = 1 if turn[shown].sum() >= 0 else -1
-    return Folds(float(folded.sum() / certain), majority * handedness, positions[:, folded])
+    return Folds(float(folded.sum() / certain), majority * handedness, positions[:, folded], majority > 0)
 
 
 def orientations(
@@ -97,6 +99,9 @@ def folded_pieces(volume: ViewingVolume, controls: ControlSample, t: Array, orie
     folded = np.zeros((len(controls.valid), len(t)), bool)
     if orientation == 0:
         return folded
+    if volume.spans.point_weights is not None:
+        # Rational projectors have no determinant in Bernstein form.
+        return np.equal(orientations(volume, controls, t), -orientation)
     coefficients = determinant_controls(volume, controls)
     doubtful = (orientation * coefficients < 0).any(axis=(0, 1))
     if not doubtful.any():
@@ -127,8 +132,8 @@ def _part(controls: ControlSample, chosen: BoolArray) -> ControlSample:
 def determinant_controls(volume: ViewingVolume, controls: ControlSample) -> Array:
     """det[Qu Qv Qt] on N projectors in Bernstein form, (S, 3d, N) for S spans of degree d.
 
-    Of each span's own parameter in [0, 1]; Qt is by t. Products as in Farin and Rajan, "Algorithms
-    for polynomials in Bernstein form" (1988).
+    Of each span's own parameter in [0, 1]; Qt is by t. Not for rational projectors.
+    Products as in Farouki and Rajan, "Algorithms for polynomials in Bernstein form" (1988).
     """
     spans = volume.spans
     found = []

@@ -180,6 +180,16 @@ def test_the_quick_way_finds_the_same_folded_pieces(seed, count, basis):
         assert np.array_equal(found, (signs == -orientation) & (orientation != 0))
 
 
+def test_rational_projectors_have_the_same_folded_pieces():
+    volume = replace(random_volume(2, 3, "NURBS"), weights=(1.0, 4.0, 0.5))
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 11)))
+    controls = volume.controls(u, v)
+    t = (np.arange(FOLD_PIECES) + 0.5) / FOLD_PIECES
+    signs = orientations(volume, controls, t)
+    for orientation in (-1, 1):
+        assert np.array_equal(folded_pieces(volume, controls, t, orientation), signs == -orientation)
+
+
 @pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
 def test_the_quick_way_finds_the_same_in_presets(path):
     volume = in_float32(read_preset(path).projection(1.5)).volume
@@ -201,3 +211,12 @@ def test_the_determinant_in_bernstein_form_is_the_determinant(basis):
     found = np.einsum("kn,kn->n", weights, coefficients[span, :, np.arange(50)].T)
     expected = determinant(volume.evaluate(u, v, t))
     assert np.allclose(found, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("flip", [(1, 1, 1), (-1, 1, 1), (1, -1, 1), (-1, -1, 1)])
+def test_a_volume_in_a_mirror_has_a_mirrored_picture(path, flip):
+    """Polar pictures too, whose u and v have the other handedness."""
+    found = find_folds(read_preset(path).projection(1.5).transformed(np.diag([*map(float, flip), 1.0])))
+    assert found.share == 0
+    assert found.mirrored == (np.prod(flip) < 0)

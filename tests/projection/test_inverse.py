@@ -102,6 +102,14 @@ def test_every_kind_gives_back_the_parameters(kind, basis):
     assert np.allclose(place[:3], parameters, atol=1e-7)
 
 
+def test_rational_projectors_give_back_the_parameters():
+    surfaces = tuple(Plane(1 + i, 1 + i, matrix=placed(-2 * i)) for i in range(3))
+    volume = ViewingVolume(surfaces, "NURBS", (1.0, 5.0, 0.5))
+    parameters, points = forward(volume)
+    place = invert(volume, points)
+    assert place.found.all() and np.allclose(place[:3], parameters, atol=1e-7)
+
+
 @pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
 @pytest.mark.parametrize("move", [0.0, 1e5], ids=["here", "far off"])
 def test_every_preset_gives_back_the_place_in_the_image(path, move):

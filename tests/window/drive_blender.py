@@ -21,6 +21,10 @@ import traceback
 import bpy
 import numpy as np
 
+sys.path.insert(0, str(pathlib.Path(__file__).parent))
+
+import habit_scenarios
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 REPOSITORY = "checkout"
 IMAGE = "SCFPF Render"
@@ -419,6 +423,7 @@ SCENARIOS = (
     file_opened_during_render,
     picture_in_a_window,
     undo,
+    *habit_scenarios.SCENARIOS,
 )
 
 
