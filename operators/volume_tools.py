@@ -6,6 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
 
 from ..scfpf_addon.bridge import volume_edits
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
+from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.render_job import picture_aspect
 from ..scfpf_addon.projection.editing import framing
 from .errors import BAD_INPUT
@@ -36,10 +37,11 @@ class _Tool:
 
 
 def _poll_two(cls, context):
-    """A poll for tools that need a volume: two surfaces at least."""
+    """A poll for tools that need a volume: two surfaces at least, or a lattice."""
     if not poll_flexible_camera(cls, context):
         return False
-    if len(flexible_camera_of(context).scfpf.surfaces) < 2:
+    slots = flexible_camera_of(context).scfpf.surfaces
+    if len(slots) < 2 and not is_lattice_volume(slots):
         cls.poll_message_set("The volume needs two control surfaces at least")
         return False
     return True

@@ -15,6 +15,7 @@ KIND_ICONS = {
     "GRID": "MESH_GRID",
     "UV_MESH": "UV",
     "NURBS": "SURFACE_NSURFACE",
+    "LATTICE": "MOD_LATTICE",
 }
 
 
@@ -35,7 +36,15 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
             )
             return
         row.prop(item.object, "name", text="", emboss=False, icon=KIND_ICONS[item.object.scfpf_surface.kind])
-        end = "Near" if index == 0 else "Far" if index == len(data.surfaces) - 1 else ""
+        end = (
+            ""
+            if len(data.surfaces) == 1
+            else "Near"
+            if index == 0
+            else "Far"
+            if index == len(data.surfaces) - 1
+            else ""
+        )
         if end and end not in item.object.name:
             place = row.row()
             place.alignment = "RIGHT"

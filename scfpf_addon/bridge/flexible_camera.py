@@ -10,9 +10,9 @@ import numpy as np
 from mathutils import Matrix
 
 from ..projection.volume import Projection
-from . import nurbs_object, surface_nodes, versions
+from . import lattice_object, nurbs_object, surface_nodes, versions
 from .node_builder import NodeBuilder
-from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
+from .surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
 
 # The parameters that a preset's scale multiplies; the others are angles and counts.
@@ -68,7 +68,7 @@ def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=No
     """
     _require_camera(camera)
     title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else MESH_KINDS.get(kind)
-    title = nurbs_object.TITLE if kind == nurbs_object.KIND else title
+    title = OBJECT_KINDS[kind].TITLE if kind in OBJECT_KINDS else title
     surface = surface_nodes.new_surface(name or title, kind, parameters, points)
     _place(camera, surface, np.eye(4) if matrix is None else matrix)
     _insert(camera, surface, index)
@@ -97,20 +97,20 @@ def attach_surface(camera, surface) -> None:
     """Append an existing object to the camera's surfaces.
 
     A mesh that is no control surface yet gets the kind that its UV map shows:
-    a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS. Raises
+    a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS, a lattice LATTICE. Raises
     FlexibleCameraError for any other object.
     """
     _require_camera(camera)
     if not may_be_surface(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be a control surface: choose a mesh with a UV map, or a surface object"
+            f"'{surface.name}' cannot be a control surface: choose a mesh with UV map, a surface or a lattice"
         )
     _insert(camera, surface)
 
 
 def may_be_surface(candidate) -> bool:
     """Whether an object is of a type that control surfaces have, and no volume object."""
-    return candidate.type in {"MESH", "SURFACE"} and not is_volume_object(candidate)
+    return candidate.type in {"MESH", "SURFACE", "LATTICE"} and not is_volume_object(candidate)
 
 
 def _take_kind(surface) -> None:
@@ -119,6 +119,8 @@ def _take_kind(surface) -> None:
         return
     if surface.type == "SURFACE":
         surface.scfpf_surface.kind = nurbs_object.KIND
+    elif surface.type == "LATTICE":
+        surface.scfpf_surface.kind = lattice_object.KIND
     elif surface.type == "MESH":
         surface.scfpf_surface.kind = mesh_kind(surface)
 

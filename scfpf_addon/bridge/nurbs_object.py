@@ -36,7 +36,7 @@ def flat_points():
     return np.stack([x, y, np.zeros_like(x)], 2)
 
 
-def new_patch_data(name: str, points, parameters: dict):
+def new_data(name: str, points, parameters: dict):
     """Data for a SURFACE object: one patch that begins and ends at its outer points.
 
     points: (rows, columns, 3), or 4 with weights, at least 3 × 3; None is flat.
@@ -74,13 +74,13 @@ def _checked(points, along_u: NurbsAxis, along_v: NurbsAxis):
     return points if points.shape[2] == 4 else np.pad(points, ((0, 0), (0, 0), (0, 1)), constant_values=1.0)
 
 
-def set_patch_parameters(surface, parameters: dict) -> None:
+def write_parameters(surface, parameters: dict) -> None:
     """Write points, as many as there are, order_u and order_v. Raises SurfaceError."""
     spline = _only_spline(surface)
     unknown = set(parameters) - {"points", *ORDERS}
     if unknown:
         raise SurfaceError(f"A {TITLE} has no parameter {min(unknown)!r}")
-    now = patch_parameters(surface) | parameters
+    now = read_parameters(surface) | parameters
     points = np.asarray(now["points"], np.float64)
     if points.shape[:2] != (spline.point_count_v, spline.point_count_u):
         raise SurfaceError(
@@ -93,7 +93,7 @@ def set_patch_parameters(surface, parameters: dict) -> None:
     surface.data.update_tag()
 
 
-def patch_parameters(surface) -> dict:
+def read_parameters(surface) -> dict:
     """points (rows, columns, 4) float64 with their weights, order_u and order_v; modifiers do not count."""
     spline = _only_spline(surface)
     return {"points": _points(spline), "order_u": spline.order_u, "order_v": spline.order_v}
@@ -127,7 +127,7 @@ def _make_net(data, rows: int, columns: int) -> None:
         bpy.data.scenes.remove(scene)
 
 
-def spline_properties(surface) -> list[tuple[str, object, str]]:
+def data_properties(surface) -> list[tuple[str, object, str]]:
     """(label, owner, property) of what defines a patch besides its points, for panels."""
     if surface.type != "SURFACE" or len(surface.data.splines) != 1:
         return []

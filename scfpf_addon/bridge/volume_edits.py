@@ -15,6 +15,7 @@ from ..projection.editing import EditingError, blend, contains, elevated, lattic
 from ..projection.preset import surface_from_parameters
 from ..projection.surfaces import ControlSurface
 from ..projection.volume import Projection
+from . import lattice_object
 from .flexible_camera import (
     FlexibleCameraError,
     add_surface,
@@ -87,7 +88,10 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
     """
     volume = _in_camera_space(camera, depsgraph, aspect).volume
     surfaces, basis = volume.surfaces, camera.scfpf.basis
-    _surfaces(camera)
+    if any(surface.scfpf_surface.kind == lattice_object.KIND for surface in _surfaces(camera)):
+        raise FlexibleCameraError(
+            "A lattice stands for several control surfaces: give it more points along W instead"
+        )
     if basis == "BEZIER":
         first, shapes, replaced = 1, elevated(surfaces, cells), len(surfaces) - 2
     elif basis == "POLYLINE":
@@ -159,7 +163,9 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
         kind = surface.scfpf_surface.kind
         if kind not in PARAMETRIC_KINDS:
             if kind not in MESH_KINDS:
-                raise FlexibleCameraError(f"'{surface.name}' cannot be mirrored: convert it to a grid first")
+                raise FlexibleCameraError(
+                    f"'{surface.name}' cannot be mirrored: take another kind of control surface first"
+                )
             continue
         if kind == "POINT":
             continue

@@ -163,7 +163,9 @@ class Bundle:
         """Start and length of the spans in t, and the heights as their Bézier coefficients."""
         breaks = self.spans.breaks
         if len(self.spans.matrices) == 1:
-            return breaks[:1], breaks[1:] - breaks[:1], heights
+            matrix = self.spans.matrices[0]
+            plain = matrix.shape[0] == matrix.shape[1]
+            return breaks[:1], breaks[1:] - breaks[:1], heights if plain else matrix @ heights
         coefficients: Array = np.einsum("nik,kn->in", self.spans.matrices[span], heights)
         return breaks[span], breaks[span + 1] - breaks[span], coefficients
 
