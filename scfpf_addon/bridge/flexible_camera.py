@@ -135,7 +135,7 @@ def _flexible_cameras():
     return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]
 
 
-def _delete_if_unused(camera, surface) -> None:
+def delete_if_unused(camera, surface) -> None:
     """Delete a surface that is the camera's own child and on no camera's list."""
     if surface is None or surface.parent != camera or not surface.is_editable:
         return
@@ -156,7 +156,7 @@ def remove_surface(camera, index: int) -> None:
     surface = settings.surfaces[index].object
     settings.surfaces.remove(index)
     settings.active_surface = max(min(settings.active_surface, len(settings.surfaces) - 1), 0)
-    _delete_if_unused(camera, surface)
+    delete_if_unused(camera, surface)
     sync_volume_object(camera)
 
 
@@ -185,7 +185,7 @@ def clear_surfaces(camera) -> None:
     settings.surfaces.clear()
     settings.active_surface = 0
     for surface in surfaces:
-        _delete_if_unused(camera, surface)
+        delete_if_unused(camera, surface)
     sync_volume_object(camera)
 
 
@@ -354,7 +354,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     if not (math.isfinite(scale) and scale > 0):
         raise FlexibleCameraError(f"A preset's scale must be a number above 0, not {scale}")
     fitted = preset.fitted(aspect)
-    _replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
+    replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
     settings = camera.scfpf
     settings.basis = fitted.basis
     settings.reparameterisation = fitted.reparameterisation
@@ -366,7 +366,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
 
 
 def _scaled(surface, scale: float):
-    """A preset's surface as ``_replace_surfaces`` takes it, every length multiplied."""
+    """A preset's surface as ``replace_surfaces`` takes it, every length multiplied."""
     lengths = {given.key: given.default for given in _display_lengths(surface.kind)} | surface.parameters
     parameters = {key: value * scale if key in LENGTHS else value for key, value in lengths.items()}
     points = None if surface.points is None else np.array(surface.points, np.float64)
@@ -383,7 +383,7 @@ def _display_lengths(kind: str):
     return [given for given in display if given.key in LENGTHS]
 
 
-def _replace_surfaces(camera, described) -> None:
+def replace_surfaces(camera, described) -> None:
     """Replace all surfaces by new ones.
 
     described: (name, kind, matrix in camera space, parameters, points) of each.
@@ -472,7 +472,7 @@ def volume_from_camera(camera, scene) -> None:
         matrix[2, 3] = -depth
         size = {"width": width, "height": height}
         described.append((name, "PLANE", undo_scale @ matrix, size, None))
-    _replace_surfaces(camera, described)
+    replace_surfaces(camera, described)
     settings = camera.scfpf
     settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
     settings.u_range = settings.v_range = (0.0, 1.0)

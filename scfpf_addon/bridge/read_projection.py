@@ -57,7 +57,7 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
             raise ProjectionError(
                 f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
             )
-        surfaces.append(_read_surface(slot.object, camera.original, depsgraph))
+        surfaces.append(read_surface(slot.object, camera.original, depsgraph))
     return Projection(
         _volume(camera.name, surfaces, settings),
         reparameterisation(settings.reparameterisation),
@@ -99,7 +99,7 @@ def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> 
     return ViewingVolume(tuple(surfaces), settings.basis)
 
 
-def _read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
+def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
     """One control surface of a camera in world space."""
     name, kind = surface.name, surface.scfpf_surface.kind
     if not _is_in(depsgraph.scene, surface):

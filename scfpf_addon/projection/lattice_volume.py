@@ -152,6 +152,30 @@ class Lattice:
     moved: Array
     kinds: tuple[Interpolation, Interpolation, Interpolation]
 
+    @classmethod
+    def through(cls, points: Array, kinds: tuple[Interpolation, Interpolation, Interpolation]) -> Lattice:
+        """The lattice over the unit cube about the origin that takes its points at rest to ``points``.
+
+        points: (W, V, U, 3), at least 2 along each. B-splines do not pass through the lattice's own points.
+        """
+        shape = points.shape[:3]
+        rest = np.meshgrid(*(np.linspace(-0.5, 0.5, count) for count in shape), indexing="ij")
+        moved = points - np.stack(rest[::-1], axis=-1)
+        for axis, (count, kind) in enumerate(zip(shape, kinds[::-1], strict=True)):
+            even = np.linspace(0.0, 1.0, count)
+            at_points = _functions(kind, count).weights(even)[0][:count].T
+            along = np.tensordot(np.linalg.inv(at_points), moved, (1, axis))
+            moved = np.moveaxis(along, 0, axis)
+        return cls(np.full(3, -0.5), np.full(3, 0.5), moved, kinds)
+
+    @property
+    def points(self) -> Array:
+        """Where the points have been moved to, (W, V, U, 3)."""
+        axes = zip(self.low[::-1], self.high[::-1], self.moved.shape[:3], strict=True)
+        rest = np.meshgrid(*(np.linspace(low, high, count) for low, high, count in axes), indexing="ij")
+        points: Array = self.moved + np.stack(rest[::-1], axis=-1)
+        return points
+
     def layers(self, matrix: Array) -> tuple[LatticeLayer, ...]:
         """The layers as control surfaces, the near one first. matrix: (4, 4), own to volume space."""
         count = len(self.moved)

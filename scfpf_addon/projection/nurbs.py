@@ -237,7 +237,12 @@ def fitted_points(samples: Array, weights: Array, along_u: NurbsAxis, along_v: N
 def _collocation(basis: Basis, samples: int) -> Array:
     """The basis functions (columns) at even parameters (rows), (samples, count)."""
     step = samples if basis.axis.cyclic else max(samples - 1, 1)
-    acting = basis.acting(basis.at(np.arange(samples) / step)[0])
-    matrix = np.zeros((samples, basis.count))
-    np.add.at(matrix, (np.arange(samples), acting.point), acting.value)
+    return functions(basis, np.arange(samples) / step)
+
+
+def functions(basis: Basis, parameter: Array) -> Array:
+    """All basis functions, columns, at parameters (N,), rows: (N, count)."""
+    acting = basis.acting(basis.at(parameter)[0])
+    matrix = np.zeros((len(parameter), basis.count))
+    np.add.at(matrix, (np.arange(len(parameter)), acting.point), acting.value)
     return matrix
