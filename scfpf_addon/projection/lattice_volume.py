@@ -17,6 +17,7 @@ from typing import Literal
 import numpy as np
 
 from .basis import SpanBasis, span_basis
+from .piecewise import BLOCK, evaluate_pieces
 from .surfaces import ControlSurface, Placement, SurfaceSample
 from .typing import Array, IndexArray
 from .volume import ViewingVolume
@@ -82,7 +83,7 @@ class LatticeLayer(ControlSurface):
         patches = np.einsum("rp,cq,rcyxk->pqkyx", up, across, around, optimize=True)
         return np.ascontiguousarray(patches.reshape(4, 4, 3, -1))
 
-    def _cell(self, u: Array, v: Array) -> tuple[Array, Array, Array]:
+    def _cell(self, u: Array, v: Array) -> tuple[IndexArray, Array, Array]:
         rows, columns = np.shape(self.moved)[:2]
         across, up = u * (columns - 1), v * (rows - 1)
         column = np.clip(np.floor(across), 0, columns - 2)
@@ -90,11 +91,14 @@ class LatticeLayer(ControlSurface):
         return (row * (columns - 1) + column).astype(np.int64), across - column, up - row
 
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
-        cell, a, b = self._cell(u, v)
         position = self._rest(u, v)
-        for component, target in enumerate(position):
-            by_u = [self._along_v(cell, b, power, component) for power in range(self._degree_u + 1)]
-            target += _horner(by_u, a)
+        table = self._patches[: self._degree_v + 1, : self._degree_u + 1]
+        moved = np.empty((3, min(len(u), BLOCK)))
+        for start in range(0, len(u), BLOCK):
+            part = slice(start, start + BLOCK)
+            cell, a, b = self._cell(u[part], v[part])
+            evaluate_pieces(table, cell, a, b, moved[:, : len(cell)])
+            position[:, part] += moved[:, : len(cell)]
         return Placement(position, np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
@@ -116,6 +120,10 @@ class LatticeLayer(ControlSurface):
     def _degree_u(self) -> int:
         return 1 if self.along_u == "LINEAR" else 3
 
+    @property
+    def _degree_v(self) -> int:
+        return 1 if self.along_v == "LINEAR" else 3
+
     def _rest(self, u: Array, v: Array) -> Array:
         position = np.empty((3, len(u)))
         position[0] = self.corner[0] + u * self.extent[0]
@@ -123,13 +131,12 @@ class LatticeLayer(ControlSurface):
         position[2] = self.corner[2]
         return position
 
-    def _along_v(self, cell: Array, b: Array, power: int, component: int, slope: bool = False) -> Array:
+    def _along_v(self, cell: IndexArray, b: Array, power: int, component: int, slope: bool = False) -> Array:
         """The coefficient of a power of u in each cell, (N,), at b, or its derivative by b."""
-        degree = 1 if self.along_v == "LINEAR" else 3
-        flat = self._patches[:, power, component]
+        flat = self._patches[: self._degree_v + 1, power, component]
         if slope:
-            return _horner([p * flat[p].take(cell) for p in range(1, degree + 1)], b)
-        return _horner([flat[p].take(cell) for p in range(degree + 1)], b)
+            return _horner([p * row.take(cell) for p, row in enumerate(flat)][1:], b)
+        return _horner([row.take(cell) for row in flat], b)
 
 
 def _horner(coefficients: list[Array], x: Array) -> Array:
