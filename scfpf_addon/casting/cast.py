@@ -9,7 +9,7 @@ import numpy as np
 
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
-from .chords import cast_chords
+from .chords import cast_chords, complete
 from .curves import Bundle
 from .hits import CastCounts, Hits
 from .scene import CastError, CastScene
@@ -51,6 +51,7 @@ def cast(
     pixel_error: float = 0.1,
     counts: CastCounts | None = None,
     columns: int | None = None,
+    weighted: bool = True,
 ) -> Hits:
     """The first hit of the projectors through image positions x, y.
 
@@ -62,6 +63,7 @@ def cast(
     polylines have no such error. counts: added to when given. columns: says that x, y
     are whole rows of that many neighbouring pixels, from the bottom up; curved
     projectors are then cast in a fraction of the time (``chords.cast_chords``).
+    weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
     Raises CastError for a negative or non-finite pixel error.
     """
     if not 0.0 <= pixel_error < math.inf:
@@ -78,12 +80,14 @@ def cast(
     points, mask, farthest = _projectors(projection, x, y)
     single = len(spans.matrices) == 1
     if single and farthest <= FAR:
-        return cast_straight(scene, points, mask, (0.0, 1.0), counts)
+        return cast_straight(scene, points, mask, (0.0, 1.0), counts, weighted)
     reach = scene_reach(spans, points, scene)
     if single:
-        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts)
+        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
     schedule = None if reach is None else corners(spans, reach)
-    return cast_chords(scene, Bundle(spans, points), mask, schedule, None, False, counts)
+    counts.projectors += int(np.count_nonzero(mask))
+    bundle = Bundle(spans, points)
+    return complete(cast_chords(scene, bundle, mask, schedule, None, counts)[0], bundle)
 
 
 def _cast_curved(
@@ -97,26 +101,43 @@ def _cast_curved(
     columns: int | None,
 ) -> Hits:
     """As cast, for spans of degree 2 and more."""
-    chord_error = pixel_error
+    border = columns or 0
     if columns is not None:
         # A row more on either side, for the outer rows to be compared with.
         x = np.concatenate([x[:columns], x, x[-columns:]])
         y = np.concatenate([y[:columns] - pixel_size[1], y, y[-columns:] + pixel_size[1]])
-        chord_error = max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error))
-    fine_error = FINE_SHARE * max(pixel_error, SMALLEST_ERROR)
-    finer = math.ceil(math.sqrt(max(chord_error / fine_error, 1.0)))
     points, mask, _ = _projectors(projection, x, y)
     if columns is not None:
         mask[:columns] &= y[:columns] > 0.0
         mask[-columns:] &= y[-columns:] < 1.0
     spans = projection.volume.spans
-    schedule: Schedule | None = None
+    inner = slice(border, len(x) - border)
+    bundle, shown = Bundle(spans, points), Bundle(spans, points[:, :, inner])
+    counts.projectors += int(np.count_nonzero(mask[inner]))
     reach = scene_reach(spans, points, scene)
-    if reach is not None and mask.any():
-        curves = sample_curves(projection, x, y, mask, pixel_size)
-        schedule = plan(spans, curves, reach, chord_error, finer)
-    compared = schedule is not None and schedule.error > pixel_error
-    return cast_chords(scene, Bundle(spans, points), mask, schedule, columns, compared, counts)
+    if reach is None or not mask.any():
+        return complete(cast_chords(scene, shown, mask[inner], None, None, counts)[0], shown)
+    curves = sample_curves(projection, x, y, mask, pixel_size)
+
+    def schedule(chord_error: float) -> Schedule:
+        fine_error = FINE_SHARE * max(pixel_error, SMALLEST_ERROR)
+        finer = math.ceil(math.sqrt(max(chord_error / fine_error, 1.0)))
+        return plan(spans, curves, reach, chord_error, finer)
+
+    if columns is not None:
+        coarse = schedule(max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error)))
+        if coarse.error > pixel_error:
+            hits, thin = cast_chords(scene, bundle, mask, coarse, columns, counts)
+            hits = hits.within(inner)
+            if len(thin):
+                counts.thin += len(thin)
+                fine = schedule(pixel_error)
+                again = cast_chords(scene, shown.take(thin), hits.mask[thin], fine, None, counts)[0]
+                nearer = np.flatnonzero(again.t < hits.t[thin])
+                hits.put(thin[nearer], again.take(nearer))
+            return complete(hits, shown)
+    hits = cast_chords(scene, shown, mask[inner], schedule(pixel_error), None, counts)[0]
+    return complete(hits, shown)
 
 
 def _projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import BoolArray
-from .compare import compare
+from .compare import compare, thin_things
 from .curves import Bundle
 from .hits import CastCounts, Hits
 from .records import Records
@@ -38,42 +38,39 @@ def cast_chords(
     mask: BoolArray,
     schedule: Schedule | None,
     columns: int | None,
-    compared: bool,
     counts: CastCounts,
-) -> Hits:
+) -> tuple[Hits, NDArray[np.intp]]:
     """Cast the projectors of ``bundle``, cast space; mask: (N,) says which exist.
 
     schedule: the tile's chords, None where nothing of the scene is in reach.
-    columns: when given, the projectors are rows of this many pixels, and the first
-    and the last row are there only to be looked at by their neighbours: the
-    answer leaves them out. compared: whether pixels are compared with their neighbours.
+    columns: when given, the projectors are rows of this many pixels, and each is
+    compared with its neighbours. Position and tangent of the answer are not filled
+    in yet (``complete``). Returns the pixels, too, around which there may be things too
+    thin for that (``compare.thin_things``).
     """
-    hits = Hits.empty(bundle.count)
-    border = columns or 0
-    inner = slice(border, bundle.count - border)
-    counts.projectors += int(np.count_nonzero(mask[inner]))
+    hits, thin = Hits.empty(bundle.count), np.empty(0, np.intp)
     if schedule is not None:
         counts.error_bound = max(counts.error_bound, schedule.error / schedule.finer**2)
-        work = Work(scene, bundle, schedule, hits, counts)
-        records = first = _march(work, mask)
+        work = Work(scene, bundle, schedule, hits, np.full(bundle.count, np.inf), counts)
+        records = _march(work, mask)
         while len(records.projector):
             records = _settle(work, records)
-        if columns and compared:
-            compare(work, first, mask, columns)
-    return _finish(hits, bundle, mask, inner)
+        if columns:
+            compare(work, mask, columns)
+            thin = thin_things(work, columns)
+    hits.mask[:] = mask
+    return hits, thin
 
 
-def _finish(hits: Hits, bundle: Bundle, mask: BoolArray, inner: slice) -> Hits:
-    """Positions and tangents of the hits, for the projectors in ``inner``."""
-    hits = hits.within(inner)
-    mask, bundle = mask[inner], Bundle(bundle.spans, bundle.points[:, :, inner])
+def complete(hits: Hits, bundle: Bundle) -> Hits:
+    """The hits of ``bundle`` with their positions and tangents."""
     t = np.where(hits.triangle >= 0, hits.t, 1.0)
     position, tangent = bundle.at(t)
     bundle.steer(t, tangent)
-    if not mask.all():
-        position[:, ~mask] = 0.0
-        tangent[:, ~mask] = 0.0
-    return hits._replace(position=position, tangent=tangent, mask=mask)
+    if not hits.mask.all():
+        position[:, ~hits.mask] = 0.0
+        tangent[:, ~hits.mask] = 0.0
+    return hits._replace(position=position, tangent=tangent)
 
 
 def _march(work: Work, mask: BoolArray) -> Records:
@@ -124,9 +121,14 @@ def _settle(work: Work, records: Records) -> Records:
     again = records.take(rest)
     hit, fine = refine(work, curves.take(rest), low[rest], high[rest])
     work.store(again.projector[hit], fine, np.arange(len(hit)))
-    false = np.ones(len(rest), bool)
-    false[hit] = False
-    return _continue(work, again.take(np.flatnonzero(false)))
+    missed = np.ones(len(rest), bool)
+    missed[hit] = False
+    false = np.flatnonzero(missed)
+    t = found.t[rest[false]]
+    t = np.where(np.isnan(t), 0.5 * (low + high)[rest[false]], t)
+    projector = again.projector[false]
+    work.passed[projector] = np.minimum(work.passed[projector], t)
+    return _continue(work, again.take(false))
 
 
 def _continue(work: Work, records: Records) -> Records:

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray
-from .records import Records
-from .refine import NEIGHBOURHOOD, Work, refine
+from .refine import Work, refine
 from .schedule import Schedule
 
 # The t of a pixel that saw nothing: beyond all others.
@@ -21,20 +20,26 @@ SMOOTH = 0.5
 # Nearer things of neighbouring pixels that are looked for one behind the other.
 LAYERS = 3
 
+# A thing that a chord hits is alone if no curve of the pixel and its neighbours hits
+# anything within this many pixels' sizes before or behind (the limb of a smooth thing
+# may recede by some hundreds in a pixel).
+ALONE = 512.0
 
-def compare(work: Work, first: Records, mask: BoolArray, columns: int) -> None:
+# Side in pixels of the blocks that thin things are told by.
+BLOCK = 8
+
+
+def compare(work: Work, mask: BoolArray, columns: int) -> None:
     """Look again where a neighbouring pixel saw something nearer.
 
     A chord strays by up to a neighbour's width, so it can pass something that its
-    curve hits; but then a neighbour's chord has hit it. There the curve is followed finely, at
-    most LAYERS times, from the nearest of the neighbours' hits on.
+    curve hits; but then a neighbour's chord has hit it. There the curve is followed
+    finely, at most LAYERS times, from the nearest of the neighbours' hits on. The first
+    and the last row are only there to be looked at.
     """
     hits, breaks = work.hits, work.schedule.breaks
-    seen = np.where(hits.triangle >= 0, hits.t, NOTHING)
-    # A first hit that turned out false for its own curve may be true for another.
-    low, high = breaks[first.chord], breaks[first.chord + 1]
-    false = np.flatnonzero(seen[first.projector] > high + NEIGHBOURHOOD * (high - low))
-    seen[first.projector[false]] = 0.5 * (low + high)[false]
+    # What a pixel's chord hits and its curve does not, another's curve may hit.
+    seen = np.minimum(np.where(hits.triangle >= 0, hits.t, NOTHING), work.passed)
     projector, layers = _jumps(seen, hits.t, mask, columns, work.schedule)
     passed = np.full(len(projector), -np.inf)
     for _ in range(LAYERS):
@@ -52,6 +57,34 @@ def compare(work: Work, first: Records, mask: BoolArray, columns: int) -> None:
         nearer = np.flatnonzero(found.t < hits.t[projector[hit]])
         work.store(projector[hit], found, nearer)
         passed = high
+
+
+def thin_things(work: Work, columns: int) -> NDArray[np.intp]:
+    """Pixels around which chords hit things that no curve hits, counted without the border rows.
+
+    Next to a thing wider than chords stray, a neighbour's curve hits it. Things much
+    thinner are seen by few chords, so comparing finds a part of them only, and a
+    wire or a far tree would look thinner than it is. The answer is made of whole
+    blocks of pixels: those where that happens, and the ones around them.
+    """
+    t, passed = work.hits.t, work.passed[columns:-columns]
+    pixels = np.flatnonzero(passed < t[columns:-columns])
+    there = passed[pixels]
+    column, row = pixels % columns, pixels // columns
+    left, right = pixels - (column > 0), pixels + (column < columns - 1)
+    around = [p + rise for p in (left, pixels, right) for rise in (0, columns, 2 * columns)]
+    distance = np.abs(t[np.stack(around)] - there).min(axis=0, initial=np.inf)
+    alone = np.flatnonzero(distance > ALONE * work.schedule.pixel_at(there))
+    if len(alone) == 0:
+        return alone
+    rows = len(passed) // columns
+    blocks = np.zeros((rows // BLOCK + 3, columns // BLOCK + 3), bool)
+    for down in range(3):
+        for aside in range(3):
+            blocks[row[alone] // BLOCK + down, column[alone] // BLOCK + aside] = True
+    block_row = np.arange(rows) // BLOCK + 1
+    block_column = np.arange(columns) // BLOCK + 1
+    return np.flatnonzero(blocks[block_row[:, None], block_column])
 
 
 def _jumps(
@@ -84,8 +117,7 @@ def _jumps(
     beside = np.stack([seen[n] for n in neighbours])
     opposite = beside[[1, 0, 3, 2, 5, 4, 7, 6]]
     gap = here - beside
-    middles = 0.5 * (schedule.breaks[:-1] + schedule.breaks[1:])
-    size = np.interp(around.ravel()[pixels - columns], middles, schedule.pixel)
+    size = schedule.pixel_at(around.ravel()[pixels - columns])
     bend = np.abs(opposite - here - gap)
     jump = (gap > size) & (bend > SMOOTH * gap)
     some = np.flatnonzero(jump.any(axis=0))

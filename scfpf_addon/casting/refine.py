@@ -26,12 +26,17 @@ LEVELS = 2
 
 @dataclass(frozen=True)
 class Work:
-    """What every step of one tile's cast looks at and fills in."""
+    """What every step of one tile's cast looks at and fills in.
+
+    passed: (N,) t at which a projector passes the nearest thing that its chords hit
+    and it does not, inf where there is none.
+    """
 
     scene: CastScene
     bundle: Bundle
     schedule: Schedule
     hits: Hits
+    passed: Array
     counts: CastCounts
 
     def store(self, projector: NDArray[np.intp], found: Solutions, which: IndexArray) -> None:
