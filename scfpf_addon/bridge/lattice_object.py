@@ -89,6 +89,24 @@ def _coordinates(data, name: str):
     return values.reshape(data.points_w, data.points_v, data.points_u, 3).astype(np.float64)
 
 
+def mirror(surface, axis: str):
+    """Reverse the points along axis "U" or "V" and reflect them in the box.
+
+    Returns the (4, 4) matrix, to go before the object's own, that brings every point back to its place.
+    """
+    if surface.data.users > 1:
+        surface.data = surface.data.copy()
+    data, index = surface.data, "UV".index(axis)
+    rest, moved = _coordinates(data, "co"), _coordinates(data, "co_deform")
+    matrix = np.eye(4)
+    matrix[index, index] = -1.0
+    matrix[index, 3] = rest[..., index].min() + rest[..., index].max()
+    reflected = np.flip(moved, axis=2 - index) @ matrix[:3, :3].T + matrix[:3, 3]
+    data.points.foreach_set("co_deform", reflected.astype(np.float32).ravel())
+    data.update_tag()
+    return matrix
+
+
 def data_properties(surface) -> list[tuple[str, object, str]]:
     """(label, owner, property) of what defines a lattice besides its points, for panels."""
     if surface.type != "LATTICE":

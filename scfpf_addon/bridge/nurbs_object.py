@@ -168,9 +168,12 @@ def reversed_order(surface, axis: str):
     are not alike from both ends.
     """
     patch = own_patch(surface)
-    if surface.data.shape_keys is not None or any(m.type == "HOOK" for m in surface.modifiers):
+    data = surface.data
+    hooked = any(modifier.type == "HOOK" for modifier in surface.modifiers)
+    if data.shape_keys is not None or data.animation_data is not None or hooked:
         raise SurfaceError(
-            f"'{surface.name}' has shape keys or hooks that would not be mirrored: convert it to a grid first"
+            f"'{surface.name}' has shape keys or hooks, or animated points, that would not be mirrored: "
+            "convert it to a grid first"
         )
     rows, columns = np.shape(patch.points)[:2]
     try:

@@ -67,7 +67,7 @@ def _require_plain_points(surface) -> None:
         (surface.data.shape_keys is not None, "shape keys"),
         (bool(surface.vertex_groups), "vertex groups"),
         (any(modifier.type == "HOOK" for modifier in surface.modifiers), "hooks"),
-        (surface.data.animation_data is not None, "animated points"),
+        (_is_animated(surface.data), "animated points"),
     ):
         if there:
             raise FlexibleCameraError(
@@ -147,12 +147,15 @@ def _become_grid(camera, surface, points) -> None:
     surface.update_tag()
 
 
+def _is_animated(owner) -> bool:
+    animation = owner.animation_data
+    return animation is not None and bool(animation.action or animation.drivers or animation.nla_tracks)
+
+
 def _put_in_place(camera, surface, kind: str, points, parameters=None):
     """Replace a surface on the camera's list by a new object of another type, at the same place."""
-    animation = surface.animation_data
-    if surface.constraints or (
-        animation is not None and (animation.action or animation.drivers or animation.nla_tracks)
-    ):
+    owners = (surface, surface.data, surface.data.shape_keys)
+    if surface.constraints or any(_is_animated(owner) for owner in owners if owner is not None):
         raise FlexibleCameraError(
             f"'{surface.name}' has constraints or animation, which the new object would not have: "
             "apply or remove them first"

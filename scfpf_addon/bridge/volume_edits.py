@@ -151,16 +151,24 @@ def _is_animated(surface) -> bool:
 def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
     """Mirror surfaces: Q(1-u, v) for axis "U", Q(u, 1-v) for "V".
 
-    Meshes get their UV map mirrored and keep their shape; surface patches their control points in reverse
-    order; parametric kinds a negative scale or exchanged ends. Raises FlexibleCameraError or SurfaceError,
-    before anything is changed, where that cannot be done.
+    Meshes get their UV map mirrored and keep their shape, surface patches and lattices their points in
+    reverse order, parametric kinds a negative scale or exchanged ends. Raises FlexibleCameraError or
+    SurfaceError, before anything is changed, where that cannot be done.
     """
     surfaces = _surfaces(camera, indices)
-    changes, patches = [], []
+    changes, patches, lattices = [], [], []
     for surface in surfaces:
         kind = surface.scfpf_surface.kind
         if kind == nurbs_object.KIND:
             patches.append((surface, nurbs_object.reversed_order(surface, axis)))
+            continue
+        if kind == lattice_object.KIND:
+            if surface.modifiers or surface.data.shape_keys is not None or _is_animated(surface):
+                raise FlexibleCameraError(
+                    f"'{surface.name}' has modifiers, shape keys or animation that would not be mirrored: "
+                    "apply or remove them first"
+                )
+            lattices.append(surface)
             continue
         if kind not in PARAMETRIC_KINDS:
             if kind not in MESH_KINDS:
@@ -190,6 +198,8 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
     for surface, placed, parameters in changes:
         surface.matrix_basis = placed
         set_surface_parameters(surface, parameters)
+    for surface in lattices:
+        surface.matrix_basis = surface.matrix_basis @ Matrix(lattice_object.mirror(surface, axis).tolist())
     for surface, order in patches:
         nurbs_object.reorder(surface, order, axis)
     for surface in surfaces:

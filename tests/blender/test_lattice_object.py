@@ -267,9 +267,73 @@ def test_alone_on_the_list_it_is_a_volume_at_once(bridge, reading, camera):
     assert local[0].z == pytest.approx(-1, abs=1e-5) and local[1].z == pytest.approx(-9, abs=1e-5)
 
 
+@pytest.mark.parametrize("axis", ["U", "V"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_mirrored_lattices(bridge, reading, camera, kind, axis):
+    lattice = add_lattice(bridge, camera)
+    lattice.rotation_euler = (0.3, 0.2, 0.1)
+    for letter in "uvw":
+        setattr(lattice.data, f"interpolation_type_{letter}", kind)
+    shares = fine_shares()
+    other = shares.copy()
+    other[:, "UV".index(axis)] = 1 - other[:, "UV".index(axis)]
+    bpy.context.view_layer.update()
+    before = projected(reading, camera, other)
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.volume_mirror(axis=axis) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert np.abs(projected(reading, camera, shares) - before).max() < MODIFIER
+    lattice.modifiers.new("Hook", "HOOK")
+    with pytest.raises(RuntimeError, match="would not be mirrored"):
+        bpy.ops.scfpf.volume_mirror(axis=axis)
+
+
 def test_insert_refuses_a_lattice(bridge, camera):
     add_lattice(bridge, camera)
     bridge.add_surface(camera, "PLANE")
     bpy.context.view_layer.objects.active = camera
     with pytest.raises(RuntimeError, match="more points along W"):
         bpy.ops.scfpf.surface_insert()
+
+
+def test_the_picture_through_a_lattice_is_that_of_the_volume_it_replaced():
+    for place in ((0, 0, 0), (1.5, 1, 0.5), (-1, 2, 1)):
+        bpy.ops.mesh.primitive_uv_sphere_add(location=place, segments=24, ring_count=12)
+    bpy.ops.object.light_add(type="SUN", rotation=(0.5, 0.3, 0))
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = 96, 54
+    assert bpy.ops.scfpf.camera_add(preset="VIEW") == {"FINISHED"}
+    pictures = []
+    for convert in (None, bpy.ops.scfpf.volume_to_lattice, bpy.ops.scfpf.volume_mirror):
+        if convert is not None:
+            assert convert() == {"FINISHED"}
+        assert bpy.ops.scfpf.render() == {"FINISHED"}
+        pixels = np.empty(96 * 54 * 4, np.float32)
+        bpy.data.images["SCFPF Render"].pixels.foreach_get(pixels)
+        pictures.append(pixels.reshape(54, 96, 4))
+    planes, lattice, mirrored = pictures
+    assert np.ptp(planes[..., :3]) > 0.2
+    # Edges of spheres move by the rounding of the lattice's points.
+    assert (np.abs(planes - lattice).max(axis=2) > 0.01).mean() < 0.005
+    assert (np.abs(planes[:, ::-1] - mirrored).max(axis=2) > 0.01).mean() < 0.02
+
+
+def test_framing_and_fitting_move_a_lattice(bridge, reading, camera):
+    add_lattice(bridge, camera, (2, 3, 3), seed=4)
+    bpy.ops.mesh.primitive_cube_add(location=(5, 5, 5))
+    cube = bpy.context.object
+    bpy.context.view_layer.objects.active = camera
+    before = projected(reading, camera, fine_shares())
+    assert bpy.ops.scfpf.volume_frame(zoom=2.0) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    to_camera = np.linalg.inv(np.array(camera.matrix_world))
+    was, now = (
+        place @ to_camera[:3, :3].T + to_camera[:3, 3]
+        for place in (before, projected(reading, camera, fine_shares()))
+    )
+    assert np.abs(now - was * (0.5, 0.5, 1)).max() < MODIFIER
+    cube.select_set(True)
+    assert bpy.ops.scfpf.volume_fit() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    low, high = (f(projected(reading, camera, fine_shares()), axis=0) for f in (np.min, np.max))
+    assert (low < 4).all() and (high > 6).all()

@@ -311,6 +311,12 @@ def test_what_cannot_be_converted_is_said(addon, camera_with):
     last(camera).keyframe_insert("location", frame=1)
     with pytest.raises(RuntimeError, match="constraints or animation"):
         bpy.ops.scfpf.surface_to_grid()
+    last(camera).animation_data_clear()
+    last(camera).data.splines[0].points[3].keyframe_insert("co", frame=1)
+    with pytest.raises(RuntimeError, match="constraints or animation"):
+        bpy.ops.scfpf.surface_to_grid()
+    with pytest.raises(RuntimeError, match="animated points"):
+        bpy.ops.scfpf.volume_mirror()
     assert last(camera).type == "SURFACE" and len(camera.scfpf.surfaces) == 2
     camera = camera_with("LATTICE")
     for operator, text in (
@@ -318,7 +324,7 @@ def test_what_cannot_be_converted_is_said(addon, camera_with):
         (bpy.ops.scfpf.surface_to_patch, "cannot be converted"),
         (bpy.ops.scfpf.surface_subdivide, "is a lattice"),
         (bpy.ops.scfpf.surface_equalise, "cannot be equalised"),
-        (bpy.ops.scfpf.volume_mirror, "cannot be mirrored"),
+        (bpy.ops.scfpf.surface_insert, "more points along W"),
     ):
         with pytest.raises(RuntimeError, match=text):
             operator()
