@@ -169,7 +169,7 @@ def panels(driver):
     driver.add_camera()
     yield DRAW
     driver.shot("panel-new-camera")
-    for kind in ("PLANE", "CYLINDER", "SPHERE", "GRID", "NURBS"):
+    for kind in ("PLANE", "CYLINDER", "SPHERE", "GRID", "NURBS", "LATTICE"):
         with driver.override():
             bpy.ops.scfpf.surface_add("INVOKE_DEFAULT", kind=kind)
     bpy.context.object.scfpf.active_surface = 2
