@@ -30,10 +30,6 @@ NEIGHBOUR_ERROR = 1.5
 # neighbour sees it either must come to light when the error is set lower.
 MOST_COARSER = 15.0
 
-# Comparing finds more than chords of the whole accuracy do if these are not at least so
-# many times closer to the curves.
-WORTHWHILE = 4.0
-
 # Doubtful hits are looked at with chords that stray this share of the pixel error:
 # they decide, so they should add little to it.
 FINE_SHARE = 0.3
@@ -55,6 +51,7 @@ def cast(
     pixel_error: float = 0.1,
     counts: CastCounts | None = None,
     columns: int | None = None,
+    weighted: bool = True,
 ) -> Hits:
     """The first hit of the projectors through image positions x, y.
 
@@ -66,6 +63,7 @@ def cast(
     polylines have no such error. counts: added to when given. columns: says that x, y
     are whole rows of that many neighbouring pixels, from the bottom up; curved
     projectors are then cast in a fraction of the time (``chords.cast_chords``).
+    weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
     Raises CastError for a negative or non-finite pixel error.
     """
     if not 0.0 <= pixel_error < math.inf:
@@ -82,10 +80,10 @@ def cast(
     points, mask, farthest = _projectors(projection, x, y)
     single = len(spans.matrices) == 1
     if single and farthest <= FAR:
-        return cast_straight(scene, points, mask, (0.0, 1.0), counts)
+        return cast_straight(scene, points, mask, (0.0, 1.0), counts, weighted)
     reach = scene_reach(spans, points, scene)
     if single:
-        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts)
+        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
     schedule = None if reach is None else corners(spans, reach)
     counts.projectors += int(np.count_nonzero(mask))
     bundle = Bundle(spans, points)
@@ -127,13 +125,17 @@ def _cast_curved(
         return plan(spans, curves, reach, chord_error, finer)
 
     if columns is not None:
-        coarse_error = max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error))
-        coarse = schedule(coarse_error)
+        coarse = schedule(max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error)))
         if coarse.error > pixel_error:
             hits, thin = cast_chords(scene, bundle, mask, coarse, columns, counts)
-            if not thin or coarse_error < WORTHWHILE * pixel_error:
-                return complete(hits.within(inner), shown)
-            counts.thin += int(np.count_nonzero(mask[inner]))
+            hits = hits.within(inner)
+            if len(thin):
+                counts.thin += len(thin)
+                fine = schedule(pixel_error)
+                again = cast_chords(scene, shown.take(thin), hits.mask[thin], fine, None, counts)[0]
+                nearer = np.flatnonzero(again.t < hits.t[thin])
+                hits.put(thin[nearer], again.take(nearer))
+            return complete(hits, shown)
     hits = cast_chords(scene, shown, mask[inner], schedule(pixel_error), None, counts)[0]
     return complete(hits, shown)
 

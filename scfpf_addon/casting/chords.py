@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import BoolArray
-from .compare import compare, has_thin_things
+from .compare import compare, thin_things
 from .curves import Bundle
 from .hits import CastCounts, Hits
 from .records import Records
@@ -39,16 +39,16 @@ def cast_chords(
     schedule: Schedule | None,
     columns: int | None,
     counts: CastCounts,
-) -> tuple[Hits, bool]:
+) -> tuple[Hits, NDArray[np.intp]]:
     """Cast the projectors of ``bundle``, cast space; mask: (N,) says which exist.
 
     schedule: the tile's chords, None where nothing of the scene is in reach.
     columns: when given, the projectors are rows of this many pixels, and each is
     compared with its neighbours. Position and tangent of the answer are not filled
-    in yet (``complete``). Returns whether the tile has thin things, too, which
-    comparing does not find (``compare.has_thin_things``).
+    in yet (``complete``). Returns the pixels, too, around which there may be things too
+    thin for that (``compare.thin_things``).
     """
-    hits, thin = Hits.empty(bundle.count), False
+    hits, thin = Hits.empty(bundle.count), np.empty(0, np.intp)
     if schedule is not None:
         counts.error_bound = max(counts.error_bound, schedule.error / schedule.finer**2)
         work = Work(scene, bundle, schedule, hits, np.full(bundle.count, np.inf), counts)
@@ -57,7 +57,7 @@ def cast_chords(
             records = _settle(work, records)
         if columns:
             compare(work, mask, columns)
-            thin = has_thin_things(work, columns)
+            thin = thin_things(work, columns)
     hits.mask[:] = mask
     return hits, thin
 

