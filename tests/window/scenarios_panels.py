@@ -58,8 +58,10 @@ def presets(driver):
     module = next(name for name in bpy.context.preferences.addons.keys() if name.endswith(".scfpf"))
     files = sorted(pathlib.Path(sys.modules[module].__file__).parent.glob("presets/*.json"))
     assert files
-    build_scene(percentage=10)
     for path in files:
+        bpy.ops.wm.read_homefile(use_factory_startup=False, use_splash=False)
+        yield DRAW
+        build_scene(percentage=10)
         driver.add_camera(path.stem)
         driver.look()
         yield 2 * DRAW
@@ -70,10 +72,6 @@ def presets(driver):
         yield from driver.finished()
         # Not every preset looks at this scene: what it shows is for the tests of the presets.
         assert tuple(bpy.data.images[IMAGE].size) == (192, 108) and driver.pixels().max() > 0
-        bpy.data.images.remove(bpy.data.images[IMAGE])
-        with driver.override():
-            bpy.ops.ed.undo()
-        yield DRAW
 
 
 SCENARIOS = (panels, presets)
