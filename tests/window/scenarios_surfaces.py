@@ -96,8 +96,8 @@ def fifty_undos(driver):
         lambda: scfpf.surface_duplicate("EXEC_DEFAULT", True),
         lambda: scfpf.volume_swap("EXEC_DEFAULT", True),
         lambda: scfpf.surface_remove("EXEC_DEFAULT", True),
-        lambda: scfpf.volume_mirror("EXEC_DEFAULT", True, axis="U"),
         lambda: scfpf.preset_apply("EXEC_DEFAULT", True, preset="cylindrical_panorama"),
+        lambda: scfpf.volume_mirror("EXEC_DEFAULT", True, axis="U"),
         lambda: scfpf.volume_frame("EXEC_DEFAULT", True),
     )
     states = [volume(bpy.context.scene.camera)]
