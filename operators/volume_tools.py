@@ -48,7 +48,7 @@ def _poll_two(cls, context):
 class SCFPF_OT_surface_insert(_Tool, bpy.types.Operator):
     """Insert one more control surface and leave the volume as it is at this frame.
 
-    Bézier projectors get new inner surfaces, without the old ones' animation; near and far stay"""
+    Of polylines all others stay; otherwise the inner ones are replaced and lose their animation"""
 
     bl_idname = "scfpf.surface_insert"
     bl_label = "Insert Control Surface"

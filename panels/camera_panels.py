@@ -114,13 +114,15 @@ class _SurfacesSection(_Subsection):
         column.separator()
         column.menu("SCFPF_MT_surface_specials", text="", icon="DOWNARROW_HLT")
         if settings.active_surface < len(settings.surfaces):
-            self.draw_surface(context, settings.surfaces[settings.active_surface])
+            self.draw_surface(context, settings.surfaces[settings.active_surface], settings.basis)
 
-    def draw_surface(self, context, slot):
+    def draw_surface(self, context, slot, basis):
         if is_missing(context.scene, slot):
             self.layout.label(text="Remove it from the list with -", icon="ERROR")
             return
         column = self.layout.column()
+        if basis == "NURBS":
+            column.prop(slot, "weight")
         column.prop(slot.object.scfpf_surface, "kind")
         try:
             for label, owner, name in parameter_properties(slot.object):

@@ -17,6 +17,9 @@ KIND_ICONS = {
     "NURBS": "SURFACE_NSURFACE",
 }
 
+# Of a weight in the list, in the interface's units: six digits.
+WEIGHT_WIDTH = 3
+
 
 def is_missing(scene, slot) -> bool:
     """Whether a slot's object is gone: never set, or deleted while the slot still points at it."""
@@ -41,6 +44,12 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
             place.alignment = "RIGHT"
             place.active = False
             place.label(text=end)
+        if data.basis == "NURBS":
+            weight = row.row()
+            weight.ui_units_x = WEIGHT_WIDTH
+            # The panel splits its properties into name and value, for which there is no room here.
+            weight.use_property_split = weight.use_property_decorate = False
+            weight.prop(item, "weight", text="", emboss=False)
         row.operator("scfpf.surface_select", text="", icon="RESTRICT_SELECT_OFF", emboss=False).index = index
 
 

@@ -12,6 +12,7 @@ from mathutils import Matrix
 from ..projection.volume import Projection
 from . import nurbs_object, surface_nodes, versions
 from .node_builder import NodeBuilder
+from .slot_animation import clear_slots, move_slot, remove_slot
 from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
 
@@ -88,7 +89,7 @@ def _insert(camera, surface, index=None) -> None:
     slots.add().object = surface
     last = len(slots) - 1
     place = last if index is None else min(max(index, 0), last)
-    slots.move(last, place)
+    move_slot(camera.scfpf, last, place)
     camera.scfpf.active_surface = place
     sync_volume_object(camera)
 
@@ -152,7 +153,7 @@ def remove_surface(camera, index: int) -> None:
     settings = camera.scfpf
     _require_place(camera, index)
     surface = settings.surfaces[index].object
-    settings.surfaces.remove(index)
+    remove_slot(settings, index)
     settings.active_surface = max(min(settings.active_surface, len(settings.surfaces) - 1), 0)
     _delete_if_unused(camera, surface)
     sync_volume_object(camera)
@@ -169,7 +170,7 @@ def move_surface(camera, index: int, step: int) -> int:
     _require_place(camera, index)
     settings = camera.scfpf
     place = min(max(index + step, 0), len(settings.surfaces) - 1)
-    settings.surfaces.move(index, place)
+    move_slot(settings, index, place)
     settings.active_surface = place
     sync_volume_object(camera)
     return place
@@ -180,7 +181,7 @@ def clear_surfaces(camera) -> None:
     _require_camera(camera)
     settings = camera.scfpf
     surfaces = {slot.object for slot in settings.surfaces}
-    settings.surfaces.clear()
+    clear_slots(settings)
     settings.active_surface = 0
     for surface in surfaces:
         _delete_if_unused(camera, surface)
@@ -354,6 +355,8 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     fitted = preset.fitted(aspect)
     _replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
     settings = camera.scfpf
+    for slot, surface in zip(settings.surfaces, fitted.surfaces, strict=True):
+        slot.weight = surface.weight
     settings.basis = fitted.basis
     settings.reparameterisation = fitted.reparameterisation
     settings.u_range = fitted.u_range

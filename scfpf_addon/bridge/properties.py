@@ -19,6 +19,7 @@ from bpy.props import (
     StringProperty,
 )
 
+from ..projection.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
 from . import flexible_camera, surface_nodes
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
@@ -34,6 +35,11 @@ BASES = (
         "B_SPLINE",
         "B-Spline",
         "A smooth curve on which each surface acts near by only; up to four surfaces it is the Bézier curve",
+    ),
+    (
+        "NURBS",
+        "NURBS",
+        "The B-spline with a weight for each surface; with three surfaces an arc of a circle, for example",
     ),
 )
 REPARAMETERISATIONS = (
@@ -80,7 +86,10 @@ def _may_be_volume(settings, candidate) -> bool:
 
 
 class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
-    """One place in a flexible camera's ordered list of control surfaces."""
+    """One place in a flexible camera's ordered list of control surfaces.
+
+    Change the order through ``slot_animation``, which takes the slots' animation along.
+    """
 
     object: PointerProperty(
         name="Control Surface",
@@ -88,6 +97,19 @@ class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
         type=bpy.types.Object,
         poll=_may_be_surface,
         update=_volume_changed,
+        override=OVERRIDABLE,
+    )
+    weight: FloatProperty(
+        name="Weight",
+        description="How strongly NURBS projectors are drawn to this surface, compared with the others",
+        default=1.0,
+        min=SMALLEST_WEIGHT,
+        soft_min=0.01,
+        soft_max=100.0,
+        max=LARGEST_WEIGHT,
+        precision=3,
+        step=10,
+        update=_changed,
         override=OVERRIDABLE,
     )
 

@@ -56,8 +56,10 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
                 f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
             )
         surfaces.append(_read_surface(slot.object, camera.original, depsgraph))
+    # As evaluated, that is animated.
+    weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
     return Projection(
-        ViewingVolume(tuple(surfaces), settings.basis),
+        ViewingVolume(tuple(surfaces), settings.basis, weights),
         reparameterisation(settings.reparameterisation),
         tuple(settings.u_range),
         tuple(settings.v_range),

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..projection.editing import EditingError, blend, contains, elevated, lattice, mirrored, sampled
+from ..projection.editing import EditingError, contains, inserted, lattice, mirrored, sampled
 from ..projection.preset import surface_from_parameters
 from ..projection.surfaces import ControlSurface
 from ..projection.volume import Projection
@@ -26,6 +26,7 @@ from .flexible_camera import (
 )
 from .mesh_grid import write_grid
 from .read_projection import read_projection
+from .slot_animation import move_slot
 from .surface_nodes import (
     MESH_KINDS,
     PARAMETRIC_KINDS,
@@ -78,26 +79,21 @@ def _in_camera_space(camera, depsgraph, aspect: float) -> Projection:
 
 
 def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> bool:
-    """One control surface more, the volume as it was.
+    """One control surface more, the volume as it was, see ``projection.editing.inserted``.
 
-    Bézier projectors: degree elevation; the inner surfaces are replaced, near and far stay. Polyline: a
-    surface half-way between the one at ``index`` and the next; the others stay. Returns whether all new
-    surfaces are exact, see ``projection.editing.blend``; the others are grids of cells × cells faces.
+    Of a polyline it comes after the one at ``index``, and the others stay; of other projectors the
+    inner surfaces are replaced, near and far stay. Returns whether all new surfaces are exact, see
+    ``projection.editing.blend``; the others are grids of cells × cells faces.
     Raises FlexibleCameraError, ProjectionError or SurfaceError; then nothing has changed.
     """
     volume = _in_camera_space(camera, depsgraph, aspect).volume
-    surfaces, basis = volume.surfaces, camera.scfpf.basis
+    slots = camera.scfpf.surfaces
     _surfaces(camera)
-    if basis == "BEZIER":
-        first, shapes, replaced = 1, elevated(surfaces, cells), len(surfaces) - 2
-    elif basis == "POLYLINE":
-        index = min(index, len(surfaces) - 2)
-        first, shapes, replaced = index + 1, [blend(surfaces[index], surfaces[index + 1], 0.5, cells)], 0
-    else:
-        raise FlexibleCameraError(
-            "Only Bézier and polyline projectors take a surface more and stay the same: "
-            "change the projectors' shape first"
-        )
+    try:
+        insertion = inserted(volume, index, cells)
+    except EditingError as error:
+        raise FlexibleCameraError(str(error)) from error
+    first, shapes = insertion.first, insertion.shapes
     try:
         for place, shape in enumerate(shapes, first):
             add_surface(
@@ -109,11 +105,14 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
                 index=place,
             )
     except ValueError:
-        while len(camera.scfpf.surfaces) > len(surfaces):
+        while len(slots) > len(volume.surfaces):
             remove_surface(camera, first)
         raise
-    for _ in range(replaced):
+    for _ in range(insertion.replaced):
         remove_surface(camera, first + len(shapes))
+    if insertion.weights is not None:
+        for slot, weight in zip(slots, insertion.weights, strict=True):
+            slot.weight = weight
     camera.scfpf.active_surface = min(max(index, first), first + len(shapes) - 1)
     return all(shape.exact for shape in shapes)
 
@@ -127,7 +126,9 @@ def duplicate_surface(camera, index: int):
         if collection.is_editable and not collection.override_library:
             collection.objects.link(copy)
     attach_surface(camera, copy)
-    last = len(camera.scfpf.surfaces) - 1
+    slots = camera.scfpf.surfaces
+    last = len(slots) - 1
+    slots[last].weight = slots[index].weight
     move_surface(camera, last, index + 1 - last)
     return copy
 
@@ -137,7 +138,7 @@ def swap_ends(camera) -> None:
     settings = camera.scfpf
     last = len(settings.surfaces) - 1
     for place in range(last):
-        settings.surfaces.move(last, place)
+        move_slot(settings, last, place)
     settings.active_surface = max(last - settings.active_surface, 0)
     sync_volume_object(camera)
 

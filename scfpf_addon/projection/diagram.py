@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
-from .bezier import bernstein, chord_count
+from .bezier import chord_count, rational_chord_count
 from .folds import find_folds, orientations
 from .line_colors import Role
 from .marks import direction_arrows, far_rim, iso_lines
@@ -124,19 +124,24 @@ def _even_controls(projection: Projection, count_u: int, count_v: int) -> Contro
 def _curves(volume: ViewingVolume, controls: Array, valid: BoolArray, chords: int | None = None) -> Segments:
     """The curves with control points (m+1, 3, N); see ``projector_lines``."""
     result = []
-    for matrix in volume.spans.matrices:
+    for span, matrix in enumerate(volume.spans.matrices):
         points = np.einsum("kc,cdn->kdn", matrix, controls)
         length = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)).sum(axis=0)
         if chords is None:
             # A span of no length has no bend either; any tolerance does for it.
-            needed = chord_count(points, np.where(length > 0, BEND_TOLERANCE * length, 1.0))
+            tolerance = np.where(length > 0, BEND_TOLERANCE * length, 1.0)
+            weights = volume.spans.point_weights
+            if weights is None:
+                needed = chord_count(points, tolerance)
+            else:
+                needed = rational_chord_count(points, weights[span], tolerance)
             needed = np.minimum(needed, MAXIMUM_CHORDS)
         else:
             needed = np.full(len(length), chords)
         for count in np.unique(needed):
             chosen = needed == count
-            weights = bernstein(len(points) - 1, np.linspace(0.0, 1.0, count + 1))
-            curves = np.einsum("ks,kdn->dns", weights, points[:, :, chosen])
+            shares = volume.spans.within(span, np.linspace(0.0, 1.0, count + 1))[0]
+            curves = np.einsum("sk,kdn->dns", shares, controls[:, :, chosen])
             result.append(segments(curves, np.repeat(valid[chosen, None], count + 1, axis=1)))
     return joined(result)
 
