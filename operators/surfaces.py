@@ -7,6 +7,7 @@ from bpy.props import EnumProperty, IntProperty
 from ..scfpf_addon.bridge.flexible_camera import add_surface, attach_surface, move_surface, remove_surface
 from ..scfpf_addon.bridge.properties import KINDS
 from .errors import BAD_INPUT
+from .local_view import show_in_local_view
 from .placement import surface_place
 from .target import flexible_camera_of, poll_flexible_camera
 
@@ -49,11 +50,14 @@ class SCFPF_OT_surface_add(bpy.types.Operator):
             matrix, parameters, points = surface_place(
                 camera, context.evaluated_depsgraph_get(), self.kind, index
             )
-            add_surface(camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index)
+            surface = add_surface(
+                camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index
+            )
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         settings.active_surface = index
+        show_in_local_view(context, [surface])
         return {"FINISHED"}
 
 

@@ -9,6 +9,7 @@ from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.render_job import picture_aspect
 from ..scfpf_addon.projection.editing import framing
 from .errors import BAD_INPUT
+from .local_view import show_in_local_view
 from .placement import SHAPES, scene_box
 from .surfaces import poll_slot
 from .target import flexible_camera_of, poll_flexible_camera
@@ -25,11 +26,15 @@ class _Tool:
     poll = classmethod(poll_flexible_camera)
 
     def execute(self, context):
+        camera = flexible_camera_of(context)
+        before = {slot.object for slot in camera.scfpf.surfaces}
         try:
-            message = self.edit(context, flexible_camera_of(context))
+            message = self.edit(context, camera)
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        made = [slot.object for slot in camera.scfpf.surfaces if slot.object not in before]
+        show_in_local_view(context, made)
         if message:
             self.report({"INFO"}, message)
         return {"FINISHED"}

@@ -6,6 +6,7 @@ import bpy
 from ..operators.pick import pick_readout
 from ..operators.target import camera_of, flexible_camera_of
 from ..scfpf_addon.bridge import render_job
+from ..scfpf_addon.bridge.picture_fit import needs_fit
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError, parameter_properties
 from .surface_list import is_missing
@@ -45,6 +46,16 @@ def draw_render(layout, context, camera) -> None:
             column.label(text=part)
 
 
+def draw_fit(layout, scene, camera) -> None:
+    """A button while the resolution has another shape than the volume was made for."""
+    try:
+        wanted = needs_fit(camera, render_job.picture_aspect(scene))
+    except render_job.RenderError:
+        return  # Rendering says that the picture is too large.
+    if wanted:
+        layout.operator("scfpf.volume_fit_picture", icon="MOD_LENGTH")
+
+
 def draw_pick(layout, settings) -> None:
     """The picked projector: switch, button, and what it met."""
     row = layout.row(align=True)
@@ -78,6 +89,7 @@ class _MainSection:
             layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA")
         if camera.scfpf.enabled:
             draw_render(layout, context, camera)
+            draw_fit(layout, context.scene, camera)
             layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
             return
         column = layout.column(align=True)
@@ -143,6 +155,11 @@ class _ProjectorsSection(_Subsection):
             column = layout.column(align=True)
             column.prop(settings, f"{axis}_range", index=0, text=f"{axis.upper()} Start")
             column.prop(settings, f"{axis}_range", index=1, text="End")
+        column = layout.column(align=True)
+        column.prop(settings, "fit")
+        row = column.row()
+        row.active = settings.fit != "NONE"
+        row.prop(settings, "fitted_aspect", text="Aspect")
 
 
 class _QualitySection(_Subsection):

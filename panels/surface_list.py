@@ -3,6 +3,8 @@
 
 import bpy
 
+from ..scfpf_addon.bridge.volume_object import is_deleted
+
 KIND_ICONS = {
     "NONE": "MESH_DATA",
     "POINT": "DOT",
@@ -23,7 +25,7 @@ WEIGHT_WIDTH = 3
 
 def is_missing(scene, slot) -> bool:
     """Whether a slot's object is gone: never set, or deleted while the slot still points at it."""
-    return slot.object is None or scene.objects.get(slot.object.name) != slot.object
+    return slot.object is None or is_deleted(slot.object, scene)
 
 
 class SCFPF_UL_surfaces(bpy.types.UIList):

@@ -10,11 +10,11 @@ import numpy as np
 from mathutils import Matrix
 
 from ..projection.volume import Projection
-from . import nurbs_object, surface_nodes, versions
-from .node_builder import NodeBuilder
+from . import nurbs_object, surface_nodes
 from .slot_animation import clear_slots, move_slot, remove_slot
 from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
+from .volume_object import editable_collections, is_volume_object, sync_volume_object
 
 # The parameters that a preset's scale multiplies; the others are angles and counts.
 LENGTHS = {
@@ -54,11 +54,6 @@ def _require_camera(camera) -> None:
         )
 
 
-def _collections(obj):
-    """The collections that hold an object and can be changed."""
-    return [c for c in obj.users_collection if c.is_editable and not c.override_library]
-
-
 def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=None, index=None):
     """A new control surface, child of the camera, linked where the camera is.
 
@@ -80,7 +75,7 @@ def _place(camera, surface, matrix) -> None:
     """Make a new surface a child of the camera, at a (4, 4) matrix in camera space."""
     surface.parent = camera
     surface.matrix_basis = Matrix(np.asarray(matrix, np.float64).tolist())
-    for collection in _collections(camera) or [bpy.context.scene.collection]:
+    for collection in editable_collections(camera) or [bpy.context.scene.collection]:
         collection.objects.link(surface)
 
 
@@ -122,12 +117,6 @@ def _take_kind(surface) -> None:
         surface.scfpf_surface.kind = nurbs_object.KIND
     elif surface.type == "MESH":
         surface.scfpf_surface.kind = mesh_kind(surface)
-
-
-def is_volume_object(candidate) -> bool:
-    """Whether an object is the volume object of its parent."""
-    parent = candidate.parent
-    return parent is not None and parent.type == "CAMERA" and parent.scfpf.volume_object == candidate
 
 
 def _flexible_cameras():
@@ -188,148 +177,6 @@ def clear_surfaces(camera) -> None:
     sync_volume_object(camera)
 
 
-def sync_volume_object(camera):
-    """Make the volume object take every surface of the list; create it where it is missing.
-
-    A property pointer alone does not get an object evaluated; Object Info in a
-    node modifier does, whatever hides the object. The volume object is also
-    linked to the scene's master collection, which nothing can exclude.
-    Call it from operators, never during evaluation or drawing. Returns the
-    object; for a camera that cannot be edited the one there is, or None.
-    """
-    settings = camera.scfpf
-    volume = settings.volume_object
-    if not camera.is_editable:
-        if volume is not None:
-            _link_beside(volume, camera)
-        return volume
-    if volume is None or volume.type != "MESH" or not volume.is_editable or _is_anothers(volume, camera):
-        volume = _new_volume_object(camera)
-        settings.volume_object = volume
-    if volume.parent != camera:
-        volume.parent = camera
-    _link_beside(volume, camera)
-    surfaces = [slot.object for slot in settings.surfaces]
-    group = _volume_group(len(surfaces))
-    modifier = next((m for m in volume.modifiers if m.type == "NODES"), None)
-    if modifier is None:
-        modifier = volume.modifiers.new("SCFPF Volume", "NODES")
-    # Hidden or disabled, it would evaluate nothing. Eye-hidden it still does.
-    for owner, switch, value in (
-        (volume, "hide_viewport", False),
-        (volume, "hide_render", False),
-        (modifier, "show_viewport", True),
-        (modifier, "show_render", True),
-    ):
-        if getattr(owner, switch) != value:
-            setattr(owner, switch, value)
-    before = modifier.node_group
-    if before == group and surfaces == _taken_surfaces(modifier):
-        return volume
-    modifier.node_group = group
-    if before is not None and before.users == 0:
-        bpy.data.node_groups.remove(before)
-    for identifier, surface in zip(_object_inputs(group), surfaces, strict=True):
-        versions.set_modifier_input(modifier, identifier, surface)
-    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
-    modifier.node_group = group
-    volume.update_tag()
-    return volume
-
-
-def _new_volume_object(camera):
-    name = f"{camera.name} Volume"
-    volume = bpy.data.objects.new(name, bpy.data.meshes.new(name))
-    volume.hide_select = True
-    volume.display_type = "WIRE"
-    return volume
-
-
-def _is_anothers(volume, camera) -> bool:
-    """Whether a volume object serves another camera, of which this one is a duplicate."""
-    return volume.parent != camera and is_volume_object(volume)
-
-
-def _link_beside(volume, camera) -> None:
-    """Link the volume object where the camera is and to the master collection of its scenes."""
-    wanted = _collections(camera)
-    wanted += [
-        scene.collection
-        for scene in camera.users_scene
-        if scene.is_editable and scene.collection not in wanted
-    ]
-    for collection in wanted:
-        if collection.objects.get(volume.name) != volume:
-            collection.objects.link(volume)
-    for collection in _collections(volume):
-        if collection not in wanted:
-            collection.objects.unlink(volume)
-
-
-def _object_inputs(group) -> list[str]:
-    return [
-        item.identifier
-        for item in group.interface.items_tree
-        if item.item_type == "SOCKET" and item.in_out == "INPUT" and item.socket_type == "NodeSocketObject"
-    ]
-
-
-def _taken_surfaces(modifier) -> list:
-    """The objects that a volume object's modifier takes, in order."""
-    return [
-        versions.modifier_input(modifier, identifier) for identifier in _object_inputs(modifier.node_group)
-    ]
-
-
-def keeps_evaluated(camera, surface, depsgraph) -> bool:
-    """Whether the camera's volume object makes a surface evaluate in a depsgraph, hidden or not."""
-    volume = camera.scfpf.volume_object
-    hide, show = (
-        ("hide_viewport", "show_viewport") if depsgraph.mode == "VIEWPORT" else ("hide_render", "show_render")
-    )
-    if volume is None or getattr(volume, hide):
-        return False
-    if depsgraph.scene.collection.objects.get(volume.name) != volume:
-        return False
-    return any(
-        modifier.type == "NODES"
-        and modifier.node_group is not None
-        and getattr(modifier, show)
-        and surface in _taken_surfaces(modifier)
-        for modifier in volume.modifiers
-    )
-
-
-def _volume_group(count: int):
-    """The node group of a volume of ``count`` surfaces: Object Info of each, no geometry.
-
-    The objects are inputs of the modifier, not of the group, so that duplicates remap them.
-    """
-    name = f"SCFPF Volume {count}"
-    existing = bpy.data.node_groups.get((name, None))
-    if existing and existing.bl_idname == "GeometryNodeTree" and len(_object_inputs(existing)) == count:
-        return existing
-    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    tree.is_modifier = True
-    tree.description = f"Keeps the {count} control surfaces of a flexible camera evaluated, hidden ones too"
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    for number in range(1, count + 1):
-        tree.interface.new_socket(
-            f"Surface {number}",
-            description="A control surface, from near to far",
-            in_out="INPUT",
-            socket_type="NodeSocketObject",
-        )
-    nodes = NodeBuilder(tree, row=260)
-    source = nodes.node("NodeGroupInput", "Surfaces", {})
-    nodes.open_frame("Makes the surfaces evaluate; no geometry leaves")
-    for number in range(count):
-        nodes.node("GeometryNodeObjectInfo", f"Surface {number + 1}", {"Object": source.outputs[number]})
-    nodes.close_frame()
-    nodes.node("NodeGroupOutput", "Nothing", {})
-    return tree
-
-
 def surfaces_edited(camera) -> None:
     """Called by the properties when ``enabled`` or a surface pointer was edited."""
     if camera.is_evaluated or camera.type != "CAMERA" or not camera.is_editable:
@@ -361,6 +208,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     settings.reparameterisation = fitted.reparameterisation
     settings.u_range = fitted.u_range
     settings.v_range = fitted.v_range
+    settings.fit, settings.fitted_aspect = fitted.fit, aspect
     make_flexible(camera)
     sizes = np.diag([scale, scale, scale, 1.0])
     approximate_lens(camera, fitted.projection(aspect).transformed(sizes))
@@ -477,6 +325,10 @@ def volume_from_camera(camera, scene) -> None:
     settings = camera.scfpf
     settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
     settings.u_range = settings.v_range = (0.0, 1.0)
+    width, height = (right_top - left_bottom)[:2]
+    # As the ordinary camera: the side that its sensor is fitted to stays.
+    is_wide = lens.sensor_fit == "HORIZONTAL" or (lens.sensor_fit == "AUTO" and width >= height)
+    settings.fit, settings.fitted_aspect = "HEIGHT" if is_wide else "WIDTH", width / height
     make_flexible(camera)
 
 

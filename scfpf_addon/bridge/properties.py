@@ -126,6 +126,14 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
         update=_kind_changed,
         override=OVERRIDABLE,
     )
+    is_volume: BoolProperty(
+        name="Volume Object",
+        description="This object keeps the control surfaces of its parent camera evaluated",
+        default=False,
+        options={"HIDDEN"},
+        update=_changed,
+        override=OVERRIDABLE,
+    )
 
 
 class SCFPF_CameraSettings(bpy.types.PropertyGroup):
@@ -304,6 +312,29 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         name="Picked Object",
         description="Name of the object that the picked projector met",
         default="",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    fit: EnumProperty(
+        name="Fit",
+        description="What changes of the volume when it is fitted to a picture of another shape",
+        items=(
+            ("NONE", "None", "The volume does not depend on the picture's shape"),
+            ("WIDTH", "Width", "The width along the camera's X axis; the height stays"),
+            ("HEIGHT", "Height", "The height along the camera's Y axis; the width stays"),
+        ),
+        default="NONE",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    fitted_aspect: FloatProperty(
+        name="Fitted Aspect",
+        description="Width by height of the picture that the volume is made for",
+        default=1.0,
+        min=1e-6,
+        max=1e6,
         options=set(),
         update=_changed,
         override=OVERRIDABLE,

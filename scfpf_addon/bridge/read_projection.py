@@ -12,10 +12,10 @@ from ..projection.reparameterisation import reparameterisation
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.volume import Projection, ViewingVolume
 from . import nurbs_object
-from .flexible_camera import keeps_evaluated
 from .mesh_grid import SurfaceError, grid_points
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
 from .uv_mesh import read_reshaped, read_uv_mesh
+from .volume_object import is_deleted, keeps_evaluated
 
 # A transform that flattens one axis to less than this share of the longest has
 # no size there: float32 matrices cannot tell it from nought.
@@ -70,7 +70,7 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
 def _read_surface(surface, camera, depsgraph) -> ControlSurface:
     """One control surface of a camera in world space."""
     name, kind = surface.name, surface.scfpf_surface.kind
-    if not _is_in(depsgraph.scene, surface):
+    if is_deleted(surface, depsgraph.scene):
         raise ProjectionError(
             f"Control surface '{name}' was deleted from this scene: undo that, or take it off the list"
         )
@@ -115,13 +115,6 @@ def _of_mesh(points, kind: str, matrix) -> ControlSurface:
     if kind == "PATCH" and points.shape[:2] == (2, 2):
         return surface_from_parameters("PATCH", {}, points, matrix)
     return Grid(points, matrix=matrix)
-
-
-def _is_in(scene, surface) -> bool:
-    """Whether an object is among a scene's objects; one deleted with X lives on for its pointer."""
-    found = scene.objects.get(surface.name)
-    # A linked object may have the same name.
-    return found == surface or (found is not None and surface in scene.objects.values())
 
 
 def _is_visible(surface, depsgraph) -> bool:

@@ -32,12 +32,14 @@ class Folds:
 
     share: of the shown volume, in image × t, that is folded, in [0, 0.5]. orientation:
     the sign of det[Qu Qv Qt] in the rest, -1 or 1, 0 if it vanishes everywhere.
+    mirrored: whether the picture is that of a mirror outside the folds.
     positions: (3, F) float64, the samples in the folds, as Q.
     """
 
     share: float
     orientation: int
     positions: Array
+    mirrored: bool = False
 
     def __bool__(self) -> bool:
         return self.share > 0.0
@@ -71,7 +73,7 @@ def find_folds(projection: Projection) -> Folds:
     positions = _evaluate(projection.volume, part, middle).position.reshape(3, *signs.shape)
     # Back from the image to u and v: the commoner handedness of the image map.
     handedness = 1 if turn[shown].sum() >= 0 else -1
-    return Folds(float(folded.sum() / certain), majority * handedness, positions[:, folded])
+    return Folds(float(folded.sum() / certain), majority * handedness, positions[:, folded], majority > 0)
 
 
 def orientations(volume: ViewingVolume, controls: ControlSample, t: Array) -> Array:

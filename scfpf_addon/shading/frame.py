@@ -91,6 +91,7 @@ def render_frame(
     tiles = image_tiles(settings.width, settings.height)
     if not run_tiles(render, tiles, settings.threads, finished, progress, cancelled):
         return None
+    folds = find_folds(projection)
     report = RenderReport(
         settings.width,
         settings.height,
@@ -102,7 +103,8 @@ def render_frame(
         counts.chords,
         hits / counts.projectors if counts.projectors else 0.0,
         counts.error_bound,
-        find_folds(projection).share,
+        folds.share,
+        folds.mirrored,
     )
     return Frame(pixels, report)
 

@@ -138,6 +138,14 @@ def test_main_section_without_a_camera_with_an_ordinary_and_with_a_flexible_one(
     assert ("operator", "scfpf.result_show") not in record
 
 
+def test_fit_is_offered_while_the_resolution_has_another_shape(camera):
+    assert ("operator", "scfpf.volume_fit_picture") not in drawn(bpy.types.SCFPF_PT_view)
+    bpy.context.scene.render.resolution_x = 500
+    assert ("operator", "scfpf.volume_fit_picture") in drawn(bpy.types.SCFPF_PT_view)
+    bpy.ops.scfpf.volume_fit_picture()
+    assert ("operator", "scfpf.volume_fit_picture") not in drawn(bpy.types.SCFPF_PT_view)
+
+
 def test_report_and_picture_are_offered_after_a_render(camera):
     render = bpy.context.scene.render
     render.resolution_x, render.resolution_y = 32, 18

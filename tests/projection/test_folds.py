@@ -141,3 +141,12 @@ def test_without_folds_the_lines_are_those_of_projector_lines():
     projection = planes((1, 1), (3, 2), (4, 4))
     good, folded = parted_projector_lines(projection, 4, 3)
     assert np.array_equal(good, projector_lines(projection, 4, 3)) and folded.shape == (0, 2, 3)
+
+
+@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("flip", [(1, 1, 1), (-1, 1, 1), (1, -1, 1), (-1, -1, 1)])
+def test_a_volume_in_a_mirror_has_a_mirrored_picture(path, flip):
+    """Polar pictures too, whose u and v have the other handedness."""
+    found = find_folds(read_preset(path).projection(1.5).transformed(np.diag([*map(float, flip), 1.0])))
+    assert found.share == 0
+    assert found.mirrored == (np.prod(flip) < 0)
