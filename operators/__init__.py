@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the user can do: ``bpy.ops.scfpf``. One module a family."""
 
-from . import camera, pick, picture_fit, presets, render, surfaces, volume_tools
+from . import camera, pick, picture_fit, presets, render, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
-MODULES = (camera, presets, surfaces, volume_tools, render, pick, picture_fit)
+MODULES = (camera, presets, surfaces, volume_tools, surface_tools, render, pick, picture_fit)
 
 
 def register():

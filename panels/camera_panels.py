@@ -7,6 +7,7 @@ from ..operators.pick import pick_readout
 from ..operators.target import camera_of, flexible_camera_of
 from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.picture_fit import needs_fit
+from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError, parameter_properties
 from .surface_list import is_missing
@@ -16,7 +17,7 @@ def problems(scene, camera) -> list[str]:
     """What keeps a flexible camera from making a picture, in a few words each."""
     slots = camera.scfpf.surfaces
     found = []
-    if len(slots) < 2:
+    if len(slots) < 2 and not is_lattice_volume(slots):
         found.append("A volume needs two control surfaces")
     if any(is_missing(scene, slot) for slot in slots):
         found.append("A control surface was deleted")

@@ -17,6 +17,7 @@ KIND_ICONS = {
     "GRID": "MESH_GRID",
     "UV_MESH": "UV",
     "NURBS": "SURFACE_NSURFACE",
+    "LATTICE": "MOD_LATTICE",
 }
 
 # Of a weight in the list, in the interface's units: six digits.
@@ -40,7 +41,15 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
             )
             return
         row.prop(item.object, "name", text="", emboss=False, icon=KIND_ICONS[item.object.scfpf_surface.kind])
-        end = "Near" if index == 0 else "Far" if index == len(data.surfaces) - 1 else ""
+        end = (
+            ""
+            if len(data.surfaces) == 1
+            else "Near"
+            if index == 0
+            else "Far"
+            if index == len(data.surfaces) - 1
+            else ""
+        )
         if end and end not in item.object.name:
             place = row.row()
             place.alignment = "RIGHT"

@@ -10,9 +10,9 @@ import numpy as np
 from mathutils import Matrix
 
 from ..projection.volume import Projection
-from . import nurbs_object, surface_nodes
+from . import lattice_object, nurbs_object, surface_nodes
 from .slot_animation import clear_slots, move_slot, remove_slot
-from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
+from .surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
 from .volume_object import editable_collections, is_volume_object, sync_volume_object
 
@@ -64,7 +64,7 @@ def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=No
     """
     _require_camera(camera)
     title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else MESH_KINDS.get(kind)
-    title = nurbs_object.TITLE if kind == nurbs_object.KIND else title
+    title = OBJECT_KINDS[kind].TITLE if kind in OBJECT_KINDS else title
     surface = surface_nodes.new_surface(name or title, kind, parameters, points)
     _place(camera, surface, np.eye(4) if matrix is None else matrix)
     _insert(camera, surface, index)
@@ -93,20 +93,20 @@ def attach_surface(camera, surface) -> None:
     """Append an existing object to the camera's surfaces.
 
     A mesh that is no control surface yet gets the kind that its UV map shows:
-    a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS. Raises
+    a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS, a lattice LATTICE. Raises
     FlexibleCameraError for any other object.
     """
     _require_camera(camera)
     if not may_be_surface(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be a control surface: choose a mesh with a UV map, or a surface object"
+            f"'{surface.name}' cannot be a control surface: choose a mesh with UV map, a surface or a lattice"
         )
     _insert(camera, surface)
 
 
 def may_be_surface(candidate) -> bool:
     """Whether an object is of a type that control surfaces have, and no volume object."""
-    return candidate.type in {"MESH", "SURFACE"} and not is_volume_object(candidate)
+    return candidate.type in {"MESH", "SURFACE", "LATTICE"} and not is_volume_object(candidate)
 
 
 def _take_kind(surface) -> None:
@@ -115,6 +115,8 @@ def _take_kind(surface) -> None:
         return
     if surface.type == "SURFACE":
         surface.scfpf_surface.kind = nurbs_object.KIND
+    elif surface.type == "LATTICE":
+        surface.scfpf_surface.kind = lattice_object.KIND
     elif surface.type == "MESH":
         surface.scfpf_surface.kind = mesh_kind(surface)
 
@@ -123,7 +125,7 @@ def _flexible_cameras():
     return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]
 
 
-def _delete_if_unused(camera, surface) -> None:
+def delete_if_unused(camera, surface) -> None:
     """Delete a surface that is the camera's own child and on no camera's list."""
     if surface is None or surface.parent != camera or not surface.is_editable:
         return
@@ -144,7 +146,7 @@ def remove_surface(camera, index: int) -> None:
     surface = settings.surfaces[index].object
     remove_slot(settings, index)
     settings.active_surface = max(min(settings.active_surface, len(settings.surfaces) - 1), 0)
-    _delete_if_unused(camera, surface)
+    delete_if_unused(camera, surface)
     sync_volume_object(camera)
 
 
@@ -173,7 +175,7 @@ def clear_surfaces(camera) -> None:
     clear_slots(settings)
     settings.active_surface = 0
     for surface in surfaces:
-        _delete_if_unused(camera, surface)
+        delete_if_unused(camera, surface)
     sync_volume_object(camera)
 
 
@@ -200,7 +202,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     if not (math.isfinite(scale) and scale > 0):
         raise FlexibleCameraError(f"A preset's scale must be a number above 0, not {scale}")
     fitted = preset.fitted(aspect)
-    _replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
+    replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
     settings = camera.scfpf
     for slot, surface in zip(settings.surfaces, fitted.surfaces, strict=True):
         slot.weight = surface.weight
@@ -215,7 +217,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
 
 
 def _scaled(surface, scale: float):
-    """A preset's surface as ``_replace_surfaces`` takes it, every length multiplied."""
+    """A preset's surface as ``replace_surfaces`` takes it, every length multiplied."""
     lengths = {given.key: given.default for given in _display_lengths(surface.kind)} | surface.parameters
     parameters = {key: value * scale if key in LENGTHS else value for key, value in lengths.items()}
     points = None if surface.points is None else np.array(surface.points, np.float64)
@@ -232,7 +234,7 @@ def _display_lengths(kind: str):
     return [given for given in display if given.key in LENGTHS]
 
 
-def _replace_surfaces(camera, described) -> None:
+def replace_surfaces(camera, described) -> None:
     """Replace all surfaces by new ones.
 
     described: (name, kind, matrix in camera space, parameters, points) of each.
@@ -321,7 +323,7 @@ def volume_from_camera(camera, scene) -> None:
         matrix[2, 3] = -depth
         size = {"width": width, "height": height}
         described.append((name, "PLANE", undo_scale @ matrix, size, None))
-    _replace_surfaces(camera, described)
+    replace_surfaces(camera, described)
     settings = camera.scfpf
     settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
     settings.u_range = settings.v_range = (0.0, 1.0)

@@ -58,6 +58,12 @@ KINDS = (
     ("GRID", "Grid", "A mesh whose vertices lie on a regular grid in its UV map"),
     ("UV_MESH", "UV Mesh", "Any mesh with a UV map: (u, v) is where the map has it; islands may be apart"),
     ("NURBS", "Surface Patch", "A B-spline, NURBS or Bézier patch: a surface object with one net of points"),
+    (
+        "LATTICE",
+        "Lattice",
+        "A Lattice object: alone the whole volume, as its modifier deforms the box from +Z to -Z; "
+        "among others its layers along W are control surfaces",
+    ),
 )
 
 

@@ -79,7 +79,7 @@ def cast(
     if spans.degree > 1 or spans.point_weights is not None:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
     points, mask, farthest = _projectors(projection, x, y)
-    single = len(spans.matrices) == 1
+    single = spans.direct
     if single and farthest <= FAR:
         return cast_straight(scene, points, mask, (0.0, 1.0), counts, weighted)
     reach = scene_reach(spans, points, scene)

@@ -71,7 +71,7 @@ class Bundle:
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Position and tangent dQ/dt at t (N,), each (3, N)."""
-        if len(self.spans.matrices) == 1 and self.spans.point_weights is None:
+        if self.spans.direct and self.spans.point_weights is None:
             return evaluate(self.points, t)
         weights, slopes = self.spans.weights(t)
         return (
@@ -185,7 +185,7 @@ class Bundle:
         Of a rational span those of the numerator: it is 0 where the curve is in the plane.
         """
         breaks, weights = self.spans.breaks, self.spans.point_weights
-        if len(self.spans.matrices) == 1:
+        if self.spans.direct:
             if weights is not None:
                 heights = heights * weights[0][:, None]
             return breaks[:1], breaks[1:] - breaks[:1], heights

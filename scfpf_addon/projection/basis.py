@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -47,6 +48,12 @@ class SpanBasis:
     def degree(self) -> int:
         """Degree of every span."""
         return int(self.matrices.shape[1]) - 1
+
+    @cached_property
+    def direct(self) -> bool:
+        """Whether the control points are themselves the Bézier control points of the one span."""
+        count = self.matrices.shape[2]
+        return self.matrices.shape == (1, count, count) and np.array_equal(self.matrices[0], np.eye(count))
 
     def locate(self, t: Array) -> tuple[IndexArray, Array, Array]:
         """The span at each t, (N,), its start and its length in t.

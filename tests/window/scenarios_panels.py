@@ -8,7 +8,7 @@ import sys
 import bpy
 from driver import DRAW, IMAGE, build_scene, differing, surfaces
 
-KINDS = ("PLANE", "CYLINDER", "SPHERE", "GRID", "NURBS")
+KINDS = ("PLANE", "CYLINDER", "SPHERE", "GRID", "NURBS", "LATTICE")
 
 
 def panels_shown(driver):
