@@ -191,13 +191,13 @@ class _DisplaySection(_Subsection):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, _camera, settings):
-        self.layout.prop(settings, "show_projectors")
+        self.layout.prop(settings, "show_projectors", text="Projectors")
         row = self.layout.row()
         row.active = settings.show_projectors
         row.prop(settings, "projector_count", text="Count")
         column = self.layout.column()
         column.active = settings.show_projectors
-        column.prop(settings, "show_folds")
+        column.prop(settings, "show_folds", text="Folds")
         column.prop(settings, "iso_surfaces", text="Iso Count")
         row = column.row()
         row.active = settings.iso_surfaces == 1

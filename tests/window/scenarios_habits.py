@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenarios for drive_blender.py: Blender's habits with its own keys and areas."""
+"""Blender's habits with its own keys and areas."""
 
 import tempfile
 
 import bpy
+from driver import DRAW
 
-DRAW = 1.0
 KEY = 0.5
 
 
@@ -63,7 +63,7 @@ def duplicates(driver):
         bpy.ops.ed.undo_push(message="Hide")
         bpy.ops.view3d.view_all()
     yield 2 * DRAW
-    driver.shot("habit-duplicate-hidden")
+    driver.shot("duplicate-hidden")
     for _step in range(16):
         _select(copy)
         copy.location.z += 1
@@ -90,7 +90,7 @@ def duplicates(driver):
         bpy.ops.object.delete("EXEC_DEFAULT", True)
     yield DRAW
     assert "Flexible Camera.001" not in bpy.data.objects and len(_volumes()) == 1, _volumes()
-    driver.shot("habit-camera-deleted")
+    driver.shot("camera-deleted")
     yield from _undo(driver, 1)
     yield DRAW
     assert _volumes() == whole, _volumes()
@@ -130,7 +130,7 @@ def outliner_duplicate(driver):
     with driver.override():
         bpy.ops.view3d.view_all()
     yield DRAW
-    driver.shot("habit-outliner-duplicate")
+    driver.shot("outliner-duplicate")
 
 
 def paste(driver):
@@ -155,7 +155,7 @@ def paste(driver):
         with driver.override():
             bpy.ops.view3d.view_all()
         yield DRAW
-        driver.shot(f"habit-pasted-{'all' if everything else 'camera'}")
+        driver.shot(f"pasted-{'all' if everything else 'camera'}")
         bpy.context.scene.camera = pasted
         bpy.context.scene.render.resolution_percentage = 20
         driver.start_render()
@@ -195,7 +195,7 @@ def snap(driver):
     yield from _undo(driver, 1, "redo")
     yield KEY
     assert bpy.data.objects[near].matrix_world == after
-    driver.shot("habit-snap")
+    driver.shot("snap")
 
 
 SCENARIOS = (duplicates, outliner_duplicate, paste, snap)
