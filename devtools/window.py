@@ -273,7 +273,7 @@ def run(found: Place, scenarios: list[str], deadline: float) -> tuple[list[Resul
         except subprocess.TimeoutExpired:
             status = None
         finally:
-            shutil.copytree(shots, SHOTS)
+            shutil.copytree(shots, SHOTS, dirs_exist_ok=True)
     return outcome(found.title, SHOTS / "results.txt", status, time.monotonic() - began)
 
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The errors that mean bad input: operators report them in one line; all others are bugs and are raised."""
 
+from ..scfpf_addon.bridge.edit_volume import EditVolumeError
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.render_job import RENDER_ERRORS
 from ..scfpf_addon.bridge.result_image import ResultError
@@ -11,6 +12,7 @@ from ..scfpf_addon.scanline.preview_data import PreviewError
 from ..scfpf_addon.scanline.preview_viewports import ViewportError
 
 BAD_INPUT = (
+    EditVolumeError,
     EditingError,
     FlexibleCameraError,
     PresetError,

@@ -7,6 +7,7 @@ import time
 
 import bpy
 import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
 
 IMAGE = "SCFPF Render"
 # Seconds after which a render is taken to hang.
@@ -29,10 +30,13 @@ class Driver:
     def area(self, kind: str):
         return next(area for area in self.window.screen.areas if area.type == kind)
 
+    def region(self, area: str, kind: str = "WINDOW"):
+        return next(region for region in self.area(area).regions if region.type == kind)
+
     def override(self, kind: str = "VIEW_3D"):
-        area = self.area(kind)
-        region = next(region for region in area.regions if region.type == "WINDOW")
-        return bpy.context.temp_override(window=self.window, area=area, region=region)
+        return bpy.context.temp_override(
+            window=self.window, area=self.area(kind), region=self.region(kind, "WINDOW")
+        )
 
     def key(self, kind: str, kind_of_area: str = "VIEW_3D", **modifiers) -> None:
         """Press and release a key with the mouse over an area."""
@@ -47,6 +51,40 @@ class Driver:
         subprocess.run(
             ["import", "-window", "root", str(self.folder / f"{self.scenario}-{name}.png")], check=True
         )
+
+    def region_pixels(self, area: str = "VIEW_3D", kind: str = "WINDOW"):
+        """What the screen shows of a region, (H, W, 3) in 0 to 255, row 0 at the bottom as regions count."""
+        region = self.region(area, kind)
+        width, height = self.window.width, self.window.height
+        command = ["import", "-window", "root", "-crop", f"{width}x{height}+0+0", "-depth", "8", "rgb:-"]
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE)
+        screen = np.frombuffer(done.stdout, np.uint8).reshape(height, width, 3)[::-1].astype(np.int16)
+        return screen[region.y : region.y + region.height, region.x : region.x + region.width]
+
+    def surface_lines(self):
+        """Where the 3D viewport shows the green of control surfaces, (H, W) bool."""
+        red, green, blue = np.moveaxis(self.region_pixels(), 2, 0)
+        return (green > 110) & (green > 1.4 * red) & (green > 1.4 * blue)
+
+    def near(self, obj, reach: int = 4):
+        """The box around an object's evaluated vertices in the 3D viewport, as slices of its pixels."""
+        region = self.region("VIEW_3D")
+        view = self.area("VIEW_3D").spaces.active.region_3d
+        places = [location_3d_to_region_2d(region, view, corner) for corner in world_vertices(obj)]
+        low, high = np.min(places, axis=0) - reach, np.max(places, axis=0) + reach
+        return tuple(slice(max(int(low[axis]), 0), max(int(high[axis]) + 1, 0)) for axis in (1, 0))
+
+    def look(self, axis: str = "", room: float = 1.2) -> None:
+        """Look at the whole volume from outside, along an axis or as the view is turned, without gizmos."""
+        space = self.area("VIEW_3D").spaces.active
+        space.show_gizmo = False
+        space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False
+        found = np.array([c for obj in surfaces(bpy.context.scene.camera) for c in world_vertices(obj)])
+        with self.override():
+            if axis:
+                bpy.ops.view3d.view_axis(type=axis)
+            bpy.context.region_data.view_location = (found.min(axis=0) + found.max(axis=0)) / 2
+            bpy.context.region_data.view_distance = room * np.linalg.norm(np.ptp(found, axis=0))
 
     def show_sidebar(self):
         """Generator: open the sidebar; its tab can be chosen once it has been drawn."""
@@ -66,10 +104,12 @@ class Driver:
 
     def menu(self, name: str):
         """Generator: take a picture of a menu."""
+        before = self.region_pixels()
         with self.override():
             bpy.ops.wm.call_menu(name=name)
         yield DRAW
         self.shot(f"menu-{name}")
+        assert differing(before, self.region_pixels()) > 5000, f"{name} is not shown"
         self.key("ESC")
         yield 0.3
 
@@ -107,6 +147,36 @@ class Driver:
         values = np.empty(len(image.pixels), np.float32)
         image.pixels.foreach_get(values)
         return values
+
+
+def world_vertices(obj) -> list:
+    """The vertices of an object as evaluated, in the world."""
+    evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    found = [evaluated.matrix_world @ vertex.co for vertex in evaluated.to_mesh().vertices]
+    evaluated.to_mesh_clear()
+    return found
+
+
+def differing(first, second) -> int:
+    """How many pixels of two pictures differ by more than a hint of colour."""
+    return int((np.abs(first - second).max(axis=2) > 12).sum())
+
+
+def surfaces(camera) -> list:
+    """The control surfaces of a camera, in order."""
+    return [slot.object for slot in camera.scfpf.surfaces]
+
+
+def volume(camera) -> tuple:
+    """What a camera's volume is made of, to compare."""
+    settings = camera.scfpf
+    parts = tuple(
+        (obj.name, obj.scfpf_surface.kind, tuple(round(x, 4) for row in obj.matrix_world for x in row))
+        if obj
+        else None
+        for obj in surfaces(camera)
+    )
+    return camera.name, settings.basis, settings.reparameterisation, tuple(settings.u_range), parts
 
 
 def build_scene(samples: int = 1, percentage: int = 50) -> None:
