@@ -28,7 +28,8 @@ OVERLAP = 0.02
 DEPTH_WEIGHT = 0.25
 # Faces that lie farther out of the picture than this share of it are left out.
 FRAME_MARGIN = 0.01
-# By linear guess; nothing is left out for being near to the volume. Share of its width; of its size at that t.
+# By linear guess; nothing is left out for being near to the volume: share of its width, and of its
+# size at that t.
 GUESS_MARGIN = 0.25
 GUESS_MARGIN_T = 0.1
 # From the root mean square of the corners' distances from the middle to more than the largest.
@@ -94,7 +95,9 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         # Rounds with nothing left to do cost nothing: a Switch evaluates only the side that is asked for.
         some = _faces(nodes, state["Active"]) > 0.5
         return {
-            name: nodes.switch(some, state[name], value, "FLOAT" if name == "Left" else "GEOMETRY", "Any Left?")
+            name: nodes.switch(
+                some, state[name], value, "FLOAT" if name == "Left" else "GEOMETRY", "Any Left?"
+            )
             for name, value in after.items()
         }
 
@@ -299,7 +302,7 @@ def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value) -> V
 
 
 def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value, Value]:
-    """By the inverse map of the cloud's nearest point: how far corners are from the middle, and the middle."""
+    """By the inverse map of the cloud's nearest point: how far corners are from the middle, and that."""
     nearest = nodes.out(
         "GeometryNodeSampleNearest", "Nearest of the Cloud",
         {"Geometry": given["Cloud"], "Sample Position": point}, domain="POINT",
