@@ -156,7 +156,10 @@ def main() -> None:
     sizes = (10_000, 100_000) if options.quick else (10_000, 100_000, 500_000, 1_000_000)
     print("\nlive preview: evaluation in times of the Lattice modifier on the same mesh")
     results = []
-    for title, projection in (("straight", bent_projection(1, 0.0)), ("bent by 60°", bent_projection(2, 1.05))):
+    for title, projection in (
+        ("straight", bent_projection(1, 0.0)),
+        ("bent by 60°", bent_projection(2, 1.05)),
+    ):
         for size in sizes:
             results.append(measure(title, projection, size, 2 if options.quick else RUNS))
             report(results[-1])

@@ -160,9 +160,7 @@ class FieldBuilder(NodeBuilder):
         if selection is not None:
             inputs["Selection"] = selection
         kind = "FLOAT_VECTOR" if value.is_vector else "FLOAT"
-        return self.out(
-            "GeometryNodeAttributeStatistic", label, inputs, which, data_type=kind, domain=domain
-        )
+        return self.out("GeometryNodeAttributeStatistic", label, inputs, which, data_type=kind, domain=domain)
 
     def evaluate_on(self, value, domain: str, kind: str, label: str) -> Value:
         """A field evaluated on a domain first, whatever domain it is used on."""
@@ -184,9 +182,7 @@ class FieldBuilder(NodeBuilder):
         # Of several links into one socket the last comes first.
         for part in parts[-2::-1]:
             self.tree.links.new(part.socket, node.inputs[0])
-            self._columns[node.name] = max(
-                self._columns[node.name], self._columns[part.socket.node.name] + 1
-            )
+            self._columns[node.name] = max(self._columns[node.name], self._columns[part.socket.node.name] + 1)
         node.location.x = self.COLUMN * self._columns[node.name]
         return Value(self, node.outputs[0])
 

@@ -9,8 +9,8 @@ from .table_nodes import LATTICE
 
 # The attribute that holds a vertex' place in the viewbox.
 BOX = "scfpf_box"
-# The z of a point without a place in the volume; what is in the viewbox has a z below 0. Its x is then how far
-# it is from the volume, at least, and its y how far that reaches there.
+# The z of a point without a place in the volume; what is in the viewbox has a z below 0. Its x is then
+# how far it is from the volume, at least, and its y how far that reaches there.
 NOWHERE = 9.0
 # The z of a point that the lattice knows to be out of the volume.
 SURELY_NOWHERE = 10.0

@@ -28,7 +28,8 @@ OVERLAP = 0.02
 DEPTH_WEIGHT = 0.25
 # Faces that lie farther out of the picture than this share of it are left out.
 FRAME_MARGIN = 0.01
-# By linear guess; nothing is left out for being near to the volume. Share of its width; of its size at that t.
+# By linear guess; nothing is left out for being near to the volume: share of its width, and of its
+# size at that t.
 GUESS_MARGIN = 0.25
 GUESS_MARGIN_T = 0.1
 # From the root mean square of the corners' distances from the middle to more than the largest.
@@ -40,7 +41,6 @@ MOST_FACES = 400_000.0
 
 EDGE_BOX, FACE_BOX = "scfpf_edge_box", "scfpf_face_box"
 NEED, MARK, FROZEN, FATE = "scfpf_need", "scfpf_mark", "scfpf_frozen", "scfpf_fate"
-PLACED = "scfpf_placed"
 LEAVE, KEEP, DIVIDE = 0.0, 1.0, 2.0
 
 
@@ -95,7 +95,9 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         # Rounds with nothing left to do cost nothing: a Switch evaluates only the side that is asked for.
         some = _faces(nodes, state["Active"]) > 0.5
         return {
-            name: nodes.switch(some, state[name], value, "FLOAT" if name == "Left" else "GEOMETRY", "Any Left?")
+            name: nodes.switch(
+                some, state[name], value, "FLOAT" if name == "Left" else "GEOMETRY", "Any Left?"
+            )
             for name, value in after.items()
         }
 
@@ -176,7 +178,7 @@ def round_group():
         fate = nodes.attribute(FATE)
         done, other = nodes.separate(mesh, nodes.both(fate > 0.5, fate < 1.5), "Kept")
         before, _ = nodes.separate(other, fate > 1.5, "Divided")
-        before = _overlapping(nodes, before, 1.0 / given["Picture Width"])
+        before = _straight_middles(nodes, given, before, period)
         return {"Active": _divided(nodes, before), "Done": done, "Left": left}
 
     outputs = {"Active": "Geometry", "Done": "Geometry", "Left": "Float"}
@@ -217,17 +219,21 @@ def _nearest_turn(nodes: FieldBuilder, given, difference: Value, period: Value) 
     return difference - (difference / period + 0.5).floor() * given["Wrap"] * period
 
 
-def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Value:
-    nodes.open_frame("Edges: is the middle where a straight line has it?")
-    weights = (1.0, 1.0, DEPTH_WEIGHT)
+def _ends(nodes: FieldBuilder, given, period: Value) -> tuple[Value, Value, Value]:
+    """The places of an edge's ends, and the way from the one to the other, the short way round."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     ends = nodes.node("GeometryNodeInputMeshEdgeVertices", "Ends", {})
     first, last = (
         nodes.at_index(box, Value(nodes, ends.outputs[i]), "POINT", "FLOAT_VECTOR") for i in range(2)
     )
+    return first, last, _nearest_turn(nodes, given, last - first, period)
+
+
+def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Value:
+    nodes.open_frame("Edges: is the middle where a straight line has it?")
+    weights = (1.0, 1.0, DEPTH_WEIGHT)
+    first, last, straight = _ends(nodes, given, period)
     middle = nodes.attribute(EDGE_BOX, "FLOAT_VECTOR")
-    straight = _nearest_turn(nodes, given, last - first, period)
-    crossing = (straight - (last - first)).length() > 0.25
     off = _nearest_turn(nodes, given, middle - first - straight * 0.5, period) * weights
     pixel = 1.0 / given["Picture Width"]
     bent = nodes.both(
@@ -235,12 +241,11 @@ def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Valu
     )
     nowhere = first.parts()[2].most(last.parts()[2]).most(middle.parts()[2]) > 0.0
     free = nodes.negate(nodes.attribute(FROZEN, "BOOLEAN"))
-    off_straight = nodes.both(free, nodes.either(bent, nowhere))
-    mark = nodes.either(off_straight, nodes.both(free, crossing))
+    mark = nodes.both(free, nodes.either(bent, nowhere))
     # Across the rim of a polar picture even straight edges are divided, and stay straight.
     beyond = _beyond_rim(nodes, given, first) * _beyond_rim(nodes, given, last)
     at_rim = nodes.both(beyond < 0.0, straight.length() > pixel * SHORTEST_AT_RIM)
-    need = nodes.either(off_straight, at_rim)
+    need = nodes.either(mark, at_rim)
     mesh = nodes.store(mesh, NEED, need, "FLOAT", "EDGE")
     return nodes.store(mesh, MARK, mark, "BOOLEAN", "EDGE")
 
@@ -297,7 +302,7 @@ def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value) -> V
 
 
 def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value, Value]:
-    """By the inverse map of the cloud's nearest point: how far corners are from the middle, and the middle."""
+    """By the inverse map of the cloud's nearest point: how far corners are from the middle, and that."""
     nearest = nodes.out(
         "GeometryNodeSampleNearest", "Nearest of the Cloud",
         {"Geometry": given["Cloud"], "Sample Position": point}, domain="POINT",
@@ -314,23 +319,24 @@ def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value
     return root * SPREAD, middle
 
 
-def _overlapping(nodes: FieldBuilder, before: Value, pixel: Value) -> Value:
-    """Straight edges at the border of what is divided get middles that overlap the other side a little.
+def _straight_middles(nodes: FieldBuilder, given, before: Value, period: Value) -> Value:
+    """Edges that need not bend get a middle on the straight line.
 
-    A vertex on the straight edge of a face that is not divided would let single pixels through.
+    At the border of what is divided it overlaps the other side a little: a vertex on the straight
+    edge of a face that is not divided would let single pixels through.
     """
-    nodes.open_frame("No pixel between a divided face and its neighbour")
+    nodes.open_frame("Middles of straight edges; no pixel between a divided face and its neighbour")
+    first, _, straight = _ends(nodes, given, period)
+    middle = _nearest_turn(nodes, given, first + straight * 0.5, period)
     index = nodes.out("GeometryNodeInputIndex", "Index", {})
     corner = nodes.out("GeometryNodeCornersOfEdge", "A Corner", {"Edge Index": index}, "Corner Index")
     face = nodes.out("GeometryNodeFaceOfCorner", "Its Face", {"Corner Index": corner}, "Face Index")
     centre = nodes.at_index(nodes.attribute(FACE_BOX, "FLOAT_VECTOR"), face, "FACE", "FLOAT_VECTOR")
-    straight = nodes.attribute(BOX, "FLOAT_VECTOR")
-    outward = (straight - centre) * (1.0, 1.0, 0.0)
-    middle = straight + outward * (pixel * OVERLAP / outward.length())
+    outward = _nearest_turn(nodes, given, middle - centre, period) * (1.0, 1.0, 0.0)
     sides = nodes.out("GeometryNodeInputMeshEdgeNeighbors", "Faces at the Edge", {}) + 0.0
-    at_border = nodes.both(sides < 1.5, nodes.negate(nodes.attribute(MARK, "BOOLEAN")))
-    before = nodes.store(before, EDGE_BOX, middle, "FLOAT_VECTOR", "EDGE", at_border)
-    return nodes.store(before, PLACED, nodes.either(at_border, nodes.attribute(MARK, "BOOLEAN")), "BOOLEAN", "EDGE")
+    overlap = (sides < 1.5) * OVERLAP / given["Picture Width"] / outward.length()
+    is_straight = nodes.negate(nodes.attribute(MARK, "BOOLEAN"))
+    return nodes.store(before, EDGE_BOX, middle + outward * overlap, "FLOAT_VECTOR", "EDGE", is_straight)
 
 
 def _divided(nodes: FieldBuilder, before: Value) -> Value:
@@ -339,17 +345,15 @@ def _divided(nodes: FieldBuilder, before: Value) -> Value:
     Subdivide Mesh numbers the old vertices first, then a middle for each edge, then one for each
     face; each edge becomes two, in order, before those inside of the faces.
     """
-    nodes.open_frame("Divided; new vertices take the places of the middles, on straight edges they do not")
+    nodes.open_frame("Divided; new vertices take the places of the middles")
     sizes = nodes.node("GeometryNodeAttributeDomainSize", "Sizes", {0: before}, component="MESH")
     vertices, edges = Value(nodes, sizes.outputs["Point Count"]), Value(nodes, sizes.outputs["Edge Count"])
     after = nodes.out("GeometryNodeSubdivideMesh", "Divide", {"Mesh": before, "Level": 1})
     index = nodes.out("GeometryNodeInputIndex", "Index", {}) + 0.0
     of_edge = index - vertices
     of_face = of_edge - edges
-    on_edge, in_face = of_edge > -0.5, of_face > -0.5
+    in_face = of_face > -0.5
     mark = nodes.attribute(MARK, "BOOLEAN")
-    placed = nodes.attribute(PLACED, "BOOLEAN")
-    placed = nodes.sample(before, placed, of_edge, "BOOLEAN", "Has a Place", "EDGE")
     edge_place = nodes.sample(
         before, nodes.attribute(EDGE_BOX, "FLOAT_VECTOR"), of_edge, "FLOAT_VECTOR", "Edge's Middle", "EDGE"
     )
@@ -357,8 +361,7 @@ def _divided(nodes: FieldBuilder, before: Value) -> Value:
         before, nodes.attribute(FACE_BOX, "FLOAT_VECTOR"), of_face, "FLOAT_VECTOR", "Face's Middle", "FACE"
     )
     place = nodes.switch(in_face, edge_place, face_place, "VECTOR", "Edge or Face")
-    moved = nodes.both(on_edge, nodes.either(in_face, placed))
-    after = nodes.store(after, BOX, place, "FLOAT_VECTOR", selection=moved)
+    after = nodes.store(after, BOX, place, "FLOAT_VECTOR", selection=of_edge > -0.5)
     part_of_edge = index < edges * 2.0 - 0.5
     frozen = nodes.both(part_of_edge, nodes.either(nodes.attribute(FROZEN, "BOOLEAN"), nodes.negate(mark)))
     return nodes.store(after, FROZEN, frozen, "BOOLEAN", "EDGE")

@@ -45,9 +45,7 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     nodes.open_frame("The camera's table")
     info = {"Object": given["Table"]}
     table = nodes.out("GeometryNodeObjectInfo", "Table", info, "Geometry")
-    matrix = nodes.out(
-        "GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE"
-    )
+    matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
     view = view_inputs(nodes, table, given["Aspect"])
     nodes.open_frame("The scene's mesh, with its shading")
     real = nodes.out("GeometryNodeRealizeInstances", "Realize", {"Geometry": given["Geometry"]})
@@ -83,8 +81,9 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 def preview_group(camera):
     """The node group of the camera's whole preview: Collection → viewbox geometry.
 
-    Inputs: Collection, Table (Object), Aspect, Pixel Error, Picture Width. The object that carries it must be a
-    child of the camera with the identity as its local matrix, and in none of the collections that it shows.
+    Inputs: Collection, Table (Object), Aspect, Pixel Error, Picture Width. The object that carries it must
+    be a child of the camera with the identity as its local matrix, and in none of the collections that
+    it shows.
     """
     inputs = {"Collection": ("Collection", None, "What the camera looks at")} | REMAP_INPUTS
 

@@ -13,7 +13,7 @@ from .field_nodes import FieldBuilder, Value, node_group
 PROJECTOR = "projector"
 # On the cloud's points: how far it is to their neighbours.
 REACH = "reach"
-# The x of the lattice's "guess" where there is no volume near; y and z are how far it is, and its reach there.
+# The x of the lattice's "guess" where there is no volume near; y and z are how far it is, and its reach.
 FAR_AWAY = 1000.0
 # No step of Newton's method goes farther than this in x, y or t, nor farther out of the volume.
 LONGEST_STEP = 0.5

@@ -80,7 +80,9 @@ def table_group(basis: str, count: int):
         return {"Table": nodes.join(table, lattice, cloud)}
 
     text = f"The projectors of a flexible camera: {count} surfaces, {basis.replace('_', '-').title()}"
-    return node_group(f"SCFPF Table {basis} {count}", text, inputs, {"Table": "Geometry"}, build, modifier=True)
+    return node_group(
+        f"SCFPF Table {basis} {count}", text, inputs, {"Table": "Geometry"}, build, modifier=True
+    )
 
 
 def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value]:
@@ -151,7 +153,7 @@ def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
     """1 where the volume's left and right, or lower and upper, ends are one; else 0."""
     nodes.open_frame("Do the ends of the picture meet?")
     index = nodes.out("GeometryNodeInputIndex", "Index", {})
-    columns, rows, _ = size.parts()
+    points = nodes.out("GeometryNodePoints", "65 Samples", {"Count": 65})
     along = index / 64.0
     tests = []
     for axis in range(2):
@@ -165,9 +167,9 @@ def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
                 nodes.call(look_up_group(), "At an End", none | {"Position": place})["Position"]
                 for place in places
             )
-            gap = nodes.statistic(table, (end - start).length(), "Max", "Gap", (index < 64.5))
-            turn = nodes.statistic(table, (middle - start).length(), "Max", "Half a Turn", (index < 64.5))
-            gaps.append((gap < turn * PERIODIC))
+            gap = nodes.statistic(points, (end - start).length(), "Max", "Gap")
+            turn = nodes.statistic(points, (middle - start).length(), "Max", "Half a Turn")
+            gaps.append(gap < turn * PERIODIC)
         tests.append(nodes.both(*gaps))
     return nodes.xyz(*tests, 0.0, "Wrap")
 
@@ -231,9 +233,7 @@ def _cloud(nodes: FieldBuilder, whole, ratio: Value, polar: Value) -> Value:
         found["By t"].length() * nodes.attribute("layer"),
     )
     cloud = nodes.store(cloud, REACH, sides[0] + sides[1] + sides[2], "FLOAT")
-    return nodes.out(
-        "GeometryNodeSetPosition", "Cloud", {"Geometry": cloud, "Position": found["Position"]}
-    )
+    return nodes.out("GeometryNodeSetPosition", "Cloud", {"Geometry": cloud, "Position": found["Position"]})
 
 
 def _determinant(nodes: FieldBuilder, whole) -> Value:

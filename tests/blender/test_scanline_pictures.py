@@ -52,9 +52,7 @@ def flexible_camera(addon):
 @pytest.fixture
 def caster(addon):
     """Casts a picture of the triangles of all objects of a collection: hits, objects, corners."""
-    cast_frame, cast_scene = (
-        addon(f"scfpf_addon.casting.{module}") for module in ("frame", "scene")
-    )
+    cast_frame, cast_scene = (addon(f"scfpf_addon.casting.{module}") for module in ("frame", "scene"))
     read = addon("scfpf_addon.bridge.read_projection").read_projection
 
     def cast(camera, collection, height):
@@ -173,9 +171,7 @@ def add_things(projection, collection, count=24):
 
 
 @pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
-def test_preview_and_caster_see_the_same_objects(
-    addon, scanline, flexible_camera, seen, caster, drawn, path
-):
+def test_preview_and_caster_see_the_same_objects(addon, scanline, flexible_camera, seen, caster, drawn, path):
     camera, height = flexible_camera(path)
     read = addon("scfpf_addon.bridge.read_projection").read_projection
     projection = read(camera, bpy.context.evaluated_depsgraph_get(), WIDTH / height)
@@ -228,9 +224,7 @@ def checkered_material():
 @pytest.mark.parametrize(
     "name", ["perspective", "nonlinear_twist", "cylindrical_panorama", "angular_fisheye"]
 )
-def test_undivided_checkered_quads_look_as_the_caster_draws_them(
-    flexible_camera, seen, caster, drawn, name
-):
+def test_undivided_checkered_quads_look_as_the_caster_draws_them(flexible_camera, seen, caster, drawn, name):
     camera, height = flexible_camera(PRESETS[0].parent / f"{name}.json")
     material = checkered_material()
     for points in (GROUND, WALL):

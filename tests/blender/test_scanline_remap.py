@@ -45,7 +45,9 @@ def remapped(addon, scanline):
         count = len(points)
         mesh = bpy.data.meshes.new("Points")
         mesh.from_pydata(
-            np.repeat(points, corners, 0).tolist(), [], np.arange(corners * count).reshape(-1, corners).tolist()
+            np.repeat(points, corners, 0).tolist(),
+            [],
+            np.arange(corners * count).reshape(-1, corners).tolist(),
         )
         number = mesh.attributes.new("number", "INT", "POINT")
         number.data.foreach_set("value", np.repeat(np.arange(count, dtype=np.int32), corners))
@@ -140,9 +142,7 @@ def plane(flexible, camera, generator, index, count):
     matrix = np.array(Euler(turn).to_matrix().to_4x4())
     matrix[:3, 3] = [*generator.uniform(-0.4, 0.4, 2), -1.0 - 8.0 * index / (count - 1)]
     size = 2.0 + index + generator.uniform(-0.3, 0.3)
-    flexible.add_surface(
-        camera, "PLANE", matrix=matrix, parameters={"width": size * ASPECT, "height": size}
-    )
+    flexible.add_surface(camera, "PLANE", matrix=matrix, parameters={"width": size * ASPECT, "height": size})
 
 
 @pytest.mark.parametrize(
@@ -181,9 +181,7 @@ def test_curved_kinds_are_exact_from_their_parameters(addon, scanline, flexible,
     check_volume(addon, scanline, camera, remapped, 5)
 
 
-def test_the_preview_follows_edits_and_frames_without_python(
-    addon, scanline, flexible, camera, remapped
-):
+def test_the_preview_follows_edits_and_frames_without_python(addon, scanline, flexible, camera, remapped):
     surfaces = addon("scfpf_addon.bridge.surface_nodes")
     preset = json.loads((PRESETS[0].parent / "perspective.json").read_text(encoding="utf-8"))
     flexible.apply_preset(
@@ -217,7 +215,7 @@ def test_what_is_behind_the_eye_or_far_outside_is_left_out(addon, scanline, flex
     camera.location, camera.rotation_euler = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     behind = np.random.default_rng(2).uniform(-20, 20, (400, 3))
     behind[:, 2] = np.abs(behind[:, 2]) + 1.0
-    number, box = placed(remapped(camera, behind))
+    _, box = placed(remapped(camera, behind))
     inside = (np.abs(box[0]) < 0.5) & (np.abs(box[1]) < 0.5 / ASPECT) & (box[2] < -1.0) & (box[2] > -2.0)
     assert not inside.any()
 

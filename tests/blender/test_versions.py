@@ -96,3 +96,17 @@ def test_limits_hold():
         "RECTANGLE",
         (0, 1),
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "socket", "setting", "value"),
+    [
+        ("GeometryNodeRemoveAttribute", "Pattern Mode", "pattern_mode", "WILDCARD"),
+        ("GeometryNodeTriangulate", "Quad Method", "quad_method", "FIXED"),
+    ],
+)
+def test_a_menu_of_a_node_is_chosen_by_its_identifier(addon, kind, socket, setting, value):
+    node = bpy.data.node_groups.new("Group", "GeometryNodeTree").nodes.new(kind)
+    addon("scfpf_addon.bridge.versions").set_node_menu(node, socket, setting, value)
+    chosen = getattr(node, setting) if hasattr(node, setting) else node.inputs[socket].default_value
+    assert chosen in {value, value.title()}
