@@ -29,6 +29,7 @@ MODULES = (
     pick,
     find,
     picture_fit,
+    preview,
 )
 
 

@@ -440,8 +440,9 @@ def test_undo_and_redo(camera, data):
 
 @pytest.mark.usefixtures("light_nodes")
 def test_what_cannot_be_previewed_is_refused(camera):
-    before = all_data()
     camera.scfpf.surfaces.clear()
+    bpy.context.view_layer.update()
+    before = all_data()
     with pytest.raises(RuntimeError, match="at least two control surfaces"):
         toggle(camera)
     assert all_data() == before
