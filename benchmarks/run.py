@@ -26,9 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.cast import CastCounts, Hits, cast
-from scfpf_addon.casting.frame import image_tiles, pixel_centres
+from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.geometry import Geometry
 from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.casting.tiles import image_tiles
 from scfpf_addon.projection.volume import Projection
 from scfpf_addon.shading.frame import FrameSettings, render_frame
 from scfpf_addon.shading.scene import Light, Materials, Scene
@@ -51,11 +52,11 @@ class Image:
         self.tiles = image_tiles(width, height)
 
     def cast_tile(
-        self, scene: CastScene, projection: Projection, rows: tuple[int, int], error: float, grid: bool = True
+        self, scene: CastScene, projection: Projection, rows: slice, error: float, grid: bool = True
     ) -> tuple[Hits, CastCounts]:
         """One tile of the image; grid: let curved projectors be compared with their neighbours."""
         counts = CastCounts()
-        x, y = pixel_centres(self.width, self.height, rows)
+        x, y = pixel_centres(self.width, self.height, (rows.start, rows.stop))
         size = (1 / self.width, 1 / self.height)
         columns = self.width if grid else None
         return cast(scene, projection, x, y, size, error, counts, columns), counts
@@ -78,7 +79,7 @@ def raw_rays(scene: CastScene, projection: Projection, image: Image) -> list[tup
     """The rays of a straight frame, tile by tile, as Embree takes them."""
     tiles = []
     for rows in image.tiles:
-        points, _ = projection.projectors(*pixel_centres(image.width, image.height, rows))
+        points, _ = projection.projectors(*pixel_centres(image.width, image.height, (rows.start, rows.stop)))
         way = (points[1] - points[0]).astype(np.float32)
         tiles.append((points[0].astype(np.float32), way, np.ones(way.shape[1], np.float32)))
     return tiles

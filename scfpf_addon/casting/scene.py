@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
 from .neighbours import edge_neighbours
+from .occupancy import Occupancy
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
@@ -112,6 +113,8 @@ class CastScene:
         nowhere = np.zeros((3, 1), np.float32)
         self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
         self._neighbours: NDArray[np.int32] | None = None
+        self._usable = usable
+        self._occupancy: Occupancy | None = None
         self._lock = Lock()
 
     def _place(self, vertices: Array, finite: BoolArray, usable: BoolArray) -> None:
@@ -162,6 +165,15 @@ class CastScene:
             if self._neighbours is None:
                 self._neighbours = edge_neighbours(self.triangles)
             return self._neighbours
+
+    @property
+    def occupancy(self) -> Occupancy:
+        """Which parts of the scene are empty; made at first use."""
+        with self._lock:
+            if self._occupancy is None:
+                corners = self.triangles[self._usable].T
+                self._occupancy = Occupancy.of(np.stack([self.vertices.take(k, 1) for k in corners]))
+            return self._occupancy
 
     def trace(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
