@@ -89,7 +89,7 @@ def make_preview(scene, view_layer, camera):
         shelf.objects.link(part)
         part.parent = camera
         part.hide_render = True
-    for part in (picture, view_camera, table):
+    for part in (picture, view_camera):
         _keep_size(part)
     shelf.hide_render = shelf.hide_select = True
     shelf.scfpf_preview.source = source
@@ -140,7 +140,11 @@ def update_picture(source) -> None:
     """The table and the modifier as the camera's list of surfaces and settings now ask for."""
     settings = source.scfpf_preview
     camera, picture = settings.camera, settings.picture
+    if camera.get(TABLE_KEY) is None:
+        # Library overrides lose custom properties when a file is loaded.
+        camera[TABLE_KEY] = settings.table
     settings.table = remap_nodes.table_object(camera)
+    _keep_size(settings.table)
     group = remap_nodes.preview_group(camera)
     modifier = picture.modifiers[MODIFIER]
     if modifier.node_group != group:

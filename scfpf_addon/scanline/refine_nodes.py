@@ -65,9 +65,12 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     limit = SMALL / given["Picture Width"]
     spread = limit * limit * given["Pixel Error"] * (1 / 3)
     small = nodes.both(square - box.dot(box) < spread, box.parts()[2] < 0.0)
+    # Not the maximum: Blender sorts for it.
+    large = nodes.statistic(given["Mesh"], nodes.negate(small) + 0.0, "Sum", "Large Faces", domain="FACE")
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
     at_rim, within = nodes.separate(small_part, _across_rim(nodes, given), "At the Rim")
     is_polar = given["Numbers"].parts()[2] > 0.5
+    large = large + is_polar
     rest = nodes.switch(is_polar, rest, nodes.join(rest, at_rim), "GEOMETRY", "Polar?")
     small_part = nodes.switch(is_polar, small_part, within, "GEOMETRY", "Polar?")
     nodes.open_frame("Faces that are out of the volume, or small there and without a place, go")
@@ -109,7 +112,7 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     end = nodes.repeat(given["Rounds"], state, "Divide", body)
     nodes.open_frame("What is still too large stays if it is wholly there")
     whole, torn = nodes.separate(end["Active"], _all_there(nodes), "Wholly There")
-    left = end["Left"] + _faces(nodes, torn)
+    left = nodes.switch(large > 0.5, 0.0, end["Left"] + _faces(nodes, torn), "FLOAT", "Any Large?")
     mesh = nodes.join(end["Done"], whole)
     nodes.open_frame("Faces across the seam of a periodic picture stand at both of its ends")
     period = nodes.xyz(1.0, 1.0 / given["Aspect"], 1.0, "Period")
@@ -117,7 +120,8 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         wraps = given["Wrap"].parts()[axis] > 0.5
         mesh = nodes.switch(wraps, mesh, _at_both_ends(nodes, mesh, axis, period), "GEOMETRY", "Periodic?")
     folded = nodes.statistic(given["Cloud"], nodes.attribute("folded"), "Sum", "Folded Samples")
-    mesh = nodes.join(small_part, mesh)
+    # Where all faces are small, as in dense meshes, the mesh is not even copied.
+    mesh = nodes.switch(large > 0.5, given["Mesh"], nodes.join(small_part, mesh), "GEOMETRY", "Any Large?")
     nodes.open_frame("A polar picture ends at its rim")
     mesh = nodes.switch(is_polar, mesh, _trimmed(nodes, given, mesh), "GEOMETRY", "Polar?")
     return {"Mesh": mesh, "Left Out": nodes.xyz(left, folded, 0.0, "Left Out")}

@@ -30,6 +30,11 @@ def picture_points(source):
     return [evaluated.matrix_world @ vertex.co for vertex in evaluated.data.vertices]
 
 
+def extent(points):
+    """The lowest and highest coordinates: matrices of overrides are rounded again when loaded."""
+    return [limit(point[axis] for point in points) for limit in (min, max) for axis in range(3)]
+
+
 def names(source):
     bpy.context.view_layer.update()
     return {member.name for member in source.objects}
@@ -120,3 +125,42 @@ def test_a_file_that_is_linked_brings_no_preview(source, data, tmp_path):
     bpy.ops.mesh.primitive_cube_add()
     bpy.context.view_layer.update()
     assert data.previews() == []
+
+
+def test_an_overridden_camera_is_previewed(data, tmp_path):
+    bpy.ops.mesh.primitive_cube_add()
+    rig = bpy.data.collections.new("Rig")
+    bpy.context.scene.collection.children.link(rig)
+    bpy.context.view_layer.active_layer_collection = bpy.context.view_layer.layer_collection.children["Rig"]
+    bpy.ops.scfpf.camera_add()
+    library = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(library, {rig})
+    bpy.data.batch_remove([*rig.objects, rig])
+    with bpy.data.libraries.load(library, link=True) as (_, to):
+        to.collections = ["Rig"]
+    linked = to.collections[0]
+    bpy.context.scene.collection.children.link(linked)
+    linked.override_hierarchy_create(bpy.context.scene, bpy.context.view_layer, do_fully_editable=True)
+
+    def camera():
+        return next(o for o in bpy.context.scene.objects if o.type == "CAMERA" and o.override_library)
+
+    def toggle():
+        bpy.context.view_layer.update()
+        bpy.context.view_layer.objects.active = camera()
+        assert bpy.ops.scfpf.preview_toggle() == {"FINISHED"}
+        return data.preview_of(camera(), bpy.context.scene)
+
+    source = toggle()
+    before = picture_points(source)
+    # The overridden volume object, which has no faces, may be among them.
+    assert before and names(source) - {"Flexible Camera Volume"} == {"Cube"}
+    path = str(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    source = data.preview_of(camera(), bpy.context.scene)
+    assert extent(picture_points(source)) == pytest.approx(extent(before), abs=1e-4)
+    camera().scfpf.basis = "POLYLINE"
+    assert names(source) - {"Flexible Camera Volume"} == {"Cube"}
+    assert toggle() is None
+    assert not [o.name for o in bpy.data.objects if "Table" in o.name or "Preview" in o.name]
