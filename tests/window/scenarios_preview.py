@@ -299,6 +299,14 @@ def preview_reload(driver):
 def preview_windows(driver):
     """Two cameras have a preview each; where there is no room, in a window of its own."""
     yield from prepare(driver)
+    (shown,) = preview_areas(driver)
+    region = next(region for region in shown.regions if region.type == "WINDOW")
+    with bpy.context.temp_override(window=driver.window, area=shown, region=region):
+        bpy.ops.screen.area_close()
+    yield from until_shown(driver, 0)
+    with driver.override():
+        assert bpy.ops.scfpf.preview_show("INVOKE_DEFAULT") == {"FINISHED"}
+    yield from until_shown(driver, 1)
     first = bpy.context.scene.camera
     driver.add_camera("nonlinear_twist")
     second = bpy.context.scene.camera
