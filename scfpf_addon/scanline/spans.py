@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..projection.basis import BasisKind, SpanBasis, span_basis
 
-# Spans that replace a polynomial of higher degree: its cubic Hermite pieces are off by a 384th of
-# the fourth difference over a span, 4e-8 of the fourth derivative.
+# Spans that replace a polynomial of higher degree or a rational curve: its cubic Hermite pieces are off by
+# a 384th of the fourth difference over a span, 4e-8 of the fourth derivative.
 HIGH_DEGREE_SPANS = 16
 
 # Bézier points to powers, by degree.
@@ -21,10 +23,10 @@ _POWERS = {
 _HERMITE = [[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]]
 
 
-def power_spans(kind: BasisKind, count: int):
+def power_spans(kind: BasisKind, count: int, weights: Sequence[float] | None = None):
     """(S, 4, count): powers[s, k] @ control points is the coefficient of τᵏ, τ = S·t - s in [0, 1]."""
-    spans = span_basis(kind, count)
-    if spans.degree > 3:
+    spans = span_basis(kind, count, weights)
+    if spans.degree > 3 or spans.point_weights is not None:
         return _hermite_pieces(spans)
     powers = np.zeros((len(spans.matrices), 4, count))
     powers[:, : spans.degree + 1] = np.array(_POWERS[spans.degree], np.float64) @ spans.matrices

@@ -56,6 +56,10 @@ def surface_point_group():
     inputs = {
         "Surface": ("Object", None, "The control surface"),
         "UV Map": ("String", "UVMap", "The UV map of a surface that is a mesh"),
+        "Columns": ("Int", 0, "Of a surface patch: points that Blender draws along u; else 0"),
+        "Rows": ("Int", 0, "Of a surface patch: points that Blender draws along v"),
+        "Cyclic U": ("Int", 0, "Of a surface patch: 1 if it is closed along u"),
+        "Cyclic V": ("Int", 0, "Of a surface patch: 1 if it is closed along v"),
         "U": ("Float", None, ""),
         "V": ("Float", None, ""),
     }
@@ -96,6 +100,8 @@ def surface_point_group():
             },
             data_type="FLOAT_VECTOR",
         )
+        net = _net_point(nodes, given, mesh, position)
+        sampled = nodes.switch(given["Columns"] > 3.5, sampled, net, "VECTOR", "Net or Mesh")
         nodes.close_frame()
         is_mesh = nodes.either(nodes.compare(kind, "LESS_THAN", 0.5), nodes.negate(is_exact))
         own = nodes.switch(is_mesh, exact["Position"], sampled, "VECTOR", "Exact or Mesh")
@@ -103,3 +109,34 @@ def surface_point_group():
 
     text = "The point of a control surface at (u, v); exact where the surface says its parameters"
     return node_group("SCFPF Control Surface", text, inputs, {"Position": "Vector"}, build)
+
+
+def _net_point(nodes: FieldBuilder, given: dict[str, Value], mesh: Value, position: Value) -> Value:
+    """Between the drawn points of a surface patch, which are exact: the cubics through four of them each way."""
+    nodes.open_frame("A surface patch between the points that are drawn of it")
+    axes = []
+    for parameter, count, cyclic in (
+        (given["U"], given["Columns"], given["Cyclic U"]),
+        (given["V"], given["Rows"], given["Cyclic V"]),
+    ):
+        along = parameter.most(0.0).least(1.0) * (count - 1.0 + cyclic)
+        first = along.floor() - 1.0
+        # An open net has no points beyond its ends: the outer cubics reach over two of their thirds.
+        inside = first.most(0.0).least(count - 4.0)
+        first = nodes.mix(cyclic, inside, first)
+        f = along - first
+        a, b, c = f - 1.0, f - 2.0, f - 3.0
+        weights = (a * b * c * (-1 / 6), f * b * c * 0.5, f * a * c * -0.5, f * a * b * (1 / 6))
+        whole = [first + float(step) for step in range(4)]
+        indices = [index - (index / count).floor() * count for index in whole]
+        axes.append(list(zip(indices, weights, strict=True)))
+    total = None
+    for column, across in axes[0]:
+        strip = None
+        for row, up in axes[1]:
+            # Half more: whole numbers must not fall short by rounding.
+            index = column * given["Rows"] + row + 0.5
+            term = nodes.sample(mesh, position, index.floor(), "FLOAT_VECTOR", "Drawn Point") * up
+            strip = term if strip is None else strip + term
+        total = strip * across if total is None else total + strip * across
+    return total

@@ -39,12 +39,13 @@ EVEN_RATIO = 1e-3
 LATTICE_ACCEPTED = 0.02
 
 
-def table_group(basis: str, count: int):
-    """The group "SCFPF Table" of a basis and a number of surfaces."""
+def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None):
+    """The group "SCFPF Table" of a basis and a number of surfaces; weights: of NURBS projectors, (count,)."""
     inputs = {}
     for number in range(1, count + 1):
         inputs[f"Surface {number}"] = ("Object", None, "A control surface, from near to far")
         inputs[f"UV Map {number}"] = ("String", "UVMap", "The UV map of a surface that is a mesh")
+        inputs[f"Net {number}"] = ("Vector", None, "Of a surface patch: points drawn along u and v, closed")
     inputs |= {
         "Columns": ("Int", 129, "Projectors across the picture"),
         "Rows": ("Int", 129, "Projectors up the picture"),
@@ -54,7 +55,7 @@ def table_group(basis: str, count: int):
         "V Start": ("Float", 0.0, "v at the picture's lower border"),
         "V End": ("Float", 1.0, "v at the picture's upper border"),
     }
-    powers = power_spans(basis, count)
+    powers = power_spans(basis, count, weights)
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         table, size = _projectors(nodes, given, powers)
@@ -79,9 +80,10 @@ def table_group(basis: str, count: int):
         nodes.close_frame()
         return {"Table": nodes.join(table, lattice, cloud)}
 
+    weighted = "" if weights is None else " " + ":".join(f"{weight:.4g}" for weight in weights)
     text = f"The projectors of a flexible camera: {count} surfaces, {basis.replace('_', '-').title()}"
     return node_group(
-        f"SCFPF Table {basis} {count}", text, inputs, {"Table": "Geometry"}, build, modifier=True
+        f"SCFPF Table {basis} {count}{weighted}", text, inputs, {"Table": "Geometry"}, build, modifier=True
     )
 
 
@@ -109,19 +111,20 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value]:
         nodes.mix(part, given[f"{axis} Start"], given[f"{axis} End"]) for part, axis in ((u, "U"), (v, "V"))
     )
     nodes.open_frame("Control points of the projector")
-    controls = [
-        nodes.call(
-            surface_point_group(),
-            f"On Surface {number}",
-            {
-                "Surface": given[f"Surface {number}"],
-                "UV Map": given[f"UV Map {number}"],
-                "U": u,
-                "V": v,
-            },
-        )["Position"]
-        for number in range(1, count + 1)
-    ]
+    controls = []
+    for number in range(1, count + 1):
+        along_u, along_v, closed = given[f"Net {number}"].parts()
+        inputs = {
+            "Surface": given[f"Surface {number}"],
+            "UV Map": given[f"UV Map {number}"],
+            "Columns": along_u,
+            "Rows": along_v,
+            "Cyclic U": closed - (closed * 0.5).floor() * 2.0,
+            "Cyclic V": (closed * 0.5).floor(),
+            "U": u,
+            "V": v,
+        }
+        controls.append(nodes.call(surface_point_group(), f"On Surface {number}", inputs)["Position"])
     nodes.open_frame("Coefficients of its powers of t")
     coefficients = [_combined(nodes, span, powers[:, power], controls) for power in range(4)]
     matrix = nodes.matrix([*coefficients[1:], coefficients[0]])

@@ -23,8 +23,8 @@ STRAIGHT = {"POINT", "PLANE", "PATCH"}
 def table_object(camera):
     """The camera's table of projectors, made or brought up to date; a child of the camera.
 
-    Call it when the list of surfaces, a kind, the basis or the re-parameterisation has
-    changed; shapes, transforms and animation it follows by itself, without Python.
+    Call it when the list of surfaces, a kind, a weight, the basis or the re-parameterisation
+    has changed; shapes, transforms and animation it follows by itself, without Python.
     It is linked to no collection: the preview's modifier keeps it evaluated.
     """
     table = camera.get(TABLE_KEY)
@@ -36,7 +36,8 @@ def table_object(camera):
         camera[TABLE_KEY] = table
     settings = camera.scfpf
     surfaces = [slot.object for slot in settings.surfaces]
-    group = table_group(settings.basis, len(surfaces))
+    weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
+    group = table_group(settings.basis, len(surfaces), weights)
     modifier = table.modifiers.get(MODIFIER) or table.modifiers.new(MODIFIER, "NODES")
     modifier.show_viewport = modifier.show_render = True
     if modifier.node_group != group:
@@ -50,8 +51,9 @@ def table_object(camera):
     for number, surface in enumerate(surfaces, 1):
         values[f"Surface {number}"] = surface
         values[f"UV Map {number}"] = _uv_map(surface)
+        values[f"Net {number}"] = _net(surface)
     for label, value in values.items():
-        if versions.modifier_input(modifier, inputs[label]) != value:
+        if label.startswith("Net") or versions.modifier_input(modifier, inputs[label]) != value:
             versions.set_modifier_input(modifier, inputs[label], value)
     for label, path in {
         "U Start": "u_range[0]",
@@ -97,6 +99,18 @@ def _uv_map(surface) -> str:
     return layer.name if layer else UV_LAYER
 
 
+def _net(surface) -> tuple[float, float, float]:
+    """Points that Blender draws of a surface patch along u and v, and 1 if closed along u plus 2 if along v."""
+    if surface is None or surface.type != "SURFACE" or len(surface.data.splines) != 1:
+        return 0.0, 0.0, 0.0
+    spline = surface.data.splines[0]
+    return (
+        float(spline.point_count_u * spline.resolution_u),
+        float(spline.point_count_v * spline.resolution_v),
+        float(spline.use_cyclic_u + 2 * spline.use_cyclic_v),
+    )
+
+
 def _cells(settings, surfaces) -> tuple[int, int]:
     """Columns and rows of the table: exact for flat surfaces and whole grids, fine for curved ones."""
     whole = settings.reparameterisation == "RECTANGLE" and all(
@@ -126,6 +140,8 @@ def _own_cells(surface) -> tuple[int, int]:
     if surface is None:
         return 1, 1
     kind = surface.scfpf_surface.kind
+    if kind in PARAMETRIC_KINDS and kind != "POINT" and len(surface.modifiers) > 1:
+        return CURVED_CELLS  # reshaped by other modifiers
     if kind in STRAIGHT:
         return 1, 1
     if kind in PARAMETRIC_KINDS:

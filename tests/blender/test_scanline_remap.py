@@ -146,7 +146,8 @@ def plane(flexible, camera, generator, index, count):
 
 
 @pytest.mark.parametrize(
-    ("basis", "count"), [("BEZIER", 2), ("BEZIER", 4), ("BEZIER", 6), ("POLYLINE", 4), ("B_SPLINE", 6)]
+    ("basis", "count"),
+    [("BEZIER", 2), ("BEZIER", 4), ("BEZIER", 6), ("POLYLINE", 4), ("B_SPLINE", 6), ("NURBS", 4)],
 )
 @pytest.mark.parametrize("seed", range(3))
 def test_random_one_to_one_volumes_of_every_basis(
@@ -156,6 +157,8 @@ def test_random_one_to_one_volumes_of_every_basis(
     for index in range(count):
         plane(flexible, camera, generator, index, count)
     camera.scfpf.basis = basis
+    for slot, weight in zip(camera.scfpf.surfaces, generator.uniform(0.6, 1.5, count), strict=True):
+        slot.weight = weight
     camera.scfpf.u_range, camera.scfpf.v_range = (0.1, 0.8), (0.0, 1.0)
     check_volume(addon, scanline, camera, remapped, seed)
 
@@ -253,3 +256,26 @@ def test_normals_materials_uvs_and_colours_survive(addon, scanline, flexible, ca
             worst = max(worst, np.abs(np.array(normal.vector)[:2] - place).max())
     # A smooth sphere of quads has normals that are a little off its radii itself.
     assert worst < own + 1e-4
+
+
+def test_surface_patches_are_smooth_between_the_points_that_are_drawn(
+    addon, scanline, flexible, camera, remapped
+):
+    flexible.add_surface(camera, "PLANE", parameters={"width": 1.5, "height": 1.0})
+    x, y = np.meshgrid(np.linspace(-3, 3, 5), np.linspace(-2, 2, 4))
+    z = -5.0 + np.random.default_rng(0).uniform(-0.5, 0.5, x.shape)
+    flexible.add_surface(camera, "NURBS", points=np.stack([x, y, z], axis=-1))
+    check_volume(addon, scanline, camera, remapped, 6)
+
+
+def test_a_reshaped_parametric_surface_is_the_mesh_that_it_became(
+    addon, scanline, flexible, camera, remapped
+):
+    flexible.add_surface(camera, "PLANE", parameters={"width": 1.5, "height": 1.0})
+    matrix = np.eye(4)
+    matrix[2, 3] = -6.0
+    size = {"width": 9.0, "height": 6.0, "resolution_u": 8, "resolution_v": 8}
+    far = flexible.add_surface(camera, "PLANE", matrix=matrix, parameters=size)
+    bend = far.modifiers.new("Bend", "SIMPLE_DEFORM")
+    bend.deform_method, bend.deform_axis, bend.angle = "BEND", "Y", 0.8
+    check_volume(addon, scanline, camera, remapped, 7)
