@@ -112,7 +112,7 @@ def surface_point_group():
 
 
 def _net_point(nodes: FieldBuilder, given: dict[str, Value], mesh: Value, position: Value) -> Value:
-    """Between the drawn points of a surface patch, which are exact: the cubics through four of them each way."""
+    """Between the drawn points of a surface patch, which are exact: cubics through four of them each way."""
     nodes.open_frame("A surface patch between the points that are drawn of it")
     axes = []
     for parameter, count, cyclic in (

@@ -100,7 +100,7 @@ def _uv_map(surface) -> str:
 
 
 def _net(surface) -> tuple[float, float, float]:
-    """Points that Blender draws of a surface patch along u and v, and 1 if closed along u plus 2 if along v."""
+    """Points that Blender draws of a surface patch along u and v; 1 if closed along u, plus 2 if along v."""
     if surface is None or surface.type != "SURFACE" or len(surface.data.splines) != 1:
         return 0.0, 0.0, 0.0
     spline = surface.data.splines[0]
