@@ -41,7 +41,10 @@ def in_edit_volume(surface) -> bool:
 
 
 def release(surface) -> None:
-    """Give a surface that a list has lost the switches of an ordinary object, if no list has it now."""
+    """Give a surface that a list has lost the switches of an ordinary object, if no list has it now.
+
+    A deleted camera that lives on for a pointer does not count.
+    """
     if not surface.is_editable:
         return
     listed, free = any(surface in _surfaces(other) for other in _cameras()), in_edit_volume(surface)
@@ -60,4 +63,8 @@ def _surfaces(camera) -> list:
 
 
 def _cameras():
-    return (obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces)
+    return [
+        obj
+        for obj in bpy.data.objects
+        if obj.type == "CAMERA" and obj.scfpf.surfaces and obj.users_collection
+    ]
