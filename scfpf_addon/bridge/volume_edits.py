@@ -277,9 +277,11 @@ def make_single_user(camera) -> int:
 
 
 def _own_copy(camera, surface):
-    """A copy of a surface at the same place, child of the camera, on the list in its stead."""
+    """A copy of a surface at the same place, with its own animation, child of the camera, in its stead."""
     world = surface.matrix_world.copy()
     copy = surface.copy()
+    if copy.animation_data is not None and copy.animation_data.action is not None:
+        copy.animation_data.action = copy.animation_data.action.copy()
     collections = [c for c in camera.users_collection if c.is_editable and not c.override_library]
     for collection in collections or [bpy.context.scene.collection]:
         collection.objects.link(copy)

@@ -53,6 +53,19 @@ def tend() -> None:
     _upkeep.facts = _facts()
 
 
+def sharers(camera) -> list[str]:
+    """Names of the other cameras that have control surfaces of this one; for panels, which must be quick."""
+    own = {slot.object for slot in camera.scfpf.surfaces if slot.object is not None}
+    known = (bpy.data.objects.get(key) for key in _upkeep.cameras)
+    return [
+        other.name
+        for other in known
+        if other not in (None, camera)
+        and other.users_collection
+        and not own.isdisjoint(slot.object for slot in other.scfpf.surfaces)
+    ]
+
+
 def _free_surfaces(cameras) -> None:
     """Surfaces that a camera had and none or only another has now follow that; no surface stays unclickable."""
     pairs = [(slot.object, camera) for camera in cameras for slot in camera.scfpf.surfaces if slot.object]
