@@ -3,8 +3,9 @@
 
 Duplicating, pasting, linking, undoing or deleting a camera leaves its volume
 object shared, in the wrong place or behind, and the surfaces of a deleted one out
-of reach of the mouse. A handler after each evaluation puts that right. It compares a few numbers of each camera first, so that it costs next
-to nothing while none of them has changed.
+of reach of the mouse. A handler after each evaluation puts that right. It compares
+a few numbers of each camera first, so that it costs next to nothing while none of
+them has changed.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def sharers(camera) -> list[str]:
 
 
 def _free_surfaces(cameras) -> None:
-    """Surfaces that a camera had and none or only another has now follow that; no surface stays unclickable."""
+    """Surfaces that a camera has lost become ordinary, or follow another that has them."""
     pairs = [(slot.object, camera) for camera in cameras for slot in camera.scfpf.surfaces if slot.object]
     listed = {surface for surface, _ in pairs}
     now = {(surface.session_uid, camera.session_uid) for surface, camera in pairs}
