@@ -28,7 +28,8 @@ class SCFPF_MT_presets(bpy.types.Menu):
 
     def draw(self, _context):
         for preset, name, _description in preset_items():
-            self.layout.operator("scfpf.preset_apply", text=name).preset = preset
+            # Beside entries with icons a long name would be cut off without one.
+            self.layout.operator("scfpf.preset_apply", text=name, icon="BLANK1").preset = preset
         self.layout.separator()
         self.layout.operator(
             "scfpf.camera_from_camera", text="This Camera's Own Frustum", icon="OUTLINER_OB_CAMERA"

@@ -2,7 +2,8 @@
 """Edit-volume mode: a camera's control surfaces shown in front and free for clicking, else out of the way.
 
 The mode is ``Object.scfpf.edit_volume``; what it does is in the surfaces' own switches, so that undo,
-files and Blender's selection need nothing of ours.
+files and Blender's selection need nothing of ours. Out of the mode a surface that Blender draws as a wire is
+drawn as its box: the many black edges would run through our lines.
 """
 
 from __future__ import annotations
@@ -56,6 +57,10 @@ def _set(surface, hide_select: bool, in_front: bool) -> None:
         surface.hide_select = hide_select
     if surface.show_in_front != in_front:
         surface.show_in_front = in_front
+    # A mesh of the artist's own that is drawn otherwise stays so.
+    before, after = ("WIRE", "BOUNDS") if hide_select else ("BOUNDS", "WIRE")
+    if surface.display_type == before:
+        surface.display_type = after
 
 
 def _surfaces(camera) -> list:

@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..projection.editing import EditingError, contains, inserted, mirrored
+from ..projection.editing import EditingError, inserted, mirrored
+from ..projection.inverse import invert
 from ..projection.volume import Projection
 from . import lattice_object, nurbs_object
 from .flexible_camera import (
@@ -335,7 +336,7 @@ def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
     ends = volume.evaluate(*np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=3))).T).position
 
     def holds(scale: float) -> bool:
-        return bool(contains(volume, around / scale + middle).all())
+        return bool(invert(volume, around / scale + middle).found.all())
 
     size, reach = float(np.abs(ends - middle).max()), float(np.abs(around).max())
     if size == 0 or reach == 0:

@@ -19,9 +19,13 @@ from .folds import find_folds, folded_pieces
 from .line_colors import Role
 from .marks import direction_arrows, far_rim, iso_lines, safe_area
 from .segments import Segments, joined, ranged, segments
+from .surfaces import Plane
 from .typing import Array, BoolArray, IndexArray
 from .volume import ControlSample, Projection, ViewingVolume
 
+# Cells along u and along v between the lines of a surface. A flat one needs few, and it often fills the view:
+# a camera that is added looks as the viewport does.
+SURFACE_CELLS, PLANE_CELLS = 8, 4
 # A drawn projector leaves its curve by at most this share of its control polygon's length.
 BEND_TOLERANCE = 1e-3
 # More chords than this in one span cannot be told apart on a screen.
@@ -61,12 +65,17 @@ def even_iso(count: int) -> tuple[float, ...]:
     return tuple((index + 1) / (count + 1) for index in range(count))
 
 
-def surface_lines(projection: Projection, index: int, lines: int = 8, resolution: int = 48) -> Segments:
+def surface_lines(
+    projection: Projection, index: int, lines: int | None = None, resolution: int = 48
+) -> Segments:
     """Lines of constant u and of constant v on control surface ``index``.
 
     Over the u and v ranges, lines + 1 in each direction with the borders among
-    them, each of ``resolution`` segments. A point surface has none.
+    them, each of ``resolution`` segments. lines: None for as many as the
+    kind needs. A point surface has none.
     """
+    if lines is None:
+        lines = PLANE_CELLS if isinstance(projection.volume.surfaces[index], Plane) else SURFACE_CELLS
     across = np.linspace(0.0, 1.0, lines + 1)
     along = np.linspace(0.0, 1.0, resolution + 1)
     fixed, moving = np.meshgrid(across, along, indexing="ij")

@@ -15,11 +15,11 @@ def surfaces(camera):
 
 
 def is_free(surface):
-    return (surface.hide_select, surface.show_in_front) == (False, True)
+    return (surface.hide_select, surface.show_in_front) == (False, True) and surface.display_type != "BOUNDS"
 
 
 def is_away(surface):
-    return (surface.hide_select, surface.show_in_front) == (True, False) and surface.display_type == "WIRE"
+    return (surface.hide_select, surface.show_in_front) == (True, False) and surface.display_type == "BOUNDS"
 
 
 def activate(*objects):

@@ -66,6 +66,11 @@ class Driver:
         red, green, blue = np.moveaxis(self.region_pixels(), 2, 0)
         return (green > 110) & (green > 1.4 * red) & (green > 1.4 * blue)
 
+    def selected_lines(self):
+        """Where the 3D viewport shows the orange of what is selected, (H, W) bool."""
+        red, green, blue = np.moveaxis(self.region_pixels(), 2, 0)
+        return (red > 180) & (green < 0.8 * red) & (green > 0.4 * red) & (blue < 0.6 * red)
+
     def near(self, obj, reach: int = 4):
         """The box around an object's evaluated vertices in the 3D viewport, as slices of its pixels."""
         region = self.region("VIEW_3D")
@@ -150,8 +155,10 @@ class Driver:
 
 
 def world_vertices(obj) -> list:
-    """The vertices of an object as evaluated, in the world."""
+    """The vertices of an object as evaluated, or a lattice's points, in the world."""
     evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    if obj.type == "LATTICE":
+        return [evaluated.matrix_world @ point.co_deform for point in evaluated.data.points]
     found = [evaluated.matrix_world @ vertex.co for vertex in evaluated.to_mesh().vertices]
     evaluated.to_mesh_clear()
     return found
