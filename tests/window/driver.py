@@ -66,11 +66,6 @@ class Driver:
         red, green, blue = np.moveaxis(self.region_pixels(), 2, 0)
         return (green > 110) & (green > 1.4 * red) & (green > 1.4 * blue)
 
-    def selected_lines(self):
-        """Where the 3D viewport shows the orange of what is selected, (H, W) bool."""
-        red, green, blue = np.moveaxis(self.region_pixels(), 2, 0)
-        return (red > 180) & (green < 0.8 * red) & (green > 0.4 * red) & (blue < 0.6 * red)
-
     def near(self, obj, reach: int = 4):
         """The box around an object's evaluated vertices in the 3D viewport, as slices of its pixels."""
         region = self.region("VIEW_3D")
