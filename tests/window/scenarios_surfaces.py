@@ -145,4 +145,38 @@ def fifty_undos(driver):
     driver.shot("redone")
 
 
-SCENARIOS = (each_kind, drags, fifty_undos)
+def duplicated(driver):
+    """Duplicate Flexible Camera copies the surfaces too, and the mouse moves the copy as after Shift-D."""
+    driver.add_camera("nonlinear_twist")
+    driver.look("TOP", 2.0)
+    yield DRAW
+    camera = bpy.context.scene.camera
+    objects, before = len(bpy.data.objects), volume(camera)
+    region = driver.region("VIEW_3D")
+    x, y = region.x + region.width // 2, region.y + region.height // 2
+    driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+    yield 0.5
+    with driver.override():
+        assert bpy.ops.scfpf.camera_duplicate("INVOKE_DEFAULT", True) == {"FINISHED"}
+    yield DRAW
+    for step in range(1, 6):
+        driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x + 40 * step, y=y)
+        yield 0.2
+    yield DRAW
+    driver.shot("moving")
+    driver.window.event_simulate("LEFTMOUSE", "PRESS", x=x + 200, y=y)
+    driver.window.event_simulate("LEFTMOUSE", "RELEASE", x=x + 200, y=y)
+    yield 3 * DRAW
+    driver.shot("placed")
+    copy = bpy.context.object
+    assert copy != camera and not set(surfaces(copy)) & set(surfaces(camera))
+    assert (copy.matrix_world.translation - camera.matrix_world.translation).length > 1
+    assert volume(camera) == before
+    while len(bpy.data.objects) > objects:
+        with driver.override():
+            bpy.ops.ed.undo()
+        yield DRAW
+    assert volume(bpy.context.scene.camera) == before
+
+
+SCENARIOS = (each_kind, drags, fifty_undos, duplicated)
