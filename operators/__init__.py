@@ -3,6 +3,7 @@
 
 from . import (
     camera,
+    duplicate,
     edit_volume,
     find,
     framing,
@@ -25,6 +26,7 @@ MODULES = (
     volume_tools,
     surface_tools,
     framing,
+    duplicate,
     render,
     pick,
     find,

@@ -260,3 +260,15 @@ def test_every_operator_has_a_description_and_every_property_too():
         for prop in rna.properties:
             if prop.identifier not in {"rna_type", "filter_glob"}:
                 assert prop.description, f"{name}.{prop.identifier}"
+
+
+def test_shared_surfaces_are_said_and_a_button_parts_them(camera):
+    assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))
+    bpy.ops.object.duplicate()
+    bpy.context.view_layer.update()
+    record = drawn(bpy.types.SCFPF_PT_data)
+    assert f"Surfaces shared with '{camera.name}'" in texts(record)
+    assert ("operator", "scfpf.volume_single_user") in record
+    bpy.ops.scfpf.volume_single_user()
+    bpy.context.view_layer.update()
+    assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))
