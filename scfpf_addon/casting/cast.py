@@ -11,6 +11,7 @@ from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
 from .chords import cast_chords, complete
 from .curves import Bundle
+from .exact import cast_exact
 from .hits import CastCounts, Hits
 from .scene import CastError, CastScene
 from .schedule import Schedule, corners, plan, sample_curves, scene_reach
@@ -73,6 +74,11 @@ def cast(
     if columns is not None and len(x) % columns:
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
     spans = projection.volume.spans
+    if pixel_error == 0.0:
+        points, mask, _ = _projectors(projection, x, y)
+        counts.projectors += int(np.count_nonzero(mask))
+        bundle = Bundle(spans, points)
+        return complete(cast_exact(scene, bundle, mask, counts), bundle)
     if spans.degree > 1:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
     points, mask, farthest = _projectors(projection, x, y)

@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exact casting: the first hit in float64, certified by a walk through prisms.
+
+Chords within ε of the projectors (``certify``) are cast at prisms that enclose all
+points within ε of each triangle (``prisms``). Where a chord enters or leaves a prism
+the curve itself is met with that triangle in float64; a hit bounds the walk, which
+goes on until nothing lies before it that was not entered. Prisms that are entered at
+one place, which Embree cannot tell apart, are left to a last look: one ray from
+before the hit to the hit, at the triangles themselves.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..projection.typing import Array, BoolArray, IndexArray
+from .certify import Chords, certain_chords
+from .curves import Bundle, Solutions
+from .hits import CastCounts, Hits
+from .scene import CastScene, PrismScene
+
+# A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
+# of a coordinate of 1, so that it does not meet the face again.
+RESTART = 2e-6
+
+# Rays end this share late, so that float32 cannot lose what lies at their end.
+OVERLAP = 1e-5
+
+# Things before a hit that are looked at one after the other at the end.
+LAYERS = 4
+
+
+class Rays(NamedTuple):
+    """Places where walks go on. projector, chord: (M,); share: (M,) of the chord; each
+    walk's last two triangles: (2, M).
+    """
+
+    projector: NDArray[np.intp]
+    chord: NDArray[np.intp]
+    share: Array
+    last: NDArray[np.int32]
+
+    def take(self, index: IndexArray) -> Rays:
+        return Rays(self.projector[index], self.chord[index], self.share[index], self.last[:, index])
+
+
+class Walk(NamedTuple):
+    """What every step of a tile's walk looks at and fills in."""
+
+    scene: CastScene
+    prisms: PrismScene
+    bundle: Bundle
+    chords: Chords
+    hits: Hits
+    counts: CastCounts
+
+
+def cast_exact(scene: CastScene, bundle: Bundle, mask: BoolArray, counts: CastCounts) -> Hits:
+    prisms = scene.prisms
+    hits = Hits.empty(bundle.count)._replace(mask=mask)
+    chords, _ = certain_chords(bundle.spans, bundle.points, prisms.lower, prisms.upper, prisms.epsilon)
+    if chords is None:
+        return hits
+    walk = Walk(scene, prisms, bundle, chords, hits, counts)
+    alive = np.flatnonzero(mask)
+    rays = Rays(
+        alive, np.zeros(len(alive), np.intp), np.zeros(len(alive)), np.full((2, len(alive)), -1, np.int32)
+    )
+    first = np.full(bundle.count, np.inf)
+    while len(rays.projector):
+        rays, found = _advance(walk, rays)
+        t = _time(walk, rays)
+        first[rays.projector] = np.minimum(first[rays.projector], t)
+        fresh = np.flatnonzero((found != rays.last).all(axis=0))
+        _meet(walk, rays.projector[fresh], chords.span[rays.chord[fresh]], found[fresh])
+        rays.last[1], rays.last[0] = rays.last[0], found
+        rays = _behind(walk, rays)
+    _last_look(walk, first)
+    return hits
+
+
+def _time(walk: Walk, rays: Rays) -> Array:
+    low, high = walk.chords.breaks[rays.chord], walk.chords.breaks[rays.chord + 1]
+    return low + rays.share * (high - low)
+
+
+def _advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
+    """Follow chords until they meet prisms' faces; gives where and which, without those that meet none."""
+    chords = walk.chords
+    parts, triangles = [], []
+    projector, chord, share, last = rays
+    controls = walk.bundle.points.take(projector, 2)
+    start = np.einsum("nk,kcn->cn", chords.ends[chord], controls)
+    end = np.einsum("nk,kcn->cn", chords.ends[chord + 1], controls)
+    start += (end - start) * share
+    while len(projector):
+        low, high = chords.breaks[chord], chords.breaks[chord + 1]
+        limit = (walk.hits.t[projector] - low) / (high - low)
+        limit = np.where(limit < 1.0, (limit - share) / (1.0 - share), 1.0) + OVERLAP
+        way = end - start
+        walk.counts.chords += len(projector)
+        walk.counts.rays += len(projector)
+        found, far = walk.prisms.trace(
+            start.astype(np.float32), way.astype(np.float32), limit.astype(np.float32)
+        )
+        met = np.flatnonzero(found >= 0)
+        if len(met):
+            at = share[met] + far[met] * (1.0 - share[met])
+            parts.append(Rays(projector[met], chord[met], np.minimum(at, 1.0), last[:, met]))
+            triangles.append(found[met])
+        going = np.flatnonzero(
+            (found < 0) & (chord + 1 < chords.count) & (walk.hits.t[projector] > high)
+        )
+        projector, chord, last = projector[going], chord[going] + 1, last[:, going]
+        share = np.zeros(len(going))
+        controls, start = controls.take(going, 2), end.take(going, 1)
+        end = np.einsum("nk,kcn->cn", chords.ends[chord + 1], controls)
+    if not parts:
+        return rays.take(np.empty(0, np.intp)), np.empty(0, np.int32)
+    return Rays(*(np.concatenate([p[k] for p in parts], axis=-1) for k in range(4))), np.concatenate(triangles)
+
+
+def _meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
+    """Meet curves with triangles, from the spans given on, and keep what is nearer."""
+    breaks = walk.bundle.spans.breaks
+    walk.counts.refined += len(triangle)
+    while len(projector):
+        curves = walk.bundle.take(projector)
+        found = curves.solve(walk.scene, triangle, span, breaks[span], breaks[span + 1])
+        nearer = np.flatnonzero(found.inside & (found.t < walk.hits.t[projector]))
+        _store(walk.hits, projector[nearer], found.take(nearer))
+        going = np.flatnonzero(~found.inside & (span + 2 < len(breaks)))
+        projector, triangle, span = projector[going], triangle[going], span[going] + 1
+
+
+def _store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
+    hits.t[projector] = found.t
+    hits.triangle[projector] = found.triangle
+    hits.barycentric[:, projector] = found.barycentric
+
+
+def _behind(walk: Walk, rays: Rays) -> Rays:
+    """The rays behind the faces they have met, without those that have passed their hit."""
+    chords = walk.chords
+    controls = walk.bundle.points.take(rays.projector, 2)
+    start = np.einsum("nk,kcn->cn", chords.ends[rays.chord], controls)
+    end = np.einsum("nk,kcn->cn", chords.ends[rays.chord + 1], controls)
+    length = np.sqrt(((end - start) ** 2).sum(axis=0))
+    share = rays.share + RESTART / np.maximum(length, 1e-300)
+    over = share >= 1.0
+    chord = rays.chord + over
+    share = np.where(over, 0.0, share)
+    rays = Rays(rays.projector, chord, share, rays.last)
+    rays = rays.take(np.flatnonzero(chord < chords.count))
+    return rays.take(np.flatnonzero(_time(walk, rays) < walk.hits.t[rays.projector]))
+
+
+def _last_look(walk: Walk, first: Array) -> None:
+    """Look once more before each hit, at the triangles themselves.
+
+    first: (N,) t at which a walk met its first prism.
+    """
+    hits = walk.hits
+    going = np.flatnonzero(hits.triangle >= 0)
+    start = walk.bundle.take(going).at(first[going])[0]
+    for _ in range(LAYERS):
+        end = walk.bundle.take(going).at(hits.t[going])[0]
+        way = end - start
+        origin = start - way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), RESTART))
+        way = end - origin
+        walk.counts.rays += len(going)
+        found = walk.scene.trace(
+            origin.astype(np.float32), way.astype(np.float32), np.full(len(going), 1.0, np.float32)
+        )
+        other = np.flatnonzero((found >= 0) & (found != hits.triangle[going]))
+        if len(other) == 0:
+            break
+        going, found, start = going[other], found[other], start[:, other]
+        before = hits.t[going].copy()
+        _meet(walk, going, np.zeros(len(going), np.intp), found)
+        nearer = np.flatnonzero(hits.t[going] < before)
+        going, start = going[nearer], start[:, nearer]
