@@ -78,7 +78,7 @@ def cast(
         points, mask, _ = _projectors(projection, x, y)
         counts.projectors += int(np.count_nonzero(mask))
         bundle = Bundle(spans, points)
-        return complete(cast_exact(scene, bundle, mask, counts), bundle)
+        return complete(cast_exact(scene, bundle, mask, columns, counts), bundle)
     if spans.degree > 1:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
     points, mask, farthest = _projectors(projection, x, y)

@@ -11,7 +11,7 @@ before the hit to the hit, at the triangles themselves.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,17 @@ RESTART = 2e-6
 
 # Rays end this share late, so that float32 cannot lose what lies at their end.
 OVERLAP = 1e-5
+
+# Rays that have met a prism stay in the batch, switched off, until they are this share.
+MOST_DEAD = 0.15
+
+# Projectors begin where the empty space before them ends: in this many groups at most,
+# each of this many projectors at least.
+GROUPS = 6
+LEAST_GROUP = 4096
+
+# Chord ends are computed in float32 where their rounding is less than this, in cast units.
+LARGEST_ROUNDING = 1e-6
 
 # Things before a hit that are looked at one after the other at the end.
 LAYERS = 4
@@ -58,28 +69,122 @@ class Walk(NamedTuple):
     counts: CastCounts
 
 
-def cast_exact(scene: CastScene, bundle: Bundle, mask: BoolArray, counts: CastCounts) -> Hits:
+def cast_exact(
+    scene: CastScene, bundle: Bundle, mask: BoolArray, columns: int | None, counts: CastCounts
+) -> Hits:
     prisms = scene.prisms
     hits = Hits.empty(bundle.count)._replace(mask=mask)
     chords, _ = certain_chords(bundle.spans, bundle.points, prisms.lower, prisms.upper, prisms.epsilon)
     if chords is None:
         return hits
     walk = Walk(scene, prisms, bundle, chords, hits, counts)
-    alive = np.flatnonzero(mask)
-    rays = Rays(
-        alive, np.zeros(len(alive), np.intp), np.zeros(len(alive)), np.full((2, len(alive)), -1, np.int32)
-    )
     first = np.full(bundle.count, np.inf)
+    if chords.breaks[0] == 0.0:
+        _look_around(walk, np.flatnonzero(mask))
+    rays, found = _first_wave(walk, _starts(walk, columns, np.flatnonzero(mask)))
     while len(rays.projector):
-        rays, found = _advance(walk, rays)
         t = _time(walk, rays)
         first[rays.projector] = np.minimum(first[rays.projector], t)
         fresh = np.flatnonzero((found != rays.last).all(axis=0))
         _meet(walk, rays.projector[fresh], chords.span[rays.chord[fresh]], found[fresh])
         rays.last[1], rays.last[0] = rays.last[0], found
-        rays = _behind(walk, rays)
+        rays, found = _advance(walk, _behind(walk, rays))
     _last_look(walk, first)
     return hits
+
+
+def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
+    """Meet the curves with the triangles whose prisms they begin in: chords never enter these.
+
+    A way along one of the three axes leaves the two caps of any prism within √3 times
+    the distance between them.
+    """
+    near = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points)
+    alive = alive[walk.prisms.hull.contains(near.take(alive, 1))]
+    length = 2.0 * np.sqrt(3.0) * (walk.prisms.thickness + RESTART)
+    for axis in np.eye(3):
+        projector = alive
+        start, gone = near.take(alive, 1), np.zeros(len(alive))
+        while len(projector):
+            way = np.repeat(axis[:, None] * length, len(projector), axis=1)
+            origin = start + axis[:, None] * gone
+            walk.counts.rays += len(projector)
+            found, far = walk.prisms.trace(
+                origin.astype(np.float32), way.astype(np.float32), (1.0 - gone / length).astype(np.float32)
+            )
+            met = np.flatnonzero(found >= 0)
+            projector, start = projector[met], start[:, met]
+            _meet(walk, projector, np.zeros(len(met), np.intp), found[met])
+            gone = gone[met] + far[met] * length + RESTART
+
+
+def _starts(walk: Walk, columns: int | None, alive: NDArray[np.intp]) -> list[tuple[int, IndexArray]]:
+    """The projectors ``alive`` in groups, each with the chord that the group begins at."""
+    chords, prisms = walk.chords, walk.prisms
+    if columns is None or len(alive) == 0:
+        return [(0, alive)]
+    box = (prisms.lower, prisms.upper)
+    until = prisms.hull.empty_until(
+        walk.bundle.spans, walk.bundle.points, columns, chords, box, 2.0 * prisms.epsilon
+    )
+    until = until.take(alive)
+    chord = np.searchsorted(chords.breaks, until, side="right") - 1
+    chord[until >= chords.breaks[-1]] = chords.count
+    order = np.argsort(chord, kind="stable")
+    order = order[: int(np.count_nonzero(chord < chords.count))]
+    groups = np.array_split(order, max(1, min(GROUPS, len(order) // LEAST_GROUP)))
+    return [(int(chord[group[0]]), np.sort(alive[group])) for group in groups if len(group)]
+
+
+def _first_wave(walk: Walk, groups: list[tuple[int, IndexArray]]) -> tuple[Rays, NDArray[np.int32]]:
+    """Follow the chords of the groups' projectors, all in step, until each meets a prism."""
+    empty = np.empty(0, np.intp)
+    parts = [(Rays(empty, empty, np.empty(0), np.empty((2, 0), np.int32)), np.empty(0, np.int32))]
+    points = walk.bundle.points
+    # Rounding of a sum of that many terms.
+    rounding = (len(points) + 1) * float(np.abs(points).max()) * 2.0**-24
+    kind = np.float32 if rounding < LARGEST_ROUNDING else np.float64
+    for chord, projectors in groups:
+        parts += _follow(walk, chord, projectors, kind)
+    rays = Rays(*(np.concatenate([rays[k] for rays, _ in parts], axis=-1) for k in range(4)))
+    return rays, np.concatenate([found for _, found in parts])
+
+
+def _follow(
+    walk: Walk, first: int, alive: IndexArray, kind: Any
+) -> list[tuple[Rays, NDArray[np.int32]]]:
+    """One group of _first_wave, from the chord ``first`` on, computed in ``kind``."""
+    weights: NDArray[Any] = walk.chords.ends.astype(kind)
+    controls: NDArray[Any] = walk.bundle.points.astype(kind, copy=False)
+    if len(alive) < walk.bundle.count:
+        controls = controls.take(alive, 2)
+    limits = np.full(len(alive), 1.0 + OVERLAP, np.float32)
+    start = np.einsum("k,kcn->cn", weights[first], controls)
+    parts, dead = [], 0
+    for chord in range(first, walk.chords.count):
+        end = np.einsum("k,kcn->cn", weights[chord + 1], controls)
+        found, far = walk.prisms.trace(
+            start.astype(np.float32, copy=False), (end - start).astype(np.float32, copy=False), limits
+        )
+        walk.counts.chords += len(alive) - dead
+        walk.counts.rays += len(alive) - dead
+        met = np.flatnonzero(found >= 0)
+        start = end
+        if len(met) == 0:
+            continue
+        share = np.minimum(far[met], 1.0).astype(np.float64)
+        last = np.full((2, len(met)), -1, np.int32)
+        parts.append((Rays(alive[met], np.full(len(met), chord), share, last), found[met]))
+        limits[met] = -1.0
+        dead += len(met)
+        if dead == len(alive):
+            break
+        if dead > MOST_DEAD * len(alive):
+            kept = np.flatnonzero(limits > 0.0)
+            alive, limits, dead = alive[kept], limits[kept], 0
+            controls = controls.take(kept, 2)
+            start = start.take(kept, 1)
+    return parts
 
 
 def _time(walk: Walk, rays: Rays) -> Array:
@@ -93,8 +198,8 @@ def _advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
     parts, triangles = [], []
     projector, chord, share, last = rays
     controls = walk.bundle.points.take(projector, 2)
-    start = np.einsum("nk,kcn->cn", chords.ends[chord], controls)
-    end = np.einsum("nk,kcn->cn", chords.ends[chord + 1], controls)
+    start = np.einsum("kn,kcn->cn", chords.ends.T.take(chord, 1), controls)
+    end = np.einsum("kn,kcn->cn", chords.ends.T.take(chord + 1, 1), controls)
     start += (end - start) * share
     while len(projector):
         low, high = chords.breaks[chord], chords.breaks[chord + 1]
@@ -117,7 +222,7 @@ def _advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
         projector, chord, last = projector[going], chord[going] + 1, last[:, going]
         share = np.zeros(len(going))
         controls, start = controls.take(going, 2), end.take(going, 1)
-        end = np.einsum("nk,kcn->cn", chords.ends[chord + 1], controls)
+        end = np.einsum("kn,kcn->cn", chords.ends.T.take(chord + 1, 1), controls)
     if not parts:
         return rays.take(np.empty(0, np.intp)), np.empty(0, np.int32)
     return Rays(*(np.concatenate([p[k] for p in parts], axis=-1) for k in range(4))), np.concatenate(triangles)
@@ -146,8 +251,8 @@ def _behind(walk: Walk, rays: Rays) -> Rays:
     """The rays behind the faces they have met, without those that have passed their hit."""
     chords = walk.chords
     controls = walk.bundle.points.take(rays.projector, 2)
-    start = np.einsum("nk,kcn->cn", chords.ends[rays.chord], controls)
-    end = np.einsum("nk,kcn->cn", chords.ends[rays.chord + 1], controls)
+    start = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord, 1), controls)
+    end = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + 1, 1), controls)
     length = np.sqrt(((end - start) ** 2).sum(axis=0))
     share = rays.share + RESTART / np.maximum(length, 1e-300)
     over = share >= 1.0

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
+from .hull import Hull
 from .memory import available_memory
 from .neighbours import edge_neighbours
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
@@ -260,7 +261,9 @@ class PrismScene:
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
-        self._embree, self._mesh = prisms.embree_scene(*_load_embreex())
+        modules = _load_embreex()
+        self._embree, self._mesh = prisms.embree_scene(*modules)
+        self.hull = Hull(prisms, *modules)
         nowhere = np.zeros((3, 1), np.float32)
         self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
 
