@@ -40,6 +40,11 @@ LEAST_GROUP = 4096
 # Chord ends are computed in float32 where their rounding is less than this, in cast units.
 LARGEST_ROUNDING = 1e-6
 
+# A walk that meets more faces than this, as only one along a prism's face does, takes
+# steps that grow by this factor from then on: it must end.
+MOST_FACES = 4096
+GROWTH = 1.05
+
 # Things before a hit that are looked at one after the other at the end.
 LAYERS = 4
 
@@ -82,13 +87,18 @@ def cast_exact(
     if chords.breaks[0] == 0.0:
         _look_around(walk, np.flatnonzero(mask))
     rays, found = _first_wave(walk, _starts(walk, columns, np.flatnonzero(mask)))
+    step, faces = RESTART, 0
     while len(rays.projector):
+        faces += 1
+        if faces > MOST_FACES:
+            step *= GROWTH
+            counts.unresolved += len(rays.projector)
         t = _time(walk, rays)
         first[rays.projector] = np.minimum(first[rays.projector], t)
         fresh = np.flatnonzero((found != rays.last).all(axis=0))
         _meet(walk, rays.projector[fresh], chords.span[rays.chord[fresh]], found[fresh])
         rays.last[1], rays.last[0] = rays.last[0], found
-        rays, found = _advance(walk, _behind(walk, rays))
+        rays, found = _advance(walk, _behind(walk, rays, step))
     _last_look(walk, first)
     return hits
 
@@ -231,7 +241,7 @@ def _advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
 def _meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
     """Meet curves with triangles, from the spans given on, and keep what is nearer."""
     breaks = walk.bundle.spans.breaks
-    walk.counts.refined += len(triangle)
+    walk.counts.tested += len(triangle)
     while len(projector):
         curves = walk.bundle.take(projector)
         found = curves.solve(walk.scene, triangle, span, breaks[span], breaks[span + 1])
@@ -247,14 +257,14 @@ def _store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
     hits.barycentric[:, projector] = found.barycentric
 
 
-def _behind(walk: Walk, rays: Rays) -> Rays:
-    """The rays behind the faces they have met, without those that have passed their hit."""
+def _behind(walk: Walk, rays: Rays, step: float) -> Rays:
+    """The rays ``step`` behind the faces they have met, without those that have passed their hit."""
     chords = walk.chords
     controls = walk.bundle.points.take(rays.projector, 2)
     start = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord, 1), controls)
     end = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + 1, 1), controls)
     length = np.sqrt(((end - start) ** 2).sum(axis=0))
-    share = rays.share + RESTART / np.maximum(length, 1e-300)
+    share = rays.share + step / np.maximum(length, 1e-300)
     over = share >= 1.0
     chord = rays.chord + over
     share = np.where(over, 0.0, share)

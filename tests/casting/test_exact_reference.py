@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pixel error 0: the first hit is that of brute force in float64, silhouettes included."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from benchmarks.hard_scenes import HARD_SCENES
+from benchmarks.scenes import SCENES, bent_projection
+from scfpf_addon.casting import frame as frame_module
+from scfpf_addon.casting import scene as scene_module
+from scfpf_addon.casting.cast import cast
+from scfpf_addon.casting.frame import cast_frame, pixel_centres
+from scfpf_addon.casting.hits import CastCounts
+from scfpf_addon.casting.scene import CastError, CastScene
+from scfpf_addon.projection.volume import Projection, ViewingVolume
+
+WIDTH, HEIGHT = 96, 54
+
+# Two hits count as one when their t differ by less.
+SAME = 1e-9
+
+
+def volume(name):
+    if name in ("polyline", "spline"):
+        surfaces = bent_projection(5, math.radians(120)).volume.surfaces
+        return Projection(ViewingVolume(surfaces, {"polyline": "POLYLINE", "spline": "B_SPLINE"}[name]))
+    degree, angle = {
+        "straight": (1, 0),
+        "slight": (2, 10),
+        "quadratic": (2, 60),
+        "cubic": (3, 180),
+        "loop": (4, 300),
+        "quintic": (5, 180),
+    }[name]
+    return bent_projection(degree, math.radians(angle))
+
+
+@cache
+def mesh(name):
+    return HARD_SCENES[name]() if name in HARD_SCENES else SCENES[name](1000)
+
+
+@cache
+def cast_scene(name):
+    return CastScene(*mesh(name))
+
+
+def different(hits, t):
+    ours, true = (np.where(np.isfinite(a), a, 2.0) for a in (hits.t, t))
+    return int((np.abs(ours - true) > SAME).sum())
+
+
+def agree(reference, scene, name, width=WIDTH, height=HEIGHT, grid=True):
+    """Pixels that see another t than brute force does, and another triangle at another t."""
+    x, y = pixel_centres(width, height, (0, height))
+    t, triangle = reference.brute_force(*mesh(scene), volume(name), x, y)
+    hits = reference.cast_image(cast_scene(scene), volume(name), width, height, 0.0, grid)
+    assert (np.isfinite(t) == (hits.triangle >= 0)).all()
+    assert different(hits, t) == 0
+    return hits, triangle
+
+
+@pytest.mark.parametrize(
+    "name", ["straight", "slight", "quadratic", "cubic", "loop", "quintic", "polyline", "spline"]
+)
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_pixel_sees_what_brute_force_sees(reference, scene, name):
+    hits, triangle = agree(reference, scene, name)
+    # Triangles that share the point that is hit may stand for each other.
+    assert (hits.triangle != triangle).sum() <= 3
+    assert (hits.triangle >= 0).mean() > 0.1
+
+
+@pytest.mark.parametrize("name", ["straight", "quadratic", "cubic"])
+@pytest.mark.parametrize("scene", HARD_SCENES)
+def test_hard_meshes(reference, scene, name):
+    """Unwelded, doubled, crossing, near-coincident, non-manifold; slivers and dust."""
+    agree(reference, scene, name, 64, 36)
+
+
+@pytest.mark.parametrize("name", ["straight", "quadratic", "cubic", "polyline"])
+def test_loose_projectors_are_as_exact_as_rows_of_pixels(reference, name):
+    agree(reference, "boxes", name, 48, 27, grid=False)
+
+
+@pytest.mark.parametrize("name", ["straight", "quadratic", "cubic"])
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_hundred_thousand_triangles(reference, scene, name):
+    vertices, triangles = SCENES[scene](100_000)
+    generator = np.random.default_rng(3)
+    x, y = generator.random((2, 120))
+    t, _ = reference.brute_force(vertices, triangles, volume(name), x, y)
+    scene = CastScene(vertices, triangles)
+    hits = cast(scene, volume(name).transformed(scene.matrix), x, y, (1e-3, 1e-3), 0.0)
+    assert different(hits, t) == 0 and np.isfinite(t).any()
+
+
+def test_neither_tiles_nor_threads_show(monkeypatch):
+    frames = []
+    for threads, pixels in ((1, 1 << 16), (2, 7 * WIDTH), (3, 16 * WIDTH)):
+        monkeypatch.setattr(frame_module, "TILE_PIXELS", pixels)
+        frames.append(cast_frame(cast_scene("boxes"), volume("quadratic"), WIDTH, HEIGHT, 0.0, threads))
+    for other in frames[1:]:
+        assert (frames[0].triangle == other.triangle).all()
+        np.testing.assert_array_equal(frames[0].t, other.t)
+        np.testing.assert_array_equal(frames[0].position, other.position)
+
+
+def test_what_is_reported(reference):
+    counts = CastCounts()
+    reference.cast_image(cast_scene("terrain"), volume("quadratic"), WIDTH, HEIGHT, 0.0, counts=counts)
+    assert counts.projectors == WIDTH * HEIGHT and counts.error_bound == 0.0
+    assert 0.5 * counts.projectors < counts.tested < 3 * counts.projectors
+    assert counts.chords < counts.rays < 20 * counts.projectors
+    assert counts.unresolved == 0
+
+
+def test_prisms_are_made_only_for_exact_casting_and_once(reference):
+    scene = CastScene(*mesh("terrain"))
+    for error in (0.1, 1.0):
+        reference.cast_image(scene, volume("quadratic"), 16, 9, error)
+        assert scene._prisms is None
+    reference.cast_image(scene, volume("quadratic"), 16, 9, 0.0)
+    made = scene.prisms
+    reference.cast_image(scene, volume("cubic"), 16, 9, 0.0)
+    assert scene.prisms is made
+
+
+def test_too_little_memory_is_refused_in_words(monkeypatch, reference):
+    scene = CastScene(*mesh("terrain"))
+    monkeypatch.setattr(scene_module, "available_memory", lambda: 1000)
+    with pytest.raises(CastError, match=r"needs 0\.0 GB .* set the pixel error above 0"):
+        reference.cast_image(scene, volume("quadratic"), 16, 9, 0.0)
+    monkeypatch.setattr(scene_module, "available_memory", lambda: None)
+    assert reference.cast_image(scene, volume("quadratic"), 16, 9, 0.0).mask.all()
