@@ -5,8 +5,8 @@ Chords within ε of the projectors (``certify``) are cast at prisms that enclose
 points within ε of each triangle (``prisms``). Where a chord enters or leaves a prism
 the curve itself is met with that triangle in float64; a hit bounds the walk, which
 goes on until nothing lies before it that was not entered. Prisms that are entered at
-one place, which Embree cannot tell apart, are left to a last look: one ray from
-before the hit to the hit, at the triangles themselves.
+one place, which Embree cannot tell apart, are left to a look at the triangles
+themselves, as far as the thickness of a prism.
 """
 
 from __future__ import annotations
@@ -18,13 +18,16 @@ from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
 from .certify import Chords, certain_chords
-from .curves import Bundle, Solutions
+from .curves import T_ROUNDING, Bundle, Solutions
 from .hits import CastCounts, Hits
 from .scene import CastScene, PrismScene
 
 # A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
 # of a coordinate of 1, so that it does not meet the face again.
 RESTART = 2e-6
+
+# Shorter ways than this have no direction.
+SHORTEST = 1e-300
 
 # Rays end this share late, so that float32 cannot lose what lies at their end.
 OVERLAP = 1e-5
@@ -83,7 +86,6 @@ def cast_exact(
     if chords is None:
         return hits
     walk = Walk(scene, prisms, bundle, chords, hits, counts)
-    first = np.full(bundle.count, np.inf)
     if chords.breaks[0] == 0.0:
         _look_around(walk, np.flatnonzero(mask))
     rays, found = _first_wave(walk, _starts(walk, columns, np.flatnonzero(mask)))
@@ -93,13 +95,12 @@ def cast_exact(
         if faces > MOST_FACES:
             step *= GROWTH
             counts.unresolved += len(rays.projector)
-        t = _time(walk, rays)
-        first[rays.projector] = np.minimum(first[rays.projector], t)
         fresh = np.flatnonzero((found != rays.last).all(axis=0))
-        _meet(walk, rays.projector[fresh], chords.span[rays.chord[fresh]], found[fresh])
+        tested = rays.take(fresh)
+        _meet(walk, tested.projector, chords.span[tested.chord], found[fresh])
+        _look(walk, tested, found[fresh])
         rays.last[1], rays.last[0] = rays.last[0], found
         rays, found = _advance(walk, _behind(walk, rays, step))
-    _last_look(walk, first)
     return hits
 
 
@@ -110,7 +111,8 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
     the distance between them.
     """
     near = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points)
-    alive = alive[walk.prisms.hull.contains(near.take(alive, 1))]
+    hull = walk.prisms.hull
+    alive = alive[hull.contains(near.take(alive, 1), hull.holding)]
     length = 2.0 * np.sqrt(3.0) * (walk.prisms.thickness + RESTART)
     for axis in np.eye(3):
         projector = alive
@@ -244,7 +246,9 @@ def _meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray
     walk.counts.tested += len(triangle)
     while len(projector):
         curves = walk.bundle.take(projector)
-        found = curves.solve(walk.scene, triangle, span, breaks[span], breaks[span + 1])
+        # What lies at the very end of a span may come out past it by rounding.
+        low, high = breaks[span] - T_ROUNDING, breaks[span + 1] + T_ROUNDING
+        found = curves.solve(walk.scene, triangle, span, low, high)
         nearer = np.flatnonzero(found.inside & (found.t < walk.hits.t[projector]))
         _store(walk.hits, projector[nearer], found.take(nearer))
         going = np.flatnonzero(~found.inside & (span + 2 < len(breaks)))
@@ -264,7 +268,7 @@ def _behind(walk: Walk, rays: Rays, step: float) -> Rays:
     start = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord, 1), controls)
     end = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + 1, 1), controls)
     length = np.sqrt(((end - start) ** 2).sum(axis=0))
-    share = rays.share + step / np.maximum(length, 1e-300)
+    share = rays.share + step / np.maximum(length, SHORTEST)
     over = share >= 1.0
     chord = rays.chord + over
     share = np.where(over, 0.0, share)
@@ -273,28 +277,51 @@ def _behind(walk: Walk, rays: Rays, step: float) -> Rays:
     return rays.take(np.flatnonzero(_time(walk, rays) < walk.hits.t[rays.projector]))
 
 
-def _last_look(walk: Walk, first: Array) -> None:
-    """Look once more before each hit, at the triangles themselves.
+def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
+    """Look at the triangles themselves, from where prisms were met to the hit or their other side.
 
-    first: (N,) t at which a walk met its first prism.
+    Prisms that are entered less than RESTART behind another are passed over by the
+    walk: those of neighbours in one plane, of sheets that nearly coincide. What they
+    hold is missed only if they are also left together with others, and then it lies
+    between: so near that the straight look does not leave the curve.
+    triangle: (M,) whose prisms were met, and which have been met with already.
     """
-    hits = walk.hits
-    going = np.flatnonzero(hits.triangle >= 0)
-    start = walk.bundle.take(going).at(first[going])[0]
+    projector, start_t = rays.projector, _time(walk, rays)
+    end_t = np.minimum(start_t + _crossing(walk, rays, triangle), walk.chords.breaks[-1])
+    curves = walk.bundle.take(projector)
+    start = curves.at(start_t)[0]
+    span = walk.chords.span[rays.chord]
     for _ in range(LAYERS):
-        end = walk.bundle.take(going).at(hits.t[going])[0]
+        end = curves.at(np.minimum(walk.hits.t.take(projector), end_t))[0]
         way = end - start
-        origin = start - way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), RESTART))
-        way = end - origin
-        walk.counts.rays += len(going)
+        slack = way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST))
+        walk.counts.rays += len(projector)
         found = walk.scene.trace(
-            origin.astype(np.float32), way.astype(np.float32), np.full(len(going), 1.0, np.float32)
+            (start - slack).astype(np.float32),
+            (way + 2.0 * slack).astype(np.float32),
+            np.ones(len(projector), np.float32),
         )
-        other = np.flatnonzero((found >= 0) & (found != hits.triangle[going]))
+        other = np.flatnonzero((found >= 0) & (found != walk.hits.triangle.take(projector)))
         if len(other) == 0:
             break
-        going, found, start = going[other], found[other], start[:, other]
-        before = hits.t[going].copy()
-        _meet(walk, going, np.zeros(len(going), np.intp), found)
-        nearer = np.flatnonzero(hits.t[going] < before)
-        going, start = going[nearer], start[:, nearer]
+        before = walk.hits.t[projector[other]]
+        # What was met with already is on the other side of an edge for float32.
+        beyond = np.flatnonzero(found[other] == triangle[other])
+        for across in walk.scene.neighbours[:, found[other[beyond]]]:
+            _meet(walk, projector[other[beyond]][across >= 0], span[other[beyond]][across >= 0], across[across >= 0])
+        fresh = other[found[other] != triangle[other]]
+        _meet(walk, projector[fresh], span[fresh], found[fresh])
+        nearer = other[walk.hits.t[projector[other]] < before]
+        projector, triangle, end_t, span = projector[nearer], found[nearer], end_t[nearer], span[nearer]
+        start, curves = start[:, nearer], curves.take(nearer)
+
+
+def _crossing(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> Array:
+    """How long in t a chord takes from one cap of a triangle's prism to the other, a chord's length at most."""
+    chords = walk.chords
+    controls = walk.bundle.points.take(rays.projector, 2)
+    way = np.einsum("kn,kcn->cn", (chords.ends[1:] - chords.ends[:-1]).T.take(rays.chord, 1), controls)
+    climb = np.abs(np.einsum("cn,cn->n", way, walk.scene.normals(triangle)))
+    share = 2.0 * walk.prisms.thickness / np.maximum(climb, 2.0 * walk.prisms.thickness)
+    crossing: Array = np.minimum(1.5 * share, 1.0) * np.diff(chords.breaks).take(rays.chord)
+    return crossing

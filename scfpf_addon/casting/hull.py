@@ -39,7 +39,8 @@ ROUNDING = 2.0**-21
 class Hull:
     """The cells around all prisms, and their surface in Embree.
 
-    lower: (3,) corner of the grid; cell: side of a cell, cast units; filled: (X, Y, Z).
+    lower: (3,) corner of the grid; cell: side of a cell, cast units. holding: (X, Y, Z),
+    cells with a prism in them; filled: these and their neighbours.
     """
 
     def __init__(self, prisms: Prisms, scenes: Any, meshes: Any) -> None:
@@ -51,6 +52,7 @@ class Hull:
         shape = np.floor((upper - self.lower) / self.cell).astype(np.intp) + 3
         filled = np.zeros(shape, bool)
         self._fill(filled, corners, 2.0 * prisms.thickness)
+        self.holding: BoolArray = filled
         for axis in range(3):
             wide = filled.copy()
             first, last = [slice(None)] * 3, [slice(None)] * 3
@@ -100,12 +102,12 @@ class Hull:
         faces = base + np.array([[0, 1, 2], [0, 2, 3]], np.int32)
         return vertices, faces.reshape(-1, 3)
 
-    def contains(self, points: Array) -> BoolArray:
-        """Whether points (3, N) lie in the hull."""
-        cells = np.floor((points - self.lower[:, None]) / self.cell)
-        within = ((cells >= 0) & (cells < np.array(self.filled.shape)[:, None])).all(axis=0)
-        x, y, z = np.where(within, cells, 0).astype(np.intp)
-        inside: BoolArray = within & self.filled[x, y, z]
+    def contains(self, points: Array, cells: BoolArray) -> BoolArray:
+        """Whether points (3, N) lie in one of the cells, ``filled`` or ``holding``."""
+        number = np.floor((points - self.lower[:, None]) / self.cell)
+        within = ((number >= 0) & (number < np.array(cells.shape)[:, None])).all(axis=0)
+        x, y, z = np.where(within, number, 0).astype(np.intp)
+        inside: BoolArray = within & cells[x, y, z]
         return inside
 
     def _run(self, start: Array, way: Array) -> tuple[NDArray[np.int32], Float32Array]:
@@ -141,7 +143,7 @@ class Hull:
         going = np.arange(middle.shape[2])
         start = np.einsum("k,kcn->cn", line.ends[0], middle)
         wide = self._width(line.ends[0], radius, start) + apart > self.cell
-        bad = wide | self.contains(start)
+        bad = wide | self.contains(start, self.filled)
         until[bad] = line.breaks[0]
         going, start = going[~bad], start[:, ~bad]
         for chord, weights in enumerate(line.ends[1:]):

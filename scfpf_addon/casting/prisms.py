@@ -21,9 +21,9 @@ from ..projection.typing import Array, BoolArray
 
 Float32Array = NDArray[np.float32]
 
-# ε is this share of a typical triangle's size: thinner prisms need more chords,
+# ε is this share of a typical triangle's height: thinner prisms need more chords,
 # thicker ones are entered in vain more often; measured, the optimum is flat.
-EPSILON_SHARE = 1.0 / 40.0
+EPSILON_SHARE = 1.0 / 30.0
 
 # Bounds of ε in cast units: below, Embree's rounding would be most of a prism; above,
 # a scene of a few large triangles would be entered from everywhere.
@@ -88,15 +88,17 @@ class Prisms:
 
 
 def typical_epsilon(corners: Array, usable: BoolArray) -> float:
-    """ε for a scene: a share of its triangles' size, the root of twice the area.
+    """ε for a scene: a share of its triangles' height over their longest side.
 
-    The median, in which a triangle counts as much as it is long: neither a few large
+    The median, in which a triangle counts as much as it is high: neither a few large
     ones nor a lot of dust decide.
     """
-    sides = corners[1:] - corners[0]
-    size = np.sort(np.sqrt(np.linalg.norm(np.cross(sides[0], sides[1], axis=0), axis=0)[usable]))
-    total = np.cumsum(size)
-    middle = size[np.searchsorted(total, 0.5 * total[-1])]
+    sides = corners[[1, 2, 0]] - corners
+    longest = np.sqrt((sides**2).sum(axis=1).max(axis=0))[usable]
+    area = np.linalg.norm(np.cross(sides[0], sides[1], axis=0), axis=0)[usable]
+    height = np.sort(area / longest)
+    total = np.cumsum(height)
+    middle = height[np.searchsorted(total, 0.5 * total[-1])]
     return float(np.clip(EPSILON_SHARE * middle, *EPSILON_RANGE))
 
 

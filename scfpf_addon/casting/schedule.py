@@ -308,5 +308,7 @@ def _measure(
         known = demand.pixel > 0.0
         error = max(error, float(np.max(distance[known] / demand.pixel[known], initial=0.0)))
         speed = np.maximum(demand.speed, np.finfo(np.float64).tiny)
-        pixel = np.minimum(pixel, (demand.pixel / speed).min(axis=1, initial=np.inf))
+        with np.errstate(over="ignore"):
+            steps = demand.pixel / speed
+        pixel = np.minimum(pixel, steps.min(axis=1, initial=np.inf))
     return excess, error, pixel

@@ -86,16 +86,16 @@ def test_loose_projectors_are_as_exact_as_rows_of_pixels(reference, name):
     agree(reference, "boxes", name, 48, 27, grid=False)
 
 
-@pytest.mark.parametrize("name", ["straight", "quadratic", "cubic"])
 @pytest.mark.parametrize("scene", SCENES)
-def test_a_hundred_thousand_triangles(reference, scene, name):
+def test_a_hundred_thousand_triangles(reference, scene):
     vertices, triangles = SCENES[scene](100_000)
     generator = np.random.default_rng(3)
-    x, y = generator.random((2, 120))
-    t, _ = reference.brute_force(vertices, triangles, volume(name), x, y)
+    x, y = generator.random((2, 60))
     scene = CastScene(vertices, triangles)
-    hits = cast(scene, volume(name).transformed(scene.matrix), x, y, (1e-3, 1e-3), 0.0)
-    assert different(hits, t) == 0 and np.isfinite(t).any()
+    for name in ("quadratic", "cubic"):
+        t, _ = reference.brute_force(vertices, triangles, volume(name), x, y)
+        hits = cast(scene, volume(name).transformed(scene.matrix), x, y, (1e-3, 1e-3), 0.0)
+        assert different(hits, t) == 0 and np.isfinite(t).any()
 
 
 def test_neither_tiles_nor_threads_show(monkeypatch):
