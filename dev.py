@@ -76,9 +76,11 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks and print their figures; --json FILE writes them too."""
+    """Run the benchmarks (speed, --trade or --extremes) and print figures; --json FILE writes them too."""
     environment = environments.first()
-    environments.run([environment.python, "benchmarks/run.py", *rest])
+    script = next((name for name in ("trade", "extremes") if f"--{name}" in rest), "run")
+    arguments = [argument for argument in rest if argument != f"--{script}"]
+    environments.run([environment.python, f"benchmarks/{script}.py", *arguments])
 
 
 def parser():

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.hard_scenes import AIMS, aimed_curves, cube, sphere
-from benchmarks.scenes import boxes, bent_projection, sheet
+from benchmarks.scenes import bent_projection, boxes, sheet
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.curves import Bundle
 from scfpf_addon.casting.exact import cast_exact
@@ -136,7 +136,7 @@ def leading(size: float, degree: int, count: int = 2000) -> dict[str, float]:
 
 
 def ends(where: str, degree: int, count: int = 2000) -> dict[str, float]:
-    """Curves that meet a wall at t = 0 or 1, or begin beside it (``where``: a distance): lost ones, error of t."""
+    """Curves that meet a wall at t = 0 or 1 (``where``), or begin at that distance from it."""
     scene, generator = wall(), np.random.default_rng(6)
     controls = np.zeros((degree + 1, 3, count))
     controls[:, :2] = generator.uniform(-0.9, 0.9, (degree + 1, 2, count))

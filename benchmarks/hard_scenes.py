@@ -62,13 +62,13 @@ def soup(count: int) -> Mesh:
     """Large triangles that cross each other in all directions."""
     generator = np.random.default_rng(1)
     corners = generator.normal(size=(count, 3, 3)) * 2 + generator.uniform(-6, 6, (count, 1, 3))
-    return loose((corners.reshape(-1, 3) + [4, 0, -10], np.arange(3 * count).reshape(-1, 3)))
+    return loose((corners.reshape(-1, 3) + np.array([4, 0, -10]), np.arange(3 * count).reshape(-1, 3)))
 
 
 def slivers(count: int) -> Mesh:
     """Needles a hundredth to a thousand-millionth as wide as they are long, and boxes behind."""
     generator = np.random.default_rng(2)
-    start = generator.uniform(-6, 6, (count, 3)) + [4, 0, -8]
+    start = generator.uniform(-6, 6, (count, 3)) + np.array([4, 0, -8])
     along = 3 * generator.normal(size=(count, 3))
     width = generator.normal(size=(count, 3)) * 10 ** generator.uniform(-9, -1, (count, 1))
     third = start + along * generator.uniform(0, 1, (count, 1)) + width
@@ -99,7 +99,10 @@ HARD_SCENES: dict[str, Any] = {
     "slivers": lambda: slivers(500),
     "dust": lambda: dust(500),
     "fan": lambda: open_fan(40),
-} | {f"sheets {gap:g}": (lambda gap=gap: stacked_sheets(16, gap)) for gap in (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)}
+} | {
+    f"sheets {gap:g}": (lambda gap=gap: stacked_sheets(16, gap))
+    for gap in (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+}
 
 AIMS = ("vertex", "edge", "middle", "axis")
 

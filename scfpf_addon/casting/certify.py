@@ -13,7 +13,7 @@ The method of Wang (1984), with the ends shifted and breaks graded along t.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,8 @@ MOST_CHORDS = 1 << 16
 GROWTH = 1.03
 
 
-class Chords(NamedTuple):
+@dataclass(frozen=True)
+class Chords:
     """Chords of a tile: n in all.
 
     breaks: (n+1,) increasing t. ends: (n+1, K) weights of the control points at the
@@ -200,4 +201,3 @@ def _bound(local: Array, shift: Array, second: Array, third: Array) -> float:
     middle = _blend(second, 0.5 * (local[:-1] + local[1:]))
     apart = area * (middle * share + change * (0.125 + SHIFT * np.maximum(alpha, beta)))
     return float(apart.max())
-

@@ -20,6 +20,7 @@ from ..projection.typing import Array, BoolArray, IndexArray
 from .certify import Chords, certain_chords
 from .curves import T_ROUNDING, Bundle, Solutions
 from .hits import CastCounts, Hits
+from .prisms import Float32Array
 from .scene import CastScene, PrismScene
 
 # A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
@@ -48,7 +49,10 @@ LARGEST_ROUNDING = 1e-6
 MOST_FACES = 4096
 GROWTH = 1.05
 
-# Things before a hit that are looked at one after the other at the end.
+# What lies beyond the prisms' box, in cast units, is passed at once.
+BORDER = 1e-3
+
+# Things before a hit that are looked at one after the other.
 LAYERS = 4
 
 
@@ -63,11 +67,15 @@ class Rays(NamedTuple):
     last: NDArray[np.int32]
 
     def take(self, index: IndexArray) -> Rays:
+        """The rays at ``index``."""
         return Rays(self.projector[index], self.chord[index], self.share[index], self.last[:, index])
 
 
 class Walk(NamedTuple):
-    """What every step of a tile's walk looks at and fills in."""
+    """What every step of a tile's walk looks at and fills in.
+
+    far: whether projectors reach so far out that float32 would move chords in the scene.
+    """
 
     scene: CastScene
     prisms: PrismScene
@@ -75,20 +83,62 @@ class Walk(NamedTuple):
     chords: Chords
     hits: Hits
     counts: CastCounts
+    far: bool
+
+    def trace(
+        self, start: NDArray[Any], way: NDArray[Any], limits: Float32Array
+    ) -> tuple[NDArray[np.int32], NDArray[Any]]:
+        """The first prisms on the chords from start (3, M) along way, and where on these."""
+        self.counts.rays += int(np.count_nonzero(limits > 0.0))
+        if not self.far:
+            return self.prisms.trace(
+                start.astype(np.float32, copy=False), way.astype(np.float32, copy=False), limits
+            )
+        # From where the chord enters the box of all prisms.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            inverse = 1.0 / way
+            lower, upper = self.prisms.lower[:, None] - BORDER, self.prisms.upper[:, None] + BORDER
+            sides = np.fmin((lower - start) * inverse, (upper - start) * inverse)
+            skipped = np.clip(np.nan_to_num(sides, nan=0.0).max(axis=0), 0.0, 2.0)
+            found, far = self.prisms.trace(
+                (start + way * skipped).astype(np.float32),
+                way.astype(np.float32),
+                (limits - skipped).astype(np.float32),
+            )
+        return found, far + skipped
 
 
 def cast_exact(
     scene: CastScene, bundle: Bundle, mask: BoolArray, columns: int | None, counts: CastCounts
 ) -> Hits:
+    """The first hits of the projectors of ``bundle``, cast space; mask: (N,) says which exist.
+
+    columns: says that the projectors are whole rows of that many neighbouring pixels; empty
+    space is then skipped for blocks of them. Positions and tangents are left to
+    ``chords.complete``. t is exact to float64's rounding. What is left to float32 is finding
+    candidates: two triangles whose hits are less than RESTART apart, in cast units, may be
+    exchanged, and for a triangle that another hides by less, so may silhouettes.
+    Raises CastError when there is not enough memory for the prisms.
+    """
     prisms = scene.prisms
     hits = Hits.empty(bundle.count)._replace(mask=mask)
+    present = np.flatnonzero(mask)
+    if len(present) == 0:
+        return hits
+    if len(present) < bundle.count:
+        # They take part in bounds; somewhere else they would widen these.
+        points = bundle.points.copy()
+        points[:, :, ~mask] = points[:, :, present[:1]]
+        bundle = Bundle(bundle.spans, points)
     chords, _ = certain_chords(bundle.spans, bundle.points, prisms.lower, prisms.upper, prisms.epsilon)
     if chords is None:
         return hits
-    walk = Walk(scene, prisms, bundle, chords, hits, counts)
+    # Rounding of a sum of that many terms.
+    rounding = (len(bundle.points) + 1) * float(np.abs(bundle.points).max()) * 2.0**-24
+    walk = Walk(scene, prisms, bundle, chords, hits, counts, rounding > LARGEST_ROUNDING)
     if chords.breaks[0] == 0.0:
-        _look_around(walk, np.flatnonzero(mask))
-    rays, found = _first_wave(walk, _starts(walk, columns, np.flatnonzero(mask)))
+        _look_around(walk, present)
+    rays, found = _first_wave(walk, _starts(walk, columns, present))
     step, faces = RESTART, 0
     while len(rays.projector):
         faces += 1
@@ -120,10 +170,7 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
         while len(projector):
             way = np.repeat(axis[:, None] * length, len(projector), axis=1)
             origin = start + axis[:, None] * gone
-            walk.counts.rays += len(projector)
-            found, far = walk.prisms.trace(
-                origin.astype(np.float32), way.astype(np.float32), (1.0 - gone / length).astype(np.float32)
-            )
+            found, far = walk.trace(origin, way, (1.0 - gone / length).astype(np.float32))
             met = np.flatnonzero(found >= 0)
             projector, start = projector[met], start[:, met]
             _meet(walk, projector, np.zeros(len(met), np.intp), found[met])
@@ -137,7 +184,7 @@ def _starts(walk: Walk, columns: int | None, alive: NDArray[np.intp]) -> list[tu
         return [(0, alive)]
     box = (prisms.lower, prisms.upper)
     until = prisms.hull.empty_until(
-        walk.bundle.spans, walk.bundle.points, columns, chords, box, 2.0 * prisms.epsilon
+        walk.bundle.spans, walk.bundle.points, columns, float(chords.breaks[-1]), box, 2.0 * prisms.epsilon
     )
     until = until.take(alive)
     chord = np.searchsorted(chords.breaks, until, side="right") - 1
@@ -152,19 +199,14 @@ def _first_wave(walk: Walk, groups: list[tuple[int, IndexArray]]) -> tuple[Rays,
     """Follow the chords of the groups' projectors, all in step, until each meets a prism."""
     empty = np.empty(0, np.intp)
     parts = [(Rays(empty, empty, np.empty(0), np.empty((2, 0), np.int32)), np.empty(0, np.int32))]
-    points = walk.bundle.points
-    # Rounding of a sum of that many terms.
-    rounding = (len(points) + 1) * float(np.abs(points).max()) * 2.0**-24
-    kind = np.float32 if rounding < LARGEST_ROUNDING else np.float64
+    kind = np.float64 if walk.far else np.float32
     for chord, projectors in groups:
         parts += _follow(walk, chord, projectors, kind)
     rays = Rays(*(np.concatenate([rays[k] for rays, _ in parts], axis=-1) for k in range(4)))
     return rays, np.concatenate([found for _, found in parts])
 
 
-def _follow(
-    walk: Walk, first: int, alive: IndexArray, kind: Any
-) -> list[tuple[Rays, NDArray[np.int32]]]:
+def _follow(walk: Walk, first: int, alive: IndexArray, kind: Any) -> list[tuple[Rays, NDArray[np.int32]]]:
     """One group of _first_wave, from the chord ``first`` on, computed in ``kind``."""
     weights: NDArray[Any] = walk.chords.ends.astype(kind)
     controls: NDArray[Any] = walk.bundle.points.astype(kind, copy=False)
@@ -175,11 +217,8 @@ def _follow(
     parts, dead = [], 0
     for chord in range(first, walk.chords.count):
         end = np.einsum("k,kcn->cn", weights[chord + 1], controls)
-        found, far = walk.prisms.trace(
-            start.astype(np.float32, copy=False), (end - start).astype(np.float32, copy=False), limits
-        )
+        found, far = walk.trace(start, end - start, limits)
         walk.counts.chords += len(alive) - dead
-        walk.counts.rays += len(alive) - dead
         met = np.flatnonzero(found >= 0)
         start = end
         if len(met) == 0:
@@ -217,27 +256,23 @@ def _advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
         low, high = chords.breaks[chord], chords.breaks[chord + 1]
         limit = (walk.hits.t[projector] - low) / (high - low)
         limit = np.where(limit < 1.0, (limit - share) / (1.0 - share), 1.0) + OVERLAP
-        way = end - start
         walk.counts.chords += len(projector)
-        walk.counts.rays += len(projector)
-        found, far = walk.prisms.trace(
-            start.astype(np.float32), way.astype(np.float32), limit.astype(np.float32)
-        )
+        found, far = walk.trace(start, end - start, limit.astype(np.float32))
         met = np.flatnonzero(found >= 0)
         if len(met):
             at = share[met] + far[met] * (1.0 - share[met])
             parts.append(Rays(projector[met], chord[met], np.minimum(at, 1.0), last[:, met]))
             triangles.append(found[met])
-        going = np.flatnonzero(
-            (found < 0) & (chord + 1 < chords.count) & (walk.hits.t[projector] > high)
-        )
+        going = np.flatnonzero((found < 0) & (chord + 1 < chords.count) & (walk.hits.t[projector] > high))
         projector, chord, last = projector[going], chord[going] + 1, last[:, going]
         share = np.zeros(len(going))
         controls, start = controls.take(going, 2), end.take(going, 1)
         end = np.einsum("kn,kcn->cn", chords.ends.T.take(chord + 1, 1), controls)
     if not parts:
         return rays.take(np.empty(0, np.intp)), np.empty(0, np.int32)
-    return Rays(*(np.concatenate([p[k] for p in parts], axis=-1) for k in range(4))), np.concatenate(triangles)
+    return Rays(*(np.concatenate([p[k] for p in parts], axis=-1) for k in range(4))), np.concatenate(
+        triangles
+    )
 
 
 def _meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
@@ -308,7 +343,12 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
         # What was met with already is on the other side of an edge for float32.
         beyond = np.flatnonzero(found[other] == triangle[other])
         for across in walk.scene.neighbours[:, found[other[beyond]]]:
-            _meet(walk, projector[other[beyond]][across >= 0], span[other[beyond]][across >= 0], across[across >= 0])
+            _meet(
+                walk,
+                projector[other[beyond]][across >= 0],
+                span[other[beyond]][across >= 0],
+                across[across >= 0],
+            )
         fresh = other[found[other] != triangle[other]]
         _meet(walk, projector[fresh], span[fresh], found[fresh])
         nearer = other[walk.hits.t[projector[other]] < before]
@@ -317,7 +357,7 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
 
 
 def _crossing(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> Array:
-    """How long in t a chord takes from one cap of a triangle's prism to the other, a chord's length at most."""
+    """How long in t chords take from one cap of a triangle's prism to the other, at most all of a chord."""
     chords = walk.chords
     controls = walk.bundle.points.take(rays.projector, 2)
     way = np.einsum("kn,kcn->cn", (chords.ends[1:] - chords.ends[:-1]).T.take(rays.chord, 1), controls)

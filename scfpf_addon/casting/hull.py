@@ -112,17 +112,22 @@ class Hull:
 
     def _run(self, start: Array, way: Array) -> tuple[NDArray[np.int32], Float32Array]:
         limits = np.ones(start.shape[1], np.float32)
-        found = self._embree.run(
-            start.T.astype(np.float32), way.T.astype(np.float32), limits, output=True
-        )
+        found = self._embree.run(start.T.astype(np.float32), way.T.astype(np.float32), limits, output=True)
         return found["primID"], found["tfar"]
 
     def empty_until(
-        self, spans: SpanBasis, points: Array, columns: int, chords: Chords, box: tuple[Array, Array], apart: float
+        self,
+        spans: SpanBasis,
+        points: Array,
+        columns: int,
+        last: float,
+        box: tuple[Array, Array],
+        apart: float,
     ) -> Array:
-        """The t before which projectors (K, 3, N), rows of ``columns`` pixels, stay ``apart`` from all prisms.
+        """The t (N,) before which projectors stay ``apart`` from all prisms.
 
-        chords: of the tile, for where they begin and end; box: see ``certain_chords``. (N,).
+        points: (K, 3, N), rows of ``columns`` pixels. last: t of those that always do.
+        box: lower and upper corner of the box that holds the prisms.
         """
         grid = points.reshape(*points.shape[:2], -1, columns)
         rows, across = np.arange(0, grid.shape[2], BLOCK), np.arange(0, columns, BLOCK)
@@ -131,7 +136,7 @@ class Hull:
         low, high = low.reshape(*low.shape[:2], -1), high.reshape(*high.shape[:2], -1)
         middle, radius = 0.5 * (low + high), 0.5 * np.sqrt(((high - low) ** 2).sum(axis=1))
         line, certain = certain_chords(spans, points, *box, COARSE_SHARE * self.cell)
-        until = np.full(middle.shape[2], chords.breaks[-1])
+        until = np.full(middle.shape[2], last)
         if line is not None:
             self._follow(line, middle, radius, until, certain + apart)
         blocks = until.reshape(len(rows), len(across))

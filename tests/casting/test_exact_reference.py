@@ -15,9 +15,10 @@ from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.frame import cast_frame, pixel_centres
 from scfpf_addon.casting.hits import CastCounts
 from scfpf_addon.casting.scene import CastError, CastScene
+from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 
-WIDTH, HEIGHT = 96, 54
+WIDTH, HEIGHT = 80, 45
 
 # Two hits count as one when their t differ by less.
 SAME = 1e-9
@@ -84,6 +85,28 @@ def test_hard_meshes(reference, scene, name):
 @pytest.mark.parametrize("name", ["straight", "quadratic", "cubic", "polyline"])
 def test_loose_projectors_are_as_exact_as_rows_of_pixels(reference, name):
     agree(reference, "boxes", name, 48, 27, grid=False)
+
+
+@pytest.mark.parametrize("reach", [10.0, 1e3, 1e6])
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_volumes_much_larger_than_the_scene(reference, count, reach):
+    """Control points far outside, where float32 keeps nothing of the scene's size."""
+    vertices, triangles = mesh("boxes")
+    surfaces = []
+    # In the middle, where the scene is, their curves are back beside it.
+    aside = {2: (-1, 1), 3: (-1, 1, -1), 4: (-3, 1, 1, -3)}[count]
+    for k, z in enumerate(np.linspace(reach, -reach, count)):
+        matrix = np.eye(4)
+        matrix[:3, 3] = 6.0 + 0.1 * reach * aside[k], 0.2 * (k % 3), z - 10.0
+        surfaces.append(Plane(20.0 + 0.5 * k, 12.0, matrix=matrix))
+    projection = Projection(ViewingVolume(tuple(surfaces)))
+    x, y = pixel_centres(40, 30, (0, 30))
+    t, _ = reference.brute_force(vertices, triangles, projection, x, y)
+    assert np.isfinite(t).mean() > 0.02
+    for grid in (True, False):
+        hits = reference.cast_image(cast_scene("boxes"), projection, 40, 30, 0.0, grid)
+        ours, true = (np.where(np.isfinite(a), a, 2.0) for a in (hits.t, t))
+        assert (np.abs(ours - true) < 1e-12 * max(1.0, 1e3 / reach)).all()
 
 
 @pytest.mark.parametrize("scene", SCENES)
