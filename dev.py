@@ -12,7 +12,7 @@ if sys.version_info < (3, 9):
 
 import argparse
 
-from devtools import environments, own_blender, package, testing
+from devtools import environments, own_blender, package, testing, window
 
 
 def command_demo(options, rest):
@@ -32,24 +32,33 @@ def command_test(options, rest):
     if not present or (missing and options.python):
         raise environments.Failure(environments.needed_help(missing))
     plan = testing.plan(rest)
-    results = []
+    results, warnings = [], []
     for environment in present:
-        results += [run_part(environment, part, plan[part]) for part in plan if part != "installed"]
-    if "installed" in plan:
-        results += test_zip(present, plan["installed"])
+        results += [run_part(environment, part, plan[part]) for part in plan if part in ("pure", "blender")]
+    if "installed" in plan or "window" in plan:
+        zip_results, warnings = test_zip(present, plan, options.blender_window)
+        results += zip_results
     for blender in missing:
-        environments.say(f"WARNING: NOT tested on Blender {blender.name}: no Python {blender.python} here")
-    return testing.close(results)
+        warnings.append(f"NOT tested on Blender {blender.name}: no Python {blender.python} here")
+    if "window" not in plan and "installed" in plan:
+        warnings.append("NOT tested in a window: with options that part runs only if tests/window is named")
+    return testing.close(results, warnings)
 
 
-def test_zip(present, arguments):
-    """Build the zips and run the tests that install one, in each environment."""
+def test_zip(present, plan, blender_window):
+    """Build the zips and run the parts that install one; their results, and warnings."""
     try:
         package.build(present[0])
     except environments.Failure as failure:
         environments.say(f"the zips could not be built: {failure}")
-        return [testing.Result("building the zips", 0, 0, 0, False)]
-    return [run_part(environment, "installed", arguments) for environment in present]
+        return [testing.Result("building the zips", 0, 0, 0, False)], []
+    results, warnings = [], []
+    if "installed" in plan:
+        results = [run_part(environment, "installed", plan["installed"]) for environment in present]
+    if "window" in plan:
+        window_results, warnings = window.test(blender_window, plan["window"])
+        results += window_results
+    return results, warnings
 
 
 def run_part(environment, part, arguments):
@@ -97,6 +106,7 @@ def parser():
     test = commands.choices["test"]
     test.add_argument("--python", action="append", choices=pythons, help="only this Python; it must be here")
     test.add_argument("--blender", metavar="PATH", help="only inside this Blender of your own")
+    test.add_argument("--blender-window", metavar="PATH", help="the tests in a window use this Blender")
     commands.choices["lint"].add_argument("--fix", action="store_true", help="mend what can be mended")
     return top
 

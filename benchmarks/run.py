@@ -26,9 +26,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.cast import CastCounts, Hits, cast
-from scfpf_addon.casting.frame import image_tiles, pixel_centres
+from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.geometry import Geometry
 from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.casting.tiles import image_tiles
 from scfpf_addon.projection.volume import Projection
 from scfpf_addon.shading.frame import FrameSettings, render_frame
 from scfpf_addon.shading.scene import Light, Materials, Scene
@@ -51,11 +52,11 @@ class Image:
         self.tiles = image_tiles(width, height)
 
     def cast_tile(
-        self, scene: CastScene, projection: Projection, rows: tuple[int, int], error: float, grid: bool = True
+        self, scene: CastScene, projection: Projection, rows: slice, error: float, grid: bool = True
     ) -> tuple[Hits, CastCounts]:
         """One tile of the image; grid: let curved projectors be compared with their neighbours."""
         counts = CastCounts()
-        x, y = pixel_centres(self.width, self.height, rows)
+        x, y = pixel_centres(self.width, self.height, (rows.start, rows.stop))
         size = (1 / self.width, 1 / self.height)
         columns = self.width if grid else None
         return cast(scene, projection, x, y, size, error, counts, columns), counts
@@ -78,23 +79,28 @@ def raw_rays(scene: CastScene, projection: Projection, image: Image) -> list[tup
     """The rays of a straight frame, tile by tile, as Embree takes them."""
     tiles = []
     for rows in image.tiles:
-        points, _ = projection.projectors(*pixel_centres(image.width, image.height, rows))
+        points, _ = projection.projectors(*pixel_centres(image.width, image.height, (rows.start, rows.stop)))
         way = (points[1] - points[0]).astype(np.float32)
         tiles.append((points[0].astype(np.float32), way, np.ones(way.shape[1], np.float32)))
     return tiles
 
 
-def lit(mesh: Mesh) -> Scene:
-    """The mesh with flat normals, one material and a sun, for whole frames."""
+def lit(mesh: Mesh, smooth: bool = False) -> Scene:
+    """The mesh with flat or smooth normals, one material and a sun, for whole frames."""
     vertices, triangles = mesh
     corners = vertices[triangles]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    normals = np.repeat(normal[:, None], 3, axis=1)
+    if smooth:
+        at_vertex = np.zeros_like(vertices)
+        np.add.at(at_vertex, triangles, normals)
+        normals = at_vertex[triangles]
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-30)
     count = len(triangles)
     geometry = Geometry(
         vertices,
         triangles,
-        np.repeat(normal[:, None], 3, axis=1).astype(np.float32),
+        normals.astype(np.float32),
         np.zeros(count, np.int32),
         np.zeros(count, np.int32),
     )
@@ -111,12 +117,13 @@ def speed(name: str, mesh: Mesh, image: Image, runs: int) -> dict[str, Any]:
     scene = CastScene(*mesh)
     build = perf_counter() - start
     straight = bent_projection(1, 0.0)
-    shown = lit(mesh)
+    flat, smooth = lit(mesh), lit(mesh, smooth=True)
     settings = FrameSettings(image.width, image.height, samples=1, threads=THREADS)
     rays = raw_rays(scene, straight.transformed(scene.matrix), image)
     works: dict[str, Callable[[], float]] = {
         "raw": lambda: timed(lambda ray: scene.trace(*ray), rays),
-        "frame": lambda: _seconds(lambda: render_frame(straight, shown, settings, scene)),
+        "frame": lambda: _seconds(lambda: render_frame(straight, flat, settings, scene)),
+        "smooth": lambda: _seconds(lambda: render_frame(straight, smooth, settings, scene)),
     }
     projections = {"straight": straight}
     projections |= {f"{angle}°": bent_projection(degree, math.radians(angle)) for degree, angle in BENDS}
@@ -170,9 +177,13 @@ def report(result: dict[str, Any]) -> None:
     pixels = counts["straight"]["projectors"]
     print(f"\n{result['scene']}, {result['triangles']:,} triangles (built in {result['build']:.2f} s)")
     print(f"  raw Embree        {seconds['raw']:7.3f} s   {pixels / seconds['raw'] / 1e6:6.1f} Mray/s")
-    for title, label in (("straight", "straight cast"), ("frame", "straight frame, shaded")):
+    for title, label in (
+        ("straight", "straight cast"),
+        ("frame", "frame, flat shading"),
+        ("smooth", "frame, smooth shading"),
+    ):
         share = seconds["raw"] / seconds[title]
-        goal = f"  (goal {STRAIGHT_GOAL:.0%})" if title == "frame" else ""
+        goal = "" if title == "straight" else f"  (goal {STRAIGHT_GOAL:.0%})"
         print(f"  {label:22s} {seconds[title]:7.3f} s   {share:6.0%} of raw{goal}")
     for _, angle in BENDS:
         title, count = f"{angle}°", counts[f"{angle}°"]

@@ -140,6 +140,8 @@ def run_inside(blender: str, title: str, arguments: list[str]) -> int:
     if "installed" in plan and not any((ROOT / "dist").glob("*.zip")):
         say("NOT tested: the installed zip, since dist/ is empty (python3 dev.py build fills it)")
         del plan["installed"]
+    if plan.pop("window", None) is not None:
+        say("NOT tested: in a window (python3 dev.py test --blender-window PATH does that)")
     results = []
     for part, part_arguments in plan.items():
         report = folder / f"report-{part}.xml"

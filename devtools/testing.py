@@ -3,7 +3,8 @@
 
 In a process of its own, because the pure tests import `scfpf_addon`, the Blender tests the same files as
 `bl_ext.checkout.scfpf.scfpf_addon`, the last ones as `bl_ext.user_default.scfpf.scfpf_addon`: the classes of
-one are not those of another, and Blender can register only one add-on under our names.
+one are not those of another, and Blender can register only one add-on under our names. The fourth part, the
+scenarios in a window, is run by window.py.
 """
 
 from __future__ import annotations
@@ -13,23 +14,24 @@ import pathlib
 import subprocess
 import time
 import xml.etree.ElementTree
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from .environments import ROOT, say
 
 TESTS = ROOT / "tests"
-FOLDERS = {"blender": TESTS / "blender", "installed": TESTS / "installed"}
+FOLDERS = {part: TESTS / part for part in ("blender", "installed", "window")}
 WHOLE_SUITE = {
     "pure": [str(TESTS), *(f"--ignore={folder}" for folder in FOLDERS.values())],
     "blender": [str(FOLDERS["blender"])],
     "installed": [str(FOLDERS["installed"])],
+    "window": [],
 }
 NO_TESTS_COLLECTED = 5  # pytest's exit code
 
 
 class Result(NamedTuple):
-    """What a run of pytest came to."""
+    """What a run of tests came to."""
 
     title: str
     passed: int
@@ -44,7 +46,10 @@ class Result(NamedTuple):
 
 
 def plan(arguments: list[str]) -> dict[str, list[str]]:
-    """pytest's arguments for each part to run; unless a file or folder is named, every part runs."""
+    """The arguments for each part to run; unless a file or folder is named, every part runs.
+
+    Options are pytest's: the window part takes none, and runs only if it is named, or if nothing is said.
+    """
     named: dict[str, list[str]] = {part: [] for part in WHOLE_SUITE}
     options = []
     for argument in arguments:
@@ -55,7 +60,12 @@ def plan(arguments: list[str]) -> dict[str, list[str]]:
         else:
             options.append(argument)
     targets = {part: names for part, names in named.items() if names} or WHOLE_SUITE
-    return {part: [*names, *options] for part, names in targets.items()}
+    planned = {part: [*names, *options] for part, names in targets.items()}
+    if "window" in planned:
+        planned["window"] = named["window"]
+    if options and not named["window"]:
+        planned.pop("window", None)
+    return planned
 
 
 def part_of(path: pathlib.Path) -> str:
@@ -89,11 +99,13 @@ def read_report(report: pathlib.Path, title: str, status: int) -> Result:
     return Result(title, tests - failed - skipped, failed, skipped, ended_well)
 
 
-def close(results: list[Result]) -> int:
-    """Print the table and the sum; the exit code is 0 when every run ended well and some test ran."""
+def close(results: list[Result], warnings: Sequence[str] = ()) -> int:
+    """Print the table, warnings and sum; the exit code is 0 when every run ended well and some test ran."""
     print()
     for result in results:
         say(result.line())
+    for warning in warnings:
+        say(f"WARNING: {warning}")
     passed = sum(result.passed for result in results)
     failed = sum(result.failed for result in results)
     skipped = sum(result.skipped for result in results)

@@ -1,10 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the user can do: ``bpy.ops.scfpf``. One module a family."""
 
-from . import camera, pick, presets, render, surfaces, volume_tools
+from . import (
+    camera,
+    edit_volume,
+    find,
+    framing,
+    pick,
+    picture_fit,
+    presets,
+    render,
+    surface_tools,
+    surfaces,
+    volume_tools,
+)
 
 # Registered in this order, unregistered in the reverse.
-MODULES = (camera, presets, surfaces, volume_tools, render, pick)
+MODULES = (
+    camera,
+    presets,
+    surfaces,
+    edit_volume,
+    volume_tools,
+    surface_tools,
+    framing,
+    render,
+    pick,
+    find,
+    picture_fit,
+)
 
 
 def register():

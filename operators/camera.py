@@ -8,6 +8,7 @@ from bpy.props import EnumProperty
 from ..scfpf_addon.bridge.flexible_camera import make_flexible, volume_from_camera
 from ..scfpf_addon.bridge.render_job import picture_aspect
 from .errors import BAD_INPUT
+from .local_view import show_in_local_view
 from .placement import Box, camera_like_view, camera_seeing, fit_depth, scene_box
 from .presets import preset_items, shipped_preset, use_preset
 from .target import camera_of, poll_camera, poll_object_mode
@@ -75,6 +76,7 @@ class SCFPF_OT_camera_add(bpy.types.Operator):
             obj.select_set(False)
         camera.select_set(True)
         context.view_layer.objects.active = camera
+        show_in_local_view(context, [camera, *(slot.object for slot in camera.scfpf.surfaces)])
         if scene.camera is None:
             scene.camera = camera
         return {"FINISHED"}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The errors that mean bad input: operators report them in one line; all others are bugs and are raised."""
 
+from ..scfpf_addon.bridge.edit_volume import EditVolumeError
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.render_job import RENDER_ERRORS
 from ..scfpf_addon.bridge.result_image import ResultError
@@ -8,4 +9,12 @@ from ..scfpf_addon.bridge.surface_nodes import SurfaceError
 from ..scfpf_addon.projection.editing import EditingError
 from ..scfpf_addon.projection.preset import PresetError
 
-BAD_INPUT = (EditingError, FlexibleCameraError, PresetError, ResultError, SurfaceError, *RENDER_ERRORS)
+BAD_INPUT = (
+    EditingError,
+    EditVolumeError,
+    FlexibleCameraError,
+    PresetError,
+    ResultError,
+    SurfaceError,
+    *RENDER_ERRORS,
+)

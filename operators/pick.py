@@ -26,6 +26,14 @@ def pick_readout(settings) -> list[str]:
     ]
 
 
+def store_pick(settings, x: float, y: float, found) -> None:
+    """Put a shading.pick.Pick at a position of the picture into a camera's settings, and show it."""
+    settings.pick = x, y
+    settings.pick_t = -1.0 if found.t is None else found.t
+    settings.pick_object, settings.pick_distance = found.object_name, found.distance
+    settings.show_pick = True
+
+
 def picture_regions(window) -> list:
     """The regions of a window's Image Editors that show our picture."""
     image = result_image()
@@ -114,10 +122,7 @@ class SCFPF_OT_pick(bpy.types.Operator):
             return {"CANCELLED"}
         camera = next(obj for obj in bpy.data.objects if obj.session_uid == uid)
         settings = camera.scfpf
-        settings.pick = self.x, self.y
-        settings.pick_t = -1.0 if found.t is None else found.t
-        settings.pick_object, settings.pick_distance = found.object_name, found.distance
-        settings.show_pick = True
+        store_pick(settings, self.x, self.y, found)
         self.report({"INFO"}, " · ".join(pick_readout(settings)))
         redraw_interface(context.window_manager)
         return {"FINISHED"}

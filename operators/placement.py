@@ -24,6 +24,8 @@ NEW_ARC = math.radians(90)
 # Neighbours at least this deep for their width count as round: the new surface is put concentric.
 ROUND_DEPTH = 0.25
 GRID_POINTS = 4
+# A lattice that is a camera's first surface reaches so far from its middle, Blender units along -Z.
+NEW_DEPTH, FORWARDS = 4.0, np.array([0.0, 0.0, 1.0])
 # Kinds that are given by points.
 NET_KINDS = {"PATCH", "GRID", "UV_MESH", "NURBS"}
 
@@ -185,6 +187,9 @@ def surface_place(camera, depsgraph, kind: str, index: int):
         None if obj is None else _box(_corners(obj.evaluated_get(depsgraph), to_camera @ obj.matrix_world))
         for obj in present
     ]
+    if kind == "LATTICE":
+        box = _room(boxes, index)
+        return Matrix.Translation(Vector(box.centre)) @ Matrix.Diagonal((*box.size, 1.0)), None, None
     box = _between(boxes, index)
     if before is not None and before.scfpf_surface.kind == kind and kind not in NET_KINDS:
         matrix = to_camera @ before.matrix_world
@@ -213,6 +218,24 @@ def _between(boxes, index: int) -> Box:
     centre = 2 * known.centre - other.centre
     half = np.maximum(2 * known.size - other.size, known.size / 2) / 2
     return Box(centre - half, centre + half)
+
+
+def _room(boxes, index: int) -> Box:
+    """A box with a depth, for a lattice: the middle third of the way between its neighbours.
+
+    Where there is none on a side, the box reaches a third of its width to either side of ``_between``;
+    of an empty list it is all of a volume.
+    """
+    middle = _between(boxes, index)
+    around = [boxes[i] for i in (index - 1, index) if 0 <= i < len(boxes) and boxes[i] is not None]
+    if not around:
+        return Box(middle.low - NEW_DEPTH * FORWARDS, middle.high + NEW_DEPTH * FORWARDS)
+    across = np.where(middle.size > 0, middle.size, 1.0) / 2
+    depth = float(across.max()) / 3
+    if len(around) == 2:
+        depth = abs(float(around[1].centre[2] - around[0].centre[2])) / 6 or depth
+    half = np.array([across[0], across[1], depth])
+    return Box(middle.centre - half, middle.centre + half)
 
 
 def _mean_parameters(before, after, depsgraph) -> dict:

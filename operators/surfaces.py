@@ -4,9 +4,11 @@
 import bpy
 from bpy.props import EnumProperty, IntProperty
 
+from ..scfpf_addon.bridge.edit_volume import set_edit_volume
 from ..scfpf_addon.bridge.flexible_camera import add_surface, attach_surface, move_surface, remove_surface
 from ..scfpf_addon.bridge.properties import KINDS
 from .errors import BAD_INPUT
+from .local_view import show_in_local_view
 from .placement import surface_place
 from .target import flexible_camera_of, poll_flexible_camera
 
@@ -49,16 +51,21 @@ class SCFPF_OT_surface_add(bpy.types.Operator):
             matrix, parameters, points = surface_place(
                 camera, context.evaluated_depsgraph_get(), self.kind, index
             )
-            add_surface(camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index)
+            surface = add_surface(
+                camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index
+            )
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         settings.active_surface = index
+        show_in_local_view(context, [surface])
         return {"FINISHED"}
 
 
 class SCFPF_OT_surface_attach(bpy.types.Operator):
-    """Append the selected mesh and surface objects to the camera's control surfaces"""
+    """Append the selected mesh and surface objects to the camera's control surfaces.
+
+    They stay selected: the camera enters the Edit Volume mode"""
 
     bl_idname = "scfpf.surface_attach"
     bl_label = "Use Selected as Control Surface"
@@ -75,6 +82,8 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
 
     def execute(self, context):
         camera = flexible_camera_of(context)
+        before = camera.scfpf.edit_volume
+        camera.scfpf.edit_volume = True
         attached = 0
         for obj in _candidates(context):
             try:
@@ -84,6 +93,7 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
             else:
                 attached += 1
         if attached == 0:
+            camera.scfpf.edit_volume = before
             return {"CANCELLED"}
         camera.scfpf.active_surface = len(camera.scfpf.surfaces) - 1
         return {"FINISHED"}
@@ -148,7 +158,7 @@ class SCFPF_OT_surface_move(bpy.types.Operator):
 
 
 class SCFPF_OT_surface_select(bpy.types.Operator):
-    """Select the control surface's object and make it active"""
+    """Select the control surface's object and make it active; enters the Edit Volume mode"""
 
     bl_idname = "scfpf.surface_select"
     bl_label = "Select Control Surface"
@@ -165,7 +175,8 @@ class SCFPF_OT_surface_select(bpy.types.Operator):
     poll = classmethod(poll_slot)
 
     def execute(self, context):
-        settings = flexible_camera_of(context).scfpf
+        camera = flexible_camera_of(context)
+        settings = camera.scfpf
         index = settings.active_surface if self.index < 0 else self.index
         surface = settings.surfaces[index].object if index < len(settings.surfaces) else None
         if surface is None or surface.name not in context.view_layer.objects:
@@ -176,6 +187,13 @@ class SCFPF_OT_surface_select(bpy.types.Operator):
         if not surface.visible_get():
             self.report({"ERROR"}, f"{surface.name} is hidden: show it in the Outliner to select it")
             return {"CANCELLED"}
+        try:
+            if surface.hide_select:
+                set_edit_volume(camera, True)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        context.view_layer.update()
         settings.active_surface = index
         for obj in context.selected_objects:
             obj.select_set(False)

@@ -1,54 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tools for the whole volume and its control surfaces: insert, duplicate, mirror, align, convert, frame."""
+"""Tools for the whole volume and its control surfaces: insert, duplicate, mirror, align, frame."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ..scfpf_addon.bridge import volume_edits
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.render_job import picture_aspect
-from ..scfpf_addon.projection.editing import framing
-from .errors import BAD_INPUT
 from .placement import SHAPES, scene_box
 from .surfaces import poll_slot
-from .target import flexible_camera_of, poll_flexible_camera
-
-# From here on a converted surface counts as changed, as a share of its size: float32 gives about 1e-7.
-CHANGED_SHARE = 1e-6
+from .target import flexible_camera_of
+from .tool import Tool, poll_two
 
 
-class _Tool:
-    """What the tools share: errors become one line, and ``edit`` may return a line to report."""
-
-    bl_options = {"REGISTER", "UNDO"}
-
-    poll = classmethod(poll_flexible_camera)
-
-    def execute(self, context):
-        try:
-            message = self.edit(context, flexible_camera_of(context))
-        except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        if message:
-            self.report({"INFO"}, message)
-        return {"FINISHED"}
-
-
-def _poll_two(cls, context):
-    """A poll for tools that need a volume: two surfaces at least."""
-    if not poll_flexible_camera(cls, context):
-        return False
-    if len(flexible_camera_of(context).scfpf.surfaces) < 2:
-        cls.poll_message_set("The volume needs two control surfaces at least")
-        return False
-    return True
-
-
-class SCFPF_OT_surface_insert(_Tool, bpy.types.Operator):
+class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
     """Insert one more control surface and leave the volume as it is at this frame.
 
-    Bézier projectors get new inner surfaces, without the old ones' animation; near and far stay"""
+    Of polylines all others stay; otherwise the inner ones are replaced and lose their animation"""
 
     bl_idname = "scfpf.surface_insert"
     bl_label = "Insert Control Surface"
@@ -62,7 +30,7 @@ class SCFPF_OT_surface_insert(_Tool, bpy.types.Operator):
         max=512,
     )
 
-    poll = classmethod(_poll_two)
+    poll = classmethod(poll_two)
 
     def edit(self, context, camera):
         exact = volume_edits.insert_surface(
@@ -77,7 +45,7 @@ class SCFPF_OT_surface_insert(_Tool, bpy.types.Operator):
         return f"Between surfaces of different kinds now lies a grid of {self.resolution} × {self.resolution}"
 
 
-class SCFPF_OT_surface_duplicate(_Tool, bpy.types.Operator):
+class SCFPF_OT_surface_duplicate(Tool, bpy.types.Operator):
     """Put a copy of the active control surface after it, at the same place"""
 
     bl_idname = "scfpf.surface_duplicate"
@@ -89,19 +57,19 @@ class SCFPF_OT_surface_duplicate(_Tool, bpy.types.Operator):
         volume_edits.duplicate_surface(camera, camera.scfpf.active_surface)
 
 
-class SCFPF_OT_volume_swap(_Tool, bpy.types.Operator):
+class SCFPF_OT_volume_swap(Tool, bpy.types.Operator):
     """Reverse the order of the control surfaces: the near one becomes the far one"""
 
     bl_idname = "scfpf.volume_swap"
     bl_label = "Swap Near and Far"
 
-    poll = classmethod(_poll_two)
+    poll = classmethod(poll_two)
 
     def edit(self, context, camera):
         volume_edits.swap_ends(camera)
 
 
-class SCFPF_OT_volume_mirror(_Tool, bpy.types.Operator):
+class SCFPF_OT_volume_mirror(Tool, bpy.types.Operator):
     """Mirror the picture by mirroring the control surfaces' parameter u or v; their shape stays"""
 
     bl_idname = "scfpf.volume_mirror"
@@ -126,7 +94,7 @@ class SCFPF_OT_volume_mirror(_Tool, bpy.types.Operator):
         volume_edits.mirror_surfaces(camera, context.evaluated_depsgraph_get(), self.axis, indices)
 
 
-class SCFPF_OT_surface_snap_to_view(_Tool, bpy.types.Operator):
+class SCFPF_OT_surface_snap_to_view(Tool, bpy.types.Operator):
     """Put the near surface into the 3D viewport's view, of the same size: a plane fills the view, a round
     surface comes to stand about the eye"""
 
@@ -153,7 +121,7 @@ class SCFPF_OT_surface_snap_to_view(_Tool, bpy.types.Operator):
         volume_edits.snap_near_to_view(camera, seen)
 
 
-class SCFPF_OT_surface_align(_Tool, bpy.types.Operator):
+class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
     """Give the control surface that is active in the list the place and rotation of the active object"""
 
     bl_idname = "scfpf.surface_align"
@@ -179,7 +147,7 @@ class SCFPF_OT_surface_align(_Tool, bpy.types.Operator):
         volume_edits.align_surface(camera, index, context.object, self.location, self.rotation)
 
 
-class SCFPF_OT_volume_single_user(_Tool, bpy.types.Operator):
+class SCFPF_OT_volume_single_user(Tool, bpy.types.Operator):
     """Give this camera control surfaces and meshes that no other camera or object uses"""
 
     bl_idname = "scfpf.volume_single_user"
@@ -192,25 +160,7 @@ class SCFPF_OT_volume_single_user(_Tool, bpy.types.Operator):
         return f"{copied} copied" if copied else "Nothing was shared"
 
 
-class SCFPF_OT_surface_to_grid(_Tool, bpy.types.Operator):
-    """Make the active control surface a mesh grid of the same shape, to be edited point by point"""
-
-    bl_idname = "scfpf.surface_to_grid"
-    bl_label = "Convert to Grid"
-
-    columns: IntProperty(name="Columns", description="Faces along u", default=32, min=1, max=1024)
-    rows: IntProperty(name="Rows", description="Faces along v", default=16, min=1, max=1024)
-
-    poll = classmethod(poll_slot)
-
-    def edit(self, context, camera):
-        change = volume_edits.convert_to_grid(camera, camera.scfpf.active_surface, self.columns, self.rows)
-        if change < CHANGED_SHARE:
-            return None
-        return f"The grid is off by up to {100 * change:.2g} % of the surface's size: more faces are nearer"
-
-
-class SCFPF_OT_volume_fit(_Tool, bpy.types.Operator):
+class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
     """Scale the volume and move the camera so that the volume just holds what is selected"""
 
     bl_idname = "scfpf.volume_fit"
@@ -218,7 +168,7 @@ class SCFPF_OT_volume_fit(_Tool, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not _poll_two(cls, context):
+        if not poll_two(cls, context):
             return False
         if not any(
             obj.type in SHAPES and obj.scfpf_surface.kind == "NONE" for obj in context.selected_objects
@@ -235,31 +185,6 @@ class SCFPF_OT_volume_fit(_Tool, bpy.types.Operator):
         volume_edits.fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
 
 
-class SCFPF_OT_volume_frame(_Tool, bpy.types.Operator):
-    """Pan, tilt, roll, dolly or zoom the whole volume; the camera object stays where it is"""
-
-    bl_idname = "scfpf.volume_frame"
-    bl_label = "Frame Picture"
-
-    pan: FloatProperty(name="Pan", description="Turn the volume to the right", subtype="ANGLE")
-    tilt: FloatProperty(name="Tilt", description="Turn the volume upwards", subtype="ANGLE")
-    roll: FloatProperty(name="Roll", description="Turn the volume anticlockwise", subtype="ANGLE")
-    dolly: FloatProperty(name="Dolly", description="Move the volume forwards", subtype="DISTANCE")
-    zoom: FloatProperty(
-        name="Zoom",
-        description="Show less than before, larger; below 1, more",
-        default=1.0,
-        min=0.01,
-        max=100.0,
-    )
-
-    poll = classmethod(poll_slot)
-
-    def edit(self, context, camera):
-        amounts = (self.pan, self.tilt, self.roll, self.dolly, self.zoom)
-        volume_edits.move_volume(camera, framing(*amounts))
-
-
 register, unregister = bpy.utils.register_classes_factory(
     (
         SCFPF_OT_surface_insert,
@@ -269,8 +194,6 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_OT_surface_snap_to_view,
         SCFPF_OT_surface_align,
         SCFPF_OT_volume_single_user,
-        SCFPF_OT_surface_to_grid,
         SCFPF_OT_volume_fit,
-        SCFPF_OT_volume_frame,
     )
 )

@@ -6,6 +6,8 @@ import bpy
 from ..operators.pick import pick_readout
 from ..operators.target import camera_of, flexible_camera_of
 from ..scfpf_addon.bridge import render_job
+from ..scfpf_addon.bridge.picture_fit import needs_fit
+from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError, parameter_properties
 from .surface_list import is_missing
@@ -15,7 +17,7 @@ def problems(scene, camera) -> list[str]:
     """What keeps a flexible camera from making a picture, in a few words each."""
     slots = camera.scfpf.surfaces
     found = []
-    if len(slots) < 2:
+    if len(slots) < 2 and not is_lattice_volume(slots):
         found.append("A volume needs two control surfaces")
     if any(is_missing(scene, slot) for slot in slots):
         found.append("A control surface was deleted")
@@ -45,6 +47,16 @@ def draw_render(layout, context, camera) -> None:
             column.label(text=part)
 
 
+def draw_fit(layout, scene, camera) -> None:
+    """A button while the resolution has another shape than the volume was made for."""
+    try:
+        wanted = needs_fit(camera, render_job.picture_aspect(scene))
+    except render_job.RenderError:
+        return  # Rendering says that the picture is too large.
+    if wanted:
+        layout.operator("scfpf.volume_fit_picture", icon="MOD_LENGTH")
+
+
 def draw_pick(layout, settings) -> None:
     """The picked projector: switch, button, and what it met."""
     row = layout.row(align=True)
@@ -54,6 +66,18 @@ def draw_pick(layout, settings) -> None:
         column = layout.column(align=True)
         column.active = False
         for text in pick_readout(settings):
+            column.label(text=text)
+
+
+def draw_found(layout, settings) -> None:
+    """The object found in the picture: switch, button, and how much of it is to be seen."""
+    row = layout.row(align=True)
+    row.prop(settings, "show_found", text="Found Object")
+    row.operator("scfpf.find_in_image", text="", icon="VIEWZOOM")
+    if settings.show_found:
+        column = layout.column(align=True)
+        column.active = False
+        for text in settings.found_object.split(" · "):
             column.label(text=text)
 
 
@@ -78,6 +102,7 @@ class _MainSection:
             layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA")
         if camera.scfpf.enabled:
             draw_render(layout, context, camera)
+            draw_fit(layout, context.scene, camera)
             layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
             return
         column = layout.column(align=True)
@@ -113,14 +138,19 @@ class _SurfacesSection(_Subsection):
         column.operator("scfpf.surface_move", text="", icon="TRIA_DOWN").direction = "DOWN"
         column.separator()
         column.menu("SCFPF_MT_surface_specials", text="", icon="DOWNARROW_HLT")
+        row = layout.row(align=True)
+        row.operator("scfpf.edit_volume", icon="EDITMODE_HLT", depress=settings.edit_volume)
+        row.operator("scfpf.volume_frame", text="", icon="VIEW_PAN")
         if settings.active_surface < len(settings.surfaces):
-            self.draw_surface(context, settings.surfaces[settings.active_surface])
+            self.draw_surface(context, settings.surfaces[settings.active_surface], settings.basis)
 
-    def draw_surface(self, context, slot):
+    def draw_surface(self, context, slot, basis):
         if is_missing(context.scene, slot):
             self.layout.label(text="Remove it from the list with -", icon="ERROR")
             return
         column = self.layout.column()
+        if basis == "NURBS":
+            column.prop(slot, "weight")
         column.prop(slot.object.scfpf_surface, "kind")
         try:
             for label, owner, name in parameter_properties(slot.object):
@@ -141,6 +171,11 @@ class _ProjectorsSection(_Subsection):
             column = layout.column(align=True)
             column.prop(settings, f"{axis}_range", index=0, text=f"{axis.upper()} Start")
             column.prop(settings, f"{axis}_range", index=1, text="End")
+        column = layout.column(align=True)
+        column.prop(settings, "fit")
+        row = column.row()
+        row.active = settings.fit != "NONE"
+        row.prop(settings, "fitted_aspect", text="Aspect")
 
 
 class _QualitySection(_Subsection):
@@ -156,18 +191,19 @@ class _DisplaySection(_Subsection):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, _camera, settings):
-        self.layout.prop(settings, "show_projectors")
+        self.layout.prop(settings, "show_projectors", text="Projectors")
         row = self.layout.row()
         row.active = settings.show_projectors
         row.prop(settings, "projector_count", text="Count")
         column = self.layout.column()
         column.active = settings.show_projectors
-        column.prop(settings, "show_folds")
+        column.prop(settings, "show_folds", text="Folds")
         column.prop(settings, "iso_surfaces", text="Iso Count")
         row = column.row()
         row.active = settings.iso_surfaces == 1
         row.prop(settings, "iso_t", text="Iso t")
         draw_pick(column, settings)
+        draw_found(column, settings)
 
 
 class _DataTab:

@@ -55,6 +55,9 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.separator()
         self.layout.operator("scfpf.surface_insert", icon="ADD")
         self.layout.operator("scfpf.surface_duplicate", icon="DUPLICATE")
+        self.layout.operator("scfpf.surface_subdivide", icon="MOD_SUBSURF")
+        self.layout.operator("scfpf.surface_equalise", icon="MOD_LENGTH")
+        self.layout.operator("scfpf.surface_to_patch", icon="SURFACE_NSURFACE")
         self.layout.operator("scfpf.surface_to_grid", icon="MESH_GRID")
         self.layout.operator("scfpf.surface_align", icon="CON_ROTLIKE")
         self.layout.operator("scfpf.surface_snap_to_view", icon="HIDE_OFF")
@@ -64,6 +67,7 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.volume_swap", icon="ARROW_LEFTRIGHT")
         for axis in "UV":
             self.layout.operator("scfpf.volume_mirror", text=f"Mirror {axis}", icon="MOD_MIRROR").axis = axis
+        self.layout.operator("scfpf.volume_to_lattice", icon="MOD_LATTICE")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 

@@ -3,6 +3,8 @@
 
 import bpy
 
+from ..scfpf_addon.bridge.volume_object import is_deleted
+
 KIND_ICONS = {
     "NONE": "MESH_DATA",
     "POINT": "DOT",
@@ -15,12 +17,16 @@ KIND_ICONS = {
     "GRID": "MESH_GRID",
     "UV_MESH": "UV",
     "NURBS": "SURFACE_NSURFACE",
+    "LATTICE": "MOD_LATTICE",
 }
+
+# Of a weight in the list, in the interface's units: six digits.
+WEIGHT_WIDTH = 3
 
 
 def is_missing(scene, slot) -> bool:
     """Whether a slot's object is gone: never set, or deleted while the slot still points at it."""
-    return slot.object is None or scene.objects.get(slot.object.name) != slot.object
+    return slot.object is None or is_deleted(slot.object, scene)
 
 
 class SCFPF_UL_surfaces(bpy.types.UIList):
@@ -35,12 +41,26 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
             )
             return
         row.prop(item.object, "name", text="", emboss=False, icon=KIND_ICONS[item.object.scfpf_surface.kind])
-        end = "Near" if index == 0 else "Far" if index == len(data.surfaces) - 1 else ""
+        end = (
+            ""
+            if len(data.surfaces) == 1
+            else "Near"
+            if index == 0
+            else "Far"
+            if index == len(data.surfaces) - 1
+            else ""
+        )
         if end and end not in item.object.name:
             place = row.row()
             place.alignment = "RIGHT"
             place.active = False
             place.label(text=end)
+        if data.basis == "NURBS":
+            weight = row.row()
+            weight.ui_units_x = WEIGHT_WIDTH
+            # The panel splits its properties into name and value, for which there is no room here.
+            weight.use_property_split = weight.use_property_decorate = False
+            weight.prop(item, "weight", text="", emboss=False)
         row.operator("scfpf.surface_select", text="", icon="RESTRICT_SELECT_OFF", emboss=False).index = index
 
 

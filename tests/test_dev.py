@@ -7,10 +7,11 @@ import platform
 import re
 import subprocess
 import sys
+import time
 
 import pytest
 
-from devtools import environments, own_blender, package, pythons, testing
+from devtools import environments, own_blender, package, pythons, testing, window
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 RUNNING = f"{sys.version_info[0]}.{sys.version_info[1]}"
@@ -69,7 +70,11 @@ def test_what_to_install_is_said(nowhere):
     assert platform.python_version() in text and "winget install Python.Python.3.13" in text
 
 
-def test_whole_suite_runs_in_three_processes():
+def test_whole_suite_runs_in_four_processes():
+    assert list(testing.plan([])) == ["pure", "blender", "installed", "window"]
+
+
+def test_options_of_pytest_reach_pytest_only():
     plan = testing.plan(["-x"])
     assert list(plan) == ["pure", "blender", "installed"]
     assert all(arguments[-1] == "-x" for arguments in plan.values())
@@ -112,6 +117,64 @@ def test_a_crash_is_a_failure(tmp_path, capsys):
     assert capsys.readouterr().out.splitlines()[-1] == "5 passed, 1 failed, 1 skipped"
     assert testing.close([fine]) == 0
     assert testing.close([testing.Result("none ran", 0, 0, 0, True)]) == 1
+
+
+def test_scenarios_are_named_as_tests_are(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    assert testing.plan(["tests/window", "-x"]) == {"window": [str(ROOT / "tests/window")]}
+    assert window.chosen(testing.plan(["tests/window"])["window"]) == []
+    names = ["tests/window/scenarios_panels.py", "tests/window/scenarios_render.py::picks"]
+    assert window.chosen(testing.plan(names)["window"]) == ["scenarios_panels", "picks"]
+    assert "window" not in testing.plan(["tests/casting"])
+
+
+@pytest.mark.parametrize(
+    "results, status, counts, good, said",
+    [
+        ("scenarios: a b\nok: a (1 s)\nok: b (2 s)", 0, (2, 0), True, ""),
+        ("scenarios: a b\nok: a (1 s)\nFAILED: b (2 s)", 1, (1, 1), False, ""),
+        ("scenarios: a b\nok: a (1 s)", 139, (1, 0), False, "ended with exit code 139 in b"),
+        ("scenarios: a b\nok: a (1 s)", 0, (1, 0), False, "ended with exit code 0 in b"),
+        ("scenarios: a\nok: a (1 s)", 139, (1, 0), False, "ended with exit code 139 in its start or end"),
+        ("", 1, (0, 0), False, "ended with exit code 1 in its start or end"),
+        ("scenarios: a b c\nok: a (1 s)", None, (1, 0), True, "time ran out: b, c"),
+        ("scenarios: a b c\nFAILED: a (1 s)", None, (0, 1), False, "time ran out: b, c"),
+        ("", None, (0, 0), True, "time ran out: all scenarios"),
+    ],
+)
+def test_what_scenarios_came_to(tmp_path, results, status, counts, good, said):
+    (tmp_path / "results.txt").write_text(results)
+    (result,), warnings = window.outcome("title", tmp_path / "results.txt", status, 9.0)
+    assert (result.passed, result.failed) == counts and result.ended_well == good
+    assert said in " ".join([result.title, *warnings])
+    assert bool(warnings) == (status is None)
+
+
+def test_a_window_that_cannot_be_had_is_a_warning(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("SCFPF_WINDOW_CACHE", str(tmp_path))
+    results, warnings = window.test(None, [])
+    assert not results and len(warnings) == 1
+    fine = testing.Result("fine", 5, 0, 0, True)
+    assert testing.close([fine], warnings) == 0
+    assert "-- WARNING: NOT tested in a Blender with a window: " in capsys.readouterr().out
+    if sys.platform == "linux":
+        with pytest.raises(environments.Failure, match="--blender-window"):
+            window.test(str(tmp_path / "blender"), [])
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sessions of processes are POSIX's")
+def test_nothing_is_left_of_a_step_that_takes_too_long(tmp_path):
+    pid_file = tmp_path / "pid"
+    script = f"sleep 300 & echo $! > {pid_file}; wait"
+    with pytest.raises(window.Unavailable, match="no time"):
+        window.finish(["sh", "-c", script], time.monotonic() + 1.0)
+    ask = ["ps", "-o", "stat=", "-p", pid_file.read_text().strip()]
+    for _ in range(100):
+        if subprocess.run(ask, capture_output=True, text=True).stdout.strip()[:1] in ("", "Z"):
+            return
+        time.sleep(0.1)
+    pytest.fail("a grandchild lives on")
 
 
 def test_manifest_names_a_wheel_for_each_python_and_platform():

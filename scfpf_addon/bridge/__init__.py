@@ -3,10 +3,10 @@
 
 from __future__ import annotations
 
-from . import command_line, drawing, properties, result_undo
+from . import command_line, drawing, image_marks, properties, result_undo, volume_upkeep
 
 # Registered in this order, unregistered in the reverse.
-MODULES = (properties, drawing, result_undo, command_line)
+MODULES = (properties, volume_upkeep, drawing, image_marks, result_undo, command_line)
 
 
 def register():

@@ -7,7 +7,7 @@ anew only when an edit has changed the volume, never because the view turns.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import bpy
 import gpu
@@ -28,6 +28,7 @@ LINE_WIDTHS = {
     "PROJECTOR": 1.5,
     "FOLD": 2.0,
     "FAR": 2.5,
+    "SAFE": 1.5,
     "FRAME": 2.5,
     "U": 3.0,
     "V": 3.0,
@@ -36,6 +37,8 @@ LINE_WIDTHS = {
 POINT_SHADER = "POINT_UNIFORM_COLOR"
 # Pixels across the dot where the picked projector meets the scene.
 DOT_SIZE = 10.0
+# Drawn in front of the scene in the Edit Volume mode, as Blender draws the surfaces' own wires then.
+IN_FRONT = {"SURFACE", "FAR", "SAFE", "FRAME"}
 # What draw_volume takes to be behind the lines: the 3D viewport of Blender's dark theme.
 DARK_BACKGROUND = (0.24, 0.24, 0.24)
 # Lines come nearer to the viewer by as much as this many pixels are wide at their distance, so that
@@ -49,6 +52,7 @@ class Drawing:
 
     edits: int
     aspect: float
+    asked: tuple[tuple, tuple]
     signature: bytes | None = None
     batches: dict[str, gpu.types.GPUBatch] = field(default_factory=dict)
     dot: gpu.types.GPUBatch | None = None
@@ -95,12 +99,19 @@ class Drawings:
         """The drawing of a camera's volume, made anew if it has changed; empty while it cannot be read."""
         key = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name, camera.session_uid)
         drawing = self._drawings.get(key)
-        if drawing is not None and (drawing.edits, drawing.aspect) == (self.edits, aspect):
+        # Asked every time: what decides them is no news to the depsgraph's handlers.
+        asked = safe_areas(camera.data, depsgraph.scene), selected_surfaces(camera)
+        if drawing is not None and (drawing.edits, drawing.aspect, drawing.asked) == (
+            self.edits,
+            aspect,
+            asked,
+        ):
             return drawing
         if drawing is None:
-            drawing = self._drawings[key] = Drawing(self.edits, aspect)
-        drawing.edits, drawing.aspect = self.edits, aspect
+            drawing = self._drawings[key] = Drawing(self.edits, aspect, asked)
+        drawing.edits, drawing.aspect, drawing.asked = self.edits, aspect, asked
         options, pick_t = diagram_options(camera.evaluated_get(depsgraph).scfpf)
+        options = replace(options, safe_areas=asked[0], without=asked[1])
         try:
             projection = read_projection(camera, depsgraph, aspect)
         except ProjectionError:
@@ -138,6 +149,26 @@ def diagram_options(settings) -> tuple[DiagramOptions, float]:
     return options, settings.pick_t if settings.show_pick else -1.0
 
 
+def safe_areas(lens, scene) -> tuple[tuple[float, float], ...]:
+    """The margins of the safe areas that a camera's data asks for; one without a margin is the frame."""
+    margins = scene.safe_areas
+    shown = []
+    if lens.show_safe_areas:
+        shown += [margins.title, margins.action]
+        if lens.show_safe_center:
+            shown += [margins.title_center, margins.action_center]
+    return tuple(tuple(margin) for margin in shown if any(margin))
+
+
+def selected_surfaces(camera) -> tuple[int, ...]:
+    """Surfaces selected in the Edit Volume mode: our lines would hide the colour that Blender gives them."""
+    settings = camera.scfpf
+    if not settings.edit_volume:
+        return ()
+    slots = enumerate(settings.surfaces)
+    return tuple(i for i, slot in slots if slot.object is not None and slot.object.select_get())
+
+
 def _is_drawn(candidate) -> bool:
     return candidate.type == "CAMERA" and candidate.scfpf.enabled and candidate.scfpf.show_projectors
 
@@ -164,7 +195,7 @@ def draw_volume(
         return
     colors = line_colors(background)
     shader = gpu.shader.from_builtin(SHADER)
-    gpu.state.depth_test_set("LESS_EQUAL")
+    in_front = IN_FRONT if camera.scfpf.edit_volume else ()
     gpu.state.depth_mask_set(False)
     gpu.state.blend_set("ALPHA")
     shader.bind()
@@ -174,9 +205,11 @@ def draw_volume(
         nearer = _nearer(gpu.matrix.get_projection_matrix(), size[1])
         gpu.matrix.load_matrix(nearer @ gpu.matrix.get_model_view_matrix())
         for role, batch in drawing.batches.items():
+            gpu.state.depth_test_set("NONE" if role in in_front else "LESS_EQUAL")
             shader.uniform_float("lineWidth", LINE_WIDTHS[role] * width_scale)
             shader.uniform_float("color", colors[role])
             batch.draw(shader)
+        gpu.state.depth_test_set("LESS_EQUAL")
         if drawing.dot is not None:
             gpu.state.point_size_set(DOT_SIZE * width_scale)
             shader = gpu.shader.from_builtin(POINT_SHADER)

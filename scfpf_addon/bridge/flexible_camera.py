@@ -10,10 +10,11 @@ import numpy as np
 from mathutils import Matrix
 
 from ..projection.volume import Projection
-from . import nurbs_object, surface_nodes, versions
-from .node_builder import NodeBuilder
-from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS
+from . import edit_volume, lattice_object, nurbs_object, surface_nodes
+from .slot_animation import clear_slots, move_slot, remove_slot
+from .surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
+from .volume_object import editable_collections, is_volume_object, sync_volume_object
 
 # The parameters that a preset's scale multiplies; the others are angles and counts.
 LENGTHS = {
@@ -53,11 +54,6 @@ def _require_camera(camera) -> None:
         )
 
 
-def _collections(obj):
-    """The collections that hold an object and can be changed."""
-    return [c for c in obj.users_collection if c.is_editable and not c.override_library]
-
-
 def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=None, index=None):
     """A new control surface, child of the camera, linked where the camera is.
 
@@ -68,7 +64,7 @@ def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=No
     """
     _require_camera(camera)
     title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else MESH_KINDS.get(kind)
-    title = nurbs_object.TITLE if kind == nurbs_object.KIND else title
+    title = OBJECT_KINDS[kind].TITLE if kind in OBJECT_KINDS else title
     surface = surface_nodes.new_surface(name or title, kind, parameters, points)
     _place(camera, surface, np.eye(4) if matrix is None else matrix)
     _insert(camera, surface, index)
@@ -79,7 +75,7 @@ def _place(camera, surface, matrix) -> None:
     """Make a new surface a child of the camera, at a (4, 4) matrix in camera space."""
     surface.parent = camera
     surface.matrix_basis = Matrix(np.asarray(matrix, np.float64).tolist())
-    for collection in _collections(camera) or [bpy.context.scene.collection]:
+    for collection in editable_collections(camera) or [bpy.context.scene.collection]:
         collection.objects.link(surface)
 
 
@@ -88,7 +84,7 @@ def _insert(camera, surface, index=None) -> None:
     slots.add().object = surface
     last = len(slots) - 1
     place = last if index is None else min(max(index, 0), last)
-    slots.move(last, place)
+    move_slot(camera.scfpf, last, place)
     camera.scfpf.active_surface = place
     sync_volume_object(camera)
 
@@ -97,20 +93,20 @@ def attach_surface(camera, surface) -> None:
     """Append an existing object to the camera's surfaces.
 
     A mesh that is no control surface yet gets the kind that its UV map shows:
-    a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS. Raises
+    a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS, a lattice LATTICE. Raises
     FlexibleCameraError for any other object.
     """
     _require_camera(camera)
     if not may_be_surface(surface):
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be a control surface: choose a mesh with a UV map, or a surface object"
+            f"'{surface.name}' cannot be a control surface: choose a mesh with UV map, a surface or a lattice"
         )
     _insert(camera, surface)
 
 
 def may_be_surface(candidate) -> bool:
     """Whether an object is of a type that control surfaces have, and no volume object."""
-    return candidate.type in {"MESH", "SURFACE"} and not is_volume_object(candidate)
+    return candidate.type in {"MESH", "SURFACE", "LATTICE"} and not is_volume_object(candidate)
 
 
 def _take_kind(surface) -> None:
@@ -119,25 +115,23 @@ def _take_kind(surface) -> None:
         return
     if surface.type == "SURFACE":
         surface.scfpf_surface.kind = nurbs_object.KIND
+    elif surface.type == "LATTICE":
+        surface.scfpf_surface.kind = lattice_object.KIND
     elif surface.type == "MESH":
         surface.scfpf_surface.kind = mesh_kind(surface)
-
-
-def is_volume_object(candidate) -> bool:
-    """Whether an object is the volume object of its parent."""
-    parent = candidate.parent
-    return parent is not None and parent.type == "CAMERA" and parent.scfpf.volume_object == candidate
 
 
 def _flexible_cameras():
     return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]
 
 
-def _delete_if_unused(camera, surface) -> None:
+def delete_if_unused(camera, surface) -> None:
     """Delete a surface that is the camera's own child and on no camera's list."""
-    if surface is None or surface.parent != camera or not surface.is_editable:
+    if surface is None:
         return
-    if any(slot.object == surface for other in _flexible_cameras() for slot in other.scfpf.surfaces):
+    listed = any(slot.object == surface for other in _flexible_cameras() for slot in other.scfpf.surfaces)
+    if listed or surface.parent != camera or not surface.is_editable:
+        edit_volume.release(surface)
         return
     surface_nodes.delete_surface(surface)
 
@@ -152,9 +146,9 @@ def remove_surface(camera, index: int) -> None:
     settings = camera.scfpf
     _require_place(camera, index)
     surface = settings.surfaces[index].object
-    settings.surfaces.remove(index)
+    remove_slot(settings, index)
     settings.active_surface = max(min(settings.active_surface, len(settings.surfaces) - 1), 0)
-    _delete_if_unused(camera, surface)
+    delete_if_unused(camera, surface)
     sync_volume_object(camera)
 
 
@@ -169,7 +163,7 @@ def move_surface(camera, index: int, step: int) -> int:
     _require_place(camera, index)
     settings = camera.scfpf
     place = min(max(index + step, 0), len(settings.surfaces) - 1)
-    settings.surfaces.move(index, place)
+    move_slot(settings, index, place)
     settings.active_surface = place
     sync_volume_object(camera)
     return place
@@ -180,153 +174,11 @@ def clear_surfaces(camera) -> None:
     _require_camera(camera)
     settings = camera.scfpf
     surfaces = {slot.object for slot in settings.surfaces}
-    settings.surfaces.clear()
+    clear_slots(settings)
     settings.active_surface = 0
     for surface in surfaces:
-        _delete_if_unused(camera, surface)
+        delete_if_unused(camera, surface)
     sync_volume_object(camera)
-
-
-def sync_volume_object(camera):
-    """Make the volume object take every surface of the list; create it where it is missing.
-
-    A property pointer alone does not get an object evaluated; Object Info in a
-    node modifier does, whatever hides the object. The volume object is also
-    linked to the scene's master collection, which nothing can exclude.
-    Call it from operators, never during evaluation or drawing. Returns the
-    object; for a camera that cannot be edited the one there is, or None.
-    """
-    settings = camera.scfpf
-    volume = settings.volume_object
-    if not camera.is_editable:
-        if volume is not None:
-            _link_beside(volume, camera)
-        return volume
-    if volume is None or volume.type != "MESH" or not volume.is_editable or _is_anothers(volume, camera):
-        volume = _new_volume_object(camera)
-        settings.volume_object = volume
-    if volume.parent != camera:
-        volume.parent = camera
-    _link_beside(volume, camera)
-    surfaces = [slot.object for slot in settings.surfaces]
-    group = _volume_group(len(surfaces))
-    modifier = next((m for m in volume.modifiers if m.type == "NODES"), None)
-    if modifier is None:
-        modifier = volume.modifiers.new("SCFPF Volume", "NODES")
-    # Hidden or disabled, it would evaluate nothing. Eye-hidden it still does.
-    for owner, switch, value in (
-        (volume, "hide_viewport", False),
-        (volume, "hide_render", False),
-        (modifier, "show_viewport", True),
-        (modifier, "show_render", True),
-    ):
-        if getattr(owner, switch) != value:
-            setattr(owner, switch, value)
-    before = modifier.node_group
-    if before == group and surfaces == _taken_surfaces(modifier):
-        return volume
-    modifier.node_group = group
-    if before is not None and before.users == 0:
-        bpy.data.node_groups.remove(before)
-    for identifier, surface in zip(_object_inputs(group), surfaces, strict=True):
-        versions.set_modifier_input(modifier, identifier, surface)
-    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
-    modifier.node_group = group
-    volume.update_tag()
-    return volume
-
-
-def _new_volume_object(camera):
-    name = f"{camera.name} Volume"
-    volume = bpy.data.objects.new(name, bpy.data.meshes.new(name))
-    volume.hide_select = True
-    volume.display_type = "WIRE"
-    return volume
-
-
-def _is_anothers(volume, camera) -> bool:
-    """Whether a volume object serves another camera, of which this one is a duplicate."""
-    return volume.parent != camera and is_volume_object(volume)
-
-
-def _link_beside(volume, camera) -> None:
-    """Link the volume object where the camera is and to the master collection of its scenes."""
-    wanted = _collections(camera)
-    wanted += [
-        scene.collection
-        for scene in camera.users_scene
-        if scene.is_editable and scene.collection not in wanted
-    ]
-    for collection in wanted:
-        if collection.objects.get(volume.name) != volume:
-            collection.objects.link(volume)
-    for collection in _collections(volume):
-        if collection not in wanted:
-            collection.objects.unlink(volume)
-
-
-def _object_inputs(group) -> list[str]:
-    return [
-        item.identifier
-        for item in group.interface.items_tree
-        if item.item_type == "SOCKET" and item.in_out == "INPUT" and item.socket_type == "NodeSocketObject"
-    ]
-
-
-def _taken_surfaces(modifier) -> list:
-    """The objects that a volume object's modifier takes, in order."""
-    return [
-        versions.modifier_input(modifier, identifier) for identifier in _object_inputs(modifier.node_group)
-    ]
-
-
-def keeps_evaluated(camera, surface, depsgraph) -> bool:
-    """Whether the camera's volume object makes a surface evaluate in a depsgraph, hidden or not."""
-    volume = camera.scfpf.volume_object
-    hide, show = (
-        ("hide_viewport", "show_viewport") if depsgraph.mode == "VIEWPORT" else ("hide_render", "show_render")
-    )
-    if volume is None or getattr(volume, hide):
-        return False
-    if depsgraph.scene.collection.objects.get(volume.name) != volume:
-        return False
-    return any(
-        modifier.type == "NODES"
-        and modifier.node_group is not None
-        and getattr(modifier, show)
-        and surface in _taken_surfaces(modifier)
-        for modifier in volume.modifiers
-    )
-
-
-def _volume_group(count: int):
-    """The node group of a volume of ``count`` surfaces: Object Info of each, no geometry.
-
-    The objects are inputs of the modifier, not of the group, so that duplicates remap them.
-    """
-    name = f"SCFPF Volume {count}"
-    existing = bpy.data.node_groups.get((name, None))
-    if existing and existing.bl_idname == "GeometryNodeTree" and len(_object_inputs(existing)) == count:
-        return existing
-    tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
-    tree.is_modifier = True
-    tree.description = f"Keeps the {count} control surfaces of a flexible camera evaluated, hidden ones too"
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    for number in range(1, count + 1):
-        tree.interface.new_socket(
-            f"Surface {number}",
-            description="A control surface, from near to far",
-            in_out="INPUT",
-            socket_type="NodeSocketObject",
-        )
-    nodes = NodeBuilder(tree, row=260)
-    source = nodes.node("NodeGroupInput", "Surfaces", {})
-    nodes.open_frame("Makes the surfaces evaluate; no geometry leaves")
-    for number in range(count):
-        nodes.node("GeometryNodeObjectInfo", f"Surface {number + 1}", {"Object": source.outputs[number]})
-    nodes.close_frame()
-    nodes.node("NodeGroupOutput", "Nothing", {})
-    return tree
 
 
 def surfaces_edited(camera) -> None:
@@ -336,6 +188,7 @@ def surfaces_edited(camera) -> None:
     for slot in camera.scfpf.surfaces:
         if slot.object is not None:
             _take_kind(slot.object)
+    edit_volume.obey(camera)
     if camera.scfpf.enabled or camera.scfpf.volume_object:
         sync_volume_object(camera)
 
@@ -352,19 +205,22 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     if not (math.isfinite(scale) and scale > 0):
         raise FlexibleCameraError(f"A preset's scale must be a number above 0, not {scale}")
     fitted = preset.fitted(aspect)
-    _replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
+    replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
     settings = camera.scfpf
+    for slot, surface in zip(settings.surfaces, fitted.surfaces, strict=True):
+        slot.weight = surface.weight
     settings.basis = fitted.basis
     settings.reparameterisation = fitted.reparameterisation
     settings.u_range = fitted.u_range
     settings.v_range = fitted.v_range
+    settings.fit, settings.fitted_aspect = fitted.fit, aspect
     make_flexible(camera)
     sizes = np.diag([scale, scale, scale, 1.0])
     approximate_lens(camera, fitted.projection(aspect).transformed(sizes))
 
 
 def _scaled(surface, scale: float):
-    """A preset's surface as ``_replace_surfaces`` takes it, every length multiplied."""
+    """A preset's surface as ``replace_surfaces`` takes it, every length multiplied."""
     lengths = {given.key: given.default for given in _display_lengths(surface.kind)} | surface.parameters
     parameters = {key: value * scale if key in LENGTHS else value for key, value in lengths.items()}
     points = None if surface.points is None else np.array(surface.points, np.float64)
@@ -381,7 +237,7 @@ def _display_lengths(kind: str):
     return [given for given in display if given.key in LENGTHS]
 
 
-def _replace_surfaces(camera, described) -> None:
+def replace_surfaces(camera, described) -> None:
     """Replace all surfaces by new ones.
 
     described: (name, kind, matrix in camera space, parameters, points) of each.
@@ -470,10 +326,14 @@ def volume_from_camera(camera, scene) -> None:
         matrix[2, 3] = -depth
         size = {"width": width, "height": height}
         described.append((name, "PLANE", undo_scale @ matrix, size, None))
-    _replace_surfaces(camera, described)
+    replace_surfaces(camera, described)
     settings = camera.scfpf
     settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
     settings.u_range = settings.v_range = (0.0, 1.0)
+    width, height = (right_top - left_bottom)[:2]
+    # As the ordinary camera: the side that its sensor is fitted to stays.
+    is_wide = lens.sensor_fit == "HORIZONTAL" or (lens.sensor_fit == "AUTO" and width >= height)
+    settings.fit, settings.fitted_aspect = "HEIGHT" if is_wide else "WIDTH", width / height
     make_flexible(camera)
 
 

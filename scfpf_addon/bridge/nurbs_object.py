@@ -13,7 +13,9 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..projection.editing import EditingError
 from ..projection.nurbs import NurbsAxis, NurbsPatch, fitted_points
+from ..projection.nurbs_edits import reversing
 from ..projection.preset_values import LARGEST_LENGTH
 from ..projection.surfaces import ControlSurface, Grid
 from .mesh_grid import SurfaceError
@@ -36,7 +38,7 @@ def flat_points():
     return np.stack([x, y, np.zeros_like(x)], 2)
 
 
-def new_patch_data(name: str, points, parameters: dict):
+def new_data(name: str, points, parameters: dict):
     """Data for a SURFACE object: one patch that begins and ends at its outer points.
 
     points: (rows, columns, 3), or 4 with weights, at least 3 × 3; None is flat.
@@ -74,13 +76,13 @@ def _checked(points, along_u: NurbsAxis, along_v: NurbsAxis):
     return points if points.shape[2] == 4 else np.pad(points, ((0, 0), (0, 0), (0, 1)), constant_values=1.0)
 
 
-def set_patch_parameters(surface, parameters: dict) -> None:
+def write_parameters(surface, parameters: dict) -> None:
     """Write points, as many as there are, order_u and order_v. Raises SurfaceError."""
     spline = _only_spline(surface)
     unknown = set(parameters) - {"points", *ORDERS}
     if unknown:
         raise SurfaceError(f"A {TITLE} has no parameter {min(unknown)!r}")
-    now = patch_parameters(surface) | parameters
+    now = read_parameters(surface) | parameters
     points = np.asarray(now["points"], np.float64)
     if points.shape[:2] != (spline.point_count_v, spline.point_count_u):
         raise SurfaceError(
@@ -93,7 +95,7 @@ def set_patch_parameters(surface, parameters: dict) -> None:
     surface.data.update_tag()
 
 
-def patch_parameters(surface) -> dict:
+def read_parameters(surface) -> dict:
     """points (rows, columns, 4) float64 with their weights, order_u and order_v; modifiers do not count."""
     spline = _only_spline(surface)
     return {"points": _points(spline), "order_u": spline.order_u, "order_v": spline.order_v}
@@ -127,7 +129,69 @@ def _make_net(data, rows: int, columns: int) -> None:
         bpy.data.scenes.remove(scene)
 
 
-def spline_properties(surface) -> list[tuple[str, object, str]]:
+def own_patch(surface) -> NurbsPatch:
+    """The patch by its points and settings; modifiers do not count. Raises SurfaceError."""
+    spline = _only_spline(surface)
+    try:
+        return NurbsPatch(_points(spline), *_axes(spline))
+    except ValueError as error:
+        raise SurfaceError(f"'{surface.name}' is no surface: {error}") from error
+
+
+def replace_net(surface, patch: NurbsPatch) -> None:
+    """Give a surface object new data with a patch's points, weights and knots; its look stays."""
+    before, old = surface.data, _only_spline(surface)
+    rows, columns = np.shape(patch.points)[:2]
+    data = before.copy()
+    data.splines.clear()
+    _make_net(data, rows, columns)
+    spline = data.splines[0]
+    for axis, letter in ((patch.along_u, "u"), (patch.along_v, "v")):
+        setattr(spline, f"use_endpoint_{letter}", axis.endpoint)
+        setattr(spline, f"use_bezier_{letter}", axis.bezier)
+        setattr(spline, f"use_cyclic_{letter}", axis.cyclic)
+        setattr(spline, f"order_{letter}", axis.order)
+        setattr(spline, f"resolution_{letter}", getattr(old, f"resolution_{letter}"))
+    spline.use_smooth, spline.material_index = old.use_smooth, old.material_index
+    spline.points.foreach_set("co", np.asarray(patch.points, np.float32).ravel())
+    name = before.name
+    surface.data = data
+    if before.users == 0:
+        bpy.data.curves.remove(before)
+        data.name = name
+
+
+def reversed_order(surface, axis: str):
+    """The order of the control points along axis "U" or "V" in which the patch runs backwards.
+
+    Raises SurfaceError for shape keys or hooks, which know points by number, and for knots that
+    are not alike from both ends.
+    """
+    patch = own_patch(surface)
+    data = surface.data
+    hooked = any(modifier.type == "HOOK" for modifier in surface.modifiers)
+    if data.shape_keys is not None or data.animation_data is not None or hooked:
+        raise SurfaceError(
+            f"'{surface.name}' has shape keys or hooks, or animated points, that would not be mirrored: "
+            "convert it to a grid first"
+        )
+    rows, columns = np.shape(patch.points)[:2]
+    try:
+        return reversing(patch.along_u, columns) if axis == "U" else reversing(patch.along_v, rows)
+    except EditingError as error:
+        raise SurfaceError(f"'{surface.name}': {error}") from error
+
+
+def reorder(surface, order, axis: str) -> None:
+    """Put the control points along axis "U" or "V" in another order, weights included."""
+    if surface.data.users > 1:
+        surface.data = surface.data.copy()
+    points = _points(_only_spline(surface)).take(order, axis=1 if axis == "U" else 0)
+    surface.data.splines[0].points.foreach_set("co", points.astype(np.float32).ravel())
+    surface.data.update_tag()
+
+
+def data_properties(surface) -> list[tuple[str, object, str]]:
     """(label, owner, property) of what defines a patch besides its points, for panels."""
     if surface.type != "SURFACE" or len(surface.data.splines) != 1:
         return []

@@ -19,7 +19,8 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import flexible_camera, surface_nodes
+from ..projection.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
+from . import edit_volume, flexible_camera, surface_nodes
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
@@ -34,6 +35,11 @@ BASES = (
         "B_SPLINE",
         "B-Spline",
         "A smooth curve on which each surface acts near by only; up to four surfaces it is the Bézier curve",
+    ),
+    (
+        "NURBS",
+        "NURBS",
+        "The B-spline with a weight for each surface; with three surfaces an arc of a circle, for example",
     ),
 )
 REPARAMETERISATIONS = (
@@ -52,6 +58,12 @@ KINDS = (
     ("GRID", "Grid", "A mesh whose vertices lie on a regular grid in its UV map"),
     ("UV_MESH", "UV Mesh", "Any mesh with a UV map: (u, v) is where the map has it; islands may be apart"),
     ("NURBS", "Surface Patch", "A B-spline, NURBS or Bézier patch: a surface object with one net of points"),
+    (
+        "LATTICE",
+        "Lattice",
+        "A Lattice object: alone the whole volume, as its modifier deforms the box from +Z to -Z; "
+        "among others its layers along W are control surfaces",
+    ),
 )
 
 
@@ -62,6 +74,12 @@ def _changed(owner, context):
 def _volume_changed(owner, context):
     """The volume object follows an edit of ``enabled`` or of a surface pointer."""
     flexible_camera.surfaces_edited(owner.id_data)
+
+
+def _edit_volume_changed(settings, context):
+    """The surfaces come to the front and can be clicked, or get out of the way."""
+    if not settings.id_data.is_evaluated:
+        edit_volume.obey(settings.id_data)
 
 
 def _kind_changed(settings, context):
@@ -80,7 +98,10 @@ def _may_be_volume(settings, candidate) -> bool:
 
 
 class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
-    """One place in a flexible camera's ordered list of control surfaces."""
+    """One place in a flexible camera's ordered list of control surfaces.
+
+    Change the order through ``slot_animation``, which takes the slots' animation along.
+    """
 
     object: PointerProperty(
         name="Control Surface",
@@ -88,6 +109,19 @@ class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
         type=bpy.types.Object,
         poll=_may_be_surface,
         update=_volume_changed,
+        override=OVERRIDABLE,
+    )
+    weight: FloatProperty(
+        name="Weight",
+        description="How strongly NURBS projectors are drawn to this surface, compared with the others",
+        default=1.0,
+        min=SMALLEST_WEIGHT,
+        soft_min=0.01,
+        soft_max=100.0,
+        max=LARGEST_WEIGHT,
+        precision=3,
+        step=10,
+        update=_changed,
         override=OVERRIDABLE,
     )
 
@@ -102,6 +136,14 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
         default="NONE",
         options=set(),
         update=_kind_changed,
+        override=OVERRIDABLE,
+    )
+    is_volume: BoolProperty(
+        name="Volume Object",
+        description="This object keeps the control surfaces of its parent camera evaluated",
+        default=False,
+        options={"HIDDEN"},
+        update=_changed,
         override=OVERRIDABLE,
     )
 
@@ -130,6 +172,15 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         min=0,
         options=set(),
         update=_changed,
+        override=OVERRIDABLE,
+    )
+    edit_volume: BoolProperty(
+        name="Edit Volume",
+        description="Show the control surfaces in front of the scene and let them be clicked; "
+        "otherwise they are out of the way",
+        default=False,
+        options=set(),
+        update=_edit_volume_changed,
         override=OVERRIDABLE,
     )
     basis: EnumProperty(
@@ -282,6 +333,56 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         name="Picked Object",
         description="Name of the object that the picked projector met",
         default="",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    show_found: BoolProperty(
+        name="Show Found Object",
+        description="Mark in the picture where the object is that was found in it last",
+        default=False,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    found_box: FloatVectorProperty(
+        name="Found Object's Box",
+        description="Left, lower, right and upper border of what was found, as shares of the picture",
+        size=4,
+        default=(0.0, 0.0, 1.0, 1.0),
+        min=0.0,
+        max=1.0,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    found_object: StringProperty(
+        name="Found Object",
+        description="What was looked for in the picture, and how much of it is to be seen",
+        default="",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    fit: EnumProperty(
+        name="Fit",
+        description="What changes of the volume when it is fitted to a picture of another shape",
+        items=(
+            ("NONE", "None", "The volume does not depend on the picture's shape"),
+            ("WIDTH", "Width", "The width along the camera's X axis; the height stays"),
+            ("HEIGHT", "Height", "The height along the camera's Y axis; the width stays"),
+        ),
+        default="NONE",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    fitted_aspect: FloatProperty(
+        name="Fitted Aspect",
+        description="Width by height of the picture that the volume is made for",
+        default=1.0,
+        min=1e-6,
+        max=1e6,
         options=set(),
         update=_changed,
         override=OVERRIDABLE,

@@ -4,18 +4,20 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
+from ..projection.lattice_volume import Lattice
 from ..projection.preset import surface_from_parameters
 from ..projection.reparameterisation import reparameterisation
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.volume import Projection, ViewingVolume
-from . import nurbs_object
-from .flexible_camera import keeps_evaluated
+from . import lattice_object, nurbs_object
 from .mesh_grid import SurfaceError, grid_points
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
 from .uv_mesh import read_reshaped, read_uv_mesh
+from .volume_object import is_deleted, keeps_evaluated
 
 # A transform that flattens one axis to less than this share of the longest has
 # no size there: float32 matrices cannot tell it from nought.
@@ -41,7 +43,7 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
         raise ProjectionError("The picture has no size: set its resolution in Output Properties")
     settings = camera.evaluated_get(depsgraph).scfpf
     slots = camera.original.scfpf.surfaces
-    if len(slots) < 2:
+    if len(slots) < 2 and not is_lattice_volume(slots):
         raise ProjectionError(
             f"'{camera.name}' has {len(slots) or 'no'} control surface{'s' * (len(slots) != 1)}: "
             "a viewing volume needs at least two; add one in the camera's properties or load a preset"
@@ -55,9 +57,9 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
             raise ProjectionError(
                 f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
             )
-        surfaces.append(_read_surface(slot.object, camera.original, depsgraph))
+        surfaces.append(read_surface(slot.object, camera.original, depsgraph))
     return Projection(
-        ViewingVolume(tuple(surfaces), settings.basis),
+        _volume(camera.name, surfaces, settings),
         reparameterisation(settings.reparameterisation),
         tuple(settings.u_range),
         tuple(settings.v_range),
@@ -65,20 +67,59 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
     )
 
 
-def _read_surface(surface, camera, depsgraph) -> ControlSurface:
+class PlacedLattice(NamedTuple):
+    """A lattice with its matrix (4, 4), own space to world space."""
+
+    lattice: Lattice
+    matrix: np.ndarray
+
+
+def is_lattice_volume(slots) -> bool:
+    """Whether a camera's list is one lattice: that alone is a volume."""
+    return (
+        len(slots) == 1
+        and slots[0].object is not None
+        and slots[0].object.scfpf_surface.kind == lattice_object.KIND
+    )
+
+
+def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> ViewingVolume:
+    """What was read of the slots as a volume: a lattice alone, or all control surfaces on end."""
+    first = read[0]
+    if len(read) == 1 and isinstance(first, PlacedLattice):
+        if len(first.lattice.moved) < 2:
+            raise ProjectionError(
+                f"The lattice of '{name}' has one layer: give it two or more points along W, "
+                "or the camera another control surface"
+            )
+        return first.lattice.volume(first.matrix)
+    surfaces: list[ControlSurface] = []
+    weights: list[float] = []
+    for slot, one in zip(settings.surfaces, read, strict=True):
+        layers = one.lattice.layers(one.matrix) if isinstance(one, PlacedLattice) else [one]
+        surfaces += layers
+        weights += [slot.weight] * len(layers)
+    return ViewingVolume(
+        tuple(surfaces), settings.basis, tuple(weights) if settings.basis == "NURBS" else None
+    )
+
+
+def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
     """One control surface of a camera in world space."""
     name, kind = surface.name, surface.scfpf_surface.kind
-    if not _is_in(depsgraph.scene, surface):
+    if is_deleted(surface, depsgraph.scene):
         raise ProjectionError(
             f"Control surface '{name}' was deleted from this scene: undo that, or take it off the list"
         )
-    if surface.type not in {"MESH", "SURFACE"}:
+    if surface.type not in {"MESH", "SURFACE", "LATTICE"}:
         raise ProjectionError(
-            f"'{name}' is of type {surface.type.title()}, neither a mesh nor a surface: "
+            f"'{name}' is of type {surface.type.title()}, neither a mesh nor a surface nor a lattice: "
             "remove it from the camera's list"
         )
     if surface.type == "SURFACE" and kind not in {"NONE", nurbs_object.KIND}:
         raise ProjectionError(f"'{name}' is a surface object: set its kind to {nurbs_object.TITLE}")
+    if surface.type == "LATTICE" and kind not in {"NONE", lattice_object.KIND}:
+        raise ProjectionError(f"'{name}' is a lattice: set its kind to {lattice_object.TITLE}")
     if kind == "NONE":
         raise ProjectionError(
             f"'{name}' is no control surface: choose its kind, or remove it from the camera's list"
@@ -95,6 +136,8 @@ def _read_surface(surface, camera, depsgraph) -> ControlSurface:
             return read_uv_mesh(evaluated, matrix)
         if kind == nurbs_object.KIND:
             return nurbs_object.read_patch(evaluated, depsgraph.mode).transformed(matrix)
+        if kind == lattice_object.KIND:
+            return PlacedLattice(lattice_object.read_lattice(evaluated), matrix)
         if kind in MESH_KINDS:
             return _of_mesh(grid_points(evaluated), kind, matrix)
         if kind != "POINT" and is_reshaped(evaluated, depsgraph.mode):
@@ -113,13 +156,6 @@ def _of_mesh(points, kind: str, matrix) -> ControlSurface:
     if kind == "PATCH" and points.shape[:2] == (2, 2):
         return surface_from_parameters("PATCH", {}, points, matrix)
     return Grid(points, matrix=matrix)
-
-
-def _is_in(scene, surface) -> bool:
-    """Whether an object is among a scene's objects; one deleted with X lives on for its pointer."""
-    found = scene.objects.get(surface.name)
-    # A linked object may have the same name.
-    return found == surface or (found is not None and surface in scene.objects.values())
 
 
 def _is_visible(surface, depsgraph) -> bool:

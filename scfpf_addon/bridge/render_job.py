@@ -13,10 +13,10 @@ from ..casting.scene import CastError
 from ..projection.volume import Projection
 from ..shading.frame import Frame, FrameSettings, render_frame
 from ..shading.scene import Scene
-from .flexible_camera import sync_volume_object
 from .read_projection import ProjectionError, read_projection
 from .read_scene import SceneError, read_scene
 from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
+from .volume_object import holds, sync_volume_object
 
 # 16384 × 16384. A pixel passes through the film, Blender's float buffer and the packed file.
 MAXIMUM_PIXELS = 2**28
@@ -79,7 +79,7 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     width, height = picture_size(scene)
     aspect = picture_aspect(scene)
     name = camera.name
-    if scene.objects.get(name) != camera:
+    if not holds(scene.objects, camera):
         raise RenderError(
             f"'{name}' is not in the scene '{scene.name}': link it there, or choose another camera"
         )

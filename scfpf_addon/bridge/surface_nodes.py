@@ -5,7 +5,8 @@ A parametric surface is an empty mesh with a node modifier. The modifier's input
 are the only source of its parameters, so keyframes and drivers act on the
 drawn shape and on the picture alike. PATCH and GRID are plain meshes whose
 vertices are put in order by their UV map; UV_MESH is any mesh that has one
-(``uv_mesh.py`` reads it). NURBS is a SURFACE object (``nurbs_object``).
+(``uv_mesh.py`` reads it). NURBS is a SURFACE object
+(``nurbs_object``), LATTICE a Lattice object (``lattice_object``).
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ import numpy as np
 from ..projection import surfaces
 from ..projection.preset import surface_from_parameters
 from ..projection.preset_values import LARGEST_LENGTH
-from . import nurbs_object, versions
+from . import lattice_object, nurbs_object, versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
 from .surface_gizmos import add_gizmos
 
 # Kinds that are plain meshes, with their titles.
 MESH_KINDS = {"PATCH": "Patch", "GRID": "Grid", "UV_MESH": "UV Mesh"}
+# Kinds that are objects of a type of their own, with the modules that know them.
+OBJECT_KINDS = {module.KIND: module for module in (nurbs_object, lattice_object)}
 
 
 @dataclass(frozen=True)
@@ -83,6 +86,7 @@ def _latitude(label: str, default: float, description: str) -> Input:
     return Input(label, default, -math.pi / 2, math.pi / 2, "ANGLE", description)
 
 
+# Multiples of 8 by default: the mesh has edges, which can be clicked, where lines of the volume are drawn.
 def _resolution(u: int, v: int) -> tuple[Input, Input]:
     text = (
         "Faces of the drawn mesh along {}; the picture uses the exact surface until a further modifier acts"
@@ -154,7 +158,7 @@ PARAMETRIC_KINDS = {
             _length("Width", surfaces.Plane.width, "Extent along X as u goes from 0 to 1"),
             _length("Height", surfaces.Plane.height, "Extent along Y as v goes from 0 to 1"),
         ),
-        _resolution(4, 4),
+        _resolution(8, 8),
         _plane,
     ),
     "DISC": ParametricKind(
@@ -163,7 +167,7 @@ PARAMETRIC_KINDS = {
             _length("Radius", surfaces.Disc.radius, "Distance from the centre at v = 1"),
             _arc(surfaces.Disc.arc),
         ),
-        _resolution(32, 4),
+        _resolution(32, 8),
         _disc,
     ),
     "CYLINDER": ParametricKind(
@@ -173,7 +177,7 @@ PARAMETRIC_KINDS = {
             _arc(surfaces.Cylinder.arc),
             _length("Height", surfaces.Cylinder.height, _HEIGHT),
         ),
-        _resolution(32, 4),
+        _resolution(32, 8),
         _cylinder,
     ),
     "CONE": ParametricKind(
@@ -184,7 +188,7 @@ PARAMETRIC_KINDS = {
             _arc(surfaces.Cone.arc),
             _length("Height", surfaces.Cone.height, _HEIGHT),
         ),
-        _resolution(32, 4),
+        _resolution(32, 8),
         _cone,
     ),
     "SPHERE": ParametricKind(
@@ -195,7 +199,7 @@ PARAMETRIC_KINDS = {
             _latitude("Latitude Start", surfaces.SphereSector.latitude_start, "Latitude at v = 0"),
             _latitude("Latitude End", surfaces.SphereSector.latitude_end, "Latitude at v = 1"),
         ),
-        _resolution(32, 12),
+        _resolution(32, 16),
         _sphere,
     ),
 }
@@ -287,17 +291,18 @@ def _surface_group(kind: str):
 def new_surface(name: str, kind: str, parameters: dict | None = None, points=None):
     """A new control-surface object, linked to no collection yet.
 
-    kind: one of ``PARAMETRIC_KINDS`` or ``MESH_KINDS``, or NURBS. parameters: lengths in
+    kind: one of ``PARAMETRIC_KINDS`` or ``MESH_KINDS``, NURBS or LATTICE. parameters: lengths in
     Blender units and angles in radians by name (``radius``, ``arc``, ...); what
     is missing takes its default. points: (rows, columns, 3), own space, for
     PATCH (2 × 2, default a unit square), GRID and UV_MESH (default 5 × 5); NURBS takes 4
     numbers as well, the last a weight (default 4 × 4), and the parameters order_u and order_v.
+    LATTICE: see ``lattice_object.new_data``.
     Raises SurfaceError for an unknown kind or parameter, or points of a wrong shape.
     """
-    if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS and kind != nurbs_object.KIND:
+    if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS and kind not in OBJECT_KINDS:
         raise SurfaceError(f"Unknown kind of control surface: {kind!r}")
-    if kind == nurbs_object.KIND:
-        data = nurbs_object.new_patch_data(name, points, parameters or {})
+    if kind in OBJECT_KINDS:
+        data = OBJECT_KINDS[kind].new_data(name, points, parameters or {})
     else:
         data = bpy.data.meshes.new(name)
     surface = bpy.data.objects.new(name, data)
@@ -325,7 +330,8 @@ def _flat(kind: str):
 def delete_surface(surface) -> None:
     """Delete a surface's object, and its data if nothing else uses it."""
     data = surface.data
-    owner = bpy.data.curves if surface.type == "SURFACE" else bpy.data.meshes
+    owners = {"SURFACE": bpy.data.curves, "LATTICE": bpy.data.lattices}
+    owner = owners.get(surface.type, bpy.data.meshes)
     bpy.data.objects.remove(surface)
     if data.users == 0:
         owner.remove(data)
@@ -411,8 +417,8 @@ def parameter_properties(surface) -> list[tuple[str, object, str]]:
 
     Empty for a mesh kind. Raises SurfaceError when the node group is gone.
     """
-    if surface.scfpf_surface.kind == nurbs_object.KIND:
-        return nurbs_object.spline_properties(surface)
+    if surface.scfpf_surface.kind in OBJECT_KINDS:
+        return OBJECT_KINDS[surface.scfpf_surface.kind].data_properties(surface)
     description = PARAMETRIC_KINDS.get(surface.scfpf_surface.kind)
     if description is None:
         return []
@@ -429,8 +435,8 @@ def set_surface_parameters(surface, parameters: dict) -> None:
     Raises SurfaceError for an unknown name or a value out of its limits.
     """
     kind = surface.scfpf_surface.kind
-    if kind == nurbs_object.KIND:
-        nurbs_object.set_patch_parameters(surface, parameters)
+    if kind in OBJECT_KINDS:
+        OBJECT_KINDS[kind].write_parameters(surface, parameters)
         return
     if kind in MESH_KINDS:
         if set(parameters) != {"points"}:
@@ -464,9 +470,10 @@ def surface_parameters(evaluated_object) -> dict:
     that is a grid; NURBS with weights as a fourth number and order_u and order_v beside.
     Raises SurfaceError when the node group or the regular grid is gone.
     """
-    if evaluated_object.scfpf_surface.kind == nurbs_object.KIND:
-        return nurbs_object.patch_parameters(evaluated_object)
-    description = PARAMETRIC_KINDS.get(evaluated_object.scfpf_surface.kind)
+    kind = evaluated_object.scfpf_surface.kind
+    if kind in OBJECT_KINDS:
+        return OBJECT_KINDS[kind].read_parameters(evaluated_object)
+    description = PARAMETRIC_KINDS.get(kind)
     if description is None:
         return {"points": grid_points(evaluated_object)}
     if not description.parameters:

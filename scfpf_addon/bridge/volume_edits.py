@@ -11,10 +11,9 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..projection.editing import EditingError, blend, contains, elevated, lattice, mirrored, sampled
-from ..projection.preset import surface_from_parameters
-from ..projection.surfaces import ControlSurface
+from ..projection.editing import EditingError, contains, inserted, mirrored
 from ..projection.volume import Projection
+from . import lattice_object, nurbs_object
 from .flexible_camera import (
     FlexibleCameraError,
     add_surface,
@@ -24,8 +23,8 @@ from .flexible_camera import (
     remove_surface,
     sync_volume_object,
 )
-from .mesh_grid import write_grid
 from .read_projection import read_projection
+from .slot_animation import move_slot
 from .surface_nodes import (
     MESH_KINDS,
     PARAMETRIC_KINDS,
@@ -78,26 +77,24 @@ def _in_camera_space(camera, depsgraph, aspect: float) -> Projection:
 
 
 def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> bool:
-    """One control surface more, the volume as it was.
+    """One control surface more, the volume as it was, see ``projection.editing.inserted``.
 
-    Bézier projectors: degree elevation; the inner surfaces are replaced, near and far stay. Polyline: a
-    surface half-way between the one at ``index`` and the next; the others stay. Returns whether all new
-    surfaces are exact, see ``projection.editing.blend``; the others are grids of cells × cells faces.
+    Of a polyline it comes after the one at ``index``, and the others stay; of other projectors the
+    inner surfaces are replaced, near and far stay. Returns whether all new surfaces are exact, see
+    ``projection.editing.blend``; the others are grids of cells × cells faces.
     Raises FlexibleCameraError, ProjectionError or SurfaceError; then nothing has changed.
     """
     volume = _in_camera_space(camera, depsgraph, aspect).volume
-    surfaces, basis = volume.surfaces, camera.scfpf.basis
-    _surfaces(camera)
-    if basis == "BEZIER":
-        first, shapes, replaced = 1, elevated(surfaces, cells), len(surfaces) - 2
-    elif basis == "POLYLINE":
-        index = min(index, len(surfaces) - 2)
-        first, shapes, replaced = index + 1, [blend(surfaces[index], surfaces[index + 1], 0.5, cells)], 0
-    else:
+    slots = camera.scfpf.surfaces
+    if any(surface.scfpf_surface.kind == lattice_object.KIND for surface in _surfaces(camera)):
         raise FlexibleCameraError(
-            "Only Bézier and polyline projectors take a surface more and stay the same: "
-            "change the projectors' shape first"
+            "A lattice stands for several control surfaces: give it more points along W instead"
         )
+    try:
+        insertion = inserted(volume, index, cells)
+    except EditingError as error:
+        raise FlexibleCameraError(str(error)) from error
+    first, shapes = insertion.first, insertion.shapes
     try:
         for place, shape in enumerate(shapes, first):
             add_surface(
@@ -109,11 +106,14 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
                 index=place,
             )
     except ValueError:
-        while len(camera.scfpf.surfaces) > len(surfaces):
+        while len(slots) > len(volume.surfaces):
             remove_surface(camera, first)
         raise
-    for _ in range(replaced):
+    for _ in range(insertion.replaced):
         remove_surface(camera, first + len(shapes))
+    if insertion.weights is not None:
+        for slot, weight in zip(slots, insertion.weights, strict=True):
+            slot.weight = weight
     camera.scfpf.active_surface = min(max(index, first), first + len(shapes) - 1)
     return all(shape.exact for shape in shapes)
 
@@ -127,7 +127,9 @@ def duplicate_surface(camera, index: int):
         if collection.is_editable and not collection.override_library:
             collection.objects.link(copy)
     attach_surface(camera, copy)
-    last = len(camera.scfpf.surfaces) - 1
+    slots = camera.scfpf.surfaces
+    last = len(slots) - 1
+    slots[last].weight = slots[index].weight
     move_surface(camera, last, index + 1 - last)
     return copy
 
@@ -137,7 +139,7 @@ def swap_ends(camera) -> None:
     settings = camera.scfpf
     last = len(settings.surfaces) - 1
     for place in range(last):
-        settings.surfaces.move(last, place)
+        move_slot(settings, last, place)
     settings.active_surface = max(last - settings.active_surface, 0)
     sync_volume_object(camera)
 
@@ -150,16 +152,30 @@ def _is_animated(surface) -> bool:
 def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
     """Mirror surfaces: Q(1-u, v) for axis "U", Q(u, 1-v) for "V".
 
-    Meshes get their UV map mirrored and keep their shape; parametric kinds a negative scale or exchanged
-    ends. Raises FlexibleCameraError, before anything is changed, where that cannot be done.
+    Meshes get their UV map mirrored and keep their shape, surface patches and lattices their points in
+    reverse order, parametric kinds a negative scale or exchanged ends. Raises FlexibleCameraError or
+    SurfaceError, before anything is changed, where that cannot be done.
     """
     surfaces = _surfaces(camera, indices)
-    changes = []
+    changes, patches, lattices = [], [], []
     for surface in surfaces:
         kind = surface.scfpf_surface.kind
+        if kind == nurbs_object.KIND:
+            patches.append((surface, nurbs_object.reversed_order(surface, axis)))
+            continue
+        if kind == lattice_object.KIND:
+            if surface.modifiers or surface.data.shape_keys is not None or _is_animated(surface):
+                raise FlexibleCameraError(
+                    f"'{surface.name}' has modifiers, shape keys or animation that would not be mirrored: "
+                    "apply or remove them first"
+                )
+            lattices.append(surface)
+            continue
         if kind not in PARAMETRIC_KINDS:
             if kind not in MESH_KINDS:
-                raise FlexibleCameraError(f"'{surface.name}' cannot be mirrored: convert it to a grid first")
+                raise FlexibleCameraError(
+                    f"'{surface.name}' cannot be mirrored: take another kind of control surface first"
+                )
             continue
         if kind == "POINT":
             continue
@@ -183,6 +199,10 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
     for surface, placed, parameters in changes:
         surface.matrix_basis = placed
         set_surface_parameters(surface, parameters)
+    for surface in lattices:
+        surface.matrix_basis = surface.matrix_basis @ Matrix(lattice_object.mirror(surface, axis).tolist())
+    for surface, order in patches:
+        nurbs_object.reorder(surface, order, axis)
     for surface in surfaces:
         if surface.scfpf_surface.kind in MESH_KINDS:
             _mirror_uv(surface, "UV".index(axis))
@@ -272,44 +292,6 @@ def _own_copy(camera, surface):
         if slot.object == surface:
             slot.object = copy
     return copy
-
-
-def own_shape(surface) -> ControlSurface:
-    """A surface in its own space, as its parameters or its mesh are now, without further modifiers."""
-    parameters = surface_parameters(surface)
-    points = parameters.pop("points", None)
-    return surface_from_parameters(surface.scfpf_surface.kind, parameters, points, np.eye(4))
-
-
-def convert_to_grid(camera, index: int, columns: int, rows: int) -> float:
-    """Make a surface a mesh grid of columns × rows faces, of the same shape at this frame.
-
-    Returns the greatest change of the surface as a share of its size: 0 (float32) for planes and patches,
-    falling as the square of the resolution for curved kinds. Further modifiers stay and act on the grid.
-    """
-    (surface,) = _surfaces(camera, [index])
-    kind = surface.scfpf_surface.kind
-    if kind == "GRID":
-        raise FlexibleCameraError(f"'{surface.name}' is a grid already")
-    if kind not in PARAMETRIC_KINDS and kind != "PATCH":
-        raise FlexibleCameraError(
-            f"'{surface.name}' cannot be converted: a grid comes of a parametric kind or a patch"
-        )
-    if surface.data.shape_keys is not None:
-        raise FlexibleCameraError(
-            f"'{surface.name}' has shape keys, which a new mesh would lose: apply them first"
-        )
-    before = own_shape(surface)
-    points = sampled(before, columns + 1, rows + 1)
-    if surface.data.users > 1:
-        surface.data = surface.data.copy()
-    surface.scfpf_surface.kind = "GRID"
-    write_grid(surface.data, points)
-    surface.update_tag()
-    u, v = lattice(4 * columns + 1, 4 * rows + 1)
-    exact, now = before.evaluate(u, v).position, own_shape(surface).evaluate(u, v).position
-    size = float(np.ptp(exact, axis=1).max())
-    return float(np.linalg.norm(now - exact, axis=0).max()) / size if size > 0 else 0.0
 
 
 def _children(camera) -> list:

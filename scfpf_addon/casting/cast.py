@@ -13,6 +13,7 @@ from .chords import cast_chords, complete
 from .curves import Bundle
 from .exact import cast_exact
 from .hits import CastCounts, Hits
+from .occupancy import stretches
 from .scene import CastError, CastScene
 from .schedule import Schedule, corners, plan, sample_curves, scene_reach
 from .straight import cast_straight
@@ -52,6 +53,7 @@ def cast(
     pixel_error: float = 0.1,
     counts: CastCounts | None = None,
     columns: int | None = None,
+    weighted: bool = True,
 ) -> Hits:
     """The first hit of the projectors through image positions x, y.
 
@@ -63,6 +65,7 @@ def cast(
     polylines have no such error. counts: added to when given. columns: says that x, y
     are whole rows of that many neighbouring pixels, from the bottom up; curved
     projectors are then cast in a fraction of the time (``chords.cast_chords``).
+    weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
     Raises CastError for a negative or non-finite pixel error.
     """
     if not 0.0 <= pixel_error < math.inf:
@@ -74,20 +77,20 @@ def cast(
     if columns is not None and len(x) % columns:
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
     spans = projection.volume.spans
-    if pixel_error == 0.0:
+    if pixel_error == 0.0 and spans.point_weights is None:
         points, mask, _ = _projectors(projection, x, y)
         counts.projectors += int(np.count_nonzero(mask))
         bundle = Bundle(spans, points)
         return complete(cast_exact(scene, bundle, mask, columns, counts), bundle)
-    if spans.degree > 1:
+    if spans.degree > 1 or spans.point_weights is not None:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
     points, mask, farthest = _projectors(projection, x, y)
-    single = len(spans.matrices) == 1
+    single = spans.direct
     if single and farthest <= FAR:
-        return cast_straight(scene, points, mask, (0.0, 1.0), counts)
+        return cast_straight(scene, points, mask, (0.0, 1.0), counts, weighted)
     reach = scene_reach(spans, points, scene)
     if single:
-        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts)
+        return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
     schedule = None if reach is None else corners(spans, reach)
     counts.projectors += int(np.count_nonzero(mask))
     bundle = Bundle(spans, points)
@@ -104,7 +107,7 @@ def _cast_curved(
     counts: CastCounts,
     columns: int | None,
 ) -> Hits:
-    """As cast, for spans of degree 2 and more."""
+    """As cast, for spans of degree 2 and more, and for rational ones."""
     border = columns or 0
     if columns is not None:
         # A row more on either side, for the outer rows to be compared with.
@@ -118,7 +121,8 @@ def _cast_curved(
     inner = slice(border, len(x) - border)
     bundle, shown = Bundle(spans, points), Bundle(spans, points[:, :, inner])
     counts.projectors += int(np.count_nonzero(mask[inner]))
-    reach = scene_reach(spans, points, scene)
+    where = stretches(scene.occupancy, spans, points, columns)
+    reach = where.reach
     if reach is None or not mask.any():
         return complete(cast_chords(scene, shown, mask[inner], None, None, counts)[0], shown)
     curves = sample_curves(projection, x, y, mask, pixel_size)
@@ -131,16 +135,18 @@ def _cast_curved(
     if columns is not None:
         coarse = schedule(max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error)))
         if coarse.error > pixel_error:
-            hits, thin = cast_chords(scene, bundle, mask, coarse, columns, counts)
-            hits = hits.within(inner)
+            hits, thin = cast_chords(scene, bundle, mask, coarse, columns, counts, where)
+            hits, where = hits.within(inner), where.take(inner)
             if len(thin):
                 counts.thin += len(thin)
                 fine = schedule(pixel_error)
-                again = cast_chords(scene, shown.take(thin), hits.mask[thin], fine, None, counts)[0]
+                some, there = shown.take(thin), where.take(thin)
+                again = cast_chords(scene, some, hits.mask[thin], fine, None, counts, there)[0]
                 nearer = np.flatnonzero(again.t < hits.t[thin])
                 hits.put(thin[nearer], again.take(nearer))
             return complete(hits, shown)
-    hits = cast_chords(scene, shown, mask[inner], schedule(pixel_error), None, counts)[0]
+    where = where.take(inner)
+    hits = cast_chords(scene, shown, mask[inner], schedule(pixel_error), None, counts, where)[0]
     return complete(hits, shown)
 
 

@@ -19,8 +19,9 @@ from ..projection.typing import BoolArray
 from .compare import compare, thin_things
 from .curves import Bundle
 from .hits import CastCounts, Hits
+from .occupancy import Stretches
 from .records import Records
-from .refine import OVERLAP, Work, refine, solve
+from .refine import NEIGHBOURHOOD, OVERLAP, Work, refine, solve
 from .scene import CastScene
 from .schedule import Schedule
 
@@ -39,20 +40,22 @@ def cast_chords(
     schedule: Schedule | None,
     columns: int | None,
     counts: CastCounts,
+    where: Stretches | None = None,
 ) -> tuple[Hits, NDArray[np.intp]]:
     """Cast the projectors of ``bundle``, cast space; mask: (N,) says which exist.
 
     schedule: the tile's chords, None where nothing of the scene is in reach.
     columns: when given, the projectors are rows of this many pixels, and each is
     compared with its neighbours. Position and tangent of the answer are not filled
-    in yet (``complete``). Returns the pixels, too, around which there may be things too
-    thin for that (``compare.thin_things``).
+    in yet (``complete``). where: the stretches that are not empty, if known. Returns
+    the pixels, too, around which there may be things too thin for that
+    (``compare.thin_things``).
     """
     hits, thin = Hits.empty(bundle.count), np.empty(0, np.intp)
     if schedule is not None:
         counts.error_bound = max(counts.error_bound, schedule.error / schedule.finer**2)
         work = Work(scene, bundle, schedule, hits, np.full(bundle.count, np.inf), counts)
-        records = _march(work, mask)
+        records = _march(work, mask, where)
         while len(records.projector):
             records = _settle(work, records)
         if columns:
@@ -73,8 +76,8 @@ def complete(hits: Hits, bundle: Bundle) -> Hits:
     return hits._replace(position=position, tangent=tangent)
 
 
-def _march(work: Work, mask: BoolArray) -> Records:
-    """The first chord that hits, for every projector, all in step."""
+def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
+    """The first chord that hits, for every projector, all in step; chords through nothing are left out."""
     bundle, schedule = work.bundle, work.schedule
     reach = np.abs(bundle.points).max(initial=0.0)
     narrow = reach * np.finfo(np.float32).eps < ROUNDING_SHARE * schedule.finest
@@ -84,27 +87,49 @@ def _march(work: Work, mask: BoolArray) -> Records:
     controls: NDArray[Any] = bundle.points.astype(kind, copy=False)
     if len(alive) < bundle.count:
         controls = controls.take(alive, 2)
-    limits = np.full(len(alive), 1.0 + OVERLAP, np.float32)
-    start = np.einsum("k,kcn->cn", weights[0], controls)
+    held = None
+    if where is not None:
+        slack = NEIGHBOURHOOD * np.diff(schedule.breaks)
+        held = where.within(schedule.breaks[:-1] - slack, schedule.breaks[1:] + slack)
+    searching = np.ones(len(alive), bool)
     parts = [Records(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0, np.int32))]
-    dead = 0
     for chord in range(schedule.count):
-        end = np.einsum("k,kcn->cn", weights[chord + 1], controls)
-        found = work.trace(start, end, limits)
-        work.counts.chords += len(alive) - dead
+        if held is None or where is None or held[chord].all():
+            casting = searching
+        else:
+            casting = held[chord].take(where.block.take(alive))
+            casting &= searching
+        count = int(np.count_nonzero(casting))
+        if count == 0:
+            continue
+        if count < (1.0 - MOST_DEAD) * len(alive):
+            there = np.flatnonzero(casting)
+            found = _cast_chord(work, weights, chord, controls.take(there, 2), np.ones(count, bool))
+        else:
+            there = np.arange(len(alive))
+            found = _cast_chord(work, weights, chord, controls, casting)
+        work.counts.chords += count
         index = np.flatnonzero(found >= 0)
         if len(index):
-            parts.append(Records(alive[index], np.full(len(index), chord), found[index]))
-            limits[index] = -1.0
-            dead += len(index)
-            if dead == len(alive):
+            hit = there[index]
+            parts.append(Records(alive[hit], np.full(len(hit), chord), found[index]))
+            searching[hit] = False
+            kept = np.flatnonzero(searching)
+            if len(kept) == 0:
                 break
-            if dead > MOST_DEAD * len(alive):
-                kept = np.flatnonzero(limits > 0.0)
-                alive, limits, dead = alive[kept], limits[kept], 0
-                controls, end = controls.take(kept, 2), end.take(kept, 1)
-        start = end
+            if len(kept) < (1.0 - MOST_DEAD) * len(alive):
+                alive, searching, controls = alive[kept], searching[kept], controls.take(kept, 2)
     return Records.joined(parts)
+
+
+def _cast_chord(
+    work: Work, weights: NDArray[Any], chord: int, controls: NDArray[Any], casting: BoolArray
+) -> NDArray[np.int32]:
+    """The triangles that one chord of each projector hits, -1 for none and where it is not cast."""
+    start = np.einsum("k,kcn->cn", weights[chord], controls)
+    end = np.einsum("k,kcn->cn", weights[chord + 1], controls)
+    limits = np.where(casting, np.float32(1.0 + OVERLAP), np.float32(-1.0))
+    return work.trace(start, end, limits)
 
 
 def _settle(work: Work, records: Records) -> Records:

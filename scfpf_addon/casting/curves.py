@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..projection.basis import SpanBasis
-from ..projection.bezier import evaluate, restrict
+from ..projection.bezier import bernstein, evaluate, restrict
 from ..projection.typing import Array, BoolArray, IndexArray
 from .plane_roots import unit_roots
 from .scene import CastScene
@@ -20,6 +20,9 @@ INSIDE = 1e-9
 
 # A root this far outside [0, 1] is rounding; t is clipped.
 T_ROUNDING = 1e-12
+
+# A derivative below this share of the coordinates is what their rounding leaves of 0.
+STILL = 1e-13
 
 # Triangles that a solution may cross to reach the one that it is in.
 WALK_STEPS = 4
@@ -68,8 +71,8 @@ class Bundle:
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Position and tangent dQ/dt at t (N,), each (3, N)."""
-        if len(self.spans.matrices) == 1:
-            return evaluate(self._span_controls(0), t)
+        if self.spans.direct and self.spans.point_weights is None:
+            return evaluate(self.points, t)
         weights, slopes = self.spans.weights(t)
         return (
             np.einsum("kn,kcn->cn", weights, self.points),
@@ -85,16 +88,40 @@ class Bundle:
         still = np.flatnonzero(~tangent.any(axis=0))
         if len(still) == 0:
             return
-        at = t[still]
+        curves, at = self.take(still), t[still]
         span, start, length = self.spans.locate(at)
-        local = (at - start) / length
-        controls = np.einsum("nik,kcn->icn", self.spans.matrices[span], self.points.take(still, 2))
-        for order in range(2, self.spans.degree + 1):
+        found = curves._leaving(span, (at - start) / length, at >= 1.0)
+        # Where a whole span is a point, it is arrived at along the span before, or left along the next.
+        last = len(self.spans.matrices) - 1
+        for step in (*range(-1, -last - 1, -1), *range(1, last + 1)):
+            beside = span + step
+            going = np.flatnonzero(~found.any(axis=0) & (beside >= 0) & (beside <= last))
+            if len(going):
+                end = np.full(len(going), step < 0)
+                found[:, going] = curves.take(going)._leaving(beside[going], end.astype(float), end)
+        tangent[:, still] = found
+
+    def _leaving(self, span: IndexArray, local: Array, arriving: BoolArray) -> Array:
+        """The first derivative that does not vanish at ``local`` (N,) in the spans, (3, N); 0 for a point.
+
+        arriving: (N,) where the direction is that from which the curve comes.
+        """
+        controls = np.einsum("nik,kcn->icn", self.spans.matrices[span], self.points)
+        if self.spans.point_weights is not None:
+            # Of C = A/w, seen from C's own place, the first derivative left is that of A, over w.
+            value = bernstein(self.spans.degree, local) * self.spans.point_weights[span].T
+            controls -= np.einsum("kn,kcn->cn", value / value.sum(axis=0), controls)
+            controls *= self.spans.point_weights[span].T[:, None]
+        found = np.zeros((3, self.count))
+        least = STILL * np.abs(self.points).max(axis=(0, 1))
+        for order in range(1, self.spans.degree + 1):
+            derivative = evaluate(controls, local)[1]
+            sign = np.where(arriving & (order % 2 == 0), -1.0, 1.0)
+            found = np.where(
+                found.any(axis=0) | (np.abs(derivative) <= least).all(axis=0), found, sign * derivative
+            )
             controls = np.diff(controls, axis=0)
-            higher = evaluate(controls, local)[1]
-            lacking = ~tangent[:, still].any(axis=0)
-            sign = np.where((at >= 1.0) & (order % 2 == 0), -1.0, 1.0)
-            tangent[:, still] = np.where(lacking, sign * higher, tangent[:, still])
+        return found
 
     def solve(
         self, scene: CastScene, triangle: IndexArray, span: IndexArray, low: Array, high: Array
@@ -152,19 +179,19 @@ class Bundle:
             current, at = current[going], at.take(going)
         return moved
 
-    def _span_controls(self, span: int) -> Array:
-        matrix = self.spans.matrices[span]
-        if len(self.spans.matrices) == 1 and matrix.shape[0] == matrix.shape[1]:
-            return self.points
-        controls: Array = np.einsum("ik,kcn->icn", matrix, self.points)
-        return controls
-
     def _span_coefficients(self, heights: Array, span: IndexArray) -> tuple[Array, Array, Array]:
-        """Start and length of the spans in t, and the heights as their Bézier coefficients."""
-        breaks = self.spans.breaks
-        if len(self.spans.matrices) == 1:
+        """Start and length of the spans in t, and the heights as their Bézier coefficients.
+
+        Of a rational span those of the numerator: it is 0 where the curve is in the plane.
+        """
+        breaks, weights = self.spans.breaks, self.spans.point_weights
+        if self.spans.direct:
+            if weights is not None:
+                heights = heights * weights[0][:, None]
             return breaks[:1], breaks[1:] - breaks[:1], heights
         coefficients: Array = np.einsum("nik,kn->in", self.spans.matrices[span], heights)
+        if weights is not None:
+            coefficients *= weights[span].T
         return breaks[span], breaks[span + 1] - breaks[span], coefficients
 
     def _inside(self, scene: CastScene, triangle: IndexArray, t: Array) -> Solutions:

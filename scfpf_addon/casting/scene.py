@@ -20,6 +20,7 @@ from ..projection.typing import Array, BoolArray, IndexArray
 from .hull import Hull
 from .memory import available_memory
 from .neighbours import edge_neighbours
+from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
@@ -117,6 +118,7 @@ class CastScene:
         self._neighbours: NDArray[np.int32] | None = None
         self._prisms: PrismScene | None = None
         self._usable = usable
+        self._occupancy: Occupancy | None = None
         self._lock = Lock()
 
     def _place(self, vertices: Array, finite: BoolArray, usable: BoolArray) -> None:
@@ -186,6 +188,15 @@ class CastScene:
                 corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
                 self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable))
             return self._prisms
+
+    @property
+    def occupancy(self) -> Occupancy:
+        """Which parts of the scene are empty; made at first use."""
+        with self._lock:
+            if self._occupancy is None:
+                corners = self.triangles[self._usable].T
+                self._occupancy = Occupancy.of(np.stack([self.vertices.take(k, 1) for k in corners]))
+            return self._occupancy
 
     def trace(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array

@@ -23,9 +23,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ..projection.basis import SpanBasis
-from ..projection.bezier import bernstein, bernstein_derivative, restrict
+from ..projection.bezier import restrict
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection, image_derivatives
+from .pieces import piece_bounds, piece_edges
 from .scene import LARGEST_COORDINATE, CastScene
 
 # Projectors of a tile that its schedule looks at, besides its corners.
@@ -37,8 +38,12 @@ STEPS = 32
 # Of those projectors, how many the finished schedule is measured on.
 MEASURED = 24
 
-# Pieces of a span whose bounds are compared with the scene's.
-PIECES = 32
+# The denominator of a rational projector varies by less than this along a chord: as this
+# times the finer the finer chords within.
+MOST_VARIED = 4.0
+
+# And by less than this between two places where a rational span is looked at.
+STEADY = 1.5
 
 # Where pixels are squeezed more than this in one direction (near a pole, at a
 # fold) the error counts against this share of the wide direction: the chords
@@ -107,10 +112,11 @@ class Curves(NamedTuple):
 class Tolerance(NamedTuple):
     """What is asked of chords at G places on S projectors.
 
-    length: (G, S) allowed distance, cast units. pixel: (G, S) size of a pixel there.
-    bend: (G, S) ‖q''‖ across the projector. speed: (G, S) ‖q'‖.
+    position: (3, G, S). length: (G, S) allowed distance, cast units. pixel: (G, S) size of
+    a pixel there. bend: (G, S) ‖q''‖ across the projector. speed: (G, S) ‖q'‖.
     """
 
+    position: Array
     length: Array
     pixel: Array
     bend: Array
@@ -123,21 +129,11 @@ def scene_reach(spans: SpanBasis, points: Array, scene: CastScene) -> tuple[floa
     points: (K, 3, N). None where they all pass it by. Certain, not sampled: the
     control points of a piece enclose it, and those of all projectors lie in a box.
     """
-    lower, upper = points.min(axis=2), points.max(axis=2)
-    edges = np.linspace(0.0, 1.0, PIECES + 1)
-    degree = spans.degree
-    identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
-    pieces = restrict(identity, edges[:-1], edges[1:])
-    weights = np.einsum("jip,sik->spjk", pieces, spans.matrices)
-    positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
-    low = (positive @ lower + negative @ upper).min(axis=2)
-    high = (positive @ upper + negative @ lower).max(axis=2)
+    low, high = piece_bounds(spans, points.min(axis=2)[:, :, None], points.max(axis=2)[:, :, None])
     slack = FINEST * (1.0 + np.abs(points).max(initial=0.0))
-    touching = ((low <= scene.upper + slack) & (high >= scene.lower - slack)).all(axis=2)
-    lengths = np.diff(spans.breaks)[:, None]
-    starts = (spans.breaks[:-1, None] + edges[:-1] * lengths)[touching]
-    ends = (spans.breaks[:-1, None] + edges[1:] * lengths)[touching]
-    return (float(starts.min()), float(ends.max())) if len(starts) else None
+    touching = (scene.upper + slack >= low[:, :, 0].T) & (scene.lower - slack <= high[:, :, 0].T)
+    some, edges = np.flatnonzero(touching.all(axis=1)), piece_edges(spans)
+    return (float(edges[some[0]]), float(edges[some[-1] + 1])) if len(some) else None
 
 
 def sample_curves(
@@ -162,23 +158,9 @@ def sample_curves(
     return Curves(*(c[:, :, finite] for c in curves))
 
 
-def _second_derivative(spans: SpanBasis, span: int, local: Array) -> Array:
-    """Weights (G, K) of the second derivative by t."""
-    degree = spans.degree
-    if degree < 2:
-        return np.zeros((len(local), spans.matrices.shape[2]))
-    second = degree * (degree - 1) * np.diff(spans.matrices[span], 2, axis=0)
-    length = spans.breaks[span + 1] - spans.breaks[span]
-    weights: Array = bernstein(degree - 2, local).T @ second / length**2
-    return weights
-
-
 def tolerance(curves: Curves, spans: SpanBasis, span: int, local: Array, pixel_error: float) -> Tolerance:
     """Evaluate the demand on chords at ``local`` (G,) in a span."""
-    matrix = spans.matrices[span]
-    here = bernstein(spans.degree, local).T @ matrix
-    slope = bernstein_derivative(spans.degree, local).T @ matrix
-    second = _second_derivative(spans, span, local)
+    here, slope, second = spans.within(span, local)
     position, dx, dy = (np.einsum("gk,kcs->cgs", here, c) for c in curves)
     tangent = np.einsum("gk,kcs->cgs", slope, curves.points)
     bend = np.einsum("gk,kcs->cgs", second, curves.points)
@@ -192,9 +174,8 @@ def tolerance(curves: Curves, spans: SpanBasis, span: int, local: Array, pixel_e
     narrow = np.divide(area, wide, out=np.zeros_like(area), where=wide > 0.0)
     pixel = np.sqrt(np.maximum(narrow, wide / MOST_SQUEEZE**2))
     floor = FINEST * np.abs(position).max(axis=0) + np.finfo(np.float64).tiny
-    return Tolerance(
-        np.maximum(pixel_error * pixel, floor), pixel, np.sqrt((bend**2).sum(axis=0)), np.sqrt(squared)
-    )
+    length = np.maximum(pixel_error * pixel, floor)
+    return Tolerance(position, length, pixel, np.sqrt((bend**2).sum(axis=0)), np.sqrt(squared))
 
 
 def plan(
@@ -214,7 +195,9 @@ def plan(
 
 def corners(spans: SpanBasis, reach: tuple[float, float]) -> Schedule:
     """The schedule for spans of degree 1: each is its own chord."""
-    return _joined([_chords(spans, span, np.array(local), 1) for span, local in _spans_within(spans, reach)])
+    return _joined(
+        [_chords(spans, span, np.array(local), 1, None) for span, local in _spans_within(spans, reach)]
+    )
 
 
 def _spans_within(spans: SpanBasis, reach: tuple[float, float]) -> list[tuple[int, tuple[float, float]]]:
@@ -253,10 +236,15 @@ def _plan_span(
     # s = (1 - cos θ)/2: even steps in θ are fine at both ends of s, which turns
     # the integrand's pole at a point-like near surface into a constant.
     edges = np.linspace(np.arccos(1.0 - 2.0 * first), np.arccos(1.0 - 2.0 * last), STEPS + 1)
+    least: Array | float = 0.0
+    if spans.point_weights is not None:
+        edges, varied = _steady(spans.point_weights[span], edges)
+        least = varied / np.log(MOST_VARIED)
     middle = 0.5 * (edges[1:] + edges[:-1])
     demand = tolerance(curves, spans, span, 0.5 - 0.5 * np.cos(middle), pixel_error)
     density = np.sqrt(SHIFT * demand.bend / demand.length).max(axis=1, initial=0.0) * length
-    total = np.concatenate([[0.0], np.cumsum(density * 0.5 * np.sin(middle) * np.diff(edges))])
+    share = np.maximum(density * 0.5 * np.sin(middle) * np.diff(edges), least)
+    total = np.concatenate([[0.0], np.cumsum(share)])
     needed = MARGIN * total[-1] + 2 * (1.0 - END_CHORD)
     for _ in range(ATTEMPTS):
         count = int(np.clip(np.ceil(needed), 1, MOST_CHORDS))
@@ -265,7 +253,7 @@ def _plan_span(
         quantiles = np.concatenate([[0.0], np.cumsum(shares)]) * (total[-1] / shares.sum())
         local = 0.5 - 0.5 * np.cos(np.interp(quantiles, total, edges))
         local[0], local[-1] = first, last
-        schedule = _chords(spans, span, local, finer)
+        schedule = _chords(spans, span, local, finer, curves)
         excess, error, pixel = _measure(schedule, spans, span, local, curves, pixel_error)
         if excess <= 1.0 or count == MOST_CHORDS:
             break
@@ -273,14 +261,45 @@ def _plan_span(
     return replace(schedule, error=error, finest=float(demand.length.min(initial=np.inf)), pixel=pixel)
 
 
-def _chords(spans: SpanBasis, span: int, local: Array, finer: int) -> Schedule:
+def _steady(weights: Array, edges: Array) -> tuple[Array, Array]:
+    """Edges in θ, more where a denominator varies, and the logarithm by which it varies between two.
+
+    weights: (d+1,), the denominator's Bézier coefficients; those of a part of the
+    span bound it there.
+    """
+    while True:
+        local = 0.5 - 0.5 * np.cos(edges)
+        parts = restrict(weights[:, None], local[:-1], local[1:])
+        varied = np.log(parts.max(axis=0) / parts.min(axis=0))
+        much = np.flatnonzero(varied > np.log(STEADY))
+        if len(much) == 0:
+            return edges, varied
+        edges = np.insert(edges, much + 1, 0.5 * (edges[much] + edges[much + 1]))
+
+
+def _chords(spans: SpanBasis, span: int, local: Array, finer: int, curves: Curves | None) -> Schedule:
     """Chords between breaks given in the span's own parameter, inner ends shifted."""
     start, end = spans.breaks[span], spans.breaks[span + 1]
-    ends = bernstein(spans.degree, local).T @ spans.matrices[span]
+    ends, slopes, bends = spans.within(span, local)
+    if curves is not None and spans.point_weights is not None:
+        bends = _across(slopes, bends, curves)
     steps = np.diff(local) * (end - start)
     shift = SHIFT * (steps[1:] * steps[:-1])[:, None]
-    ends[1:-1] -= shift * _second_derivative(spans, span, local[1:-1])
+    ends[1:-1] -= shift * bends[1:-1]
     return Schedule(start + local * (end - start), ends, 0.0, np.inf, finer, np.zeros(len(steps)))
+
+
+def _across(slopes: Array, bends: Array, curves: Curves) -> Array:
+    """Bends (G, K) without what the sampled projectors have of them along their tangents, in the mean.
+
+    Rational projectors speed up and slow down so much that ends would be shifted
+    far along them.
+    """
+    tangent, bend = (np.einsum("gk,kcs->cgs", w, curves.points) for w in (slopes, bends))
+    along, squared = (tangent * bend).sum(axis=(0, 2)), (tangent**2).sum(axis=(0, 2))
+    share = np.divide(along, squared, out=np.zeros_like(along), where=squared > 0.0)
+    across: Array = bends - share[:, None] * slopes
+    return across
 
 
 def _measure(
@@ -288,22 +307,19 @@ def _measure(
 ) -> tuple[float, float, Array]:
     """Largest distance of curve and chords, in tolerances and in pixels; pixels in t.
 
-    Compared at both ends and in the middle of each chord, on MEASURED projectors.
+    Compared at both ends and in the middle of each chord, on MEASURED projectors; of
+    rational spans at the ends and in the middle of each of the finer chords, which too
+    must be as near as they should.
     """
     some = Curves(*(c[:, :, :MEASURED] for c in curves))
     corners = np.einsum("nk,kcs->cns", schedule.ends, some.points)
-    chord = np.diff(corners, axis=1)
-    length = (chord**2).sum(axis=0)
-    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
     excess = error = 0.0
     pixel = np.full(len(local) - 1, np.inf)
-    for share in (0.0, 0.5, 1.0):
-        place = local[:-1] + share * np.diff(local)
-        demand = tolerance(some, spans, span, place, pixel_error)
-        weights = bernstein(spans.degree, place).T @ spans.matrices[span]
-        offset = np.einsum("gk,kcs->cgs", weights, some.points) - corners[:, :-1]
-        along = np.clip((offset * chord).sum(axis=0) * inverse, 0.0, 1.0)
-        distance = np.sqrt(((offset - chord * along) ** 2).sum(axis=0))
+    parts = 1 if spans.point_weights is None else schedule.finer
+    demands = []
+    for share in np.arange(2 * parts + 1) / (2 * parts):
+        demand = tolerance(some, spans, span, local[:-1] + share * np.diff(local), pixel_error)
+        distance = _distance(demand.position, corners[:, :-1], corners[:, 1:])
         excess = max(excess, float((distance / demand.length).max(initial=0.0)))
         known = demand.pixel > 0.0
         error = max(error, float(np.max(distance[known] / demand.pixel[known], initial=0.0)))
@@ -311,4 +327,21 @@ def _measure(
         with np.errstate(over="ignore"):
             steps = demand.pixel / speed
         pixel = np.minimum(pixel, steps.min(axis=1, initial=np.inf))
+        demands.append(demand)
+    if spans.point_weights is not None:
+        for before, middle, after in zip(demands[:-2:2], demands[1::2], demands[2::2], strict=True):
+            distance = _distance(middle.position, before.position, after.position)
+            # Twice, for these are not shifted.
+            allowed = 2.0 * middle.length / schedule.finer**2
+            excess = max(excess, float((distance / allowed).max(initial=0.0)))
     return excess, error, pixel
+
+
+def _distance(points: Array, start: Array, end: Array) -> Array:
+    """From points to the segments from start to end, all (3, G, S): (G, S)."""
+    chord, offset = end - start, points - start
+    length = (chord**2).sum(axis=0)
+    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
+    along = np.clip((offset * chord).sum(axis=0) * inverse, 0.0, 1.0)
+    distance: Array = np.sqrt(((offset - chord * along) ** 2).sum(axis=0))
+    return distance

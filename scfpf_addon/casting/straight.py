@@ -23,12 +23,18 @@ EDGE_ON = 1e-4
 
 
 def cast_straight(
-    scene: CastScene, points: Array, mask: BoolArray, reach: tuple[float, float], counts: CastCounts
+    scene: CastScene,
+    points: Array,
+    mask: BoolArray,
+    reach: tuple[float, float],
+    counts: CastCounts,
+    weighted: bool = True,
 ) -> Hits:
     """Cast the segments from points[0] to points[1].
 
     points: (2, 3, N) finite, cast space. mask: (N,). reach: the part of [0, 1]
-    that can hold a hit; the ray starts at its beginning.
+    that can hold a hit; the ray starts at its beginning. weighted: whether barycentric
+    weights are wanted; they are 0 otherwise.
     """
     start, way = points[0], points[1] - points[0]
     first, last = reach
@@ -61,7 +67,7 @@ def cast_straight(
     hit &= t <= 1.0
     place = np.maximum(np.where(hit, t, 1.0), 0.0)
     position = start + way * place
-    barycentric = scene.barycentric(position, found)
+    barycentric = scene.barycentric(position, found) if weighted else np.zeros((2, len(mask)))
     if not hit.all():
         barycentric *= hit
         found = np.where(hit, found, np.int32(-1))

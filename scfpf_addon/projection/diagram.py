@@ -13,10 +13,10 @@ from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
-from .bezier import bernstein, chord_count
-from .folds import find_folds, orientations
+from .bezier import chord_count, rational_chord_count
+from .folds import find_folds, folded_pieces
 from .line_colors import Role
-from .marks import direction_arrows, far_rim, iso_lines
+from .marks import direction_arrows, far_rim, iso_lines, safe_area
 from .segments import Segments, joined, ranged, segments
 from .typing import Array, BoolArray
 from .volume import ControlSample, Projection, ViewingVolume
@@ -37,7 +37,9 @@ class DiagramOptions:
 
     count_u, count_v: projectors in each direction. iso: the t of the iso-surfaces.
     folds: tell folded pieces of projectors from others. pick: the image position
-    (x, y) of a projector to draw apart.
+    (x, y) of a projector to draw apart. safe_areas: margins of safe areas, each (left and
+    right, below and above) as a share of half the image, as Blender counts them. without:
+    numbers of control surfaces whose lines are left out.
     """
 
     count_u: int
@@ -45,6 +47,8 @@ class DiagramOptions:
     iso: tuple[float, ...] = ()
     folds: bool = True
     pick: tuple[float, float] | None = None
+    safe_areas: tuple[tuple[float, float], ...] = ()
+    without: tuple[int, ...] = ()
 
 
 def even_iso(count: int) -> tuple[float, ...]:
@@ -88,8 +92,10 @@ def parted_projector_lines(projection: Projection, count_u: int, count_v: int) -
     controls = _even_controls(projection, count_u, count_v)
     ends = np.union1d(np.linspace(0.0, 1.0, FOLD_PIECES + 1), volume.spans.breaks)
     middles = (ends[1:] + ends[:-1]) / 2
-    folded = (orientations(volume, controls, middles) == -folds.orientation) & (folds.orientation != 0)
+    folded = folded_pieces(volume, controls, middles, folds.orientation)
     mixed = folded.any(axis=1)
+    if not mixed.any():
+        return _curves(volume, controls.points, controls.valid), joined([])
     whole = _curves(volume, controls.points[..., ~mixed], controls.valid[~mixed])
     weights, _ = volume.spans.weights(ends)
     curves = np.einsum("ks,kdn->dns", weights, controls.points[..., mixed])
@@ -124,19 +130,24 @@ def _even_controls(projection: Projection, count_u: int, count_v: int) -> Contro
 def _curves(volume: ViewingVolume, controls: Array, valid: BoolArray, chords: int | None = None) -> Segments:
     """The curves with control points (m+1, 3, N); see ``projector_lines``."""
     result = []
-    for matrix in volume.spans.matrices:
+    for span, matrix in enumerate(volume.spans.matrices):
         points = np.einsum("kc,cdn->kdn", matrix, controls)
         length = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)).sum(axis=0)
         if chords is None:
             # A span of no length has no bend either; any tolerance does for it.
-            needed = chord_count(points, np.where(length > 0, BEND_TOLERANCE * length, 1.0))
+            tolerance = np.where(length > 0, BEND_TOLERANCE * length, 1.0)
+            weights = volume.spans.point_weights
+            if weights is None:
+                needed = chord_count(points, tolerance)
+            else:
+                needed = rational_chord_count(points, weights[span], tolerance)
             needed = np.minimum(needed, MAXIMUM_CHORDS)
         else:
             needed = np.full(len(length), chords)
         for count in np.unique(needed):
             chosen = needed == count
-            weights = bernstein(len(points) - 1, np.linspace(0.0, 1.0, count + 1))
-            curves = np.einsum("ks,kdn->dns", weights, points[:, :, chosen])
+            shares = volume.spans.within(span, np.linspace(0.0, 1.0, count + 1))[0]
+            curves = np.einsum("sk,kdn->dns", shares, controls[:, :, chosen])
             result.append(segments(curves, np.repeat(valid[chosen, None], count + 1, axis=1)))
     return joined(result)
 
@@ -174,13 +185,14 @@ def diagram(projection: Projection, options: DiagramOptions) -> dict[Role, Segme
     else:
         projectors, folded = projector_lines(projection, *counts), joined([])
     along_u, along_v = direction_arrows(projection)
-    indices = range(len(projection.volume.surfaces))
+    indices = [i for i in range(len(projection.volume.surfaces)) if i not in options.without]
     return {
         "ISO": joined([iso_lines(projection, t) for t in options.iso]),
         "SURFACE": joined([surface_lines(projection, index) for index in indices]),
         "PROJECTOR": projectors,
         "FOLD": folded,
         "FAR": far_rim(projection),
+        "SAFE": joined([safe_area(projection, *margins) for margins in options.safe_areas]),
         "FRAME": image_frame(projection),
         "U": along_u,
         "V": along_v,

@@ -9,9 +9,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from .basis import B_SPLINE_DEGREE
 from .surfaces import BilinearPatch, Cone, ControlSurface, Cylinder, Disc, Grid, Plane, Point, SphereSector
 from .typing import Array, BoolArray
-from .volume import ViewingVolume
+from .volume import ViewingVolume, VolumeSample
 
 Axis = Literal["U", "V"]
 
@@ -27,6 +28,8 @@ FOUND_SHARE = 1e-9
 NEWTON_STEPS = 40
 # The longest Newton step in u, v and t: a longer one leaves the neighbourhood of its start.
 LONGEST_STEP = 0.2
+# Of rational projectors: places at which their way is measured in each span, and pieces that it is cut into.
+PACE_STEPS, PACES = 2000, 1024
 # Starting values of a search along each of u, v and t.
 SEEDS = 9
 
@@ -97,14 +100,62 @@ def blend(first: ControlSurface, second: ControlSurface, weight: float, cells: i
     return _with_points("GRID", points, exact)
 
 
+class Insertion(NamedTuple):
+    """A volume with one control surface more.
+
+    shapes: new surfaces; they take the places of ``replaced`` old ones from place ``first``
+    on. weights: of all surfaces then, None where the basis has none.
+    """
+
+    first: int
+    replaced: int
+    shapes: list[Shape]
+    weights: tuple[float, ...] | None
+
+
+def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
+    """The same volume with one control surface more. cells: as for ``blend``.
+
+    BEZIER: ``elevated``. POLYLINE: a surface half-way between the one at ``index`` and the
+    next. B_SPLINE and NURBS: up to three surfaces are elevated, of four the span is cut
+    in two at t = 1/2; more have knots that no even spacing with one more holds, so that no
+    surface can be added and leave the volume as it is: EditingError.
+    """
+    surfaces, count = volume.surfaces, len(volume.surfaces)
+    if volume.basis == "POLYLINE":
+        index = min(index, count - 2)
+        return Insertion(index + 1, 0, [blend(surfaces[index], surfaces[index + 1], 0.5, cells)], None)
+    if volume.basis == "BEZIER" or count <= B_SPLINE_DEGREE:
+        shares = [i / count for i in range(1, count)]
+    elif count == B_SPLINE_DEGREE + 1:
+        # The blossom at (0, 0, ½), (0, ½, 1) and (½, 1, 1).
+        shares = [0.5] * (count - 1)
+    else:
+        raise EditingError(
+            "B-spline and NURBS projectors of more than four surfaces cannot take one more and leave the "
+            "volume as it is: change the projectors' shape first"
+        )
+    if volume.basis != "NURBS":
+        return Insertion(1, count - 2, _blends(surfaces, shares, cells), None)
+    old = volume.weights or (1.0,) * count
+    # The same for the homogeneous control surfaces (w Q, w).
+    inner = [s * old[i] + (1 - s) * old[i + 1] for i, s in enumerate(shares)]
+    shares = [s * old[i] / w for i, (s, w) in enumerate(zip(shares, inner, strict=True))]
+    return Insertion(1, count - 2, _blends(surfaces, shares, cells), (old[0], *inner, old[-1]))
+
+
 def elevated(surfaces: Sequence[ControlSurface], cells: int) -> list[Shape]:
     """The inner control surfaces of the same Bézier volume with one surface more.
 
     Degree elevation: Pi' = i/(m+1)·P(i-1) + (1 - i/(m+1))·Pi for i = 1 … m, with
     m = len(surfaces) - 1 and the ends as they were. cells: as for ``blend``.
     """
-    count = len(surfaces)
-    return [blend(surfaces[i], surfaces[i - 1], i / count, cells) for i in range(1, count)]
+    return _blends(surfaces, [i / len(surfaces) for i in range(1, len(surfaces))], cells)
+
+
+def _blends(surfaces: Sequence[ControlSurface], shares: Sequence[float], cells: int) -> list[Shape]:
+    """Surface i and the one before it, of which a share is taken, for i = 1 … m."""
+    return [blend(surfaces[i], surfaces[i - 1], share, cells) for i, share in enumerate(shares, 1)]
 
 
 def _corners(surface: ControlSurface) -> Array | None:
@@ -228,17 +279,53 @@ def contains(volume: ViewingVolume, points: Array) -> BoolArray:
     """
     line = np.linspace(0.0, 1.0, SEEDS)
     seeds = np.stack([axis.ravel() for axis in np.meshgrid(line, line, line)])
-    positions = volume.evaluate(*seeds).position
+    places, pace = _pace(volume)
+
+    def evaluate(parameters: Array) -> VolumeSample:
+        u, v, s = parameters
+        piece = np.clip(np.searchsorted(places, s, side="right") - 1, 0, len(pace) - 1)
+        slope = pace[piece] / (places[piece + 1] - places[piece])
+        start = np.concatenate([[0.0], np.cumsum(pace)])[piece]
+        sample = volume.evaluate(u, v, start + (s - places[piece]) * slope)
+        return sample._replace(dt=sample.dt * slope)
+
+    positions = evaluate(seeds).position
     size = float(np.ptp(positions, axis=1).max())
     distance = np.linalg.norm(positions[:, None] - points[:, :, None], axis=0)
     parameters = seeds[:, distance.argmin(1)]
     for _ in range(NEWTON_STEPS):
-        sample = volume.evaluate(*parameters)
+        sample = evaluate(parameters)
         jacobian = np.stack([sample.du, sample.dv, sample.dt], 1).transpose(2, 0, 1)
         # The pseudo-inverse also steps where a derivative vanishes: at a pole or a point.
         step = np.einsum("nij,jn->in", np.linalg.pinv(jacobian), points - sample.position)
         parameters = parameters + np.clip(step, -LONGEST_STEP, LONGEST_STEP)
-    missed = np.linalg.norm(volume.evaluate(*parameters).position - points, axis=0)
+    missed = np.linalg.norm(evaluate(parameters).position - points, axis=0)
     within = ((parameters >= -INSIDE_MARGIN) & (parameters <= 1 + INSIDE_MARGIN)).all(0)
     result: BoolArray = within & (missed <= FOUND_SHARE * size)
     return result
+
+
+def _pace(volume: ViewingVolume) -> tuple[Array, Array]:
+    """Where Newton's parameter has its nodes, (P+1,) from 0 to 1, and the steps in t between, (P,).
+
+    Even for polynomials. Rational projectors may rush through most of their way in a
+    thousandth of t, past what Newton's method foresees; theirs is even along the way.
+    """
+    if volume.spans.point_weights is None:
+        return np.array([0.0, 1.0]), np.ones(1)
+    # Closer towards the ends of a span, where the rush is.
+    inner = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, PACE_STEPS + 1))
+    t = np.interp(
+        np.arange(len(volume.spans.matrices))[:, None] + inner[:-1],
+        np.arange(len(volume.spans.breaks)),
+        volume.spans.breaks,
+    ).ravel()
+    t = np.append(t, 1.0)
+    u, v = lattice(3, 3)
+    curves = np.einsum("kt,kcn->tcn", volume.spans.weights(t)[0], volume.projectors(u, v).points)
+    way = np.linalg.norm(np.diff(curves, axis=0), axis=1).mean(axis=1)
+    total = np.concatenate([[0.0], np.cumsum(way)])
+    if total[-1] == 0.0:
+        return np.array([0.0, 1.0]), np.ones(1)
+    places = np.linspace(0.0, 1.0, PACES + 1)
+    return places, np.diff(np.interp(places * total[-1], total, t))

@@ -9,9 +9,11 @@ other is infinite, and only their signs matter.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 
+from .bezier import bernstein, derivative
 from .typing import Array, BoolArray
 from .volume import ControlSample, Projection, ViewingVolume, VolumeSample, determinant
 
@@ -32,12 +34,14 @@ class Folds:
 
     share: of the shown volume, in image × t, that is folded, in [0, 0.5]. orientation:
     the sign of det[Qu Qv Qt] in the rest, -1 or 1, 0 if it vanishes everywhere.
+    mirrored: whether the picture is that of a mirror outside the folds.
     positions: (3, F) float64, the samples in the folds, as Q.
     """
 
     share: float
     orientation: int
     positions: Array
+    mirrored: bool = False
 
     def __bool__(self) -> bool:
         return self.share > 0.0
@@ -55,13 +59,7 @@ def find_folds(projection: Projection) -> Folds:
     turn = np.sign(ux * vy - uy * vx)
     controls = projection.volume.controls(image.u, image.v)
     shown = image.mask & controls.valid
-    part = ControlSample(
-        controls.points[..., shown],
-        controls.du[..., shown],
-        controls.dv[..., shown],
-        controls.tile[shown],
-        controls.valid[shown],
-    )
+    part = _part(controls, shown)
     signs = orientations(projection.volume, part, middle) * turn[shown, None]
     certain = np.count_nonzero(signs)
     if not certain:
@@ -71,19 +69,94 @@ def find_folds(projection: Projection) -> Folds:
     positions = _evaluate(projection.volume, part, middle).position.reshape(3, *signs.shape)
     # Back from the image to u and v: the commoner handedness of the image map.
     handedness = 1 if turn[shown].sum() >= 0 else -1
-    return Folds(float(folded.sum() / certain), majority * handedness, positions[:, folded])
+    return Folds(float(folded.sum() / certain), majority * handedness, positions[:, folded], majority > 0)
 
 
-def orientations(volume: ViewingVolume, controls: ControlSample, t: Array) -> Array:
-    """The sign of det[Qu Qv Qt] on N projectors at each t (T,): (N, T), 0 where it cannot be told."""
+def orientations(
+    volume: ViewingVolume, controls: ControlSample, t: Array, usual: Array | None = None
+) -> Array:
+    """The sign of det[Qu Qv Qt] on N projectors at each t (T,): (N, T), 0 where it cannot be told.
+
+    usual: (T,) the size that the determinant has elsewhere; None: its median over these projectors.
+    """
     count = len(controls.valid)
     sample = _evaluate(volume, controls, t)
     size = determinant(sample).reshape(count, len(t))
     lengths = [np.sqrt(np.einsum("cn,cn->n", d, d)) for d in (sample.du, sample.dv, sample.dt)]
     parallel = PARALLEL * np.prod(lengths, axis=0).reshape(size.shape)
-    usual = np.median(np.abs(size), axis=0) if count else np.zeros(len(t))
+    if usual is None:
+        usual = np.median(np.abs(size), axis=0) if count else np.zeros(len(t))
     certain: BoolArray = np.abs(size) > np.maximum(parallel, VANISHING * usual)
     return np.where(certain, np.sign(size), 0.0)
+
+
+def folded_pieces(volume: ViewingVolume, controls: ControlSample, t: Array, orientation: int) -> BoolArray:
+    """Where ``orientations`` is opposite to ``orientation``, (N, T).
+
+    The Bernstein coefficients of the determinant tell at once which projectors
+    cannot be folded anywhere; only the others are looked at t by t.
+    """
+    folded = np.zeros((len(controls.valid), len(t)), bool)
+    if orientation == 0:
+        return folded
+    if volume.spans.point_weights is not None:
+        # Rational projectors have no determinant in Bernstein form.
+        return np.equal(orientations(volume, controls, t), -orientation)
+    coefficients = determinant_controls(volume, controls)
+    doubtful = (orientation * coefficients < 0).any(axis=(0, 1))
+    if not doubtful.any():
+        return folded
+    part = _part(controls, doubtful)
+    against = orientations(volume, part, t, np.zeros(len(t))) == -orientation
+    columns = np.flatnonzero(against.any(axis=0))
+    if not len(columns):
+        return folded
+    # Only here does it matter how large the determinant is elsewhere.
+    span, start, length = volume.spans.locate(t[columns])
+    weights = bernstein(coefficients.shape[1] - 1, (t[columns] - start) / length)
+    usual = np.array([np.median(np.abs(w @ coefficients[s])) for s, w in zip(span, weights.T, strict=True)])
+    folded[np.ix_(doubtful, columns)] = orientations(volume, part, t[columns], usual) == -orientation
+    return folded
+
+
+def _part(controls: ControlSample, chosen: BoolArray) -> ControlSample:
+    return ControlSample(
+        controls.points[..., chosen],
+        controls.du[..., chosen],
+        controls.dv[..., chosen],
+        controls.tile[chosen],
+        controls.valid[chosen],
+    )
+
+
+def determinant_controls(volume: ViewingVolume, controls: ControlSample) -> Array:
+    """det[Qu Qv Qt] on N projectors in Bernstein form, (S, 3d, N) for S spans of degree d.
+
+    Of each span's own parameter in [0, 1]; Qt is by t. Not for rational projectors.
+    Products as in Farouki and Rajan, "Algorithms for polynomials in Bernstein form" (1988).
+    """
+    spans = volume.spans
+    found = []
+    for matrix, length in zip(spans.matrices, np.diff(spans.breaks), strict=True):
+        points, du, dv = (
+            np.einsum("kc,cdn->kdn", matrix, values) for values in (controls.points, controls.du, controls.dv)
+        )
+        dt = derivative(points) / length
+        (ax, ay, az), (bx, by, bz) = du.transpose(1, 0, 2)[:, :, None], dv.transpose(1, 0, 2)[:, None]
+        cross = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=2)
+        product = _product(cross)
+        found.append(_product(np.einsum("icn,jcn->ijn", product, dt)))
+    return np.stack(found)
+
+
+def _product(terms: Array) -> Array:
+    """The Bernstein coefficients of a product from the products of the coefficients, (p+1, q+1, …)."""
+    p, q = terms.shape[0] - 1, terms.shape[1] - 1
+    result = np.zeros((p + q + 1, *terms.shape[2:]))
+    for i in range(p + 1):
+        for j in range(q + 1):
+            result[i + j] += comb(p, i) * comb(q, j) / comb(p + q, i + j) * terms[i, j]
+    return result
 
 
 def _evaluate(volume: ViewingVolume, controls: ControlSample, t: Array) -> VolumeSample:

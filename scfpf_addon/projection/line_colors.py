@@ -6,9 +6,9 @@ from __future__ import annotations
 from typing import Literal, TypeAlias
 
 # ISO: a surface of equal t. FOLD: a projector where the volume is inside out. FAR: the rim of the
-# far surface. FRAME: the image on the near surface. U, V: where u and v grow. PICK: the projector
-# that was asked for.
-Role: TypeAlias = Literal["ISO", "SURFACE", "PROJECTOR", "FOLD", "FAR", "FRAME", "U", "V", "PICK"]
+# far surface. SAFE: safe areas of the image. FRAME: the image on the near surface. U, V: where u and
+# v grow. PICK: the projector that was asked for.
+Role: TypeAlias = Literal["ISO", "SURFACE", "PROJECTOR", "FOLD", "FAR", "SAFE", "FRAME", "U", "V", "PICK"]
 Color: TypeAlias = tuple[float, float, float, float]
 
 # Display colours (sRGB), red green blue alpha, for dark and for light backgrounds. Blender's
@@ -19,6 +19,7 @@ BRIGHT: dict[Role, Color] = {
     "PROJECTOR": (0.36, 0.62, 1.00, 1.0),
     "FOLD": (1.00, 0.42, 0.38, 1.0),
     "FAR": (0.10, 0.85, 0.55, 1.0),
+    "SAFE": (0.80, 0.88, 0.62, 1.0),
     "FRAME": (0.55, 1.00, 0.40, 1.0),
     "U": (1.00, 0.65, 0.20, 1.0),
     "V": (0.90, 0.55, 1.00, 1.0),
@@ -30,6 +31,7 @@ DARK: dict[Role, Color] = {
     "PROJECTOR": (0.08, 0.22, 0.80, 1.0),
     "FOLD": (0.70, 0.03, 0.03, 1.0),
     "FAR": (0.00, 0.35, 0.22, 1.0),
+    "SAFE": (0.24, 0.30, 0.04, 1.0),
     "FRAME": (0.02, 0.40, 0.02, 1.0),
     "U": (0.52, 0.26, 0.00, 1.0),
     "V": (0.50, 0.05, 0.60, 1.0),

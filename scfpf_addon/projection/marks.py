@@ -1,21 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What tells the parts of a drawn volume apart: the far rim, where u and v grow, iso-surfaces.
+"""What tells the parts of a drawn volume apart: the far rim, safe areas, where u and v grow, iso-surfaces.
 
 As in ``diagram``: segments (S, 2, 3) float32 in the space of the projection.
 """
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from .segments import Segments, joined, ranged, segments
 from .surfaces import ControlSurface
-from .typing import Array
 from .volume import Projection
 
 # The far rim is dashed: this many dashes a side, each this share of its way long.
 DASHES = 12
 DASH_SHARE = 0.6
+# Segments of each side of a safe area.
+RIM_SEGMENTS = 48
 # Arrows, as shares of the u and v ranges: distance from the corner, length, size of the head.
 ARROW_MARGIN = 0.04
 ARROW_LENGTH = 0.28
@@ -56,6 +59,20 @@ def far_rim(projection: Projection) -> Segments:
     return segments(drawn, sample.valid.reshape(shape), sample.tile.reshape(shape))
 
 
+def safe_area(projection: Projection, margin_x: float, margin_y: float) -> Segments:
+    """The border of a safe area of the image, on the near surface; whatever the image shows of it.
+
+    margin_x, margin_y: in [0, 1], distance from the image's borders as a share of half its size.
+    """
+    step = np.arange(RIM_SEGMENTS) / RIM_SEGMENTS
+    one, nought = np.ones(RIM_SEGMENTS), np.zeros(RIM_SEGMENTS)
+    x = np.concatenate([step, one, 1 - step, nought, [0.0]])
+    y = np.concatenate([nought, step, one, 1 - step, [0.0]])
+    image = projection.parameters(0.5 + (x - 0.5) * (1 - margin_x), 0.5 + (y - 0.5) * (1 - margin_y))
+    sample = projection.volume.surfaces[0].evaluate(image.u, image.v)
+    return segments(sample.position[:, None], (sample.valid & image.mask)[None], sample.tile[None])
+
+
 def direction_arrows(projection: Projection) -> tuple[Segments, Segments]:
     """Arrows along u and arrows along v, from the corner where both are least.
 
@@ -64,40 +81,30 @@ def direction_arrows(projection: Projection) -> tuple[Segments, Segments]:
     """
     volume = projection.volume
     ends = (volume.surfaces[0], volume.surfaces[-1])
-    along_u, along_v = (
-        joined([_arrow(surface, projection, _beside(surface, projection, axis), axis) for surface in ends])
-        for axis in (0, 1)
-    )
+    along_u, along_v = (joined([_arrow(surface, projection, axis) for surface in ends]) for axis in (0, 1))
     return along_u, along_v
 
 
-def _beside(surface: ControlSurface, projection: Projection, axis: int) -> float:
-    """Where an arrow stands in the other parameter's range: at the border that is no pole."""
-    near, far = ARROW_MARGIN, 1.0 - ARROW_MARGIN
-    here, there = (_length(surface, projection, beside, axis) for beside in (near, far))
-    return near if here >= NARROW * there else far
+def _arrow(surface: ControlSurface, projection: Projection, axis: int) -> Segments:
+    """Shaft and head of the arrow along u (0) or v (1), at the border of the other parameter without a pole.
 
-
-def _path(projection: Projection, along: Array, beside: Array, axis: int) -> tuple[Array, Array]:
-    return ranged(projection, *((along, beside) if axis == 0 else (beside, along)))
-
-
-def _length(surface: ControlSurface, projection: Projection, beside: float, axis: int) -> float:
-    """The length of an arrow's shaft."""
-    along = np.linspace(ARROW_MARGIN, ARROW_MARGIN + ARROW_LENGTH, ARROW_STEPS + 1)
-    sample = surface.evaluate(*_path(projection, along, np.full_like(along, beside), axis))
-    return float(np.linalg.norm(np.diff(sample.position, axis=1), axis=0).sum())
-
-
-def _arrow(surface: ControlSurface, projection: Projection, beside: float, axis: int) -> Segments:
-    """Shaft and head, at the share ``beside`` of the other parameter's range."""
+    Both borders are asked for at once: a surface's answer costs more by the call than by the point.
+    """
     tip = ARROW_MARGIN + ARROW_LENGTH
     shaft = np.linspace(ARROW_MARGIN, tip, ARROW_STEPS + 1)
-    lines = [(shaft, np.full_like(shaft, beside))]
-    for side in (-ARROW_HEAD, ARROW_HEAD):
-        lines.append((np.array([tip - 1.5 * ARROW_HEAD, tip]), np.array([beside + side, beside])))
-    pieces = []
-    for along, across in lines:
-        sample = surface.evaluate(*_path(projection, along, across, axis))
-        pieces.append(segments(sample.position[:, None], sample.valid[None], sample.tile[None]))
-    return joined(pieces)
+    barb = np.array([tip - 1.5 * ARROW_HEAD, tip])
+    along = np.concatenate([shaft, barb, barb])
+    aside = np.concatenate([np.zeros_like(shaft), [-ARROW_HEAD, 0.0], [ARROW_HEAD, 0.0]])
+    along, beside = np.tile(along, 2), np.concatenate([ARROW_MARGIN + aside, 1.0 - ARROW_MARGIN + aside])
+    sample = surface.evaluate(*ranged(projection, *((along, beside) if axis == 0 else (beside, along))))
+    drawn = sample.position.reshape(3, 2, -1)
+    valid, tile = sample.valid.reshape(2, -1), sample.tile.reshape(2, -1)
+    here, there = np.linalg.norm(np.diff(drawn[..., : len(shaft)], axis=2), axis=0).sum(axis=1)
+    chosen = 0 if here >= NARROW * there else 1
+    cuts = np.cumsum([0, len(shaft), len(barb), len(barb)])
+    return joined(
+        [
+            segments(drawn[:, [chosen], i:j], valid[[chosen], i:j], tile[[chosen], i:j])
+            for i, j in pairwise(cuts)
+        ]
+    )

@@ -13,12 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .piecewise import BLOCK, evaluate_pieces
 from .surfaces import ControlSurface, Placement, SurfaceSample
 from .typing import Array, IndexArray
 
 LOWEST_ORDER = 2
 # Combinations of control points that move samples by less than this share of the most do not show in them.
 UNSEEN = 1e-9
+# Rows of parameters shorter than this are not worth a loop over them.
+SHORTEST_ROW = 64
 
 
 @dataclass(frozen=True)
@@ -81,6 +84,20 @@ class Acting(NamedTuple):
     slope: Array
 
 
+class Pieces(NamedTuple):
+    """The basis functions from knot to knot, S pieces.
+
+    middle, length: (S,), in knots. point: (order, S), the control points that act.
+    values: (order, S, order), their functions as powers, lowest first, of the place in the
+    piece, -½ to ½: about the middle the rounding errors are least.
+    """
+
+    middle: Array
+    length: Array
+    point: IndexArray
+    values: Array
+
+
 @dataclass(frozen=True)
 class Basis:
     """The basis functions of an axis over ``count`` control points, the parameter from 0 to 1."""
@@ -112,6 +129,41 @@ class Basis:
         low, high = self.ends
         place = low + (high - low) * parameter
         return place, np.searchsorted(self.creases, place, side="right")
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The basis functions from knot to knot as polynomials, by the recurrence of ``acting``."""
+        degree = self.axis.order - 1
+        first = np.searchsorted(self.knots, self.ends[0], side="right") - 1
+        last = np.searchsorted(self.knots, self.ends[1], side="left") - 1
+        span = np.arange(first, last + 1)
+        span = span[self.knots[span] < self.knots[span + 1]]
+        middle = (self.knots[span] + self.knots[span + 1]) / 2
+        length = self.knots[span + 1] - self.knots[span]
+        values = np.zeros((self.axis.order, len(span), self.axis.order))
+        values[0, :, 0] = 1.0
+        for reach in range(1, degree + 1):
+            before, values = values[:reach], np.zeros_like(values)
+            for i in range(reach):
+                right, left = self.knots[span + 1 + i] - middle, middle - self.knots[span - (reach - 1 - i)]
+                share = before[i] / (right + left)[:, None]
+                # Times (right - length·s) and (left + length·s).
+                values[i] += right[:, None] * share
+                values[i, :, 1:] -= length[:, None] * share[:, :-1]
+                values[i + 1] += left[:, None] * share
+                values[i + 1, :, 1:] += length[:, None] * share[:, :-1]
+        point = (span - degree + np.arange(degree + 1)[:, None]) % self.count
+        return Pieces(middle, length, point, values)
+
+    def locate(self, parameter: Array) -> tuple[IndexArray, Array]:
+        """The piece of ``pieces`` at parameters (N,), and the place in it, -½ to ½."""
+        low, high = self.ends
+        middle, length = self.pieces[:2]
+        place = low + (high - low) * parameter
+        piece = np.searchsorted(middle[1:] - length[1:] / 2, place, side="right")
+        place -= middle.take(piece)
+        place /= length.take(piece)
+        return piece, place
 
     def acting(self, place: Array) -> Acting:
         """The acting control points at knot values (N,); at a knot the right-hand piece, at the end the last.
@@ -185,10 +237,18 @@ class NurbsPatch(ControlSurface):
 
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
         basis_u, basis_v = self._bases
-        across, up = basis_u.acting(basis_u.at(u)[0]), basis_v.acting(basis_v.at(v)[0])
-        total = self._combine(up.point, up.value, across.point, across.value)
-        position = total if len(total) == 3 else total[:3] / total[3]
-        return Placement(position, np.ones(len(u), bool))
+        width = _row_length(u, v)
+        if width >= SHORTEST_ROW:
+            across, up = basis_u.acting(basis_u.at(u[:width])[0]), basis_v.acting(basis_v.at(v[::width])[0])
+            total = self._combine_rows(up, across)
+        else:
+            total = np.empty((len(self._homogeneous), len(u)))
+            for start in range(0, len(u), BLOCK):
+                part = slice(start, start + BLOCK)
+                self._evaluate_block(u[part], v[part], total[:, part])
+        if len(total) == 4:
+            total[:3] /= total[3]
+        return Placement(total[:3], np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
         basis_u, basis_v = self._bases
@@ -207,6 +267,43 @@ class NurbsPatch(ControlSurface):
         tile = (tile_v * (len(basis_u.creases) + 1) + tile_u).astype(np.int32)
         return SurfaceSample(total, du, dv, tile, np.ones(len(u), bool))
 
+    @cached_property
+    def _coefficients(self) -> Array:
+        """The patch in each rectangle of knots as a polynomial: (powers of v, of u, 3 or 4, rectangles).
+
+        By the place in the rectangle, -½ to ½ either way; row by row.
+        """
+        rows, columns = np.shape(self.points)[:2]
+        across, up = (basis.pieces for basis in self._bases)
+        net = self._homogeneous.reshape(-1, rows, columns)
+        around = net[:, up.point[:, None, :, None], across.point[None, :, None, :]]
+        table = np.einsum("ivp,juq,kijvu->pqkvu", up.values, across.values, around, optimize=True)
+        return np.ascontiguousarray(table.reshape(*table.shape[:3], -1))
+
+    def _evaluate_block(self, u: Array, v: Array, total: Array) -> None:
+        """Homogeneous positions at u, v into ``total``."""
+        basis_u, basis_v = self._bases
+        (column, a), (row, b) = basis_u.locate(u), basis_v.locate(v)
+        evaluate_pieces(self._coefficients, row * len(basis_u.pieces.middle) + column, a, b, total)
+
+    def _combine_rows(self, up: Acting, across: Acting) -> Array:
+        """As ``_combine`` where each of H rows of parameters has the same W in it, (3 or 4, H · W).
+
+        Along v once a row, then along u the curve that this gives.
+        """
+        flat = self._homogeneous
+        rows, columns = np.shape(self.points)[:2]
+        net = flat.reshape(-1, rows, columns)
+        total = np.empty((len(flat), up.point.shape[1], across.point.shape[1]))
+        term = np.empty((len(flat), across.point.shape[1]))
+        for row in range(up.point.shape[1]):
+            curve = np.einsum("r,krc->kc", up.value[:, row], net[:, up.point[:, row]])
+            target = total[:, row]
+            np.multiply(curve.take(across.point[0], 1), across.value[0], out=target)
+            for place, weight in zip(across.point[1:], across.value[1:], strict=True):
+                target += np.multiply(curve.take(place, 1), weight, out=term)
+        return total.reshape(len(flat), -1)
+
     def _combine(self, rows: IndexArray, of_row: Array, columns: IndexArray, of_column: Array) -> Array:
         """Σ of_row · of_column · homogeneous point over the acting rows and columns, (3 or 4, N)."""
         width = np.shape(self.points)[1]
@@ -216,6 +313,18 @@ class NurbsPatch(ControlSurface):
             for column, column_weight in zip(columns, of_column, strict=True):
                 total += flat.take(row * width + column, 1) * (row_weight * column_weight)
         return total
+
+
+def _row_length(u: Array, v: Array) -> int:
+    """W where u, v (N,) are rows of W parameters with one v each and the same u in all, else 0."""
+    if len(v) == 0:
+        return 0
+    differs = v != v[0]
+    width = int(differs.argmax()) or len(v)
+    if len(v) % width:
+        return 0
+    across, up = u.reshape(-1, width), v.reshape(-1, width)
+    return width if (up == up[:, :1]).all() and (across == across[0]).all() else 0
 
 
 def fitted_points(samples: Array, weights: Array, along_u: NurbsAxis, along_v: NurbsAxis) -> Array:
@@ -237,7 +346,12 @@ def fitted_points(samples: Array, weights: Array, along_u: NurbsAxis, along_v: N
 def _collocation(basis: Basis, samples: int) -> Array:
     """The basis functions (columns) at even parameters (rows), (samples, count)."""
     step = samples if basis.axis.cyclic else max(samples - 1, 1)
-    acting = basis.acting(basis.at(np.arange(samples) / step)[0])
-    matrix = np.zeros((samples, basis.count))
-    np.add.at(matrix, (np.arange(samples), acting.point), acting.value)
+    return functions(basis, np.arange(samples) / step)
+
+
+def functions(basis: Basis, parameter: Array) -> Array:
+    """All basis functions, columns, at parameters (N,), rows: (N, count)."""
+    acting = basis.acting(basis.at(parameter)[0])
+    matrix = np.zeros((len(parameter), basis.count))
+    np.add.at(matrix, (np.arange(len(parameter)), acting.point), acting.value)
     return matrix

@@ -15,7 +15,7 @@ from typing import Literal, NamedTuple, cast
 
 import numpy as np
 
-from .basis import BasisKind
+from .basis import LARGEST_WEIGHT, SMALLEST_WEIGHT, BasisKind
 from .nurbs import NurbsAxis, NurbsPatch
 from .preset_values import (
     COORDINATE,
@@ -53,7 +53,7 @@ __all__ = [
 ]
 
 FORMAT = 1
-BASES = ("BEZIER", "POLYLINE", "B_SPLINE")
+BASES = ("BEZIER", "POLYLINE", "B_SPLINE", "NURBS")
 REPARAMETERISATIONS = ("RECTANGLE", "POLAR")
 FITS = ("WIDTH", "HEIGHT", "NONE")
 
@@ -72,6 +72,7 @@ _ARC = Limit(1e-6, 360.0)
 _LATITUDE = Limit(-90.0, 90.0)
 _ANGLE = Limit(-36000.0, 36000.0)
 _ASPECT = Limit(1e-3, 1e3)
+_WEIGHT = Limit(SMALLEST_WEIGHT, LARGEST_WEIGHT)
 # The orders that Blender's interface offers.
 _ORDER = Limit(2, 6)
 # Of a NURBS surface, along each direction: what Blender makes a patch of.
@@ -169,7 +170,7 @@ class PresetSurface:
     kind: as in ``surface_from_parameters``. matrix: (4, 4), own space to camera
     space. parameters: the kind's numbers, angles in radians. points: (rows,
     columns, 3) float64, rows along v, for PATCH and GRID, 3 or 4 numbers each for NURBS;
-    None for the others.
+    None for the others. weight: of the surface in NURBS projectors.
     """
 
     name: str
@@ -177,6 +178,7 @@ class PresetSurface:
     matrix: Array
     parameters: dict[str, float]
     points: Array | None = None
+    weight: float = 1.0
 
     def surface(self) -> ControlSurface:
         """The same as a control surface in camera space."""
@@ -238,7 +240,8 @@ class Preset:
 
     def volume(self) -> ViewingVolume:
         """The viewing volume in camera space."""
-        return ViewingVolume(tuple(s.surface() for s in self.surfaces), self.basis)
+        weights = tuple(s.weight for s in self.surfaces) if self.basis == "NURBS" else None
+        return ViewingVolume(tuple(s.surface() for s in self.surfaces), self.basis, weights)
 
     def projection(self, aspect: float) -> Projection:
         """The projection in camera space of an image of this aspect."""
@@ -350,6 +353,8 @@ def _surface_data(number: int, surface: PresetSurface) -> dict[str, object]:
     data["location"] = surface.matrix[:3, 3].tolist()
     data["rotation_degrees"] = [_degrees(angle) for angle in _euler_angles(axes)]
     data["scale"] = scale.tolist()
+    if surface.weight != 1.0:
+        data["weight"] = surface.weight
     return data
 
 
@@ -421,7 +426,7 @@ def _surface(data: object, number: int) -> PresetSurface:
     kind = read_choice(data["kind"], f"{where}: kind", tuple(_KINDS))
     limits = _KINDS[kind]
     required = ("name", "kind", *limits, *(("points",) if kind in _WITH_POINTS else ()))
-    values = read_object(data, where, required, ("location", "rotation_degrees", "scale"))
+    values = read_object(data, where, required, ("location", "rotation_degrees", "scale", "weight"))
     parameters = {}
     for key, limit in limits.items():
         value = read_number(values[key], f"{where}: {key}", limit)
@@ -437,7 +442,8 @@ def _surface(data: object, number: int) -> PresetSurface:
         points = read_points(values["points"], f"{where}: points", exactly, weighted=kind == "NURBS")
         if kind == "NURBS":
             _check_nurbs(points, parameters, where)
-    return PresetSurface(name, kind, _matrix(values, where), parameters, points)
+    weight = read_number(values.get("weight", 1.0), f"{where}: weight", _WEIGHT)
+    return PresetSurface(name, kind, _matrix(values, where), parameters, points, weight)
 
 
 def _check_nurbs(points: Array, parameters: dict[str, float], where: str) -> None:

@@ -52,6 +52,10 @@ class Reparameterisation(Protocol):
         image = self.map(x, y, aspect)
         return ImagePoints(image.u, image.v, image.mask)
 
+    def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
+        """The inverse of ``map``: x and y of parameters u, v (N,) in [0, 1]."""
+        ...
+
 
 @dataclass(frozen=True)
 class Rectangle(Reparameterisation):
@@ -65,6 +69,10 @@ class Rectangle(Reparameterisation):
         """See Reparameterisation.map; the whole image shows something."""
         one, zero = np.ones_like(x), np.zeros_like(x)
         return ImageMap(x, y, np.array([[one, zero], [zero, one]]), np.ones(len(x), bool))
+
+    def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
+        """See Reparameterisation.image_positions."""
+        return u, v
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,12 @@ class Polar(Reparameterisation):
             ]
         )
         return ImageMap(turn % 1.0, r, jacobian, r <= 1.0)
+
+    def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
+        """See Reparameterisation.image_positions."""
+        angle = 2 * np.pi * u
+        scale_x, scale_y = 2 * max(aspect, 1.0), 2 * max(1 / aspect, 1.0)
+        return 0.5 + v * np.cos(angle) / scale_x, 0.5 + v * np.sin(angle) / scale_y
 
 
 def reparameterisation(kind: str) -> Reparameterisation:

@@ -21,12 +21,15 @@ def segments(lines: Array, valid: BoolArray, tile: IndexArray | None = None) -> 
     Those of no length and those that touch a point that is not valid are left out.
     Where the tile changes the polyline is broken: tiles need not meet.
     """
-    points = np.moveaxis(lines, 0, -1).astype(np.float32)
-    pairs = np.stack([points[:, :-1], points[:, 1:]], axis=2)
-    kept = valid[:, :-1] & valid[:, 1:] & (pairs[:, :, 0] != pairs[:, :, 1]).any(axis=2)
+    x, y, z = components = lines.astype(np.float32)
+    kept = valid[:, :-1] & valid[:, 1:]
+    kept &= (x[:, :-1] != x[:, 1:]) | (y[:, :-1] != y[:, 1:]) | (z[:, :-1] != z[:, 1:])
     if tile is not None:
         kept &= tile[:, :-1] == tile[:, 1:]
-    found: Segments = np.ascontiguousarray(pairs[kept])
+    pairs = np.empty((*kept.shape, 2, 3), np.float32)
+    for target, component in zip(np.moveaxis(pairs, -1, 0), components, strict=True):
+        target[..., 0], target[..., 1] = component[:, :-1], component[:, 1:]
+    found: Segments = pairs.reshape(-1, 2, 3) if kept.all() else pairs[kept]
     return found
 
 

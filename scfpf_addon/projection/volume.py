@@ -50,11 +50,13 @@ class ViewingVolume:
     """Control surfaces Q0 (near) to Qm (far) joined by a projector basis.
 
     Q(u, v, t) = Σ B(i, m)(t) Qi(u, v), t in [0, 1] (paper §4.1); other bases
-    replace the Bernstein polynomials. Raises ValueError for fewer than two surfaces.
+    replace the Bernstein polynomials. weights: one a surface, above 0, for basis
+    NURBS; other bases leave them aside. Raises ValueError for fewer than two surfaces.
     """
 
     surfaces: tuple[ControlSurface, ...]
     basis: BasisKind = "BEZIER"
+    weights: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         if len(self.surfaces) < 2:
@@ -62,8 +64,8 @@ class ViewingVolume:
 
     @cached_property
     def spans(self) -> SpanBasis:
-        """The Bézier spans of every projector."""
-        return span_basis(self.basis, len(self.surfaces))
+        """The Bézier spans of every projector. Raises ValueError for weights that are none."""
+        return span_basis(self.basis, len(self.surfaces), self.weights)
 
     def controls(self, u: Array, v: Array, time: float = 0.0) -> ControlSample:
         """Control points of the projectors through (u, v), each (N,)."""

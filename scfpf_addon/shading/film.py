@@ -102,4 +102,5 @@ class Film:
 
     def develop(self, pixels: Single) -> None:
         """Write the mean into pixels (count, 4): premultiplied by alpha."""
-        np.multiply(self._sum.T, np.float32(1 / self._samples), out=pixels)
+        for channel, total in zip(pixels.T, self._sum, strict=True):
+            np.multiply(total, np.float32(1 / self._samples), out=channel)

@@ -4,19 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from itertools import pairwise
-from threading import Event
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
 from ..casting.cast import cast
-from ..casting.frame import thread_count
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
+from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.folds import find_folds
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
@@ -26,13 +23,6 @@ from .report import RenderReport
 from .scene import Scene
 from .surface import PhongTable, SurfaceTable
 from .typing import Single
-
-# Pixels in a tile: enough for NumPy's overhead not to count, few enough for the caches.
-TILE_PIXELS = 1 << 16
-# An image is cut into at least this many tiles, if it has so many rows, so that all cores work.
-FEWEST_TILES = 16
-# Seconds between two looks at whether the user has cancelled.
-POLL_SECONDS = 0.05
 
 
 @dataclass(frozen=True)
@@ -77,7 +67,7 @@ def render_frame(
 
     projection: in world space. cast_scene: made of the scene's triangles before, to
     save building it again. progress(share in [0, 1]), cancelled() and on_tile(rows,
-    pixels (rows, W, 4)) are called from the calling thread as tiles are finished, in
+    pixels (rows, W, 4)) are called from the calling thread, the last as tiles are finished, in
     any order. What a tile raises is raised here, after all threads have ended.
     CastError when the scene's triangles cannot be cast at; a scene without any
     shows its background.
@@ -86,24 +76,22 @@ def render_frame(
     pipeline = Pipeline.of(projection, scene, settings, cast_scene)
     build_seconds = perf_counter() - started
     pixels = np.empty((settings.height, settings.width, 4), np.float32)
-    counts, hits, rows_done = CastCounts(), 0, 0
+    counts, hits = CastCounts(), 0
 
-    def render(rows: slice, stop: Event) -> TileCounts:
-        return pipeline.render_tile(rows, pixels[rows].reshape(-1, 4), stop)
+    def render(job: TileJob) -> TileCounts:
+        return pipeline.render_tile(job, pixels[job.rows].reshape(-1, 4))
 
     def finished(rows: slice, tile: TileCounts) -> None:
-        nonlocal hits, rows_done
+        nonlocal hits
         counts.add(tile.cast)
         hits += tile.hits
-        rows_done += rows.stop - rows.start
         if on_tile:
             on_tile(rows, pixels[rows])
-        if progress:
-            progress(rows_done / settings.height)
 
-    tiles = tile_rows(settings.width, settings.height)
-    if not run_tiles(render, tiles, thread_count(settings.threads), finished, cancelled):
+    tiles = image_tiles(settings.width, settings.height)
+    if not run_tiles(render, tiles, settings.threads, finished, progress, cancelled):
         return None
+    folds = find_folds(projection)
     report = RenderReport(
         settings.width,
         settings.height,
@@ -115,7 +103,8 @@ def render_frame(
         counts.chords,
         hits / counts.projectors if counts.projectors else 0.0,
         counts.error_bound,
-        find_folds(projection).share,
+        folds.share,
+        folds.mirrored,
     )
     return Frame(pixels, report)
 
@@ -187,21 +176,22 @@ class Pipeline:
             Shading.of(scene, cast_scene, settings.samples) if cast_scene else None,
         )
 
-    def render_tile(self, rows: slice, pixels: Single, stop: Event) -> TileCounts:
+    def render_tile(self, job: TileJob, pixels: Single) -> TileCounts:
         """Samples → projectors → hits → colours → film, into pixels (n, 4).
 
-        Gives up between two samples when ``stop`` is set.
+        Gives up between two samples when the job is to stop.
         """
         counts, hit_count = CastCounts(), 0
         film = Film(len(pixels), self.background, self.settings.transparent)
         for sample in range(self.settings.samples):
-            if stop.is_set():
+            if job.stop.is_set():
                 break
-            hits = self.cast(*self.image_positions(rows, sample), counts)
+            hits = self.cast(*self.image_positions(job.rows, sample), counts)
             where = np.flatnonzero(hits.triangle >= 0)
             color = self.shading.color(hits, where, sample) if self.shading else np.zeros((3, 0), np.float32)
             film.add(hits.mask, where, color)
             hit_count += len(where)
+            job.done = (sample + 1) / self.settings.samples
         else:
             film.develop(pixels)
         return TileCounts(counts, hit_count)
@@ -226,39 +216,5 @@ class Pipeline:
             self.settings.pixel_error,
             counts,
             self.settings.width,
+            self.shading is None or self.shading.surface.weighted,
         )
-
-
-def tile_rows(width: int, height: int) -> list[slice]:
-    """The rows of each tile, bottom to top: they depend on the image's size alone."""
-    most = max(1, min(TILE_PIXELS // width, -(-height // FEWEST_TILES)))
-    count = -(-height // most)
-    bounds = [height * k // count for k in range(count + 1)]
-    return [slice(start, end) for start, end in pairwise(bounds)]
-
-
-def run_tiles(
-    work: Callable[[slice, Event], TileCounts],
-    tiles: list[slice],
-    threads: int,
-    finished: Callable[[slice, TileCounts], None],
-    cancelled: Callable[[], bool] | None,
-) -> bool:
-    """Do the work of all tiles in threads; False when cancelled before the end.
-
-    finished and cancelled are called in the calling thread. However this ends, the work
-    left over is told to stop by its event, and all threads have ended.
-    """
-    stop = Event()
-    with ThreadPoolExecutor(threads) as pool:
-        pending = {pool.submit(work, rows, stop): rows for rows in tiles}
-        try:
-            while pending:
-                if cancelled and cancelled():
-                    return False
-                done, _ = wait(pending, POLL_SECONDS, FIRST_COMPLETED)
-                for future in done:
-                    finished(pending.pop(future), future.result())
-        finally:
-            stop.set()
-    return True

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..casting.scene import CastScene
-from ..projection.typing import Array
+from ..projection.typing import Array, IndexArray
 from .film import lamp_positions
 from .scene import Light
 from .surface import TINY, PhongTable, SurfacePoints, dot
@@ -126,8 +126,9 @@ def radiance(
     Emission and the world's light, plus for every lamp Lambert's and Phong's share
     of what arrives. The highlight is (R·V)ⁿ with V against the projector's tangent.
     """
-    color = table.emitted.take(points.material, axis=1, mode="clip")
-    exponent = table.exponent.take(points.material, mode="clip")
+    color = np.empty_like(points.normal)
+    color[:] = by_material(table.emitted, points.material)
+    exponent = by_material(table.exponent, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:
         light = lamp.incidence(points.position, sample)
@@ -137,8 +138,7 @@ def radiance(
         if lamp.light.casts_shadow:
             cut_shadows(received, points, light, cast_scene)
         tint = lamp.color[:, None]
-        share = (table.diffuse * tint).take(points.material, axis=1, mode="clip")
-        color += np.multiply(share, received, out=share)
+        color += by_material(table.diffuse * tint, points.material) * received
         if table.glossy:
             mirror = 2 * cosine
             mirror *= facing
@@ -147,9 +147,16 @@ def radiance(
             mirror = np.log(np.maximum(mirror, TINY, out=mirror), out=mirror)
             mirror *= exponent
             received *= np.exp(mirror, out=mirror)
-            share = (table.gloss * tint).take(points.material, axis=1, mode="clip")
-            color += np.multiply(share, received, out=share)
+            color += by_material(table.gloss * tint, points.material) * received
     return color
+
+
+def by_material(table: Single, material: IndexArray) -> Single:
+    """The entries (…, N) of a table (…, M) by material, or the one entry (…, 1) that there is."""
+    if table.shape[-1] == 1:
+        return table
+    entries: Single = table.take(material, axis=-1, mode="clip")
+    return entries
 
 
 def cut_shadows(received: Single, points: SurfacePoints, light: Incidence, cast_scene: CastScene) -> None:

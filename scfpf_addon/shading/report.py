@@ -16,7 +16,8 @@ class RenderReport:
     where the scene is; rays: all that were traced for them, shadow rays not counted.
     hit_fraction: of the projectors, in [0, 1]. error_bound: pixels between a projector
     and its chords, at most. folded_share: of the volume shown, that is turned inside out, so
-    that its picture is mirrored (``projection.folds``).
+    that its picture is mirrored (``projection.folds``). mirrored: whether the picture of
+    the rest is.
     """
 
     width: int
@@ -30,6 +31,7 @@ class RenderReport:
     hit_fraction: float
     error_bound: float
     folded_share: float
+    mirrored: bool = False
 
     @property
     def chords_per_projector(self) -> float:
@@ -53,6 +55,8 @@ class RenderReport:
             else:
                 parts.append(f"{self.chords_per_projector:.1f} chords a projector")
                 parts.append(f"error ≤ {self.error_bound:.2g} px")
+        if self.mirrored:
+            parts.append("mirrored")
         if self.folded:
             parts.append(f"{max(self.folded_share, 0.01):.0%} of the volume folds")
         return " · ".join(parts)

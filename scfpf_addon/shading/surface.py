@@ -23,6 +23,9 @@ TINY = np.float32(1e-30)
 # Roughness below which a highlight no longer sharpens. Its exponent is 12,200, a spot a
 # degree across; what that power makes of a float32's rounding is still below 0.1 %.
 SMALLEST_ROUGHNESS = 0.08
+# Corner normals this close to their triangle's, component by component, are no smooth shading:
+# float32 normals that were stored in 16 bits.
+FLAT = 1e-4
 
 
 class ShadowStart(NamedTuple):
@@ -62,32 +65,40 @@ def dot(a: Single, b: Single) -> Single:
 class SurfaceTable:
     """What is looked up by triangle, component-first so that a lookup is one take.
 
-    normals: (12, T) float32: the first corner's normal, the differences to it of the
-    second's and third's, and the unit normal of the triangle on the same side.
-    bulge: (6, T) float32, see ``corner_heights``; None where nothing casts a shadow.
-    material: (T,).
+    flat: (3, T) float32, unit normals of the triangles, on the side of the corners'.
+    smooth: (9, T) float32: the first corner's normal, and the differences to it of the second's
+    and third's; None where all are those of their triangles.
+    bulge: (6, T) float32, see ``corner_heights``; None where nothing casts a shadow, or
+    nothing is smooth. shadows: whether anything casts one. material: (T,).
     """
 
     cast_scene: CastScene
-    normals: Single
+    flat: Single
+    smooth: Single | None
     bulge: Single | None
+    shadows: bool
     material: IndexArray
+
+    @property
+    def weighted(self) -> bool:
+        """Whether ``points`` needs the barycentric weights of a hit."""
+        return self.smooth is not None
 
     @classmethod
     def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool) -> SurfaceTable:
         """The table of the triangles that ``cast_scene`` was made of."""
-        normals = np.empty((4, 3, len(geometry.triangles)), np.float32)
+        normals = np.empty((3, 3, len(geometry.triangles)), np.float32)
         for corner in range(3):
             normals[corner] = geometry.corner_normals[:, corner].T
-        bulge = corner_heights(cast_scene, normals[:3]) if shadows else None
-        normals[3] = cast_scene.planes[:3]
-        agreement = dot(normals[3], normals[0])
-        agreement += dot(normals[3], normals[1])
-        agreement += dot(normals[3], normals[2])
-        normals[3] *= np.copysign(np.float32(1), agreement)
-        normals[1] -= normals[0]
-        normals[2] -= normals[0]
-        return cls(cast_scene, normals.reshape(12, -1), bulge, geometry.material.astype(np.intp))
+        flat = cast_scene.planes[:3].astype(np.float32)
+        flat *= np.copysign(np.float32(1), sum(dot(flat, normal) for normal in normals))
+        material = geometry.material.astype(np.intp)
+        hit = np.flatnonzero(flat.any(axis=0))
+        if all(np.abs(normal - flat)[:, hit].max(initial=0) <= FLAT for normal in normals):
+            return cls(cast_scene, flat, None, None, shadows, material)
+        bulge = corner_heights(cast_scene, normals) if shadows else None
+        normals[1:] -= normals[0]
+        return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material)
 
     def points(
         self, triangle: IndexArray, barycentric: Array, position: Array, tangent: Array
@@ -98,23 +109,39 @@ class SurfaceTable:
         space; the tangent is dQ/dt of the projector, of any length.
         """
         triangle = triangle.astype(np.intp)
-        weight = barycentric.astype(np.float32)
-        normal, second, third, flat = self.normals.take(triangle, axis=1, mode="clip").reshape(4, 3, -1)
-        second *= weight[0]
-        third *= weight[1]
-        normal += second
-        normal += third
+        flat = self.flat.take(triangle, axis=1)
         view = tangent.astype(np.float32)
         view *= -1 / np.maximum(np.sqrt(dot(view, view)), TINY)
         # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
         side = np.copysign(np.float32(1), dot(flat, view))
-        normal *= side / np.maximum(np.sqrt(dot(normal, normal)), TINY)
+        flat *= side
+        weight = barycentric.astype(np.float32)
+        normal = (
+            flat if self.smooth is None else smooth_normal(self.smooth.take(triangle, axis=1), weight, side)
+        )
         shadow = None
-        if self.bulge is not None:
-            height = smooth_height(self.bulge.take(triangle, axis=1), weight, side)
+        if self.shadows:
+            if self.bulge is None:
+                height = np.zeros_like(side)
+            else:
+                height = smooth_height(self.bulge.take(triangle, axis=1), weight, side)
             origin = self.cast_scene.offset_origins(position, triangle, -tangent)
-            shadow = ShadowStart(origin, np.multiply(flat, side, out=flat), height)
+            shadow = ShadowStart(origin, flat, height)
         return SurfacePoints(position.astype(np.float32), normal, view, self.material.take(triangle), shadow)
+
+
+def smooth_normal(corners: Single, weight: Single, side: Single) -> Single:
+    """Interpolated unit normals (3, N), on the given side.
+
+    corners: (9, N) as in ``SurfaceTable.smooth``, used up; weight: (2, N); side: (N,) ±1.
+    """
+    normal, second, third = corners.reshape(3, 3, -1)
+    second *= weight[0]
+    third *= weight[1]
+    normal += second
+    normal += third
+    normal *= side / np.maximum(np.sqrt(dot(normal, normal)), TINY)
+    return normal
 
 
 def corner_heights(cast_scene: CastScene, normals: Single) -> Single:

@@ -218,3 +218,32 @@ def test_the_viewport_s_own_background_chooses_the_colours(drawing):
     assert seen() == pytest.approx((1, 1, 1), abs=1e-3)
     space.shading.type = "MATERIAL"
     assert seen() == gradients
+
+
+def test_safe_areas_are_drawn_and_follow_their_settings_without_an_edit_of_the_volume(drawing, camera, view):
+    before, edits = shoot(drawing, camera, view), drawing.drawings.edits
+    camera.data.show_safe_areas = True
+    drawing.drawings.edits = edits  # whatever Blender has said of it
+    assert roles(drawing, camera) == ALWAYS | {"SAFE"}
+    shown = shoot(drawing, camera, view)
+    assert (shown != before).any()
+    bpy.context.scene.safe_areas.title = (0.5, 0.5)
+    drawing.drawings.edits = edits
+    assert not np.array_equal(shoot(drawing, camera, view), shown)
+    camera.data.show_safe_areas = False
+    drawing.drawings.edits = edits
+    assert roles(drawing, camera) == ALWAYS
+
+
+def test_a_selected_surface_keeps_the_colour_that_blender_gives_it(drawing, camera):
+    near = camera.scfpf.surfaces[0].object
+    near.select_set(True)
+    assert drawing.selected_surfaces(camera) == ()
+    camera.scfpf.edit_volume = True
+    bpy.context.view_layer.update()
+    near.select_set(True)
+    assert drawing.selected_surfaces(camera) == (0,)
+    assert roles(drawing, camera) == ALWAYS
+    for slot in camera.scfpf.surfaces:
+        slot.object.select_set(True)
+    assert roles(drawing, camera) == ALWAYS - {"SURFACE"}

@@ -117,6 +117,7 @@ def test_a_deleted_surface_may_be_gone_after_a_reload(bridge, reading, camera, t
 @pytest.mark.parametrize("linked", [False, True], ids=["Shift-D", "Alt-D"])
 def test_a_duplicate_with_its_surfaces_is_a_camera_of_its_own(bridge, reading, camera, linked):
     three_surfaces(bridge, camera)
+    camera.scfpf.edit_volume = True
     bpy.context.view_layer.update()
     for obj in bpy.context.view_layer.objects:
         obj.select_set(True)

@@ -122,7 +122,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
         record = drawn(getattr(bpy.types, f"SCFPF_PT_data{section}"))
         names |= {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_CameraSettings"}
     hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object", "report"}
-    hidden |= {"pick", "pick_t", "pick_distance", "pick_object"}
+    hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden
 
 
@@ -136,6 +136,14 @@ def test_main_section_without_a_camera_with_an_ordinary_and_with_a_flexible_one(
     record = drawn(main)
     assert ("operator", "scfpf.render") in record
     assert ("operator", "scfpf.result_show") not in record
+
+
+def test_fit_is_offered_while_the_resolution_has_another_shape(camera):
+    assert ("operator", "scfpf.volume_fit_picture") not in drawn(bpy.types.SCFPF_PT_view)
+    bpy.context.scene.render.resolution_x = 500
+    assert ("operator", "scfpf.volume_fit_picture") in drawn(bpy.types.SCFPF_PT_view)
+    bpy.ops.scfpf.volume_fit_picture()
+    assert ("operator", "scfpf.volume_fit_picture") not in drawn(bpy.types.SCFPF_PT_view)
 
 
 def test_report_and_picture_are_offered_after_a_render(camera):

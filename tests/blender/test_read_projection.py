@@ -211,7 +211,16 @@ def near_and_far(bridge, camera):
     return near, far
 
 
-def test_a_lost_volume_object_is_named_or_not_needed(bridge, reading, pure, camera):
+@pytest.fixture
+def without_upkeep(addon):
+    """Without the handler that would bring a lost volume object back."""
+    upkeep = addon("scfpf_addon.bridge.volume_upkeep")
+    upkeep.unregister()
+    yield
+    upkeep.register()
+
+
+def test_a_lost_volume_object_is_named_or_not_needed(without_upkeep, bridge, reading, pure, camera):
     _, far = near_and_far(bridge, camera)
     bpy.data.objects.remove(camera.scfpf.volume_object)
     assert len(read(reading, camera).volume.surfaces) == 2

@@ -66,11 +66,12 @@ def eigenvalue_roots(powers):
     return real
 
 
-def evaluate(controls, t):
-    """Points (3, N) of Bézier curves (d+1, 3, N)."""
+def evaluate(controls, t, weights):
+    """Points (3, N) of Bézier curves (d+1, 3, N) with weights (d+1,)."""
     degree = len(controls) - 1
-    weights = np.stack([comb(degree, i) * t**i * (1 - t) ** (degree - i) for i in range(degree + 1)])
-    return np.einsum("kn,kcn->cn", weights, controls)
+    shares = np.stack([comb(degree, i) * t**i * (1 - t) ** (degree - i) for i in range(degree + 1)])
+    shares *= weights[:, None]
+    return np.einsum("kn,kcn->cn", shares, controls) / shares.sum(axis=0)
 
 
 def inside(corners, points):
@@ -85,8 +86,8 @@ def inside(corners, points):
     return np.min(shares, axis=0) >= -INSIDE
 
 
-def first_hits(controls, corners):
-    """First t and triangle of Bézier curves (d+1, 3, N) and triangles (T, 3, 3)."""
+def first_hits(controls, corners, weights):
+    """First t and triangle of Bézier curves (d+1, 3, N) with weights (d+1,) and triangles (T, 3, 3)."""
     count = controls.shape[2]
     t, triangle = np.full(count, np.inf), np.full(count, -1)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -104,9 +105,9 @@ def first_hits(controls, corners):
             beyond = np.einsum("tc,kcn->knt", inward, some) - np.einsum("tc,tc->t", inward, corners[:, k])
             crossing &= beyond.max(axis=0) >= -1e-9
         curve, face = np.nonzero(crossing)
-        for roots in real_roots(heights[:, curve, face]):
+        for roots in real_roots(heights[:, curve, face] * weights[:, None]):
             known = np.flatnonzero(~np.isnan(roots))
-            points = evaluate(some[:, :, curve[known]], roots[known])
+            points = evaluate(some[:, :, curve[known]], roots[known], weights)
             hit = known[inside(corners[face[known]], points)]
             # The last of several writes to one pixel is the nearest.
             hit = hit[np.argsort(-roots[hit])]
@@ -122,7 +123,8 @@ def brute_force(vertices, triangles, projection, x, y):
     t, triangle = np.full(len(x), np.inf), np.full(len(x), -1)
     for span in reversed(range(len(spans.matrices))):
         controls = np.einsum("ik,kcn->icn", spans.matrices[span], points)
-        local, found = first_hits(controls, vertices[triangles])
+        weights = np.ones(len(controls)) if spans.point_weights is None else spans.point_weights[span]
+        local, found = first_hits(controls, vertices[triangles], weights)
         start, end = spans.breaks[span], spans.breaks[span + 1]
         hit = np.isfinite(local) & valid
         t[hit], triangle[hit] = start + local[hit] * (end - start), found[hit]

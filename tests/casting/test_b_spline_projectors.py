@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Projectors of several cubic spans: the first hit against dense sampling in float64."""
+"""Projectors of cubic spans that are no Bézier curve of their surfaces: the first hit against dense sampling.
+
+The reference is in float64.
+"""
 
 import numpy as np
 import pytest
@@ -7,6 +10,7 @@ import pytest
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.hits import Hits
 from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.projection.lattice_volume import Lattice
 from scfpf_addon.projection.nurbs import NurbsAxis, NurbsPatch
 from scfpf_addon.projection.surfaces import Grid
 from scfpf_addon.projection.volume import Projection, ViewingVolume
@@ -17,6 +21,8 @@ PIECES = 1500
 T_ERROR = 1e-4
 # Share of projectors that may meet another triangle: silhouettes within the pieces' and the chords' error.
 SILHOUETTES = 0.01
+# Interpolation and layers of lattices; of two layers a projector is one span.
+LATTICES = [("BSPLINE", 2), ("BSPLINE", 5), ("CARDINAL", 3)]
 # Pixels along and up the image, and how many of them are compared.
 SIDE, COMPARED = 96, 300
 
@@ -32,6 +38,11 @@ def triangles():
 def projection(kind, count, basis="B_SPLINE"):
     """Wavering surfaces one behind the other, so that projectors bend in every span."""
     rng = np.random.default_rng(count)
+    if kind in {"BSPLINE", "CARDINAL"}:
+        moved = rng.normal(scale=0.05, size=(count, 4, 4, 3))
+        moved += rng.uniform(-0.6, 0.6, (count, 1, 1, 3)) * (1, 1, 0)
+        lattice = Lattice(np.array([-1.0, -1, -6]), np.array([1.0, 1, 0]), moved, (kind,) * 3)
+        return Projection(lattice.volume(np.eye(4)))
     line = np.linspace(-1, 1, 4)
     x, y = np.meshgrid(line, line)
     surfaces = []
@@ -71,7 +82,7 @@ def first_by_sampling(volume, u, v, vertices, triangles):
     return best, which
 
 
-@pytest.mark.parametrize(("kind", "count"), [("GRID", 5), ("GRID", 8), ("NURBS", 6), ("NURBS", 4)])
+@pytest.mark.parametrize(("kind", "count"), [("GRID", 5), ("GRID", 8), ("NURBS", 6), ("NURBS", 4), *LATTICES])
 @pytest.mark.parametrize("columns", [None, SIDE])
 def test_the_first_hit_is_that_of_dense_sampling(kind, count, columns):
     world = projection(kind, count)

@@ -10,9 +10,11 @@ import pytest
 
 from benchmarks.scenes import bent_projection, boxes
 from scfpf_addon.casting import frame as module
-from scfpf_addon.casting.frame import cast_frame, image_tiles, pixel_centres, thread_count
+from scfpf_addon.casting import tiles as tiling
+from scfpf_addon.casting.frame import cast_frame, pixel_centres
 from scfpf_addon.casting.hits import CastCounts
 from scfpf_addon.casting.scene import CastError, CastScene
+from scfpf_addon.casting.tiles import image_tiles, thread_count
 
 WIDTH, HEIGHT = 80, 50
 
@@ -24,7 +26,7 @@ def scene():
 
 @pytest.fixture
 def small_tiles(monkeypatch):
-    monkeypatch.setattr(module, "TILE_PIXELS", 7 * WIDTH)
+    monkeypatch.setattr(tiling, "TILE_PIXELS", 7 * WIDTH)
 
 
 @pytest.mark.parametrize(("degree", "angle"), [(1, 0), (2, 60)])
@@ -63,13 +65,16 @@ def test_hits_come_in_image_order(scene, reference):
     np.testing.assert_allclose(hits.position, image.position, atol=1e-12)
 
 
-@pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 300), (300, 1), (3, 2), (200_000, 2)])
+@pytest.mark.parametrize(
+    ("width", "height"), [(1, 1), (1, 300), (300, 1), (3, 2), (1920, 1080), (200_000, 2), (64, 65536)]
+)
 def test_tiles_cover_the_image_once(width, height):
     tiles = image_tiles(width, height)
-    assert tiles[0][0] == 0 and tiles[-1][1] == height
-    assert all(a[1] == b[0] for a, b in pairwise(tiles))
-    assert all(last > first for first, last in tiles)
-    assert all((last - first) * width <= max(module.TILE_PIXELS, width) for first, last in tiles)
+    assert tiles[0].start == 0 and tiles[-1].stop == height
+    assert all(a.stop == b.start for a, b in pairwise(tiles))
+    assert all(rows.stop > rows.start for rows in tiles)
+    assert max(rows.stop - rows.start for rows in tiles) * width <= max(tiling.TILE_PIXELS, width)
+    assert len(tiles) >= min(height, tiling.FEWEST_TILES)
 
 
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 40), (40, 1), (2, 3)])

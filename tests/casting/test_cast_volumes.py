@@ -90,7 +90,7 @@ def test_a_straight_volume_of_uneven_speed_hits_the_same_points(reference):
     one = reference.cast_image(scene, straight, WIDTH, HEIGHT)
     other = reference.cast_image(scene, uneven, WIDTH, HEIGHT, counts=counts)
     same = np.linalg.norm(one.position - other.position, axis=0) < 1e-9
-    assert same.mean() > 0.999 and counts.chords == counts.projectors
+    assert same.mean() > 0.999 and 0 < counts.chords <= counts.projectors
     assert counts.compared == 0
 
 

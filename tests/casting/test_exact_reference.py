@@ -9,8 +9,8 @@ import pytest
 
 from benchmarks.hard_scenes import HARD_SCENES
 from benchmarks.scenes import SCENES, bent_projection
-from scfpf_addon.casting import frame as frame_module
 from scfpf_addon.casting import scene as scene_module
+from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.frame import cast_frame, pixel_centres
 from scfpf_addon.casting.hits import CastCounts
@@ -124,7 +124,7 @@ def test_a_hundred_thousand_triangles(reference, scene):
 def test_neither_tiles_nor_threads_show(monkeypatch):
     frames = []
     for threads, pixels in ((1, 1 << 16), (2, 7 * WIDTH), (3, 16 * WIDTH)):
-        monkeypatch.setattr(frame_module, "TILE_PIXELS", pixels)
+        monkeypatch.setattr(tiling, "TILE_PIXELS", pixels)
         frames.append(cast_frame(cast_scene("boxes"), volume("quadratic"), WIDTH, HEIGHT, 0.0, threads))
     for other in frames[1:]:
         assert (frames[0].triangle == other.triangle).all()

@@ -71,4 +71,4 @@ def test_bad_bases_are_refused():
     with pytest.raises(ValueError, match="at least two"):
         span_basis("BEZIER", 1)
     with pytest.raises(ValueError, match="unknown"):
-        span_basis("NURBS", 3)
+        span_basis("CATMULL_ROM", 3)

@@ -53,7 +53,7 @@ class HoledPlane(ControlSurface):
 
 
 def test_every_role_has_a_colour_and_lines_are_float32_segments():
-    lines = diagram(straight(), DiagramOptions(3, 3, iso=(0.5,), pick=(0.2, 0.4)))
+    lines = diagram(straight(), DiagramOptions(3, 3, iso=(0.5,), pick=(0.2, 0.4), safe_areas=((0.1, 0.1),)))
     assert list(lines) == list(BRIGHT)
     for role, segments in lines.items():
         assert segments.dtype == np.float32 and segments.shape[1:] == (2, 3)

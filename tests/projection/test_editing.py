@@ -76,6 +76,28 @@ def test_elevated_volume_is_the_same(name):
         assert np.abs(before - after).max() < 1e-12 * np.abs(before).max()
 
 
+@pytest.mark.parametrize("basis", ["BEZIER", "B_SPLINE", "NURBS"])
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_a_volume_with_a_surface_inserted_is_the_same(basis, count):
+    surfaces = tuple(grid(3, 4, -2.0 * i) for i in range(count))
+    weights = (0.5, 3.0, 0.2, 7.0)[:count] if basis == "NURBS" else None
+    volume = ViewingVolume(surfaces, basis, weights)
+    found = editing.inserted(volume, 0, 64)
+    assert (found.first, found.replaced) == (1, count - 2) and all(shape.exact for shape in found.shapes)
+    inner = tuple(surface(shape) for shape in found.shapes)
+    after = ViewingVolume((surfaces[0], *inner, surfaces[-1]), basis, found.weights)
+    assert len(after.surfaces) == count + 1
+    for one, other in zip(volume.evaluate(U, V, T), after.evaluate(U, V, T), strict=True):
+        assert np.abs(one - other).max() < 1e-12 * np.abs(one).max()
+
+
+@pytest.mark.parametrize("basis", ["B_SPLINE", "NURBS"])
+def test_where_knots_allow_no_further_surface_that_is_said(basis):
+    volume = ViewingVolume(tuple(grid(3, 4, -2.0 * i) for i in range(5)), basis)
+    with pytest.raises(editing.EditingError, match="more than four surfaces"):
+        editing.inserted(volume, 0, 64)
+
+
 @pytest.mark.parametrize(
     "surfaces",
     [
@@ -171,4 +193,13 @@ def test_what_lies_inside_is_found(name):
     inner = 0.02 + 0.96 * RANDOM.random((3, 60))
     assert editing.contains(volume, volume.evaluate(*inner).position).all()
     outside = volume.evaluate(U[:40], V[:40], np.full(40, 1.05)).position
+    assert not editing.contains(volume, outside).any()
+
+
+@pytest.mark.parametrize("weights", [(1.0, 2.0, 0.5), (1.0, 10.0, 0.1), (30.0, 1.0, 0.1), (0.02, 1.0, 40.0)])
+def test_what_lies_inside_a_weighted_volume_is_found(weights):
+    volume = ViewingVolume(VOLUMES["cylinders"], "NURBS", weights)
+    inner = 0.02 + 0.96 * RANDOM.random((3, 60))
+    assert editing.contains(volume, volume.evaluate(*inner).position).all()
+    outside = ViewingVolume(VOLUMES["cylinders"]).evaluate(U[:40], V[:40], np.full(40, 1.05)).position
     assert not editing.contains(volume, outside).any()

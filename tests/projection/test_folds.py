@@ -7,12 +7,19 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from scfpf_addon.projection.bezier import bernstein
 from scfpf_addon.projection.diagram import FOLD_PIECES, parted_projector_lines, projector_lines
-from scfpf_addon.projection.folds import FOLD_GRID, find_folds
+from scfpf_addon.projection.folds import (
+    FOLD_GRID,
+    determinant_controls,
+    find_folds,
+    folded_pieces,
+    orientations,
+)
 from scfpf_addon.projection.preset import read_preset
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import Cylinder, Disc, Grid, Plane, Point, SphereSector
-from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.projection.volume import Projection, ViewingVolume, determinant
 
 PRESETS = sorted((pathlib.Path(__file__).resolve().parents[2] / "presets").glob("*.json"))
 
@@ -141,3 +148,75 @@ def test_without_folds_the_lines_are_those_of_projector_lines():
     projection = planes((1, 1), (3, 2), (4, 4))
     good, folded = parted_projector_lines(projection, 4, 3)
     assert np.array_equal(good, projector_lines(projection, 4, 3)) and folded.shape == (0, 2, 3)
+
+
+def random_volume(seed, count, basis):
+    """Planes, spheres, cones and grids in random places, so that about half of the volumes fold."""
+    random = np.random.default_rng(seed)
+    surfaces = []
+    for index in range(count):
+        matrix = placed(-2.0 * index)
+        matrix[:3, :3] += random.normal(scale=0.4, size=(3, 3))
+        shapes = (
+            Plane(*random.uniform(0.5, 3, 2), matrix=matrix),
+            SphereSector(random.uniform(0.5, 3), 2.0, -0.8, 0.8, matrix=matrix),
+            Grid(random.normal(size=(3, 4, 3)), matrix=matrix),
+        )
+        surfaces.append(shapes[random.integers(3)])
+    return ViewingVolume(tuple(surfaces), basis)
+
+
+@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE", "B_SPLINE"])
+@pytest.mark.parametrize("count", [2, 3, 4, 6])
+@pytest.mark.parametrize("seed", range(6))
+def test_the_quick_way_finds_the_same_folded_pieces(seed, count, basis):
+    volume = random_volume(seed, count, basis)
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 11)))
+    controls = volume.controls(u, v)
+    t = (np.arange(FOLD_PIECES) + 0.5) / FOLD_PIECES
+    signs = orientations(volume, controls, t)
+    for orientation in (-1, 0, 1):
+        found = folded_pieces(volume, controls, t, orientation)
+        assert np.array_equal(found, (signs == -orientation) & (orientation != 0))
+
+
+def test_rational_projectors_have_the_same_folded_pieces():
+    volume = replace(random_volume(2, 3, "NURBS"), weights=(1.0, 4.0, 0.5))
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 11)))
+    controls = volume.controls(u, v)
+    t = (np.arange(FOLD_PIECES) + 0.5) / FOLD_PIECES
+    signs = orientations(volume, controls, t)
+    for orientation in (-1, 1):
+        assert np.array_equal(folded_pieces(volume, controls, t, orientation), signs == -orientation)
+
+
+@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+def test_the_quick_way_finds_the_same_in_presets(path):
+    volume = in_float32(read_preset(path).projection(1.5)).volume
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 32), np.linspace(0, 1, 32)))
+    controls = volume.controls(u, v)
+    t = (np.arange(FOLD_PIECES) + 0.5) / FOLD_PIECES
+    signs = orientations(volume, controls, t)
+    for orientation in (-1, 1):
+        assert np.array_equal(folded_pieces(volume, controls, t, orientation), signs == -orientation)
+
+
+@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE", "B_SPLINE"])
+def test_the_determinant_in_bernstein_form_is_the_determinant(basis):
+    volume = random_volume(3, 5, basis)
+    u, v, t = np.random.default_rng(1).uniform(size=(3, 50))
+    coefficients = determinant_controls(volume, volume.controls(u, v))
+    span, start, length = volume.spans.locate(t)
+    weights = bernstein(coefficients.shape[1] - 1, (t - start) / length)
+    found = np.einsum("kn,kn->n", weights, coefficients[span, :, np.arange(50)].T)
+    expected = determinant(volume.evaluate(u, v, t))
+    assert np.allclose(found, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("flip", [(1, 1, 1), (-1, 1, 1), (1, -1, 1), (-1, -1, 1)])
+def test_a_volume_in_a_mirror_has_a_mirrored_picture(path, flip):
+    """Polar pictures too, whose u and v have the other handedness."""
+    found = find_folds(read_preset(path).projection(1.5).transformed(np.diag([*map(float, flip), 1.0])))
+    assert found.share == 0
+    assert found.mirrored == (np.prod(flip) < 0)

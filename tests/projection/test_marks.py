@@ -16,7 +16,7 @@ from scfpf_addon.projection.diagram import (
     volume_signature,
 )
 from scfpf_addon.projection.line_colors import BRIGHT, DARK, contrast, line_colors, luminance
-from scfpf_addon.projection.marks import DASH_SHARE, direction_arrows, far_rim, iso_lines
+from scfpf_addon.projection.marks import DASH_SHARE, direction_arrows, far_rim, iso_lines, safe_area
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import Cylinder, Disc, Plane, Point
 from scfpf_addon.projection.volume import Projection, ViewingVolume
@@ -120,9 +120,33 @@ def test_no_projector_is_drawn_where_the_picture_shows_nothing():
     assert len(picked_line(discs, 0.01, 0.01)) == 0 and len(projector_point(discs, 0.01, 0.01, 0.3)) == 0
 
 
+def test_a_safe_area_keeps_its_margin_of_half_the_image():
+    lines = safe_area(replace(quadratic(), u_range=(0.5, 1.0)), 0.2, 0.1)
+    assert (lines[..., 2] == -1).all()
+    # u runs over the right half of the near surface, x from 0 to 1.
+    assert (lines[..., 0].min(), lines[..., 0].max()) == pytest.approx((0.1, 0.9))
+    assert (lines[..., 1].min(), lines[..., 1].max()) == pytest.approx((-0.9, 0.9))
+    assert lengths(lines).sum() == pytest.approx(2 * (0.8 + 1.8), rel=1e-5)
+
+
+def test_a_safe_area_of_a_polar_image_goes_through_the_mapping_and_stops_at_its_rim():
+    discs = Projection(ViewingVolume((Disc(1.0), Disc(2.0, matrix=placed(-1)))), Polar())
+    inner = safe_area(discs, 0.5, 0.5)
+    assert np.abs(inner[..., :2]).max() == pytest.approx(0.5, abs=1e-6)
+    assert lengths(inner).sum() == pytest.approx(4, rel=0.01)
+    outer = safe_area(discs, 0.1, 0.1)
+    assert np.hypot(outer[..., 0], outer[..., 1]).max() <= 1 + 1e-6
+    assert lengths(outer).sum() == pytest.approx(8 * np.sqrt(1 - 0.9**2), abs=8 * 2 * 1.8 / 48)
+
+
 def test_options_leave_out_what_is_not_asked_for():
     lines = diagram(quadratic(), DiagramOptions(3, 3, folds=False))
-    assert [role for role, segments in lines.items() if not len(segments)] == ["ISO", "FOLD", "PICK"]
+    assert [role for role, segments in lines.items() if not len(segments)] == ["ISO", "FOLD", "SAFE", "PICK"]
+
+
+def test_lines_of_surfaces_are_left_out_at_will():
+    lines = diagram(quadratic(), DiagramOptions(3, 3, without=(0, 2)))["SURFACE"]
+    assert (lines[..., 2] == -2).all() and len(lines)
 
 
 def test_every_option_counts_in_the_signature():
@@ -133,6 +157,8 @@ def test_every_option_counts_in_the_signature():
         DiagramOptions(3, 3, iso=(0.5,)),
         DiagramOptions(3, 3, folds=False),
         DiagramOptions(3, 3, pick=(0.5, 0.5)),
+        DiagramOptions(3, 3, safe_areas=((0.1, 0.05),)),
+        DiagramOptions(3, 3, without=(1,)),
     ]
     signatures = {volume_signature(quadratic(), options) for options in (base, *others)}
     assert len(signatures) == len(others) + 1

@@ -125,7 +125,23 @@ def test_patches_are_rational_combinations_of_their_points(along_u, along_v, col
         exact = (share[..., None] * points[..., :3]).sum(axis=(0, 1)) / share.sum()
         sample = surface.evaluate(u, v)
         assert np.abs(sample.position[:, 0] - exact).max() < ROUNDING
-        assert np.array_equal(surface.positions(np.array([u]), np.array([v])).position, sample.position)
+        assert np.abs(surface.positions(np.array([u]), np.array([v])).position[:, 0] - exact).max() < ROUNDING
+
+
+@pytest.mark.parametrize("order", [2, 4, 7, 11])
+@pytest.mark.parametrize("rational", [False, True])
+@pytest.mark.parametrize("cyclic", [False, True])
+def test_positions_in_bulk_are_those_of_evaluate(order, rational, cyclic):
+    """In rows of an image and anywhere, more than are taken at once, beyond the borders too."""
+    rng = np.random.default_rng(order)
+    surface = patch(rng, 5, 15, NurbsAxis(order, cyclic=cyclic), NurbsAxis(4), rational)
+    rows = np.meshgrid(np.linspace(0, 1, 200), np.linspace(0, 1, 41))
+    anywhere = rng.uniform(-0.01, 1.01, (2, 9001))
+    one_row = (np.linspace(0, 1, 500), np.full(500, 0.3))
+    for u, v in ([axis.ravel() for axis in rows], anywhere, one_row, np.zeros((2, 0)), np.zeros((2, 1))):
+        got, expected = surface.positions(u, v).position, surface.evaluate(u, v).position
+        assert got.shape == expected.shape
+        assert np.abs(got - expected).max(initial=0.0) < 10 * ROUNDING
 
 
 @pytest.mark.parametrize("order", range(2, 7))

@@ -129,7 +129,11 @@ def test_patch_rows_run_along_v():
         (data(name=7), "name must be a text in one line"),
         (data(description=["x"]), "description must be a text"),
         (data(source="x" * 10_001), "source must not be longer than 10000 characters"),
-        (data(basis="NURBS"), "basis must be one of BEZIER, POLYLINE"),
+        (data(basis="SPLINE"), "basis must be one of BEZIER, POLYLINE, B_SPLINE, NURBS"),
+        (with_surface(weight=0), "surface 2 'Far': weight must be a number above 0"),
+        (with_surface(weight="1"), "surface 2 'Far': weight must be a number above 0"),
+        (with_surface(weight=1e-4), "weight must be a number between 0.001 and 1000"),
+        (with_surface(weight=1001), "weight must be a number between 0.001 and 1000"),
         (data(basis=[]), "basis must be one of BEZIER, POLYLINE"),
         (data(reparameterisation="LENS"), "reparameterisation must be one of RECTANGLE, POLAR"),
         (data(fit="BOTH"), "fit must be one of WIDTH, HEIGHT, NONE"),
@@ -322,6 +326,21 @@ def test_text_gives_the_preset_back(location, rotation, scale, arc):
         assert getattr(again, key) == getattr(preset, key)
     # Written once more, nothing moves.
     assert load_preset(preset_to_json(again)).surfaces[1].matrix == pytest.approx(again.surfaces[1].matrix)
+
+
+def test_weights_are_read_written_and_used_by_nurbs_projectors_only():
+    values = with_surface(weight=2.5)
+    plain = load(values)
+    assert [s.weight for s in plain.surfaces] == [1.0, 2.5] and plain.volume().weights is None
+    preset = load(values | {"basis": "NURBS"})
+    assert preset.volume().weights == (1.0, 2.5)
+    assert preset.projection(1.0).volume.weights == (1.0, 2.5)
+    again = load_preset(preset_to_json(preset))
+    assert [s.weight for s in again.surfaces] == [1.0, 2.5] and again.basis == "NURBS"
+    assert '"weight"' not in preset_to_json(load(data()))
+    # Two straight projectors, the second drawn to its far end.
+    middle = preset.volume().evaluate(*np.full((3, 1), 0.5)).position[:, 0]
+    np.testing.assert_allclose(middle, (np.array([0, 0, -1]) + 2.5 * np.array([1, 2, -9])) / 3.5)
 
 
 def test_a_sheared_surface_is_not_written():

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.geometry import Geometry
 from scfpf_addon.casting.scene import CastScene
@@ -14,7 +15,7 @@ from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import Disc
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 from scfpf_addon.shading import frame as frame_module
-from scfpf_addon.shading.frame import FrameSettings, render_frame, tile_rows
+from scfpf_addon.shading.frame import FrameSettings, render_frame
 from scfpf_addon.shading.report import RenderReport
 from scfpf_addon.shading.scene import Light, Scene
 
@@ -199,6 +200,20 @@ def test_callbacks_come_from_the_calling_thread_and_cover_the_image(build):
     assert callers == {threading.get_ident()}
 
 
+def test_progress_is_told_between_the_samples_of_a_tile(build, monkeypatch):
+    projection, scene = busy(build)
+    monkeypatch.setattr(tiling, "POLL_SECONDS", 0)
+    shares, tiles = [], []
+    render_frame(
+        projection,
+        scene,
+        FrameSettings(64, 1, samples=64),
+        progress=shares.append,
+        on_tile=lambda *tile: tiles.append(shares[-1]),
+    )
+    assert len(tiles) == 1 and len(set(shares)) > 3 and tiles[0] > 0
+
+
 def test_cancelling_drops_the_rest_and_leaves_no_thread(build, monkeypatch):
     """The two threads finish the samples that they are at, out of 128, and stop."""
     projection, scene = busy(build)
@@ -224,7 +239,7 @@ def test_cancelling_drops_the_rest_and_leaves_no_thread(build, monkeypatch):
 
 def test_cancelling_at_once_renders_nothing(build, monkeypatch):
     projection, scene = busy(build)
-    monkeypatch.setattr(frame_module, "POLL_SECONDS", 0)
+    monkeypatch.setattr(tiling, "POLL_SECONDS", 0)
     assert render_frame(projection, scene, FrameSettings(64, 64), cancelled=lambda: True) is None
 
 
@@ -247,14 +262,6 @@ def test_what_a_tile_raises_is_raised_after_the_threads_have_ended(build, monkey
     assert len(calls) < 32
 
 
-@pytest.mark.parametrize("width, height", [(1, 1), (1920, 1080), (7, 3), (100000, 3), (64, 65536)])
-def test_tiles_cover_the_image_once_in_bounded_pieces(width, height):
-    tiles = tile_rows(width, height)
-    assert [row for rows in tiles for row in range(height)[rows]] == list(range(height))
-    assert max(rows.stop - rows.start for rows in tiles) * width <= max(frame_module.TILE_PIXELS, width)
-    assert len(tiles) >= min(height, frame_module.FEWEST_TILES)
-
-
 @pytest.mark.parametrize("wrong", [{"width": 0}, {"height": -1}, {"samples": 0}])
 def test_settings_that_make_no_picture_are_refused(wrong):
     with pytest.raises(ValueError, match=r"resolution|sample"):
@@ -272,6 +279,8 @@ def test_the_report_counts(build):
 def test_summary_lines():
     straight = RenderReport(1920, 1080, 0.412, 0.1, True, 2073600, 2073600, 2073600, 0.7, 0.0, 0.0)
     assert straight.summary() == "1920×1080 in 0.41 s · 2.1 M rays · straight projectors"
+    mirrored = RenderReport(1920, 1080, 0.412, 0.1, True, 2073600, 2073600, 2073600, 0.7, 0.0, 0.0, True)
+    assert mirrored.summary() == straight.summary() + " · mirrored"
     curved = RenderReport(100, 50, 61.234, 0.1, False, 5000, 61000, 36000, 0.7, 0.0987, 0.124)
     assert curved.summary() == (
         "100×50 in 61.23 s · 61.0 k rays · 7.2 chords a projector · error ≤ 0.099 px"

@@ -50,6 +50,27 @@ def test_the_side_is_the_triangle_s_not_the_interpolated_normal_s(build):
     assert np.allclose(points.normal[:, 0], [0.8, 0, 0.6], atol=1e-6)
 
 
+@pytest.mark.parametrize("side", [1, -1])
+def test_flat_shading_needs_no_weights(build, side):
+    """Not even beside a triangle without area; the normals may be turned inwards."""
+    vertices, faces, _ = build.sphere(12)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    flat = np.cross(b - a, c - a)
+    flat /= np.linalg.norm(flat, axis=1, keepdims=True)
+    faces = np.concatenate([faces, faces[:1, [0, 0, 1]]])
+    normals = side * np.repeat(np.concatenate([flat, [[0, 0, 1]]])[:, None], 3, 1)
+    table, cast_scene = table_of(build.geometry((vertices, faces, normals)), shadows=True)
+    assert not table.weighted
+    triangle = np.arange(len(flat))
+    middle = vertices[faces[triangle]].mean(axis=1).T * cast_scene.scale
+    points = table.points(triangle, np.zeros((2, len(flat))), middle, -flat.T)
+    assert np.allclose(points.normal, flat.T, atol=1e-6)
+    assert np.allclose(points.shadow.flat, flat.T, atol=1e-6) and not points.shadow.height.any()
+    leaning = normals.copy()
+    leaning[0, 1] = [0.6, 0, 0.8]
+    assert table_of(build.geometry((vertices, faces, leaning)))[0].weighted
+
+
 def test_a_vanishing_tangent_gives_no_nan(build):
     table, _ = table_of(build.geometry(build.square()))
     points = table.points(np.zeros(1, np.int32), np.full((2, 1), 1 / 3), np.zeros((3, 1)), np.zeros((3, 1)))

@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scenarios of tests/window in a real Blender with a window: one that is here, or Debian's, made once.
+
+On Linux as root, debootstrap makes a Debian of its own in the user's cache folder, with Blender and a virtual
+X server; it needs no mounts, and takes a minute and 2 GB. What keeps such a Blender away (another system, a
+mirror out of order) is a warning for the end of the summary; a scenario that fails is a failure.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import pathlib
+import platform
+import re
+import select
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from .environments import ROOT, Failure, say
+from .testing import Result
+
+SCENARIOS = ROOT / "tests" / "window"
+SHOTS = SCENARIOS / "shots"
+OLDEST = (4, 5)
+# Seconds. All of it; making the Debian, so that time is left to test; an answer that should come at once.
+LIMIT, MAKING, ANSWER = 720.0, 420.0, 60.0
+MIRROR, SUITE = "http://deb.debian.org/debian", "sid"  # the one release with a Blender from 4.5 on
+# The Python ones are what Blender's own extension manager imports and Debian only recommends.
+PACKAGES = (
+    *("blender", "xvfb", "imagemagick", "xdotool", "libgl1-mesa-dri", "libegl1"),
+    *("python3-numpy", "python3-cattr", "python3-requests", "python3-zstandard"),
+)
+NEEDED_BYTES = 4e9
+SCREEN = (1600, 1000)
+LEASH = ("timeout", f"{LIMIT:.0f}")  # ends what we could not end, being killed ourselves
+
+
+class Unavailable(Exception):
+    """Why there is no Blender with a window on this machine, or none in time."""
+
+
+class Place(NamedTuple):
+    """A Blender, and the root of the system that it is in."""
+
+    title: str
+    blender: str
+    root: pathlib.Path
+
+    def command(self, *words: str) -> list[str]:
+        """A command line that runs in that system."""
+        return [*words] if self.root == pathlib.Path("/") else ["chroot", str(self.root), *words]
+
+    def inside(self, path: pathlib.Path) -> str:
+        """A path as that system sees it."""
+        return f"/{path.relative_to(self.root)}"
+
+
+def test(blender: str | None, names: list[str]) -> tuple[list[Result], list[str]]:
+    """Run the scenarios named (none: all) with the zip of dist/; what they came to, and warnings.
+
+    blender: the path of a Blender that must be used, or None for whichever can be had.
+    """
+    deadline = time.monotonic() + LIMIT
+    try:
+        if sys.platform != "linux" or platform.machine() != "x86_64":
+            raise Unavailable("that is written for Linux on x64")
+        with place(blender, deadline) as found:
+            return run(found, chosen(names), deadline)
+    except Unavailable as reason:
+        return [], [f"NOT tested in a Blender with a window: {reason}"]
+
+
+def chosen(names: list[str]) -> list[str]:
+    """The driver's arguments for files and tests of tests/window as pytest would be told them."""
+    parts = [name.partition("::") for name in names]
+    stems = [(pathlib.Path(file).stem, scenario) for file, _, scenario in parts]
+    if any(not scenario and not stem.startswith("scenarios_") for stem, scenario in stems):
+        return []
+    return [scenario or stem for stem, scenario in stems]
+
+
+@contextlib.contextmanager
+def place(blender: str | None, deadline: float) -> Iterator[Place]:
+    """A Blender of this machine, or else the one of the Debian in the cache folder."""
+    try:
+        found = here(blender, deadline)
+    except Unavailable as reason:
+        if blender:
+            raise Failure(f"--blender-window: {reason}") from None
+        with debian(deadline, str(reason)) as found:
+            yield found
+    else:
+        yield found
+
+
+def here(blender: str | None, deadline: float) -> Place:
+    """The Blender named, or that of PATH, with what a window and its pictures need."""
+    path = shutil.which(blender or "blender")
+    if path is None:
+        raise Unavailable(f"there is no {blender or 'blender on PATH'}")
+    if not shutil.which("import"):
+        raise Unavailable("ImageMagick's import is not on PATH")
+    if not shutil.which("Xvfb") and not os.environ.get("DISPLAY"):
+        raise Unavailable("there is neither Xvfb on PATH nor a DISPLAY")
+    return checked(Place("", path, pathlib.Path("/")), deadline)
+
+
+def checked(found: Place, deadline: float) -> Place:
+    """The place with its title, if its Blender starts and is new enough."""
+    text = finish(found.command(found.blender, "--version"), min(deadline, time.monotonic() + ANSWER))
+    version = re.search(r"^Blender (\d+)\.(\d+)\S*", text, re.MULTILINE)
+    if version is None or (int(version[1]), int(version[2])) < OLDEST:
+        raise Unavailable(f"{found.blender} is no Blender {OLDEST[0]}.{OLDEST[1]} or later")
+    return found._replace(title=f"{version[0]} with a window")
+
+
+@contextlib.contextmanager
+def debian(deadline: float, otherwise: str) -> Iterator[Place]:
+    """The Debian of the cache folder, made if need be, and kept from other runs meanwhile."""
+    if os.geteuid() != 0:
+        raise Unavailable(f"{otherwise}, and only root can make one with debootstrap")
+    base = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
+    cache = pathlib.Path(os.environ.get("SCFPF_WINDOW_CACHE") or pathlib.Path(base, "scfpf-window"))
+    try:
+        cache.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise Unavailable(f"{otherwise}, and {error}") from None
+    with locked(cache / "lock", deadline):
+        root = cache / SUITE
+        stamp, contents = cache / "made", " ".join((MIRROR, *PACKAGES))
+        if not stamp.is_file() or stamp.read_text() != contents:
+            if not shutil.which("debootstrap"):
+                raise Unavailable(f"{otherwise}, and debootstrap is missing (apt install debootstrap)")
+            stamp.unlink(missing_ok=True)
+            make(root, min(deadline, time.monotonic() + MAKING))
+            stamp.write_text(contents)
+        try:
+            found = checked(Place("", "/usr/bin/blender", root), deadline)
+        except Unavailable:
+            stamp.unlink()  # the next run makes it again
+            raise
+        yield found
+
+
+@contextlib.contextmanager
+def locked(path: pathlib.Path, deadline: float) -> Iterator[None]:
+    """Hold a lock file, waiting for another run that holds it."""
+    import fcntl  # not on every system that can import this module
+
+    with path.open("w") as file:
+        while True:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise Unavailable(f"another run holds {path}") from None
+                time.sleep(1.0)
+        yield
+
+
+def make(root: pathlib.Path, deadline: float) -> None:
+    """Make a Debian with the packages, in place of what an earlier run may have left half made."""
+    remove(root)
+    if shutil.disk_usage(root.parent).free < NEEDED_BYTES:
+        raise Unavailable(f"{root.parent} has less than {NEEDED_BYTES / 1e9:.0f} GB free")
+    say(f"making a Debian {SUITE} with Blender in {root}; some 600 MB are fetched, once")
+    apt = ["env", "DEBIAN_FRONTEND=noninteractive", "apt-get", "--yes", "--no-install-recommends"]
+    try:
+        finish(["debootstrap", "--variant=minbase", SUITE, str(root), MIRROR], deadline)
+        finish(["chroot", str(root), *apt, "install", *PACKAGES], deadline)
+        finish(["chroot", str(root), "apt-get", "clean"], deadline)
+    except BaseException:
+        remove(root)
+        raise
+
+
+def remove(root: pathlib.Path) -> None:
+    """Delete a Debian, first unmounting what debootstrap, if it was stopped, may have left mounted in it."""
+    mounted = [line.split()[1] for line in pathlib.Path("/proc/mounts").read_text().splitlines()]
+    for path in sorted(mounted, reverse=True):
+        if path.startswith(f"{root}/"):
+            finish(["umount", path], time.monotonic() + ANSWER)
+    if root.exists():
+        shutil.rmtree(root)
+
+
+def finish(command: list[str], deadline: float) -> str:
+    """Run a command and return what it printed; Unavailable if it fails or is not done in time."""
+    with tempfile.TemporaryFile("w+", errors="replace") as file:
+        try:
+            with started(command, stdout=file, stderr=subprocess.STDOUT) as process:
+                status = process.wait(max(deadline - time.monotonic(), 0.0))
+        except subprocess.TimeoutExpired:
+            raise Unavailable(f"there was no time to finish: {' '.join(command)[:80]}") from None
+        file.seek(0)
+        text = file.read()
+    if status != 0:
+        print(text[-3000:], flush=True)
+        raise Unavailable(f"exit code {status}, as printed above, from: {' '.join(command)[:80]}")
+    return text
+
+
+@contextlib.contextmanager
+def started(command: list[str], **options: object) -> Iterator[subprocess.Popen]:
+    """A process with a group of its own; nothing of the group is left afterwards, whatever happens."""
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True, **options)
+    try:
+        yield process
+    finally:
+        # Asked first: an X server that is killed leaves its lock file.
+        for how in (signal.SIGTERM, signal.SIGKILL):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, how)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(5.0)
+
+
+@contextlib.contextmanager
+def screen(found: Place, environ: dict[str, str], deadline: float) -> Iterator[dict[str, str]]:
+    """The environment with the DISPLAY of a virtual screen; with the user's own where there is no Xvfb."""
+    if found.root == pathlib.Path("/") and not shutil.which("Xvfb"):
+        yield {**environ, "DISPLAY": os.environ["DISPLAY"]}
+        return
+    # -displayfd: it takes a free number and says which.
+    words = [*LEASH, "Xvfb", "-displayfd", "1", "-nolisten", "tcp"]
+    words += ["-screen", "0", f"{SCREEN[0]}x{SCREEN[1]}x24"]
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "env": environ}
+    with started(found.command(*words), **options) as server:
+        wait = min(ANSWER, max(deadline - time.monotonic(), 0.0))
+        number = server.stdout.readline() if select.select([server.stdout], [], [], wait)[0] else b""
+        if not number.strip():
+            raise Unavailable("Xvfb does not start")
+        yield {**environ, "DISPLAY": f":{int(number)}", "LIBGL_ALWAYS_SOFTWARE": "1"}
+
+
+def run(found: Place, scenarios: list[str], deadline: float) -> tuple[list[Result], list[str]]:
+    """Install the zip in a fresh profile there and run the scenarios; pictures go to tests/window/shots."""
+    zips = sorted((ROOT / "dist").glob("scfpf-*-linux_x64.zip"))
+    if len(zips) != 1:
+        raise Failure(f"dist/ holds {len(zips)} zips for this machine, not one")
+    say(found.title)
+    began = time.monotonic()
+    shutil.rmtree(SHOTS, ignore_errors=True)
+    with contextlib.ExitStack() as stack:
+        kept_in = None if found.root == pathlib.Path("/") else found.root / "srv"
+        folder = pathlib.Path(
+            stack.enter_context(tempfile.TemporaryDirectory(prefix="scfpf-window-", dir=kept_in))
+        )
+        tests, shots, home = (folder / name for name in ("tests", "shots", "home"))
+        shutil.copytree(SCENARIOS, tests, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(zips[0], folder)
+        for path in (shots, home):
+            path.mkdir()
+        environ = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin" if kept_in else os.environ["PATH"]}
+        environ["LANG"] = "C.UTF-8"
+        environ.update({key: found.inside(home) for key in ("HOME", "XDG_RUNTIME_DIR", "TMPDIR")})
+        environ["BLENDER_USER_RESOURCES"] = found.inside(home)
+        environ = stack.enter_context(screen(found, environ, deadline))
+        words = [*LEASH, found.blender, "--factory-startup", "--enable-event-simulate", "--window-geometry"]
+        words += ["0", "0", *map(str, SCREEN), "--python", found.inside(tests / "drive_blender.py"), "--"]
+        words += ["--zip", found.inside(folder / zips[0].name), "--folder", found.inside(shots), *scenarios]
+        try:
+            process = stack.enter_context(started(found.command(*words), env=environ))
+            status = process.wait(max(deadline - time.monotonic(), 0.0))
+        except subprocess.TimeoutExpired:
+            status = None
+        finally:
+            shutil.copytree(shots, SHOTS, dirs_exist_ok=True)
+    return outcome(found.title, SHOTS / "results.txt", status, time.monotonic() - began)
+
+
+def outcome(
+    title: str, results: pathlib.Path, status: int | None, seconds: float
+) -> tuple[list[Result], list[str]]:
+    """The counts in the driver's file. status: Blender's exit code, or None if the time ran out."""
+    lines = results.read_text().splitlines() if results.is_file() else []
+    planned = [name for line in lines[:1] for name in line.split()[1:]]
+    went = {line.split()[1]: line.startswith("ok:") for line in lines[1:]}
+    left = [name for name in planned if name not in went]
+    passed = sum(went.values())
+    failed = len(went) - passed
+    title = f"{title} ({seconds:.0f} s)"
+    warnings = []
+    if status is None:
+        rest = ", ".join(left) or ("quitting" if planned else "all scenarios")
+        warnings.append(f"NOT tested in a Blender with a window, since the time ran out: {rest}")
+    elif left or (status != 0 and not failed):
+        title += f", ended with exit code {status} in {left[0] if left else 'its start or end'}"
+    ended_well = not failed and (status is None or (status == 0 and not left))
+    return [Result(title, passed, failed, 0, ended_well)], warnings

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tools for the points of a control surface: subdivide, equalise, convert; and the volume as a lattice."""
+
+import bpy
+from bpy.props import EnumProperty, IntProperty
+
+from ..scfpf_addon.bridge import lattice_object, surface_edits
+from ..scfpf_addon.bridge.render_job import picture_aspect
+from ..scfpf_addon.projection.respacing import EVEN
+from .surfaces import poll_slot
+from .tool import Tool, poll_two
+
+# From here on a converted surface counts as changed, as a share of its size: float32 gives about 1e-7.
+CHANGED_SHARE = 1e-6
+
+DIRECTIONS = (
+    ("U", "U", "Along the picture's width"),
+    ("V", "V", "Along the picture's height"),
+    ("BOTH", "Both", "Along u and along v"),
+)
+
+
+def _off(change: float, what: str) -> str | None:
+    """The line that says how far something new is off, None where it is not."""
+    if change < CHANGED_SHARE:
+        return None
+    return f"The {what} is off by up to {100 * change:.2g} % of the size: more points are nearer"
+
+
+class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
+    """Make the active control surface a mesh grid of the same shape, to be edited point by point"""
+
+    bl_idname = "scfpf.surface_to_grid"
+    bl_label = "Convert to Grid"
+
+    columns: IntProperty(name="Columns", description="Faces along u", default=32, min=1, max=1024)
+    rows: IntProperty(name="Rows", description="Faces along v", default=16, min=1, max=1024)
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        change = surface_edits.convert_to_grid(
+            camera,
+            context.evaluated_depsgraph_get(),
+            camera.scfpf.active_surface,
+            self.columns,
+            self.rows,
+        )
+        return _off(change, "grid")
+
+
+class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
+    """Make the active control surface a smooth surface patch of the same shape, modifiers applied, to be
+    edited by a few control points"""
+
+    bl_idname = "scfpf.surface_to_patch"
+    bl_label = "Convert to Surface Patch"
+
+    columns: IntProperty(
+        name="Columns", description="Control points along u; a grid keeps its own", default=8, min=4, max=64
+    )
+    rows: IntProperty(
+        name="Rows", description="Control points along v; a grid keeps its own", default=8, min=4, max=64
+    )
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        change = surface_edits.convert_to_patch(
+            camera,
+            context.evaluated_depsgraph_get(),
+            camera.scfpf.active_surface,
+            self.columns,
+            self.rows,
+        )
+        return _off(change, "patch")
+
+
+class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):
+    """Give the active patch, grid or surface patch twice as many pieces; its shape and the picture stay"""
+
+    bl_idname = "scfpf.surface_subdivide"
+    bl_label = "Subdivide Control Surface"
+
+    direction: EnumProperty(
+        name="Direction", description="Where to put more control points", items=DIRECTIONS, default="BOTH"
+    )
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        across, up = surface_edits.subdivide(
+            camera, camera.scfpf.active_surface, self.direction != "V", self.direction != "U"
+        )
+        return f"{across} × {up} control points"
+
+
+class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
+    """Make the active control surface a grid of the same shape whose points are evenly spaced along their
+    lines, so that what was crowded in the picture is no longer"""
+
+    bl_idname = "scfpf.surface_equalise"
+    bl_label = "Equalise by Arc Length"
+
+    direction: EnumProperty(
+        name="Direction", description="The lines to space evenly", items=DIRECTIONS, default="BOTH"
+    )
+    columns: IntProperty(name="Columns", description="Faces along u", default=32, min=2, max=512)
+    rows: IntProperty(name="Rows", description="Faces along v", default=16, min=2, max=512)
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        left = surface_edits.equalise(
+            camera,
+            context.evaluated_depsgraph_get(),
+            camera.scfpf.active_surface,
+            self.columns,
+            self.rows,
+            self.direction != "V",
+            self.direction != "U",
+        )
+        if left <= EVEN:
+            return None
+        return f"Both directions cannot be quite even: steps still differ by up to {100 * left:.2g} %"
+
+
+class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
+    """Replace the whole volume by one lattice of the same shape at this frame, to be pulled about point by
+    point; the projectors then run as the lattice's interpolation has it"""
+
+    bl_idname = "scfpf.volume_to_lattice"
+    bl_label = "Convert Volume to Lattice"
+
+    points_u: IntProperty(name="Points U", description="Points across the picture", default=4, min=2, max=64)
+    points_v: IntProperty(name="V", description="Points up the picture", default=4, min=2, max=64)
+    points_w: IntProperty(name="W", description="Layers from near to far", default=4, min=2, max=64)
+    interpolation: EnumProperty(
+        name="Interpolation",
+        description="How the lattice goes from point to point",
+        items=(
+            ("LINEAR", "Linear", "Straight pieces: exact for straight projectors between flat surfaces"),
+            ("CARDINAL", "Cardinal", "Smooth, through the points, rather tight"),
+            ("CATMULL_ROM", "Catmull-Rom", "Smooth, through the points"),
+            ("BSPLINE", "B-Spline", "Smoothest, beside the points"),
+        ),
+        default="LINEAR",
+    )
+
+    poll = classmethod(poll_two)
+
+    def edit(self, context, camera):
+        change = surface_edits.convert_to_lattice(
+            camera,
+            context.evaluated_depsgraph_get(),
+            picture_aspect(context.scene),
+            (self.points_w, self.points_v, self.points_u),
+            self.interpolation,
+        )
+        return _off(change, lattice_object.TITLE.lower())
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        SCFPF_OT_surface_to_grid,
+        SCFPF_OT_surface_to_patch,
+        SCFPF_OT_surface_subdivide,
+        SCFPF_OT_surface_equalise,
+        SCFPF_OT_volume_to_lattice,
+    )
+)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Projectors cut into pieces along t, and boxes that certainly hold them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..projection.basis import SpanBasis
+from ..projection.bezier import restrict
+from ..projection.typing import Array
+
+# Pieces of a span.
+PIECES = 32
+
+
+def piece_edges(spans: SpanBasis) -> Array:
+    """Where the S·PIECES pieces begin and end in t, (S·PIECES + 1,)."""
+    starts = np.linspace(0.0, 1.0, PIECES + 1)[:-1]
+    lengths = np.diff(spans.breaks)[:, None]
+    edges: Array = np.append((spans.breaks[:-1, None] + starts * lengths).ravel(), spans.breaks[-1])
+    return edges
+
+
+def piece_bounds(spans: SpanBasis, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Bounds (3, S·PIECES, B) of the pieces of projectors whose control points lie in boxes (K, 3, B).
+
+    The control points of a piece enclose it, and are weighted sums of the projector's.
+    """
+    edges = np.linspace(0.0, 1.0, PIECES + 1)
+    degree = spans.degree
+    identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
+    pieces = restrict(identity, edges[:-1], edges[1:])
+    if spans.point_weights is None:
+        weights = np.einsum("jip,sik->spjk", pieces, spans.matrices)
+    else:
+        shares = np.einsum("jip,si->spji", pieces, spans.point_weights)
+        shares /= shares.sum(axis=3, keepdims=True)
+        weights = np.einsum("spji,sik->spjk", shares, spans.matrices)
+    weights = weights.reshape(-1, degree + 1, len(lower))
+    positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
+    low, high = np.empty((2, 3, len(weights), lower.shape[2]))
+    for axis in range(3):
+        least, most = lower[:, axis], upper[:, axis]
+        low[axis] = (positive @ least + negative @ most).min(axis=1)
+        high[axis] = (positive @ most + negative @ least).max(axis=1)
+    return low, high

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An image cut into tiles, and threads that work on them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from itertools import pairwise
+from threading import Event
+from typing import TypeVar
+
+from .scene import CastError
+
+Result = TypeVar("Result")
+
+# Pixels in a tile: enough for NumPy to forget its overhead, few enough for the
+# arrays of one tile to stay in a core's cache.
+TILE_PIXELS = 1 << 16
+
+# An image is cut into at least this many tiles, if it has so many rows, so that all cores work.
+FEWEST_TILES = 16
+
+# Seconds between two looks at how far the threads are, and whether the user has cancelled.
+POLL_SECONDS = 0.05
+
+
+@dataclass
+class TileJob:
+    """A tile as the thread that works on it sees it.
+
+    rows: of the image. stop: set when the work is to be given up. done: share of the
+    tile, in [0, 1], that the thread may raise as it goes.
+    """
+
+    rows: slice
+    stop: Event
+    done: float = 0.0
+
+
+def image_tiles(width: int, height: int) -> list[slice]:
+    """The image as bands of whole rows, bottom to top.
+
+    They depend on the image's size alone: projectors share their chords within a
+    tile, so the same image comes out whatever the number of threads.
+    Raises CastError for an image without pixels.
+    """
+    if width < 1 or height < 1:
+        raise CastError(f"an image of {width} × {height} pixels cannot be cast")
+    most = max(1, min(TILE_PIXELS // width, -(-height // FEWEST_TILES)))
+    count = -(-height // most)
+    bounds = [height * k // count for k in range(count + 1)]
+    return [slice(start, end) for start, end in pairwise(bounds)]
+
+
+def thread_count(threads: int = 0) -> int:
+    """``threads``, or for 0 the number of cores that this process may use."""
+    if threads > 0:
+        return threads
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def run_tiles(
+    work: Callable[[TileJob], Result],
+    tiles: list[slice],
+    threads: int,
+    finished: Callable[[slice, Result], None],
+    progress: Callable[[float], None] | None = None,
+    cancelled: Callable[[], bool] | None = None,
+) -> bool:
+    """Do the work of all tiles in threads (0 for all cores); False when cancelled before the end.
+
+    finished, progress(share of the rows, in [0, 1]) and cancelled are called in the
+    calling thread. What ``work`` raises is raised here. However this ends, the work left
+    over is told to stop by its event, and all threads have ended.
+    """
+    stop = Event()
+    jobs = [TileJob(rows, stop) for rows in tiles]
+    height = sum(rows.stop - rows.start for rows in tiles)
+    with ThreadPoolExecutor(thread_count(threads)) as pool:
+        pending = {pool.submit(work, job): job for job in jobs}
+        try:
+            while pending:
+                if cancelled and cancelled():
+                    return False
+                ended, _ = wait(pending, POLL_SECONDS, FIRST_COMPLETED)
+                for future in ended:
+                    job = pending.pop(future)
+                    finished(job.rows, future.result())
+                    job.done = 1.0
+                if progress:
+                    progress(sum(job.done * (job.rows.stop - job.rows.start) for job in jobs) / height)
+        finally:
+            stop.set()
+            for future in pending:
+                future.cancel()
+    return True
