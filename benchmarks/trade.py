@@ -119,7 +119,7 @@ def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    from matplotlib import pyplot
+    from matplotlib import pyplot, ticker
 
     figure, panels = pyplot.subplots(1, len(SCENES), figsize=(15, 5), sharey=True, layout="constrained")
     for panel, scene in zip(panels, SCENES, strict=True):
@@ -138,6 +138,8 @@ def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
             )[0]
             panel.plot(rows[-1]["times raw"], floor / 2, marker="*", color=line.get_color())
         panel.set(xscale="log", yscale="log", title=scene, xlabel="time, multiples of raw straight Embree")
+        panel.xaxis.set_minor_formatter(ticker.NullFormatter())
+        panel.set_xticks([1, 2, 5, 10, 20, 50], labels=["1", "2", "5", "10", "20", "50"])
         panel.grid(True, which="both", alpha=0.3)
     panels[0].set_ylabel("share of pixels that differ from exact (star: exact)")
     panels[-1].legend(fontsize=8)

@@ -32,6 +32,9 @@ BLOCK = 8
 # The chord line of a block may leave its curve by this share of a cell.
 COARSE_SHARE = 0.2
 
+# Chords overlap by this share, or float32 might lose what lies where two meet.
+OVERLAP = 1e-4
+
 # float32 rounding of a chord's end, as a share of its largest coordinate.
 ROUNDING = 2.0**-21
 
@@ -111,7 +114,7 @@ class Hull:
         return inside
 
     def _run(self, start: Array, way: Array) -> tuple[NDArray[np.int32], Float32Array]:
-        limits = np.ones(start.shape[1], np.float32)
+        limits = np.full(start.shape[1], 1.0 + OVERLAP, np.float32)
         found = self._embree.run(start.T.astype(np.float32), way.T.astype(np.float32), limits, output=True)
         return found["primID"], found["tfar"]
 
@@ -157,11 +160,13 @@ class Hull:
             end = np.einsum("k,kcn->cn", weights, middle[:, :, going])
             found, far = self._run(start, end - start)
             low, high = line.breaks[chord], line.breaks[chord + 1]
-            wide = self._width(weights, radius[:, going], end) + apart > self.cell
-            until[going[wide]] = low
-            met = (found >= 0) & ~wide
+            # Inside without having come in: float32 has lost the way in.
+            lost = (found < 0) & self.contains(end, self.filled)
+            lost |= self._width(weights, radius[:, going], end) + apart > self.cell
+            until[going[lost]] = low
+            met = (found >= 0) & ~lost
             until[going[met]] = low + np.minimum(far[met], 1.0) * (high - low)
-            on = np.flatnonzero(~wide & (found < 0))
+            on = np.flatnonzero(~lost & (found < 0))
             going, start = going[on], end[:, on]
 
     @staticmethod

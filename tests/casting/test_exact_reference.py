@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.hard_scenes import HARD_SCENES
 from benchmarks.scenes import SCENES, bent_projection
+from benchmarks.trade import put_into, volumes
 from scfpf_addon.casting import scene as scene_module
 from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.cast import cast
@@ -130,6 +131,19 @@ def test_neither_tiles_nor_threads_show(monkeypatch):
         assert (frames[0].triangle == other.triangle).all()
         np.testing.assert_array_equal(frames[0].t, other.t)
         np.testing.assert_array_equal(frames[0].position, other.position)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_skipping_empty_space_loses_nothing(monkeypatch, scene):
+    """In narrow tiles, through a volume that turns about itself: blocks of many shapes."""
+    twist = volumes()["Nonlinear Twist"]
+    placed = CastScene(*put_into(SCENES[scene](10_000), twist))
+    width, height = 160, 90
+    monkeypatch.setattr(tiling, "TILE_PIXELS", 12 * width)
+    skipped = cast_frame(placed, twist, width, height, 0.0)
+    x, y = pixel_centres(width, height, (0, height))
+    plain = cast(placed, twist.transformed(placed.matrix), x, y, (1 / width, 1 / height), 0.0)
+    assert (np.isfinite(skipped.t) == np.isfinite(plain.t)).all() and different(skipped, plain.t) == 0
 
 
 def test_what_is_reported(reference):
