@@ -43,6 +43,8 @@ def drags(driver):
     driver.look("TOP", 2.0)
     bpy.ops.object.select_all(action="DESELECT")
     far = surfaces(bpy.context.scene.camera)[-1]
+    # Without the Edit Volume mode, in which a selected surface is orange.
+    far.hide_select = False
     far.select_set(True)
     bpy.context.view_layer.objects.active = far
     yield 2 * DRAW
