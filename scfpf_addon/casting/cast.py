@@ -61,12 +61,17 @@ def cast(
     float64 in [0, 1]; neighbours in the image should be neighbours here, since they
     share their chords. pixel_size: a pixel's width and height in the same units.
     pixel_error: how far, in pixels, a silhouette may be displaced by curved
-    projectors, >= 0; 0 asks for all that float32 can tell. Straight ones and
-    polylines have no such error. counts: added to when given. columns: says that x, y
+    projectors, >= 0. Straight ones and polylines have no such error, but float32's:
+    their rays may pass an edge that they should meet, or the other way round. Chords are
+    held to it on sampled projectors of the tile, with a margin; things thinner than it
+    may be missed, and t of what is hit is that of the curve itself. 0: the first hit in
+    float64, certified (``exact.cast_exact``); rational projectors have no certain chords
+    and are cast with SMALLEST_ERROR then. counts: added to when given. columns: says that x, y
     are whole rows of that many neighbouring pixels, from the bottom up; curved
     projectors are then cast in a fraction of the time (``chords.cast_chords``).
     weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
-    Raises CastError for a negative or non-finite pixel error.
+    Raises CastError for a negative or non-finite pixel error, and for 0 where the memory
+    does not suffice.
     """
     if not 0.0 <= pixel_error < math.inf:
         raise CastError(f"the pixel error must be 0 or more, not {pixel_error}")

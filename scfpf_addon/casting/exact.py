@@ -23,9 +23,9 @@ from .hits import CastCounts, Hits
 from .prisms import Float32Array
 from .scene import CastScene, PrismScene
 
-# A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
-# of a coordinate of 1, so that it does not meet the face again.
-RESTART = 2e-6
+# A walk goes on this far, in cast units, behind the face it has met: 8 roundings (2⁻²⁴)
+# of a coordinate of 1, so that it seldom meets the face again, which would do no harm.
+RESTART = 5e-7
 
 # Shorter ways than this have no direction.
 SHORTEST = 1e-300
@@ -74,6 +74,7 @@ class Rays(NamedTuple):
 class Walk(NamedTuple):
     """What every step of a tile's walk looks at and fills in.
 
+    looked: (N,) t up to which the triangles themselves have been looked at, inf at first.
     far: whether projectors reach so far out that float32 would move chords in the scene.
     """
 
@@ -82,6 +83,7 @@ class Walk(NamedTuple):
     bundle: Bundle
     chords: Chords
     hits: Hits
+    looked: Array
     counts: CastCounts
     far: bool
 
@@ -135,7 +137,8 @@ def cast_exact(
         return hits
     # Rounding of a sum of that many terms.
     rounding = (len(bundle.points) + 1) * float(np.abs(bundle.points).max()) * 2.0**-24
-    walk = Walk(scene, prisms, bundle, chords, hits, counts, rounding > LARGEST_ROUNDING)
+    looked = np.full(bundle.count, np.inf)
+    walk = Walk(scene, prisms, bundle, chords, hits, looked, counts, rounding > LARGEST_ROUNDING)
     if chords.breaks[0] == 0.0:
         _look_around(walk, present)
     rays, found = _first_wave(walk, _starts(walk, columns, present))
@@ -317,12 +320,17 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
 
     Prisms that are entered less than RESTART behind another are passed over by the
     walk: those of neighbours in one plane, of sheets that nearly coincide. What they
-    hold is missed only if they are also left together with others, and then it lies
-    between: so near that the straight look does not leave the curve.
+    hold lies before the prism's other side or the next test: so near that the straight
+    look does not leave the curve.
     triangle: (M,) whose prisms were met, and which have been met with already.
     """
-    projector, start_t = rays.projector, _time(walk, rays)
-    end_t = np.minimum(start_t + _crossing(walk, rays, triangle), walk.chords.breaks[-1])
+    projector, met_t = rays.projector, _time(walk, rays)
+    end_t = np.minimum(met_t + _crossing(walk, rays, triangle), walk.chords.breaks[-1])
+    # From where the last look ended: a prism passed over may be so slanted that it is left only
+    # behind the next hit.
+    before = np.maximum(walk.looked[projector], met_t - np.diff(walk.chords.breaks).take(rays.chord))
+    start_t = np.minimum(met_t, before)
+    walk.looked[projector] = end_t
     curves = walk.bundle.take(projector)
     start = curves.at(start_t)[0]
     span = walk.chords.span[rays.chord]
