@@ -23,9 +23,9 @@ from .hits import CastCounts, Hits
 from .prisms import Float32Array
 from .scene import CastScene, PrismScene
 
-# A walk goes on this far, in cast units, behind the face it has met: 8 roundings (2⁻²⁴)
-# of a coordinate of 1, so that it seldom meets the face again, which would do no harm.
-RESTART = 5e-7
+# A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
+# of a coordinate of 1, so that it does not meet the face again.
+RESTART = 2e-6
 
 # Shorter ways than this have no direction.
 SHORTEST = 1e-300
@@ -118,8 +118,9 @@ def cast_exact(
     columns: says that the projectors are whole rows of that many neighbouring pixels; empty
     space is then skipped for blocks of them. Positions and tangents are left to
     ``chords.complete``. t is exact to float64's rounding. What is left to float32 is finding
-    candidates: two triangles whose hits are less than RESTART apart, in cast units, may be
-    exchanged, and for a triangle that another hides by less, so may silhouettes.
+    candidates: hits less than RESTART apart, in cast units, may be exchanged, and a triangle
+    seen at a slant may be missed if its prism is entered together with another and something
+    else follows at once (docs/accuracy.md has the figures).
     Raises CastError when there is not enough memory for the prisms.
     """
     prisms = scene.prisms

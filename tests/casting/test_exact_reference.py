@@ -19,7 +19,7 @@ from scfpf_addon.casting.scene import CastError, CastScene
 from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 
-WIDTH, HEIGHT = 80, 45
+WIDTH, HEIGHT = 96, 54
 
 # Two hits count as one when their t differ by less.
 SAME = 1e-9
