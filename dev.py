@@ -19,6 +19,9 @@ from devtools import environments, own_blender, package, testing, window
 # Parts of the suite that need nothing built before them.
 PARTS = ("pure", "blender")
 
+# Scripts in benchmarks/ by what is asked for.
+BENCHMARKS = {"speed": ("run", "scanline"), "trade": ("trade",), "extremes": ("extremes",)}
+
 
 def command_demo(options, rest):
     """Render the demo through every preset into demo/output/."""
@@ -104,10 +107,12 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks and print their figures; --json FILE writes them too."""
+    """Run the benchmarks (speed, --trade or --extremes) and print figures; --json FILE writes them too."""
     environment = environments.first()
-    for script in ("benchmarks/run.py", "benchmarks/scanline.py"):
-        environments.run([environment.python, script, *rest])
+    kind = next((name for name in ("trade", "extremes") if f"--{name}" in rest), "speed")
+    arguments = [argument for argument in rest if argument != f"--{kind}"]
+    for script in BENCHMARKS[kind]:
+        environments.run([environment.python, f"benchmarks/{script}.py", *arguments])
 
 
 def parser():

@@ -324,7 +324,9 @@ def _measure(
         known = demand.pixel > 0.0
         error = max(error, float(np.max(distance[known] / demand.pixel[known], initial=0.0)))
         speed = np.maximum(demand.speed, np.finfo(np.float64).tiny)
-        pixel = np.minimum(pixel, (demand.pixel / speed).min(axis=1, initial=np.inf))
+        with np.errstate(over="ignore"):
+            steps = demand.pixel / speed
+        pixel = np.minimum(pixel, steps.min(axis=1, initial=np.inf))
         demands.append(demand)
     if spans.point_weights is not None:
         for before, middle, after in zip(demands[:-2:2], demands[1::2], demands[2::2], strict=True):

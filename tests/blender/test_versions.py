@@ -88,8 +88,8 @@ def test_an_edit_from_python_reaches_the_depsgraph():
 def test_limits_hold():
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     settings = camera.scfpf
-    settings.pixel_error, settings.samples, settings.u_range = 0.0, 0, (-1.0, 2.0)
-    assert settings.pixel_error == pytest.approx(0.001) and settings.samples == 1
+    settings.pixel_error, settings.samples, settings.u_range = -1.0, 0, (-1.0, 2.0)
+    assert settings.pixel_error == 0.0 and settings.samples == 1
     assert tuple(settings.u_range) == (0.0, 1.0)
     assert (settings.basis, settings.reparameterisation, tuple(settings.v_range)) == (
         "BEZIER",
