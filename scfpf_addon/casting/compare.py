@@ -21,9 +21,11 @@ SMOOTH = 0.5
 LAYERS = 3
 
 # A thing that a chord hits is alone if no curve of the pixel and its neighbours hits
-# anything within this many pixels' sizes before or behind (the limb of a smooth thing
-# may recede by some hundreds in a pixel).
-ALONE = 512.0
+# anything within this many pixels' sizes before or behind. The limb of a smooth thing may
+# recede by some hundreds in a pixel, but only away from what is nearer: inside a limb that
+# can be seen the surface comes towards the eye. What is behind is another thing sooner.
+ALONE_BEFORE = 512.0
+ALONE_BEHIND = 64.0
 
 # Side in pixels of the blocks that thin things are told by.
 BLOCK = 8
@@ -73,8 +75,8 @@ def thin_things(work: Work, columns: int) -> NDArray[np.intp]:
     column, row = pixels % columns, pixels // columns
     left, right = pixels - (column > 0), pixels + (column < columns - 1)
     around = [p + rise for p in (left, pixels, right) for rise in (0, columns, 2 * columns)]
-    distance = np.abs(t[np.stack(around)] - there).min(axis=0, initial=np.inf)
-    alone = np.flatnonzero(distance > ALONE * work.schedule.pixel_at(there))
+    behind = (t[np.stack(around)] - there) / work.schedule.pixel_at(there)
+    alone = np.flatnonzero(((behind < -ALONE_BEFORE) | (behind > ALONE_BEHIND)).all(axis=0))
     if len(alone) == 0:
         return alone
     rows = len(passed) // columns
