@@ -115,7 +115,7 @@ def _cast_curved(
     inner = slice(border, len(x) - border)
     bundle, shown = Bundle(spans, points), Bundle(spans, points[:, :, inner])
     counts.projectors += int(np.count_nonzero(mask[inner]))
-    where = stretches(scene.occupancy, spans, points, columns)
+    where = stretches(scene.occupancy, spans, bundle.single, columns)
     reach = where.reach
     if reach is None or not mask.any():
         return complete(cast_chords(scene, shown, mask[inner], None, None, counts)[0], shown)
