@@ -29,7 +29,7 @@ NEIGHBOUR_ERROR = 1.5
 
 # But they never stray more than this many times the pixel error: a thing so thin that no
 # neighbour sees it either must come to light when the error is set lower.
-MOST_COARSER = 15.0
+MOST_COARSER = 10.0
 
 # Doubtful hits are looked at with chords that stray this share of the pixel error:
 # they decide, so they should add little to it.
