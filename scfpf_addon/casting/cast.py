@@ -30,7 +30,7 @@ NEIGHBOUR_ERROR = 1.5
 
 # But they never stray more than this many times the pixel error: a thing so thin that no
 # neighbour sees it either must come to light when the error is set lower.
-MOST_COARSER = 15.0
+MOST_COARSER = 10.0
 
 # Doubtful hits are looked at with chords that stray this share of the pixel error:
 # they decide, so they should add little to it.
@@ -126,7 +126,7 @@ def _cast_curved(
     inner = slice(border, len(x) - border)
     bundle, shown = Bundle(spans, points), Bundle(spans, points[:, :, inner])
     counts.projectors += int(np.count_nonzero(mask[inner]))
-    where = stretches(scene.occupancy, spans, points, columns)
+    where = stretches(scene.occupancy, spans, bundle.single, columns)
     reach = where.reach
     if reach is None or not mask.any():
         return complete(cast_chords(scene, shown, mask[inner], None, None, counts)[0], shown)
