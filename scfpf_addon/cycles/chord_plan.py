@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..casting.schedule import SHIFT, Curves, plan, tolerance
+from ..casting.schedule import END_CHORD, SHIFT, Curves, tolerance
 from ..projection.basis import SpanBasis
 from ..projection.reparameterisation import Polar
 from ..projection.typing import Array, BoolArray
@@ -32,9 +32,11 @@ CHORD_SHARE = 0.75
 # More chords than this are not made: each is a sheet, and a step of every ray.
 MOST_CHORDS = 256
 
-# Attempts to bring the measured error under the one asked for; chords this much closer each time.
+# Attempts to find the fewest chords that are right.
 ATTEMPTS = 12
-CLOSER = 0.95
+
+# Steps in t at which the demand for chords is looked at, a span.
+STEPS = 64
 
 # Cells across and up a sheet: at least, and at most.
 FEWEST_CELLS, MOST_CELLS = 8, 256
@@ -146,23 +148,55 @@ def _shape(projection: Projection) -> tuple[bool, float]:
 
 
 def _breaks(spans: SpanBasis, curves: Curves, pixel_error: float) -> tuple[Array, Array, float]:
-    """Breaks, shifts and their measured error."""
+    """The fewest breaks whose measured error is within the one asked for, or MOST_CHORDS; shifts; the error."""
     if spans.degree == 1 and spans.point_weights is None:
         return spans.breaks, np.zeros(len(spans.breaks)), 0.0
-    asked = pixel_error
+    totals = [_demand(spans, span, curves) for span in range(len(spans.matrices))]
+    few, many = 0, MOST_CHORDS + 1
+    best = None
+    density = 1.0 / np.sqrt(pixel_error)
     for _ in range(ATTEMPTS):
-        breaks = plan(spans, curves, (0.0, 1.0), asked, 1).breaks
+        breaks = np.concatenate([_quantiles(spans, s, *t, density) for s, t in enumerate(totals)] + [[1.0]])
         shifts = _shifts(spans, breaks)
         error = _measure(spans, curves, breaks, shifts)
         count = len(breaks) - 1
-        if count > MOST_CHORDS:
-            asked *= (count / MOST_CHORDS) ** 2 / CLOSER
-            pixel_error = np.inf
-        elif error <= pixel_error:
+        if error <= pixel_error and count < many:
+            best, many = (breaks, shifts, error), count
+        elif error > pixel_error and count > few:
+            few = count
+            if best is None and count >= MOST_CHORDS:
+                return breaks, shifts, error
+        if many - few <= 1:
             break
-        else:
-            asked *= CLOSER * pixel_error / error
-    return breaks, shifts, error
+        wanted = np.clip(count * np.sqrt(error / pixel_error), few + 0.5, many - 0.5)
+        density *= min(wanted, MOST_CHORDS) / count
+    return (breaks, shifts, error) if best is None else best
+
+
+def _demand(spans: SpanBasis, span: int, curves: Curves) -> tuple[Array, Array]:
+    """Places in a span, as angles, and how many chords there must be before each for an error of one pixel."""
+    # As in casting.schedule: even steps in θ are fine at both ends of s = (1 - cos θ)/2.
+    edges = np.linspace(0.0, np.pi, STEPS + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    demand = tolerance(curves, spans, span, 0.5 - 0.5 * np.cos(middle), SMALLEST_ERROR)
+    length = spans.breaks[span + 1] - spans.breaks[span]
+    bend = SMALLEST_ERROR * SHIFT * demand.bend / demand.length
+    share = np.sqrt(bend).max(axis=1) * length * 0.5 * np.sin(middle) * np.diff(edges)
+    return edges, np.concatenate([[0.0], np.cumsum(share)])
+
+
+def _quantiles(spans: SpanBasis, span: int, edges: Array, total: Array, density: float) -> Array:
+    """The breaks of one span but for its end."""
+    count = max(1, int(np.ceil(density * total[-1])))
+    shares = np.ones(count)
+    # One end of theirs is not shifted.
+    shares[[0, -1]] = END_CHORD
+    quantiles = np.concatenate([[0.0], np.cumsum(shares)]) * (total[-1] / shares.sum())
+    local = 0.5 - 0.5 * np.cos(np.interp(quantiles, total, edges))
+    local[0] = 0.0
+    low, high = spans.breaks[span], spans.breaks[span + 1]
+    breaks: Array = low + local[:-1] * (high - low)
+    return breaks
 
 
 def _shifts(spans: SpanBasis, breaks: Array) -> Array:

@@ -20,11 +20,11 @@ from . import portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
 from .rig_data import (
     RigError,
+    adopt,
     check,
     is_whole,
     make_rig,
     present_chords,
-    remove_parts,
     remove_rig,
     rig_of,
     rigs,
@@ -191,22 +191,12 @@ def _has_volume(world) -> bool:
 def tend(scene, depsgraph) -> None:
     """Bring a scene's rig in step with its volume; remove rigs that have lost their camera or a part."""
     for rig in rigs():
+        adopt(rig)
         if not is_whole(rig):
             # Undo brings both back.
-            _remove_rest(rig)
+            switch_off(rig)
         elif rig.scfpf_rig.scene == scene:
             _follow(rig, depsgraph)
-
-
-def _remove_rest(rig) -> None:
-    """Remove a rig that is not whole: one whose camera was deleted, or a copy that came with a copied scene."""
-    settings = rig.scfpf_rig
-    _seen.pop(rig.session_uid, None)
-    is_copy = settings.portals is not None and rig.objects.get(settings.portals.name) != settings.portals
-    if is_copy:
-        remove_parts(rig, [part for part in rig.objects if part not in (settings.portals,)])
-    else:
-        switch_off(rig)
 
 
 def _follow(rig, depsgraph) -> None:
@@ -214,7 +204,7 @@ def _follow(rig, depsgraph) -> None:
     seen = _seen.get(rig.session_uid)
     try:
         projection, now = _look(rig, depsgraph)
-        if seen == now:
+        if seen == now and not settings.problem:
             return
         structure_changed = seen is not None and seen[0] != now[0]
         if structure_changed:

@@ -155,8 +155,10 @@ def _give_back(rig) -> None:
     scene, camera, view_camera = settings.scene, settings.camera, settings.view_camera
     if scene is None:
         return
-    if scene.camera in (view_camera, None):
-        scene.camera = settings.camera_before or camera
+    for user in bpy.data.scenes:
+        # Linked copies of the scene render through the rig as well.
+        if view_camera is not None and user.camera == view_camera:
+            user.camera = settings.camera_before or camera
     if settings.engine_before and scene.render.engine == CYCLES:
         scene.render.engine = settings.engine_before
     if scene.cycles.transparent_max_bounces == settings.bounces:
@@ -166,6 +168,23 @@ def _give_back(rig) -> None:
             marker.camera = camera
     if scene.cycles.dicing_camera == camera:
         scene.cycles.dicing_camera = None
+
+
+def adopt(rig) -> None:
+    """Let a rig that came with a full copy of its scene be that scene's, with a table of its own."""
+    settings = rig.scfpf_rig
+    holders = [scene for scene in bpy.data.scenes if rig in scene.collection.children_recursive]
+    if holders and settings.scene not in holders:
+        settings.scene = holders[0]
+    scene, camera, portal_object = settings.scene, settings.camera, settings.portals
+    if None in (scene, camera, portal_object, settings.table) or settings.table.parent == camera:
+        return
+    if portal_object.animation_data is None or not camera.is_editable:
+        return
+    update_nodes(rig)
+    for curve in portal_object.animation_data.drivers:
+        for variable in curve.driver.variables:
+            variable.targets[0].id = scene
 
 
 def update_nodes(rig) -> None:
@@ -249,10 +268,10 @@ def remove_rig(rig) -> None:
             settings.scene.collection.objects.link(guest)
     if settings.camera is not None:
         settings.camera.pop(RIG_TABLE_KEY, None)
-    remove_parts(rig, parts)
+    _remove_parts(rig, parts)
 
 
-def remove_parts(rig, parts) -> None:
+def _remove_parts(rig, parts) -> None:
     """Remove objects of a rig, what only they use, and the collection."""
     groups = [
         modifier.node_group
