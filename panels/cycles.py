@@ -35,7 +35,9 @@ class _CyclesSection(_Subsection):
         row.operator("scfpf.cycles_rig", icon="SHADING_RENDERED", depress=is_on)
         if is_on:
             row.operator("scfpf.cycles_rig_update", text="", icon="FILE_REFRESH")
-            layout.operator("render.render", text="Render Image (F12)", icon="RENDER_STILL").use_viewport = False
+            layout.operator(
+                "render.render", text="Render Image (F12)", icon="RENDER_STILL"
+            ).use_viewport = False
             for text in cautions(context.scene, context.view_layer, rig):
                 layout.label(text=text, icon="ERROR")
         column = layout.column(align=True)

@@ -148,7 +148,7 @@ def _shape(projection: Projection) -> tuple[bool, float]:
 
 
 def _breaks(spans: SpanBasis, curves: Curves, pixel_error: float) -> tuple[Array, Array, float]:
-    """The fewest breaks whose measured error is within the one asked for, or MOST_CHORDS; shifts; the error."""
+    """The fewest breaks that keep an error in pixels, MOST_CHORDS at most; their shifts; the error measured."""
     if spans.degree == 1 and spans.point_weights is None:
         return spans.breaks, np.zeros(len(spans.breaks)), 0.0
     totals = [_demand(spans, span, curves) for span in range(len(spans.matrices))]
@@ -174,7 +174,7 @@ def _breaks(spans: SpanBasis, curves: Curves, pixel_error: float) -> tuple[Array
 
 
 def _demand(spans: SpanBasis, span: int, curves: Curves) -> tuple[Array, Array]:
-    """Places in a span, as angles, and how many chords there must be before each for an error of one pixel."""
+    """Places in a span, as angles, and the chords there must be before each for an error of a pixel."""
     # As in casting.schedule: even steps in θ are fine at both ends of s = (1 - cos θ)/2.
     edges = np.linspace(0.0, np.pi, STEPS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
@@ -217,7 +217,9 @@ def _measure(spans: SpanBasis, curves: Curves, breaks: Array, shifts: Array) -> 
     """Largest distance of curve and chords, in pixels."""
     largest = 0.0
     for start, end, shift, next_shift in zip(breaks[:-1], breaks[1:], shifts[:-1], shifts[1:], strict=True):
-        span = int(np.clip(np.searchsorted(spans.breaks, 0.5 * (start + end)) - 1, 0, len(spans.matrices) - 1))
+        span = int(
+            np.clip(np.searchsorted(spans.breaks, 0.5 * (start + end)) - 1, 0, len(spans.matrices) - 1)
+        )
         low, high = spans.breaks[span], spans.breaks[span + 1]
         local = (np.linspace(start, end, PLACES) - low) / (high - low)
         demand = tolerance(curves, spans, span, local, SMALLEST_ERROR)
@@ -266,7 +268,7 @@ def _cells(
 
 
 def _between(projection: Projection, size: tuple[int, int], breaks: Array, cells: Sequence[int]) -> Array:
-    """How far projectors are off in the middle of cells' sides across, up and of their diagonals, in pixels."""
+    """How far projectors are off half way along cells' sides and diagonals, in pixels."""
     column, row = (
         np.unique(np.linspace(0, count - 1, min(count, CELL_SAMPLES)).astype(int)) for count in cells
     )

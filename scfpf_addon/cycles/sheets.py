@@ -62,7 +62,7 @@ def portals(
 ) -> Portals:
     """The arrays of n+1 sheets, screen and far sheet included, and of the surround.
 
-    breaks, shifts: (n+1,), as in ChordPlan. cells: of each sheet, across and up. size: of the picture, pixels.
+    breaks, shifts: (n+1,), as in ChordPlan. cells: of each sheet, across and up. size: of the picture.
     """
     x, y, triangles = _grid(cells, size, polar)
     count, size = len(breaks) - 1, len(x)
@@ -90,14 +90,14 @@ def portals(
     )
 
 
-def _grid(
-    cells: tuple[int, int], size: tuple[int, int], polar: bool
-) -> tuple[Array, Array, IndexArray]:
+def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[Array, Array, IndexArray]:
     """x and y of a sheet's vertices, row by row, and its triangles."""
     lines = [np.arange(count + 1) / count for count in cells]
     if not polar:
         padding = [PADDING / pixels for pixels in size]
-        lines = [np.concatenate([[-pad], line, [1.0 + pad]]) for line, pad in zip(lines, padding, strict=True)]
+        lines = [
+            np.concatenate([[-pad], line, [1.0 + pad]]) for line, pad in zip(lines, padding, strict=True)
+        ]
     columns, rows = len(lines[0]), len(lines[1])
     x, y = (a.ravel() for a in np.meshgrid(*lines))
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()

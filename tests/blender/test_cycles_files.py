@@ -313,7 +313,9 @@ def test_a_volume_that_crosses_itself(addon, camera, rig_of, tmp_path):
     bpy.context.view_layer.update()
     switch(camera)
     gated = bpy.app.version >= (5, 0, 0)
-    warned = [c for c in addon("scfpf_addon.cycles.rig").cautions(
-        bpy.context.scene, bpy.context.view_layer, rig_of()
-    ) if "crosses itself" in c]
+    warned = [
+        c
+        for c in addon("scfpf_addon.cycles.rig").cautions(bpy.context.scene, bpy.context.view_layer, rig_of())
+        if "crosses itself" in c
+    ]
     assert bool(warned) != gated

@@ -56,9 +56,9 @@ def make_volume(addon, camera, name):
     flexible.clear_surfaces(camera)
     basis, surfaces = VOLUMES[name]
     for described in surfaces:
-        kind, matrix, parameters, points = rectangle(*described) if len(described) != 4 or not isinstance(
-            described[0], str
-        ) else described
+        kind, matrix, parameters, points = (
+            rectangle(*described) if len(described) != 4 or not isinstance(described[0], str) else described
+        )
         flexible.add_surface(camera, kind, matrix=matrix, parameters=parameters, points=points)
     camera.scfpf.basis = basis
     for number, slot in enumerate(camera.scfpf.surfaces):
@@ -167,7 +167,7 @@ def load_pixels(path):
 
 
 def lit_scene():
-    """Diffuse balls over a floor, a large lamp, a bright world: light that goes round corners, without fireflies."""
+    """Diffuse balls over a floor, a large lamp, a bright world: much indirect light, no fireflies."""
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -2))
     for place in ((-1.5, 6, -0.5), (1.2, 7, -0.3), (0, 5, -1.2)):
