@@ -140,7 +140,7 @@ def test_undo_and_redo(camera, rig_of):
     assert rig_of() is not None and rig_of().scfpf_rig.chords > 1
 
 
-def test_other_cameras_do_not_see_it(camera, tmp_path):
+def test_other_cameras_and_our_own_pictures_do_not_see_it(addon, camera, tmp_path):
     """Not through its sheets, and not from where its screen is; with no add-on's help: drivers tell."""
     scene = bpy.context.scene
     other = bpy.data.objects.new("Other", bpy.data.cameras.new("Other"))
@@ -154,10 +154,6 @@ def test_other_cameras_do_not_see_it(camera, tmp_path):
     assert (render(tmp_path / "with.exr") == plain).all()
     scene.camera = rig_camera
     assert not (render(tmp_path / "rig.exr") == plain).all()
-
-
-def test_our_own_pictures_leave_it_out(addon, camera):
-    switch(camera)
     jobs = addon("scfpf_addon.bridge.render_job")
     inputs = jobs.prepare(bpy.context.scene, bpy.context.view_layer, camera)
     assert sorted(inputs.scene.geometry.object_names) == ["Blue", "Green", "Red"]
@@ -208,7 +204,7 @@ def test_a_file_renders_without_the_add_on(addon, camera, rig_of, tmp_path):
     assert all((picture[..., :3].max(axis=2) > 0).mean() > 0.05 for picture in pictures)
 
 
-def test_it_follows_the_volume(camera, rig_of):
+def test_it_follows_the_volume_or_says_why_not(addon, camera, rig_of):
     switch(camera)
     settings = rig_of().scfpf_rig
     chords, error = settings.chords, settings.error
@@ -223,16 +219,6 @@ def test_it_follows_the_volume(camera, rig_of):
     camera.scfpf.pixel_error = 0.5
     bpy.context.view_layer.update()
     assert settings.chords < chords and settings.error <= 0.5
-    # A surface less: straight projectors.
-    camera.scfpf.active_surface = 1
-    bpy.ops.scfpf.surface_remove()
-    bpy.context.view_layer.update()
-    assert settings.chords == 1 and settings.error == 0.0
-
-
-def test_what_cannot_be_followed_is_told(addon, camera, rig_of):
-    switch(camera)
-    settings = rig_of().scfpf_rig
     cautions = addon("scfpf_addon.cycles.rig").cautions
     scene, layer = bpy.context.scene, bpy.context.view_layer
     assert cautions(scene, layer, rig_of()) == []
@@ -246,10 +232,12 @@ def test_what_cannot_be_followed_is_told(addon, camera, rig_of):
     layer.material_override = bpy.data.materials["Red"]
     scene.cycles.transparent_max_bounces = 2
     assert len(cautions(scene, layer, rig_of())) == 3
-
-
-def test_a_deleted_camera_takes_its_rig_along(camera, rig_of):
-    switch(camera)
+    # A surface less: straight projectors.
+    camera.scfpf.active_surface = 1
+    bpy.ops.scfpf.surface_remove()
+    bpy.context.view_layer.update()
+    assert settings.chords == 1 and settings.error == 0.0
+    # A deleted camera takes its rig along.
     bpy.data.objects.remove(camera)
     bpy.context.view_layer.update()
     assert not [c.name for c in bpy.data.collections if "Rig" in c.name]

@@ -17,7 +17,7 @@ reference = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(reference)
 our_passes = reference.our_passes
 
-WIDTH, HEIGHT = 96, 64
+WIDTH, HEIGHT = 72, 48
 PRESETS = sorted(path.stem for path in (pathlib.Path(__file__).parents[2] / "presets").glob("*.json"))
 # The pixel error of the rig, and so its number of chords. Edges are given 1.5 pixels.
 PIXEL_ERROR = 0.3
@@ -73,7 +73,7 @@ def project(addon, camera):
     )
 
 
-def fill_volume(addon, camera, count=24):
+def fill_volume(addon, camera, count=18):
     """Objects on projectors of the camera, as large as their place."""
     projection = project(addon, camera)
     sample = projection.volume.evaluate(np.full(9, 0.5), np.full(9, 0.5), np.linspace(0, 1, 9)).position
@@ -188,7 +188,7 @@ def test_the_light_is_that_of_cycles_own_cameras(addon, tmp_path, kind):
     """Neither darker nor brighter, and no noisier, than without portals."""
     lit_scene()
     ordinary = {"type": "PERSP" if kind == "FISHEYE" else kind, "lens": 30.0, "ortho_scale": 7.0}
-    camera = reference.add_camera(40, 40, clip_start=0.5, clip_end=80.0, **ordinary)
+    camera = reference.add_camera(32, 32, clip_start=0.5, clip_end=80.0, **ordinary)
     camera.location, camera.rotation_euler = (0, 0, 1), Euler((math.pi / 2 - 0.15, 0, 0))
     bpy.context.view_layer.update()
     if kind == "FISHEYE":
