@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import EnumProperty, IntProperty
 
-from ..scfpf_addon.bridge import lattice_object, surface_edits
+from ..scfpf_addon.bridge import lattice_object, surface_edits, volume_edits
 from ..scfpf_addon.bridge.render_job import picture_aspect, picture_size
 from ..scfpf_addon.projection.respacing import EVEN
 from .surfaces import poll_slot
@@ -157,6 +157,20 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
         return f"Both directions cannot be quite even: steps still differ by up to {100 * left:.2g} %"
 
 
+class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
+    """Put the active control surface's scale into its sizes; it stays as it is.
+
+    Blender's own Apply Scale (Ctrl-A) would lose the scale, as of every shape that only a modifier makes"""
+
+    bl_idname = "scfpf.surface_apply_scale"
+    bl_label = "Apply Scale to Sizes"
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, _context, camera):
+        volume_edits.apply_scale(camera, camera.scfpf.active_surface)
+
+
 class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
     """Replace the whole volume by one lattice of the same shape at this frame, to be pulled about point by
     point; the projectors then run as the lattice's interpolation has it"""
@@ -198,6 +212,7 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_OT_surface_to_patch,
         SCFPF_OT_surface_subdivide,
         SCFPF_OT_surface_equalise,
+        SCFPF_OT_surface_apply_scale,
         SCFPF_OT_volume_to_lattice,
     )
 )
