@@ -112,7 +112,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks (speed, --trade, --extremes, --cycles), print figures; --json FILE writes them too."""
+    """Run the benchmarks (speed, --trade, --extremes, --cycles), print figures; --json FILE writes them."""
     environment = environments.first()
     kind = next((name for name in ("trade", "extremes", "cycles") if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]

@@ -3,8 +3,8 @@
 
     python3 dev.py bench --cycles [--json FILE] [--quick]
 
-The same perspective volume is cut into 1, 8, 16 and 32 chords, so that all pictures are alike. Every time is the
-least of several renders that take turns, on the CPU, of Cycles alone: without reading the scene.
+The same perspective volume is cut into 1, 8, 16 and 32 chords, so that all pictures are alike. Times are
+processor seconds of Cycles' sampling on the CPU, the least of several renders that take turns.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def heavy_scene() -> None:
         thing.location = generator.uniform((-6, 3, -4), (6, 18, 5))
         thing.rotation_euler = generator.uniform(-math.pi, math.pi, 3)
         thing.data.materials.append(kinds[number % 3])
-    for number in range(12):
+    for _ in range(12):
         lamp = bpy.data.lights.new("Lamp", "AREA")
         lamp.energy = 200
         placed = bpy.data.objects.new("Lamp", lamp)
