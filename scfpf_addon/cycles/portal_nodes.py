@@ -20,7 +20,7 @@ START, END = "scfpf_start", "scfpf_end"
 # After them: where rays go on and along what, world space; how many portals they have passed before.
 POSITION, DIRECTION, DEPTH = "scfpf_position", "scfpf_direction", "scfpf_depth"
 
-# The rig's camera looks at a screen of this width, this far below the scene. float32 tells
+# The rig's camera looks at a screen of this width or little more, this far below the scene. float32 tells
 # 16 million places across it, wherever it is.
 WIDTH = 200_000.0
 AWAY = 1e6
@@ -98,8 +98,9 @@ def portal_group():
         nodes.open_frame("The screen, and what surrounds it")
         aspect, (_, _, polar) = given["Aspect"], view["Numbers"].parts()
         wide = aspect.most(1.0)
-        across = nodes.mix(polar, WIDTH + polar * 0.0, WIDTH / wide)
-        up = nodes.mix(polar, WIDTH / aspect, WIDTH / wide)
+        width = given["Width"]
+        across = nodes.mix(polar, width, width / wide)
+        up = nodes.mix(polar, width / aspect, width / wide)
         behind = nodes.switch(
             number < -0.5, -AWAY - TO_SCREEN, -AWAY - TO_SURROUND, "FLOAT", "Screen or Surround"
         )
@@ -119,6 +120,7 @@ def portal_group():
         "Geometry": ("Geometry", None, "Sheets: x, y and the number of the sheet as positions"),
         "Table": ("Object", None, "The table object of a flexible camera"),
         "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
+        "Width": ("Float", WIDTH, "Width of the screen: the ortho scale of the camera that looks at it"),
     }
     text = "The sheets that turn Cycles' rays from one chord of a projector into the next"
     return node_group("SCFPF Portals", text, inputs, {"Geometry": "Geometry"}, build, modifier=True)

@@ -80,8 +80,9 @@ def make_rig(scene, camera, chords: ChordPlan):
     """All datablocks of a camera's rig; returns its collection. The scene then renders through it."""
     sync_volume_object(camera)
     rig = bpy.data.collections.new(f"{camera.name} Cycles Rig")
-    portal_object = _new_portals(camera, scene)
-    view_camera = _new_view_camera(camera)
+    width = _own_width()
+    portal_object = _new_portals(camera, scene, width)
+    view_camera = _new_view_camera(camera, width)
     for part in (portal_object, view_camera):
         rig.objects.link(part)
         part.hide_select = True
@@ -100,19 +101,25 @@ def make_rig(scene, camera, chords: ChordPlan):
     return rig
 
 
-def _new_view_camera(camera):
+def _own_width() -> float:
+    """A width of the screen that no other rig has: by it the sheets know their camera."""
+    taken = {rig.scfpf_rig.view_camera.data.ortho_scale for rig in rigs() if rig.scfpf_rig.view_camera}
+    return next(WIDTH + number for number in range(len(taken) + 1) if WIDTH + number not in taken)
+
+
+def _new_view_camera(camera, width: float):
     name = f"{camera.name} Cycles"
     lens = bpy.data.cameras.new(name)
     lens.type = "ORTHO"
     lens.sensor_fit = "HORIZONTAL"
-    lens.ortho_scale = WIDTH
+    lens.ortho_scale = width
     lens.clip_start, lens.clip_end = 0.5 * TO_SCREEN, 2.0 * TO_SCREEN
     view_camera = bpy.data.objects.new(name, lens)
     view_camera.location.z = -AWAY
     return view_camera
 
 
-def _new_portals(camera, scene):
+def _new_portals(camera, scene, width: float):
     name = f"{camera.name} Portals"
     mesh = bpy.data.meshes.new(name)
     for material in portal_nodes.new_materials(portal_nodes.can_gate(), scene):
@@ -124,12 +131,12 @@ def _new_portals(camera, scene):
     # Its sheets stand where they are in the middle of the frame; directions would not be blurred along.
     made.cycles.use_motion_blur = False
     driver = made.driver_add("hide_render").driver
-    # Such simple expressions need no Python.
-    driver.expression = f"width != {WIDTH:.0f}"
+    # Such simple expressions need no Python. The scene is the one that is rendered: others may share the rig.
+    driver.expression = f"width != {width:.0f}"
     variable = driver.variables.new()
-    variable.name = "width"
+    variable.name, variable.type = "width", "CONTEXT_PROP"
     target = variable.targets[0]
-    target.id_type, target.id, target.data_path = "SCENE", scene, "camera.data.ortho_scale"
+    target.context_property, target.data_path = "ACTIVE_SCENE", "camera.data.ortho_scale"
     return made
 
 
@@ -184,7 +191,8 @@ def adopt(rig) -> None:
     update_nodes(rig)
     for curve in portal_object.animation_data.drivers:
         for variable in curve.driver.variables:
-            variable.targets[0].id = scene
+            if variable.type == "SINGLE_PROP":
+                variable.targets[0].id = scene
 
 
 def update_nodes(rig) -> None:
@@ -203,6 +211,8 @@ def update_nodes(rig) -> None:
     identifier = group_input(group, "Table")
     if versions.modifier_input(modifier, identifier) != settings.table:
         versions.set_modifier_input(modifier, identifier, settings.table)
+    width = settings.view_camera.data.ortho_scale
+    versions.set_modifier_input(modifier, group_input(group, "Width"), width)
     # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
     modifier.node_group = group
     settings.portals.update_tag()

@@ -259,6 +259,12 @@ def test_a_copied_scene_renders_as_its_original(addon, camera, kind, tmp_path):
     bpy.ops.render.render(write_still=True, scene=first.name)
     assert (pixels_of(tmp_path / "after.exr") == picture).all()
     if kind == "LINK_COPY":
+        # Another rig in the copy: each camera sees its own sheets only.
+        bpy.context.view_layer.objects.active = camera
+        copy.camera = camera
+        bpy.ops.scfpf.cycles_rig()
+        assert copy.camera.data.ortho_scale != first.camera.data.ortho_scale
+        assert (render(tmp_path / "second.exr") == picture).all()
         bpy.context.window.scene = first
     switch(bpy.context.scene.camera)
     assert copy.camera is not None and copy.camera.scfpf.enabled
