@@ -24,7 +24,7 @@ BENCHMARKS = {
     "speed": ("run", "scanline"),
     "trade": ("trade",),
     "extremes": ("extremes",),
-    "cycles": ("cycles",),
+    "cycles": ("portals",),
 }
 
 

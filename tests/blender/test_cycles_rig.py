@@ -73,11 +73,11 @@ def project(addon, camera):
     )
 
 
-def fill_volume(addon, camera, count=18):
+def fill_volume(addon, camera, count=24):
     """Objects on projectors of the camera, as large as their place."""
     projection = project(addon, camera)
     sample = projection.volume.evaluate(np.full(9, 0.5), np.full(9, 0.5), np.linspace(0, 1, 9)).position
-    size = np.ptp(sample, axis=1).max() / 25
+    size = np.ptp(sample, axis=1).max() / 20
 
     def place(generator):
         while True:

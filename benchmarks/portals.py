@@ -82,9 +82,6 @@ SCENES = {"light": light_scene, "heavy": heavy_scene}
 def new_scene(build):
     """A file with a scene and a flexible camera that sees as an ordinary one does."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    import addon_utils  # bpy, once imported, knows where it is
-
-    addon_utils.enable("cycles")
     scene = bpy.context.scene
     build()
     world = scene.world = bpy.data.worlds.new("World")
