@@ -21,23 +21,27 @@ class SCFPF_MT_surface_add(bpy.types.Menu):
             self.layout.operator("scfpf.surface_add", text=name, icon=KIND_ICONS[kind]).kind = kind
 
 
-def _group_menus(operator: str, name: str) -> tuple[type[bpy.types.Menu], ...]:
-    """A menu for each group of presets, whose entries call an operator; name: what their names begin with."""
-    menus = []
-    for number, (group, items) in enumerate(preset_groups()):
+def _group_menu(identifier: str, group: str, items, operator: str) -> type[bpy.types.Menu]:
+    """A menu of one group of presets, whose entries call an operator."""
 
-        def draw(self, _context, items=items):
-            self.layout.operator_context = "EXEC_REGION_WIN"
-            for preset, label, _description in items:
-                self.layout.operator(operator, text=label).preset = preset
+    def draw(self, _context):
+        self.layout.operator_context = "EXEC_REGION_WIN"
+        for preset, name, _description in items:
+            self.layout.operator(operator, text=name).preset = preset
 
-        contents = {"__doc__": f"Ready-made projections: {group}", "bl_label": group, "draw": draw}
-        menus.append(type(f"{name}_{number}", (bpy.types.Menu,), contents))
-    return tuple(menus)
+    contents = {"__doc__": f"Ready-made projections: {group}", "bl_label": group, "draw": draw}
+    return type(identifier, (bpy.types.Menu,), contents)
 
 
-APPLY_MENUS = _group_menus("scfpf.preset_apply", "SCFPF_MT_presets_group")
-ADD_MENUS = _group_menus("scfpf.camera_add", "SCFPF_MT_camera_add_group")
+def _group_menus(prefix: str, operator: str) -> tuple[type[bpy.types.Menu], ...]:
+    return tuple(
+        _group_menu(f"{prefix}_{number}", group, items, operator)
+        for number, (group, items) in enumerate(preset_groups())
+    )
+
+
+APPLY_MENUS = _group_menus("SCFPF_MT_presets_group", "scfpf.preset_apply")
+ADD_MENUS = _group_menus("SCFPF_MT_camera_add_group", "scfpf.camera_add")
 
 
 class SCFPF_MT_presets(bpy.types.Menu):
