@@ -13,6 +13,7 @@ from scfpf_addon.projection.volume import determinant, image_derivatives
 FOLDER = Path(__file__).resolve().parents[2] / "presets"
 GROUPS = {
     "Cameras": (
+        "digital_cubism",
         "inverted_perspective",
         "irregular_perspective",
         "oblique",
@@ -31,7 +32,7 @@ GROUPS = {
         "nonlinear_twist",
         "orthographic_to_perspective",
     ),
-    "Fisheyes and Lenses": ("angular_fisheye", "barrel_lens", "magic_lens"),
+    "Fisheyes and Lenses": ("angular_fisheye", "barrel_lens", "magic_lens", "stereographic"),
     "General Linear Cameras": (
         "bilinear",
         "cross_slit",

@@ -148,3 +148,67 @@ def test_magic_lens_leaves_what_is_around_it_parallel():
     # Between the spot and the parallel projectors they never cross.
     t = np.full_like(u, 0.999)
     assert (determinant(volume.evaluate(u, v, t)) < 0).all()
+
+
+def test_stereographic_is_twice_the_tangent_of_half_the_angle():
+    """180 degrees across the picture's width; straight projectors from one point."""
+    x, y, _, (px, py, pz) = seen("stereographic", low=0.01)
+    across, up = 2 * x, 2 * 9 / 16 * y
+    angle = np.arctan2(np.hypot(px, py), -pz)
+    assert np.allclose(2 * np.tan(angle / 2), np.hypot(across, up), rtol=0, atol=1e-5)
+    turn = np.exp(1j * np.arctan2(py, px)) - np.exp(1j * np.arctan2(up, across))
+    assert np.abs(turn).max() < 1e-5
+
+
+def test_stereographic_keeps_shapes():
+    """A small step along x and one along y see directions at right angles, equally far apart."""
+    volume = preset("stereographic").volume()
+    u, v = np.random.default_rng(2).random((2, 200))
+
+    def direction(u, v):
+        position = volume.evaluate(u, v, np.ones_like(u)).position
+        return position / np.linalg.norm(position, axis=0)
+
+    step = 1e-5
+    across = (direction(u + step, v) - direction(u - step, v)) / step
+    up = (direction(u, v + step) - direction(u, v - step)) / step * 16 / 9
+    assert np.allclose((across * up).sum(axis=0), 0, rtol=0, atol=1e-4)
+    assert np.allclose(np.linalg.norm(across, axis=0), np.linalg.norm(up, axis=0), rtol=1e-4)
+
+
+def b_spline_functions(order, count, parameter):
+    """Cox and de Boor's recurrence over clamped uniform knots, (count, N)."""
+    inner = np.arange(1, count - order + 1)
+    knots = np.concatenate([np.zeros(order), inner, np.full(order, count - order + 1)])
+    place = np.clip(parameter * knots[-1], 0, knots[-1] - 1e-12)
+    values = [np.where((low <= place) & (place < high), 1.0, 0.0) for low, high in zip(knots, knots[1:], strict=False)]
+    for width in range(1, order):
+        rising = [np.zeros_like(place) for _ in range(len(values) - 1)]
+        for i in range(len(rising)):
+            for at, length, sign in (
+                (i, knots[i + width] - knots[i], 1),
+                (i + 1, knots[i + width + 1] - knots[i + 1], -1),
+            ):
+                if length > 0:
+                    start = knots[i] if sign > 0 else knots[i + width + 1]
+                    rising[i] = rising[i] + values[at] * sign * (place - start) / length
+        values = rising
+    return np.array(values)
+
+
+def test_digital_cubism_sends_rays_between_two_nurbs_surfaces():
+    shown = preset("digital_cubism")
+    u, v, t = np.random.default_rng(8).random((3, 300))
+    across, up = b_spline_functions(3, 3, u), b_spline_functions(3, 9, v)
+    near, far = (np.einsum("rn,cn,rck->kn", up, across, surface.points) for surface in shown.surfaces)
+    position = shown.volume().evaluate(u, v, t).position
+    assert np.allclose(position, (1 - t) * near + t * far, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize(("v", "angle"), [(0.0, -35), (0.5, 40), (1.0, -10)])
+def test_digital_cubism_looks_from_three_sides(v, angle):
+    """Each part is a plan seen from a place of its own, degrees around the subject."""
+    u = np.linspace(0, 1, 9)
+    along = preset("digital_cubism").volume().evaluate(u, np.full_like(u, v), np.full_like(u, 0.5)).dt
+    assert np.allclose(np.degrees(np.arctan2(-along[0], -along[2])), angle, rtol=0, atol=1e-3)
+    assert np.abs(along[1]).max() < 1e-9
