@@ -49,7 +49,7 @@ LINES = {
 
 @pytest.mark.parametrize("name", LINES)
 def test_lines_into_depth_converge_in_curves(name):
-    """Figure 9: more than 5 pixels off their chord, where equal shapes of all rectangles leave them straight."""
+    """Figure 9: more than 5 pixels off their chord; with rectangles of equal shapes they are straight."""
     assert bow("curved_convergence", LINES[name]) > 5
     assert bow("orthographic_to_perspective", LINES[name]) < 1e-3
 
@@ -69,7 +69,9 @@ def test_orthographic_becomes_perspective():
     assert np.allclose(depth, t, rtol=0, atol=1e-12)
     assert np.allclose(px, x * (10 + (60 - 10) * depth**2) / 2, rtol=0, atol=1e-12)
     assert np.allclose(py, y * (7.5 + (45 - 7.5) * depth**2) / 2, rtol=0, atol=1e-12)
-    start = preset("orthographic_to_perspective").volume().evaluate((x + 1) / 2, (y + 1) / 2, np.zeros_like(x))
+    start = (
+        preset("orthographic_to_perspective").volume().evaluate((x + 1) / 2, (y + 1) / 2, np.zeros_like(x))
+    )
     assert np.abs(start.dt[:2]).max() < 1e-12 and (start.dt[2] == -40).all()
 
 

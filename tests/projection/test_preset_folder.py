@@ -23,15 +23,6 @@ GROUPS = {
         "perspective",
         "telephoto",
     ),
-    "Curved Projectors": (
-        "around_the_car",
-        "curved_convergence",
-        "deep_curvy_volume",
-        "house_of_stairs",
-        "linear_twist",
-        "nonlinear_twist",
-        "orthographic_to_perspective",
-    ),
     "Fisheyes and Lenses": ("angular_fisheye", "barrel_lens", "magic_lens", "stereographic"),
     "General Linear Cameras": (
         "bilinear",
@@ -47,6 +38,15 @@ GROUPS = {
         "street_panorama",
         "street_panorama_curved",
         "strip_camera",
+    ),
+    "Twists and Curves": (
+        "around_the_car",
+        "curved_convergence",
+        "deep_curvy_volume",
+        "house_of_stairs",
+        "linear_twist",
+        "nonlinear_twist",
+        "orthographic_to_perspective",
     ),
 }
 NAMES = sorted(name for names in GROUPS.values() for name in names)
@@ -89,10 +89,12 @@ def test_text_gives_the_preset_back(name):
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - {FLAT}))
 def test_no_preset_folds_or_mirrors(name):
-    """det[Qx Qy Qt] < 0 before the far surface, formed over the image: a polar map turns the sense of (u, v)."""
+    """det[Qx Qy Qt] < 0 before the far surface, over the image: a polar map turns the sense of (u, v)."""
     shown = preset(name)
     grid = (np.arange(40) + 0.5) / 40
-    x, y, t = (values.ravel() for values in np.meshgrid(grid, grid, np.linspace(0, 1, 40, endpoint=False)[1:]))
+    x, y, t = (
+        values.ravel() for values in np.meshgrid(grid, grid, np.linspace(0, 1, 40, endpoint=False)[1:])
+    )
     for aspect in (shown.aspect, 0.7, 2.5):
         projection = shown.projection(aspect)
         image = projection.parameters(x, y)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Presets that are general linear cameras: three rays, their affine combinations, the type that these make.
 
-A ray is (s, t, σ, τ): it meets the plane at depth λ in (s + λσ, t + λτ). Three rays meet that plane in a triangle
-whose doubled area is Aλ² + Bλ + C. Its roots, and whether the triangle is a point or a line there, tell the
-camera's type (Yu and McMillan, General Linear Cameras, ECCV 2004, section 3 and table 2).
+A ray is (s, t, σ, τ): it meets the plane at depth λ in (s + λσ, t + λτ). Three rays meet that plane in a
+triangle whose doubled area is Aλ² + Bλ + C. Its roots, and whether the triangle is a point or a line there,
+tell the camera's type (Yu and McMillan, General Linear Cameras, ECCV 2004, section 3 and table 2).
 """
 
 from pathlib import Path
@@ -39,7 +39,7 @@ def preset(name):
 
 
 def rays(volume, u, v):
-    """(4, N): place on the plane through the camera and slope against depth, from two points of each projector."""
+    """(4, N): place on the plane through the camera and slope against depth, from two points of each."""
     near, far = (volume.evaluate(u, v, np.full(len(u), t)).position for t in (0.25, 0.75))
     slope = (far[:2] - near[:2]) / (near[2] - far[2])
     return np.concatenate([near[:2] + slope * near[2], slope])
@@ -140,7 +140,7 @@ def test_crossed_slits_are_two_depths_for_two_axes():
     x, y, (px, py, pz) = seen("cross_slit")
     assert np.allclose(x, px / (12 - pz) / (16 / 9 * 5 / 32), rtol=0, atol=1e-6)
     assert np.allclose(y, py / -pz / 0.25, rtol=0, atol=1e-12)
-    s, t, across, up = rays(preset("cross_slit").volume(), (x + 1) / 2, (y + 1) / 2)
+    s, t, across, _ = rays(preset("cross_slit").volume(), (x + 1) / 2, (y + 1) / 2)
     assert np.abs(t).max() < 1e-12, "the level slit lies at the camera"
     assert np.abs(s - 12 * across).max() < 1e-5, "the upright slit lies 12 behind it"
 
@@ -199,9 +199,11 @@ def test_irregular_perspective_spreads_less_across_than_upwards():
 
 
 def test_round_columns_stay_slim_in_irregular_perspective():
-    """A column of radius 1 at the border is 1.18 times as wide as in the middle; a pinhole's would be 2.24 times."""
+    """At the border 1.18 times as wide as in the middle, in a pinhole 2.24 times."""
     aside = 12 / 19
-    assert np.hypot(1, aside) == pytest.approx(1.18, abs=0.01) and np.hypot(1, 2) == pytest.approx(2.24, abs=0.01)
+    assert np.hypot(1, aside) == pytest.approx(1.18, abs=0.01) and np.hypot(1, 2) == pytest.approx(
+        2.24, abs=0.01
+    )
     volume = preset("irregular_perspective").volume()
     x = np.linspace(0, 1, 200_001)
     origin, ahead = (volume.controls(x, np.full_like(x, 0.5)).points[i][[0, 2]] for i in (0, 1))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Panoramas and lenses among the presets against closed forms."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ def test_equirectangular_is_azimuth_and_elevation():
 
 
 def test_strip_camera_is_a_pinhole_for_every_column():
-    """A camera on the circle of 10 round the subject, turned towards its middle: what its middle column shows."""
+    """A camera on the circle of 10 round the subject, turned to its middle: what its middle column shows."""
     x, y, _, position = seen("strip_camera")
     angle = np.pi * x
     zero = np.zeros_like(x)
@@ -97,7 +98,7 @@ def test_curved_street_looks_down_its_side_streets():
 
 @pytest.mark.parametrize("centre", SIDE_STREETS)
 def test_a_side_street_s_walls_are_seen_only_with_curved_projectors(centre):
-    """Walls run from the façades into depth, 6 to either side: how far inside them projectors end."""
+    """Walls run from the façades into depth, 6 to either side: whether projectors go through them."""
     for name, reached in (("street_panorama", False), ("street_panorama_curved", True)):
         volume = preset(name).volume()
         u = np.linspace(0, 1, 4001)
@@ -109,7 +110,7 @@ def test_a_side_street_s_walls_are_seen_only_with_curved_projectors(centre):
 
 
 def test_barrel_lens_is_brown_s_distortion_from_a_bulging_glass():
-    """At the far surface p (1 + 0.3 |p|²); on the glass p itself, whose middle stands 0.2 |p|² before its rim."""
+    """At the far surface p (1 + 0.3 |p|²); on the glass p itself, which falls back by 0.2 |p|²."""
     x, y, t, position = seen("barrel_lens")
     a = 9 / 16 * y
     squared = x * x + a * a
@@ -128,7 +129,7 @@ def test_barrel_lens_bows_lines_outwards():
 
 
 def test_magic_lens_magnifies_by_the_depth_that_is_left():
-    """Rays towards one spot: the spot's surroundings shrink by 1 - t, so the picture grows by 1 / (1 - t)."""
+    """Rays run to one spot: what is shown shrinks by 1 - t, so the picture grows by 1 / (1 - t)."""
     volume = preset("magic_lens").volume()
     u, v = (a.ravel() for a in np.meshgrid(*(np.linspace(-0.25, 0.25, 9) / side + 0.5 for side in (16, 9))))
     for t in (0.0, 0.25, 0.5, 0.75):
@@ -181,7 +182,7 @@ def b_spline_functions(order, count, parameter):
     inner = np.arange(1, count - order + 1)
     knots = np.concatenate([np.zeros(order), inner, np.full(order, count - order + 1)])
     place = np.clip(parameter * knots[-1], 0, knots[-1] - 1e-12)
-    values = [np.where((low <= place) & (place < high), 1.0, 0.0) for low, high in zip(knots, knots[1:], strict=False)]
+    values = [np.where((low <= place) & (place < high), 1.0, 0.0) for low, high in itertools.pairwise(knots)]
     for width in range(1, order):
         rising = [np.zeros_like(place) for _ in range(len(values) - 1)]
         for i in range(len(rising)):

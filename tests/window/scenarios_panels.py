@@ -64,7 +64,7 @@ def panels(driver):
 
 
 def presets(driver):
-    """The volumes of seven presets, every kind of surface but patches: as many surfaces as its file says, drawn from outside, rendered small."""
+    """Each preset's volume: as many surfaces as its file says, drawn from outside, rendered small."""
     module = next(name for name in bpy.context.preferences.addons.keys() if name.endswith(".scfpf"))
     folder = pathlib.Path(sys.modules[module].__file__).parent / "presets"
     for path in (folder / f"{stem}.json" for stem in PRESETS):
