@@ -24,6 +24,8 @@ LARGEST_COORDINATE = 1e18
 # What has no faces to show but is seen in Blender's own renders.
 FACELESS = {"CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
+NOTHING = "There is nothing to render: add an object with faces that is visible in renders"
+
 
 class SceneError(ValueError):
     """The scene cannot be read; the message says what to do."""
@@ -61,7 +63,7 @@ class Instances:
     look_material: NDArray[np.int32]
 
 
-def read_scene(depsgraph) -> Scene:
+def read_scene(depsgraph, may_be_empty: bool = False) -> Scene:
     """Everything that a picture of the depsgraph's view layer shows.
 
     Objects come as F12 shows them if the depsgraph is a render one
@@ -69,19 +71,27 @@ def read_scene(depsgraph) -> Scene:
     has the viewport's subdivision levels. Left out in both: what is hidden in
     renders, excluded collections, objects invisible to the camera, control surfaces.
     A hidden object is shown where it is instanced by nodes or on vertices, as by F12.
-    Raises SceneError if nothing is left or memory cannot hold it.
+    may_be_empty: a scene without anything to show is one of no triangles, with a warning.
+    Raises SceneError if nothing is left otherwise, or memory cannot hold it.
     """
     reader = _SceneReader(depsgraph)
     for instance in depsgraph.object_instances:
         reader.add(instance)
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers))
+    if not len(geometry.triangles) and not may_be_empty:
+        raise SceneError(NOTHING)
     world_color, world_warnings = read_world(depsgraph.scene_eval)
     return Scene(
         geometry,
         reader.materials.materials(),
         tuple(reader.lights),
         world_color,
-        warnings=reader.warnings() + reader.materials.warnings() + world_warnings,
+        warnings=(() if len(geometry.triangles) else (NOTHING,))
+        + reader.warnings()
+        + reader.materials.warnings()
+        + world_warnings,
+        object_index=tuple(reader.pass_indices),
+        material_index=tuple(reader.materials.pass_indices),
     )
 
 
@@ -91,6 +101,7 @@ class _SceneReader:
     def __init__(self, depsgraph) -> None:
         self.meshes: list[MeshArrays] = []
         self.object_numbers: dict[str, int] = {}
+        self.pass_indices: list[int] = []
         self.lights: list[Light] = []
         self.materials = MaterialTable()
         self._view_layer = depsgraph.view_layer
@@ -165,6 +176,8 @@ class _SceneReader:
             look = self._look_numbers[pointer, mesh_pointer] = len(self._looks)
             name = thing.original.name_full
             number = self.object_numbers.setdefault(name, len(self.object_numbers))
+            if number == len(self.pass_indices):
+                self.pass_indices.append(thing.pass_index)
             slots = [self.materials.number(slot.material) for slot in thing.material_slots]
             self._looks.append((number, slots or [0]))
             if not self.meshes[mesh].finite:
@@ -271,13 +284,11 @@ def _finite(mesh: MeshArrays) -> MeshArrays:
 
 
 def join(meshes: list[MeshArrays], instances: Instances, object_names: tuple[str, ...]) -> Geometry:
-    """One triangle soup of all instances in world space. Raises SceneError if it is empty or too large."""
+    """One triangle soup of all instances in world space. Raises SceneError if it is too large."""
     order = np.argsort(instances.mesh, kind="stable")
     counts = np.bincount(instances.mesh, minlength=len(meshes))
     triangles = sum(int(count) * len(mesh.triangles) for count, mesh in zip(counts, meshes, strict=True))
     vertices = sum(int(count) * len(mesh.vertices) for count, mesh in zip(counts, meshes, strict=True))
-    if not triangles:
-        raise SceneError("There is nothing to render: add an object with faces that is visible in renders")
     if max(triangles, vertices) > MAXIMUM_TRIANGLES:
         raise SceneError(
             f"The scene has {triangles:,} triangles once every instance is counted, more than "

@@ -53,3 +53,9 @@ def image_format_properties() -> tuple[str, ...]:
     names = ("file_format", "color_mode", "color_depth")
     # From 5.0 the media type decides which formats there are.
     return ("media_type", *names) if bpy.app.version >= (5, 0, 0) else names
+
+
+def index_pass_names() -> tuple[str, str]:
+    """What Blender's own engines call the passes of object and material indices."""
+    since_5 = bpy.app.version >= (5, 0, 0)
+    return ("Object Index", "Material Index") if since_5 else ("IndexOB", "IndexMA")

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine SCFPF: F12, animations and ``blender -b -E SCFPF``, by what the Render button uses."""
+
+from __future__ import annotations
+
+import atexit
+import traceback
+
+import bpy
+import numpy as np
+
+from ..shading.frame import Border, render_frame
+from .render_delivery import Delivery
+from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size
+from .render_passes import list_render_passes
+
+ENGINE = "SCFPF"
+
+
+class SCFPF_RenderEngine(bpy.types.RenderEngine):
+    """Pictures through flexible cameras, and through ordinary ones too."""
+
+    bl_idname = ENGINE
+    bl_label = "SCFPF"
+    bl_use_postprocess = True
+    bl_use_eevee_viewport = True
+    # Materials and worlds are made of the nodes that Cycles and EEVEE have.
+    bl_use_shading_nodes_custom = False
+
+    def update_render_passes(self, scene=None, renderlayer=None):
+        """Tell the compositor which passes there are."""
+        for each in list_render_passes(renderlayer):
+            self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.type)
+
+    def render(self, depsgraph):
+        """Make the picture of one view layer at one frame.
+
+        However this ends, Blender has pixels (without, it crashes when it saves them) and
+        an error is a report, which stops animations and keeps it from writing files.
+        """
+        delivery = Delivery(self, depsgraph.view_layer_eval)
+        try:
+            inputs = self._read(depsgraph, delivery)
+            self._make(inputs, delivery)
+        except RENDER_ERRORS as error:
+            self.report({"ERROR"}, str(error) or "There is not enough memory for this picture")
+        except Exception as error:  # What leaves here Blender prints and takes for success.
+            traceback.print_exc()
+            self.report(
+                {"ERROR"}, f"SCFPF has failed, the console says where ({type(error).__name__}: {error})"
+            )
+        finally:
+            delivery.close()
+
+    def _read(self, depsgraph, delivery: Delivery) -> RenderInputs:
+        size = self.resolution_x, self.resolution_y
+        require_size(*size)
+        camera = self.camera_override or depsgraph.scene.camera
+        if camera is None:
+            raise RenderError("The scene has no camera: add one with Add > Camera > Flexible Camera")
+        self.update_stats("", "Reading the scene")
+        inputs = read_inputs(
+            depsgraph,
+            camera.original,
+            size,
+            border=render_border(self.render, *size),
+            passes=delivery.sources,
+            may_be_empty=True,
+        )
+        for warning in inputs.scene.warnings:
+            self.report({"WARNING"}, warning)
+        self.update_stats("", "Building the acceleration structure, which cannot be cancelled")
+        return inputs
+
+    def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
+        if self.test_break():
+            return
+        delivery.begin(inputs)
+        frame = render_frame(
+            inputs.projection,
+            inputs.scene,
+            inputs.settings,
+            progress=delivery.progress,
+            cancelled=self.test_break,
+            on_tile=delivery.add,
+        )
+        if frame is not None:
+            delivery.flush()
+            self.update_stats("", frame.report.summary())
+
+
+def render_border(render, width: int, height: int) -> Border | None:
+    """The pixels of a scene's render region, just as Blender counts them; None without one.
+
+    render: bpy.types.RenderSettings.
+    """
+    if not render.use_border:
+        return None
+    # Blender multiplies in float32 and cuts off.
+    size = {"x": np.float32(width), "y": np.float32(height)}
+    left, bottom, right, top = (
+        int(np.float32(getattr(render, f"border_{end}_{axis}")) * size[axis])
+        for end in ("min", "max")
+        for axis in ("x", "y")
+    )
+    return Border(left, bottom, right, top)
+
+
+def _leave():
+    """As a Python module Blender 4.5 hangs when Python ends while an engine that has rendered is registered."""
+    bpy.utils.unregister_class(SCFPF_RenderEngine)
+
+
+def register():
+    bpy.utils.register_class(SCFPF_RenderEngine)
+    if bpy.app.module:
+        atexit.register(_leave)
+
+
+def unregister():
+    atexit.unregister(_leave)
+    # Blender switches add-ons off after Python's exit functions have run.
+    if SCFPF_RenderEngine.is_registered:
+        bpy.utils.unregister_class(SCFPF_RenderEngine)
