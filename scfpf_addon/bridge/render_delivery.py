@@ -70,7 +70,7 @@ class Delivery:
         text = f"Rendering {share:.0%}"
         if share > 0.0:
             left = (now - self._started) * (1.0 - share) / share
-            text = f"Remaining {int(left // 60):02d}:{left % 60:05.2f} | {text}"
+            text = f"Remaining {int(left // 60):02d}:{int(left % 60):02d} | {text}"
         self._engine.update_stats("", text)
         self.flush()
 
@@ -78,17 +78,24 @@ class Delivery:
         """Hand over the tiles that wait."""
         waiting, self._waiting = self._waiting, []
         for rows, pixels, passes in waiting:
-            height, width = pixels.shape[:2]
-            result = self._engine.begin_result(
-                0, rows.start, width, height, layer=self._layer, view=self._view
-            )
-            target = result.layers[0].passes
-            for each in self._passes:
-                values = passes[each.source] if each.source else pixels
+            self._deliver(rows.start, {"": pixels, **passes})
+
+    def show(self, pixels: Single) -> None:
+        """A picture (H, W, 4) for the time being."""
+        self._deliver(0, {"": pixels})
+
+    def _deliver(self, bottom: int, made: dict[str, Single]) -> None:
+        """Hand over rows from ``bottom`` up. made: by the passes' source, each (rows, W, channels)."""
+        height, width = made[""].shape[:2]
+        result = self._engine.begin_result(0, bottom, width, height, layer=self._layer, view=self._view)
+        target = result.layers[0].passes
+        for each in self._passes:
+            if each.source in made:
                 # Flat: Blender takes nothing else.
-                target.find_by_name(each.name, self._view).rect.foreach_set(np.ravel(values))
-            self._engine.end_result(result)
-            self._has_delivered = True
+                values = np.ravel(made[each.source])
+                target.find_by_name(each.name, self._view).rect.foreach_set(values)
+        self._engine.end_result(result)
+        self._has_delivered = True
 
     def close(self) -> None:
         """What is left goes to Blender, or where nothing was made an empty picture."""

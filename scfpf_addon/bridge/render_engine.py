@@ -5,16 +5,24 @@ from __future__ import annotations
 
 import atexit
 import traceback
+from collections.abc import Callable
+from dataclasses import replace
 
 import bpy
 import numpy as np
 
+from ..casting.scene import CastScene
 from ..shading.frame import Border, render_frame
+from ..shading.passes import DataPasses
+from ..shading.typing import Single
 from .render_delivery import Delivery
 from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size
 from .render_passes import list_render_passes
 
 ENGINE = "SCFPF"
+# Pixels across a square of the coarse picture that a window shows at first: it costs a
+# sixty-fourth of one sample.
+COARSE = 8
 
 
 class SCFPF_RenderEngine(bpy.types.RenderEngine):
@@ -43,12 +51,10 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             inputs = self._read(depsgraph, delivery)
             self._make(inputs, delivery)
         except RENDER_ERRORS as error:
-            self.report({"ERROR"}, str(error) or "There is not enough memory for this picture")
+            self._fail(str(error) or "There is not enough memory for this picture")
         except Exception as error:  # What leaves here Blender prints and takes for success.
             traceback.print_exc()
-            self.report(
-                {"ERROR"}, f"SCFPF has failed, the console says where ({type(error).__name__}: {error})"
-            )
+            self._fail(f"SCFPF has failed, the console says where ({type(error).__name__}: {error})")
         finally:
             delivery.close()
 
@@ -76,10 +82,17 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         if self.test_break():
             return
         delivery.begin(inputs)
+        geometry = inputs.scene.geometry
+        cast_scene = CastScene(geometry.vertices, geometry.triangles) if len(geometry.triangles) else None
+        if not bpy.app.background:
+            coarse = coarse_picture(inputs, cast_scene, self.test_break)
+            if coarse is not None:
+                delivery.show(coarse)
         frame = render_frame(
             inputs.projection,
             inputs.scene,
             inputs.settings,
+            cast_scene,
             progress=delivery.progress,
             cancelled=self.test_break,
             on_tile=delivery.add,
@@ -87,6 +100,36 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         if frame is not None:
             delivery.flush()
             self.update_stats("", frame.report.summary())
+
+    def _fail(self, message: str) -> None:
+        self.report({"ERROR"}, message)
+        if not bpy.app.background:
+            # Image Editors show this one over the picture.
+            self.error_set(message)
+
+
+def coarse_picture(
+    inputs: RenderInputs, cast_scene: CastScene | None, cancelled: Callable[[], bool]
+) -> Single | None:
+    """What the picture will be, (H, W, 4), in squares of COARSE pixels; None when cancelled."""
+    whole = inputs.settings
+    width, height = -(-whole.width // COARSE), -(-whole.height // COARSE)
+    settings = replace(
+        whole,
+        width=width,
+        height=height,
+        samples=1,
+        pixel_error=max(whole.pixel_error, 1.0),
+        border=None,
+        passes=DataPasses(),
+    )
+    frame = render_frame(inputs.projection, inputs.scene, settings, cast_scene, cancelled=cancelled)
+    if frame is None:
+        return None
+    left, bottom, right, top = whole.region
+    rows = np.arange(bottom, top) * height // whole.height
+    columns = np.arange(left, right) * width // whole.width
+    return frame.pixels[rows[:, None], columns]
 
 
 def render_border(render, width: int, height: int) -> Border | None:
@@ -107,7 +150,7 @@ def render_border(render, width: int, height: int) -> Border | None:
 
 
 def _leave():
-    """As a Python module Blender 4.5 hangs when Python ends while an engine that has rendered is registered."""
+    """As a module Blender 4.5 hangs when Python ends while an engine that has rendered is registered."""
     bpy.utils.unregister_class(SCFPF_RenderEngine)
 
 

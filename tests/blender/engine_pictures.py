@@ -52,7 +52,7 @@ def read_exr(path):
     heights = [window[3] - window[1] + 1 for _names, window in parts]
     at += 8 * sum(heights)
     for part, height in zip(parts, heights, strict=True):
-        names, (left, top, right, _bottom) = part
+        names, (left, _top, right, _bottom) = part
         width = right - left + 1
         for name in names:
             images[name] = np.empty((height, width), np.float32)
