@@ -7,17 +7,19 @@ Imports stand inside the functions: pytest imports this file from the checkout's
 
 def register():
     from . import operators, panels
-    from .scfpf_addon import bridge
+    from .scfpf_addon import bridge, scanline
 
     bridge.register()
+    scanline.register()
     operators.register()
     panels.register()
 
 
 def unregister():
     from . import operators, panels
-    from .scfpf_addon import bridge
+    from .scfpf_addon import bridge, scanline
 
     panels.unregister()
     operators.unregister()
+    scanline.unregister()
     bridge.unregister()

@@ -11,8 +11,16 @@ if sys.version_info < (3, 9):
     sys.exit("dev.py needs Python 3.9 or later to start; this is Python %d.%d." % sys.version_info[:2])
 
 import argparse
+import os
+from concurrent.futures import ThreadPoolExecutor
 
 from devtools import environments, own_blender, package, testing, window
+
+# Parts of the suite that need nothing built before them.
+PARTS = ("pure", "blender")
+
+# Scripts in benchmarks/ by what is asked for.
+BENCHMARKS = {"speed": ("run", "scanline"), "trade": ("trade",), "extremes": ("extremes",)}
 
 
 def command_demo(options, rest):
@@ -33,8 +41,8 @@ def command_test(options, rest):
         raise environments.Failure(environments.needed_help(missing))
     plan = testing.plan(rest)
     results, warnings = [], []
-    for environment in present:
-        results += [run_part(environment, part, plan[part]) for part in plan if part in ("pure", "blender")]
+    runs = [(environment, part) for environment in present for part in PARTS if part in plan]
+    results += run_parts(runs, plan)
     if "installed" in plan or "window" in plan:
         zip_results, warnings = test_zip(present, plan, options.blender_window)
         results += zip_results
@@ -54,18 +62,32 @@ def test_zip(present, plan, blender_window):
         return [testing.Result("building the zips", 0, 0, 0, False)], []
     results, warnings = [], []
     if "installed" in plan:
-        results = [run_part(environment, "installed", plan["installed"]) for environment in present]
+        results = run_parts([(environment, "installed") for environment in present], plan)
     if "window" in plan:
         window_results, warnings = window.test(blender_window, plan["window"])
         results += window_results
     return results, warnings
 
 
-def run_part(environment, part, arguments):
-    """Run one part of the suite in an environment."""
-    report = environment.folder / f"report-{part}.xml"
-    command = [environment.python, "-m", "pytest", f"--junitxml={report}", *arguments]
-    return testing.run_pytest(f"{environment.title}, {part} tests", report, command)
+def run_parts(runs, plan):
+    """Run parts of the suite, (environment, part) each, on as many cores as there are, and no more than two.
+
+    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory.
+    """
+
+    def run(environment, part):
+        report = environment.folder / f"report-{part}.xml"
+        command = [environment.python, "-m", "pytest", f"--junitxml={report}", *plan[part]]
+        title = f"{environment.title}, {part} tests"
+        if jobs == 1:
+            return testing.run_pytest(title, report, command)
+        return testing.run_beside(f"[{environment.folder.name} {part}]", title, report, command)
+
+    jobs = min(2, os.cpu_count() or 1, len(runs))
+    if jobs < 1:
+        return []
+    with ThreadPoolExecutor(jobs) as pool:
+        return list(pool.map(lambda one: run(*one), runs))
 
 
 def command_build(options, rest):
@@ -85,9 +107,12 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks and print their figures; --json FILE writes them too."""
+    """Run the benchmarks (speed, --trade or --extremes) and print figures; --json FILE writes them too."""
     environment = environments.first()
-    environments.run([environment.python, "benchmarks/run.py", *rest])
+    kind = next((name for name in ("trade", "extremes") if f"--{name}" in rest), "speed")
+    arguments = [argument for argument in rest if argument != f"--{kind}"]
+    for script in BENCHMARKS[kind]:
+        environments.run([environment.python, f"benchmarks/{script}.py", *arguments])
 
 
 def parser():

@@ -14,7 +14,7 @@ import pathlib
 import subprocess
 import time
 import xml.etree.ElementTree
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from .environments import ROOT, say
@@ -77,10 +77,29 @@ def run_pytest(
     title: str, report: pathlib.Path, command: list[str], environ: Mapping[str, str] | None = None
 ) -> Result:
     """Run a command that runs pytest with `report` as its --junitxml, its output in view, and count."""
+    return count(title, report, lambda: subprocess.call(command, cwd=ROOT, env=environ))
+
+
+def run_beside(label: str, title: str, report: pathlib.Path, command: list[str]) -> Result:
+    """As run_pytest, beside other runs: each line of the output begins with `label`."""
+    return count(title, report, lambda: call_labelled(label, command))
+
+
+def call_labelled(label: str, command: list[str]) -> int:
+    """The exit code of a command whose output is shown line by line behind a label."""
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, cwd=ROOT, text=True, errors="replace", **pipes) as process:
+        for line in process.stdout:
+            print(f"{label} {line}", end="", flush=True)
+    return process.returncode
+
+
+def count(title: str, report: pathlib.Path, call: Callable[[], int]) -> Result:
+    """What a call of pytest, which gives its exit code, came to."""
     say(title)
     report.unlink(missing_ok=True)
     started = time.monotonic()
-    status = subprocess.call(command, cwd=ROOT, env=environ)
+    status = call()
     title = f"{title} ({time.monotonic() - started:.0f} s)"
     if not report.is_file():
         say(f"{title}: ended with exit code {status} before pytest could report")

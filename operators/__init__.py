@@ -3,12 +3,14 @@
 
 from . import (
     camera,
+    duplicate,
     edit_volume,
     find,
     framing,
     pick,
     picture_fit,
     presets,
+    preview,
     render,
     surface_tools,
     surfaces,
@@ -24,10 +26,12 @@ MODULES = (
     volume_tools,
     surface_tools,
     framing,
+    duplicate,
     render,
     pick,
     find,
     picture_fit,
+    preview,
 )
 
 

@@ -8,13 +8,17 @@ from ..scfpf_addon.bridge.result_image import ResultError
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError
 from ..scfpf_addon.projection.editing import EditingError
 from ..scfpf_addon.projection.preset import PresetError
+from ..scfpf_addon.scanline.preview_data import PreviewError
+from ..scfpf_addon.scanline.preview_viewports import ViewportError
 
 BAD_INPUT = (
-    EditingError,
     EditVolumeError,
+    EditingError,
     FlexibleCameraError,
     PresetError,
+    PreviewError,
     ResultError,
     SurfaceError,
+    ViewportError,
     *RENDER_ERRORS,
 )

@@ -10,6 +10,7 @@ from ..scfpf_addon.bridge.picture_fit import needs_fit
 from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError, parameter_properties
+from ..scfpf_addon.bridge.volume_upkeep import sharers
 from .surface_list import is_missing
 
 
@@ -55,6 +56,16 @@ def draw_fit(layout, scene, camera) -> None:
         return  # Rendering says that the picture is too large.
     if wanted:
         layout.operator("scfpf.volume_fit_picture", icon="MOD_LENGTH")
+
+
+def draw_shared(layout, camera) -> None:
+    """A line and a button while another camera has surfaces of this one: duplicating a camera shares them."""
+    others = sharers(camera)
+    if others:
+        with_whom = f"'{others[0]}'" if len(others) == 1 else f"{len(others)} cameras"
+        column = layout.column(align=True)
+        column.label(text=f"Surfaces shared with {with_whom}", icon="INFO")
+        column.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 
 def draw_pick(layout, settings) -> None:
@@ -103,6 +114,7 @@ class _MainSection:
         if camera.scfpf.enabled:
             draw_render(layout, context, camera)
             draw_fit(layout, context.scene, camera)
+            draw_shared(layout, camera)
             layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
             return
         column = layout.column(align=True)
@@ -111,6 +123,8 @@ class _MainSection:
 
 
 class _Subsection:
+    bl_order = 1  # below the live preview
+
     @classmethod
     def poll(cls, context):
         return flexible_camera_of(context) is not None and super().poll(context)

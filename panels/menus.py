@@ -7,6 +7,9 @@ from ..operators.presets import preset_items
 from ..operators.surfaces import SURFACE_KINDS
 from .surface_list import KIND_ICONS
 
+# Blender's menus that duplicate objects.
+OBJECT_MENUS = ("VIEW3D_MT_object", "VIEW3D_MT_object_context_menu")
+
 
 class SCFPF_MT_surface_add(bpy.types.Menu):
     """The kinds of control surface"""
@@ -25,7 +28,8 @@ class SCFPF_MT_presets(bpy.types.Menu):
 
     def draw(self, _context):
         for preset, name, _description in preset_items():
-            self.layout.operator("scfpf.preset_apply", text=name).preset = preset
+            # Beside entries with icons a long name would be cut off without one.
+            self.layout.operator("scfpf.preset_apply", text=name, icon="BLANK1").preset = preset
         self.layout.separator()
         self.layout.operator(
             "scfpf.camera_from_camera", text="This Camera's Own Frustum", icon="OUTLINER_OB_CAMERA"
@@ -69,6 +73,7 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
             self.layout.operator("scfpf.volume_mirror", text=f"Mirror {axis}", icon="MOD_MIRROR").axis = axis
         self.layout.operator("scfpf.volume_to_lattice", icon="MOD_LATTICE")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
+        self.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
 
 
 def _camera_entries(menu, _context):
@@ -83,6 +88,13 @@ def _surface_entries(menu, _context):
     menu.layout.menu("SCFPF_MT_surface_add", icon="SURFACE_DATA")
 
 
+def _duplicate_entry(menu, context):
+    camera = context.object
+    if camera is not None and camera.type == "CAMERA" and camera.scfpf.enabled:
+        menu.layout.separator()
+        menu.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
+
+
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (SCFPF_MT_surface_add, SCFPF_MT_presets, SCFPF_MT_camera_add_preset, SCFPF_MT_surface_specials)
 )
@@ -92,9 +104,13 @@ def register():
     _register_classes()
     bpy.types.VIEW3D_MT_camera_add.append(_camera_entries)
     bpy.types.VIEW3D_MT_add.append(_surface_entries)
+    for menu in OBJECT_MENUS:
+        getattr(bpy.types, menu).append(_duplicate_entry)
 
 
 def unregister():
+    for menu in OBJECT_MENUS:
+        getattr(bpy.types, menu).remove(_duplicate_entry)
     bpy.types.VIEW3D_MT_add.remove(_surface_entries)
     bpy.types.VIEW3D_MT_camera_add.remove(_camera_entries)
     _unregister_classes()

@@ -30,8 +30,8 @@ LINE_WIDTHS = {
     "FAR": 2.5,
     "SAFE": 1.5,
     "FRAME": 2.5,
-    "U": 3.0,
-    "V": 3.0,
+    "U": 2.0,
+    "V": 2.0,
     "PICK": 3.0,
 }
 POINT_SHADER = "POINT_UNIFORM_COLOR"

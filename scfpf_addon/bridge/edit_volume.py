@@ -2,7 +2,8 @@
 """Edit-volume mode: a camera's control surfaces shown in front and free for clicking, else out of the way.
 
 The mode is ``Object.scfpf.edit_volume``; what it does is in the surfaces' own switches, so that undo,
-files and Blender's selection need nothing of ours.
+files and Blender's selection need nothing of ours. Out of the mode a surface that Blender draws as a wire is
+drawn as its box: the many black edges would run through our lines.
 """
 
 from __future__ import annotations
@@ -41,7 +42,10 @@ def in_edit_volume(surface) -> bool:
 
 
 def release(surface) -> None:
-    """Give a surface that a list has lost the switches of an ordinary object, if no list has it now."""
+    """Give a surface that a list has lost the switches of an ordinary object, if no list has it now.
+
+    A deleted camera that lives on for a pointer does not count.
+    """
     if not surface.is_editable:
         return
     listed, free = any(surface in _surfaces(other) for other in _cameras()), in_edit_volume(surface)
@@ -53,6 +57,10 @@ def _set(surface, hide_select: bool, in_front: bool) -> None:
         surface.hide_select = hide_select
     if surface.show_in_front != in_front:
         surface.show_in_front = in_front
+    # A mesh of the artist's own that is drawn otherwise stays so.
+    before, after = ("WIRE", "BOUNDS") if hide_select else ("BOUNDS", "WIRE")
+    if surface.display_type == before:
+        surface.display_type = after
 
 
 def _surfaces(camera) -> list:
@@ -60,4 +68,8 @@ def _surfaces(camera) -> list:
 
 
 def _cameras():
-    return (obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces)
+    return [
+        obj
+        for obj in bpy.data.objects
+        if obj.type == "CAMERA" and obj.scfpf.surfaces and obj.users_collection
+    ]

@@ -221,10 +221,10 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     pixel_error: FloatProperty(
         name="Pixel Error",
-        description="How far, in pixels, a curved projector may be off: smaller is slower, 1 is for drafts",
+        description="How far, in pixels, a curved projector may be off: smaller is slower, 1 is for drafts, "
+        "0 is exact and takes more memory",
         default=0.1,
-        min=0.001,
-        soft_min=0.01,
+        min=0.0,
         soft_max=1.0,
         max=100.0,
         precision=3,

@@ -25,6 +25,7 @@ from . import lattice_object, nurbs_object, versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
 from .surface_gizmos import add_gizmos
+from .surface_shape import store_shape
 
 # Kinds that are plain meshes, with their titles.
 MESH_KINDS = {"PATCH": "Patch", "GRID": "Grid", "UV_MESH": "UV Mesh"}
@@ -282,6 +283,7 @@ def _surface_group(kind: str):
     source = nodes.node("NodeGroupInput", "Parameters", {})
     given = {one.key: source.outputs[one.label] for one in description.inputs}
     mesh = _build_sheet(nodes, description.shape, given) if description.shape else _build_point(nodes, given)
+    mesh = store_shape(nodes, kind, [one.key for one in description.parameters], mesh, given)
     nodes.close_frame()
     nodes.node("NodeGroupOutput", "Surface", {"Mesh": mesh})
     add_gizmos(nodes, kind, given)

@@ -11,7 +11,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..projection.editing import EditingError, contains, inserted, mirrored
+from ..projection.editing import EditingError, inserted, mirrored
+from ..projection.inverse import invert
 from ..projection.volume import Projection
 from . import lattice_object, nurbs_object
 from .flexible_camera import (
@@ -277,9 +278,11 @@ def make_single_user(camera) -> int:
 
 
 def _own_copy(camera, surface):
-    """A copy of a surface at the same place, child of the camera, on the list in its stead."""
+    """A copy of a surface at the same place, with its own animation, child of the camera, in its stead."""
     world = surface.matrix_world.copy()
     copy = surface.copy()
+    if copy.animation_data is not None and copy.animation_data.action is not None:
+        copy.animation_data.action = copy.animation_data.action.copy()
     collections = [c for c in camera.users_collection if c.is_editable and not c.override_library]
     for collection in collections or [bpy.context.scene.collection]:
         collection.objects.link(copy)
@@ -333,7 +336,7 @@ def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
     ends = volume.evaluate(*np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=3))).T).position
 
     def holds(scale: float) -> bool:
-        return bool(contains(volume, around / scale + middle).all())
+        return bool(invert(volume, around / scale + middle).found.all())
 
     size, reach = float(np.abs(ends - middle).max()), float(np.abs(around).max())
     if size == 0 or reach == 0:

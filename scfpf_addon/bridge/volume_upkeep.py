@@ -2,9 +2,10 @@
 """Volume objects follow what happens to their cameras outside our own operators.
 
 Duplicating, pasting, linking, undoing or deleting a camera leaves its volume
-object shared, in the wrong place or behind. A handler after each evaluation puts
-that right. It compares a few numbers of each camera first, so that it costs next
-to nothing while none of them has changed.
+object shared, in the wrong place or behind, and the surfaces of a deleted one out
+of reach of the mouse. A handler after each evaluation puts that right. It compares
+a few numbers of each camera first, so that it costs next to nothing while none of
+them has changed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from .edit_volume import release
 from .volume_object import delete_volume_object, sync_volume_object, volume_facts
 
 
@@ -21,6 +23,7 @@ class _Upkeep:
     def __init__(self):
         self.cameras: list[tuple[str, str | None]] = []
         self.facts: tuple | None = None
+        self.listed: set[tuple[int, int]] = set()  # surfaces and their cameras, session ids
 
 
 _upkeep = _Upkeep()
@@ -46,8 +49,37 @@ def tend() -> None:
         is_left = obj.scfpf_surface.is_volume and obj not in owned
         if is_left and obj.is_editable and not obj.override_library:
             delete_volume_object(obj)
+    _free_surfaces([camera for camera in cameras if camera.users_collection])
     _upkeep.cameras = [(o.name, o.library.filepath if o.library else None) for o in cameras]
     _upkeep.facts = _facts()
+
+
+def sharers(camera) -> list[str]:
+    """Names of the other cameras that have control surfaces of this one; for panels, which must be quick."""
+    own = {slot.object for slot in camera.scfpf.surfaces if slot.object is not None}
+    known = (bpy.data.objects.get(key) for key in _upkeep.cameras)
+    return [
+        other.name
+        for other in known
+        if other not in (None, camera)
+        and other.users_collection
+        and not own.isdisjoint(slot.object for slot in other.scfpf.surfaces)
+    ]
+
+
+def _free_surfaces(cameras) -> None:
+    """Surfaces that a camera has lost become ordinary, or follow another that has them."""
+    pairs = [(slot.object, camera) for camera in cameras for slot in camera.scfpf.surfaces if slot.object]
+    listed = {surface for surface, _ in pairs}
+    now = {(surface.session_uid, camera.session_uid) for surface, camera in pairs}
+    lost = {uid for uid, _ in _upkeep.listed - now}
+    _upkeep.listed = now
+    for obj in bpy.data.objects:
+        if obj.scfpf_surface.kind == "NONE":
+            continue
+        # Being in front may be the artist's own wish, of one that was on no list before.
+        if obj.session_uid in lost or (obj.hide_select and obj not in listed):
+            release(obj)
 
 
 def _facts() -> tuple:

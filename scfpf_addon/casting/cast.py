@@ -11,6 +11,7 @@ from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
 from .chords import cast_chords, complete
 from .curves import Bundle
+from .exact import cast_exact
 from .hits import CastCounts, Hits
 from .occupancy import stretches
 from .scene import CastError, CastScene
@@ -29,7 +30,7 @@ NEIGHBOUR_ERROR = 1.5
 
 # But they never stray more than this many times the pixel error: a thing so thin that no
 # neighbour sees it either must come to light when the error is set lower.
-MOST_COARSER = 15.0
+MOST_COARSER = 10.0
 
 # Doubtful hits are looked at with chords that stray this share of the pixel error:
 # they decide, so they should add little to it.
@@ -60,12 +61,17 @@ def cast(
     float64 in [0, 1]; neighbours in the image should be neighbours here, since they
     share their chords. pixel_size: a pixel's width and height in the same units.
     pixel_error: how far, in pixels, a silhouette may be displaced by curved
-    projectors, >= 0; 0 asks for all that float32 can tell. Straight ones and
-    polylines have no such error. counts: added to when given. columns: says that x, y
+    projectors, >= 0. Straight ones and polylines have no such error, but float32's:
+    their rays may pass an edge that they should meet, or the other way round. Chords are
+    held to it on sampled projectors of the tile, with a margin; things thinner than it
+    may be missed, and t of what is hit is that of the curve itself. 0: the first hit in
+    float64, certified (``exact.cast_exact``); rational projectors have no certain chords
+    and are cast with SMALLEST_ERROR then. counts: added to when given. columns: says that x, y
     are whole rows of that many neighbouring pixels, from the bottom up; curved
     projectors are then cast in a fraction of the time (``chords.cast_chords``).
     weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
-    Raises CastError for a negative or non-finite pixel error.
+    Raises CastError for a negative or non-finite pixel error, and for 0 where the memory
+    does not suffice.
     """
     if not 0.0 <= pixel_error < math.inf:
         raise CastError(f"the pixel error must be 0 or more, not {pixel_error}")
@@ -76,6 +82,11 @@ def cast(
     if columns is not None and len(x) % columns:
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
     spans = projection.volume.spans
+    if pixel_error == 0.0 and spans.point_weights is None:
+        points, mask, _ = _projectors(projection, x, y)
+        counts.projectors += int(np.count_nonzero(mask))
+        bundle = Bundle(spans, points)
+        return complete(cast_exact(scene, bundle, mask, columns, counts), bundle)
     if spans.degree > 1 or spans.point_weights is not None:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
     points, mask, farthest = _projectors(projection, x, y)
@@ -115,7 +126,7 @@ def _cast_curved(
     inner = slice(border, len(x) - border)
     bundle, shown = Bundle(spans, points), Bundle(spans, points[:, :, inner])
     counts.projectors += int(np.count_nonzero(mask[inner]))
-    where = stretches(scene.occupancy, spans, points, columns)
+    where = stretches(scene.occupancy, spans, bundle.single, columns)
     reach = where.reach
     if reach is None or not mask.any():
         return complete(cast_chords(scene, shown, mask[inner], None, None, counts)[0], shown)

@@ -25,8 +25,12 @@ from .refine import NEIGHBOURHOOD, OVERLAP, Work, refine, solve
 from .scene import CastScene
 from .schedule import Schedule
 
-# Rays that have hit stay in the batch, switched off, until they are this share.
-MOST_DEAD = 0.15
+# Rays that have hit stay in their block's batch, switched off, until they are more than
+# this share of it: picking out single ones costs as much as casting some for nothing.
+MOST_DEAD = 0.5
+
+# Projectors that lie in memory one after the other, where no blocks are known.
+RUN = 64
 
 # float32 is good enough for chord ends while its rounding of the control points
 # is a smaller share than this of the tolerance.
@@ -77,59 +81,59 @@ def complete(hits: Hits, bundle: Bundle) -> Hits:
 
 
 def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
-    """The first chord that hits, for every projector, all in step; chords through nothing are left out."""
+    """The first chord that hits, for every projector, all in step; chords through nothing are left out.
+
+    Projectors lie block by block: what is taken of them at a chord are whole blocks, in
+    one piece of memory each, and their rays are near each other.
+    """
     bundle, schedule = work.bundle, work.schedule
-    reach = np.abs(bundle.points).max(initial=0.0)
+    reach = np.abs(bundle.single).max(initial=0.0)
     narrow = reach * np.finfo(np.float32).eps < ROUNDING_SHARE * schedule.finest
-    kind = np.float32 if narrow else np.float64
-    weights: NDArray[Any] = schedule.ends.astype(kind)
-    alive = np.flatnonzero(mask)
-    controls: NDArray[Any] = bundle.points.astype(kind, copy=False)
-    if len(alive) < bundle.count:
-        controls = controls.take(alive, 2)
-    held = None
-    if where is not None:
-        slack = NEIGHBOURHOOD * np.diff(schedule.breaks)
-        held = where.within(schedule.breaks[:-1] - slack, schedule.breaks[1:] + slack)
-    searching = np.ones(len(alive), bool)
-    parts = [Records(np.empty(0, np.intp), np.empty(0, np.intp), np.empty(0, np.int32))]
+    source: NDArray[Any] = bundle.single if narrow else bundle.points
+    if where is None:
+        everything = np.ones((1, -(-bundle.count // RUN)), bool)
+        where = Stretches(np.array([0.0, 1.0]), everything, np.arange(bundle.count) // RUN)
+    members = where.members()
+    size = members.shape[1]
+    controls = source.take(members.ravel(), 2)
+    searching = mask[members] & (members >= 0)
+    slack = NEIGHBOURHOOD * np.diff(schedule.breaks)
+    held = where.within(schedule.breaks[:-1] - slack, schedule.breaks[1:] + slack)
+    weights = schedule.ends.astype(source.dtype)
+    ways = np.diff(schedule.ends, axis=0).astype(source.dtype)
+    triangle = np.full(members.size, -1, np.int32)
+    chords = np.zeros(members.size, np.intp)
+    busy = np.flatnonzero(searching.any(axis=1))
     for chord in range(schedule.count):
-        if held is None or where is None or held[chord].all():
-            casting = searching
-        else:
-            casting = held[chord].take(where.block.take(alive))
-            casting &= searching
-        count = int(np.count_nonzero(casting))
-        if count == 0:
+        blocks = busy[held[chord, busy]]
+        if len(blocks) == 0:
             continue
-        if count < (1.0 - MOST_DEAD) * len(alive):
-            there = np.flatnonzero(casting)
-            found = _cast_chord(work, weights, chord, controls.take(there, 2), np.ones(count, bool))
-        else:
-            there = np.arange(len(alive))
-            found = _cast_chord(work, weights, chord, controls, casting)
+        casting = searching[blocks].ravel()
+        count = int(np.count_nonzero(casting))
         work.counts.chords += count
-        index = np.flatnonzero(found >= 0)
-        if len(index):
-            hit = there[index]
-            parts.append(Records(alive[hit], np.full(len(hit), chord), found[index]))
-            searching[hit] = False
-            kept = np.flatnonzero(searching)
-            if len(kept) == 0:
-                break
-            if len(kept) < (1.0 - MOST_DEAD) * len(alive):
-                alive, searching, controls = alive[kept], searching[kept], controls.take(kept, 2)
-    return Records.joined(parts)
-
-
-def _cast_chord(
-    work: Work, weights: NDArray[Any], chord: int, controls: NDArray[Any], casting: BoolArray
-) -> NDArray[np.int32]:
-    """The triangles that one chord of each projector hits, -1 for none and where it is not cast."""
-    start = np.einsum("k,kcn->cn", weights[chord], controls)
-    end = np.einsum("k,kcn->cn", weights[chord + 1], controls)
-    limits = np.where(casting, np.float32(1.0 + OVERLAP), np.float32(-1.0))
-    return work.trace(start, end, limits)
+        sparse = count < (1.0 - MOST_DEAD) * len(casting)
+        if sparse:
+            slots = np.flatnonzero(casting)
+            slots = blocks[slots // size] * size + slots % size
+            some, casting = controls.take(slots, 2), np.ones(count, bool)
+        elif len(blocks) < len(members):
+            some = controls.reshape(*source.shape[:2], *members.shape).take(blocks, 2)
+            some = some.reshape(*source.shape[:2], -1)
+        else:
+            some = controls
+        start = np.einsum("k,kcn->cn", weights[chord], some)
+        way = np.einsum("k,kcn->cn", ways[chord], some)
+        limits = np.where(casting, np.float32(1.0 + OVERLAP), np.float32(-1.0))
+        found = work.trace(start, way, limits)
+        hit = np.flatnonzero(found >= 0)
+        if len(hit) == 0:
+            continue
+        slot = slots[hit] if sparse else blocks[hit // size] * size + hit % size
+        triangle[slot], chords[slot] = found[hit], chord
+        searching.ravel()[slot] = False
+        busy = busy[searching[busy].any(axis=1)]
+    slot = np.flatnonzero(triangle >= 0)
+    return Records(members.ravel()[slot], chords[slot], triangle[slot])
 
 
 def _settle(work: Work, records: Records) -> Records:
@@ -168,7 +172,7 @@ def _continue(work: Work, records: Records) -> Records:
     parts = [records.take(np.empty(0, np.intp))]
     while len(chord):
         end = np.einsum("nk,kcn->cn", ends[chord + 1], controls)
-        found = work.trace(start, end, np.full(len(chord), 1.0 + OVERLAP, np.float32))
+        found = work.trace(start, end - start, np.full(len(chord), 1.0 + OVERLAP, np.float32))
         hit = np.flatnonzero(found >= 0)
         parts.append(Records(projector[hit], chord[hit], found[hit]))
         going = np.flatnonzero((found < 0) & (chord + 1 < count))

@@ -6,9 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array, BoolArray, IndexArray
 from .refine import Work, refine
-from .schedule import Schedule
 
 # The t of a pixel that saw nothing: beyond all others.
 NOTHING = 2.0
@@ -21,9 +20,11 @@ SMOOTH = 0.5
 LAYERS = 3
 
 # A thing that a chord hits is alone if no curve of the pixel and its neighbours hits
-# anything within this many pixels' sizes before or behind (the limb of a smooth thing
-# may recede by some hundreds in a pixel).
-ALONE = 512.0
+# anything within this many pixels' sizes before or behind. The limb of a smooth thing may
+# recede by some hundreds in a pixel, but only away from what is nearer: inside a limb that
+# can be seen the surface comes towards the eye. What is behind is another thing sooner.
+ALONE_BEFORE = 512.0
+ALONE_BEHIND = 64.0
 
 # Side in pixels of the blocks that thin things are told by.
 BLOCK = 8
@@ -40,7 +41,7 @@ def compare(work: Work, mask: BoolArray, columns: int) -> None:
     hits, breaks = work.hits, work.schedule.breaks
     # What a pixel's chord hits and its curve does not, another's curve may hit.
     seen = np.minimum(np.where(hits.triangle >= 0, hits.t, NOTHING), work.passed)
-    projector, layers = _jumps(seen, hits.t, mask, columns, work.schedule)
+    projector, layers = _jumps(work, seen, mask, columns)
     passed = np.full(len(projector), -np.inf)
     for _ in range(LAYERS):
         ahead = (layers > passed) & (layers < hits.t[projector])
@@ -73,8 +74,8 @@ def thin_things(work: Work, columns: int) -> NDArray[np.intp]:
     column, row = pixels % columns, pixels // columns
     left, right = pixels - (column > 0), pixels + (column < columns - 1)
     around = [p + rise for p in (left, pixels, right) for rise in (0, columns, 2 * columns)]
-    distance = np.abs(t[np.stack(around)] - there).min(axis=0, initial=np.inf)
-    alone = np.flatnonzero(distance > ALONE * work.schedule.pixel_at(there))
+    behind = (t[np.stack(around)] - there) / work.schedule.pixel_at(there)
+    alone = np.flatnonzero(((behind < -ALONE_BEFORE) | (behind > ALONE_BEHIND)).all(axis=0))
     if len(alone) == 0:
         return alone
     rows = len(passed) // columns
@@ -87,25 +88,25 @@ def thin_things(work: Work, columns: int) -> NDArray[np.intp]:
     return np.flatnonzero(blocks[block_row[:, None], block_column])
 
 
-def _jumps(
-    seen: Array, own: Array, mask: BoolArray, columns: int, schedule: Schedule
-) -> tuple[NDArray[np.intp], Array]:
+def _jumps(work: Work, seen: Array, mask: BoolArray, columns: int) -> tuple[NDArray[np.intp], Array]:
     """Pixels next to which the picture jumps to something nearer.
 
-    seen: (N,) t that each pixel saw, NOTHING for nothing; own: (N,) t of its hit.
-    Returns the pixels (M,), border rows left out, and (8, M) the nearer neighbours'
-    t, inf for the others. A sloping surface is no jump: it goes on beyond the pixel
-    as it came.
+    seen: (N,) t that each pixel saw, NOTHING for nothing. Returns the pixels (M,), border
+    rows left out, and (8, M) the nearer neighbours' t, inf for the others. A sloping
+    surface is no jump: it goes on beyond the pixel as it came, or the two hits are in one
+    surface (``_connected``).
     """
+    schedule = work.schedule
     rows = seen.reshape(-1, columns)
     least = np.minimum(np.minimum(rows[:-2], rows[2:]), rows[1:-1])
     around = least.copy()
     np.minimum(around[:, 1:], least[:, :-1], out=around[:, 1:])
     np.minimum(around[:, :-1], least[:, 1:], out=around[:, :-1])
-    own = np.where(np.isfinite(own), own, NOTHING)
-    pixels = np.flatnonzero(
-        (around.ravel() + schedule.pixel.min() < own[columns:-columns]) & mask[columns:-columns]
-    )
+    own = np.minimum(work.hits.t, NOTHING)
+    # Nothing is seen before the nearest of all, nor are pixels smaller there than behind.
+    behind = schedule.breaks[1:] >= around.min(initial=NOTHING)
+    least_size = schedule.pixel[behind].min(initial=NOTHING)
+    pixels = np.flatnonzero((around.ravel() + least_size < own[columns:-columns]) & mask[columns:-columns])
     pixels += columns
     here = own[pixels]
     column = pixels % columns
@@ -121,4 +122,30 @@ def _jumps(
     bend = np.abs(opposite - here - gap)
     jump = (gap > size) & (bend > SMOOTH * gap)
     some = np.flatnonzero(jump.any(axis=0))
+    pixels, beside, jump = pixels[some], beside[:, some], jump[:, some]
+    which, pixel = np.nonzero(jump & (beside == own[np.stack(neighbours)[:, some]]))
+    other = np.stack(neighbours)[:, some][which, pixel]
+    one_surface = _connected(work, pixels[pixel], other)
+    jump[which[one_surface], pixel[one_surface]] = False
+    some = np.flatnonzero(jump.any(axis=0))
     return pixels[some], np.where(jump, beside, np.inf)[:, some]
+
+
+def _connected(work: Work, pixels: IndexArray, neighbours: IndexArray) -> BoolArray:
+    """Whether pixels (M,) and neighbours see one surface: triangles with a common edge, from one side.
+
+    No line goes through both of two such triangles from that side, so the pixel has
+    nothing to look for on the other one.
+    """
+    scene, hits = work.scene, work.hits
+    own, other = hits.triangle[pixels], hits.triangle[neighbours]
+    result: BoolArray = own == other
+    open_ones = np.flatnonzero(~result & (own >= 0) & (other >= 0))
+    mine, its = (scene.triangles[t[open_ones]] for t in (own, other))
+    common = (mine[:, :, None] == its[:, None]).sum(axis=(1, 2))
+    open_ones = open_ones[common >= 2]
+    curves = work.bundle.take(pixels[open_ones])
+    tangent = curves.at(hits.t[pixels[open_ones]])[1]
+    sides = [np.einsum("cn,cn->n", scene.normals(t[open_ones]), tangent) > 0.0 for t in (own, other)]
+    result[open_ones] = sides[0] == sides[1]
+    return result

@@ -4,9 +4,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
 from ..projection.bezier import bernstein, evaluate, restrict
@@ -64,6 +66,11 @@ class Bundle:
     def count(self) -> int:
         """The number of projectors."""
         return int(self.points.shape[2])
+
+    @cached_property
+    def single(self) -> NDArray[np.float32]:
+        """The control points in float32, as Embree sees them."""
+        return self.points.astype(np.float32)
 
     def take(self, index: IndexArray) -> Bundle:
         """The projectors at ``index`` (M,)."""

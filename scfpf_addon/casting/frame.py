@@ -38,7 +38,7 @@ def cast_frame(
     projection: in world space. Returns hits in image order (row 0 at the bottom,
     pixel (i, j) at index j·width + i), or None when ``cancelled`` (asked from the
     calling thread) answered True. threads: 0 for all cores; they have ended when
-    this returns. Memory: 117 bytes a pixel, and some 20 MB a thread.
+    this returns. Memory: 117 bytes a pixel, and some 30 MB a thread.
     Raises CastError for an image without pixels or a bad pixel error.
     """
     tiles = image_tiles(width, height)

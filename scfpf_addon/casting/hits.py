@@ -82,7 +82,8 @@ class CastCounts:
     for again with finer chords. compared: projectors followed again because a
     neighbouring pixel saw something nearer. thin: projectors cast again with chords of
     the whole accuracy, around things too thin for that. false_hits: chord hits that the curve does not
-    have. unresolved: hits that keep the answer of the finest chord.
+    have. tested: curves met with triangles in exact casting. unresolved: hits that keep
+    the answer of the finest chord; in exact casting, walks that were cut short.
     error_bound: the largest distance between curve and chords met on the sampled
     projectors, in pixels; ``add`` keeps the larger.
     """
@@ -95,6 +96,7 @@ class CastCounts:
     compared: int = 0
     thin: int = 0
     false_hits: int = 0
+    tested: int = 0
     unresolved: int = 0
     error_bound: float = 0.0
 

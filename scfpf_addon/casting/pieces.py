@@ -10,7 +10,7 @@ from ..projection.bezier import restrict
 from ..projection.typing import Array
 
 # Pieces of a span.
-PIECES = 32
+PIECES = 64
 
 
 def piece_edges(spans: SpanBasis) -> Array:
@@ -25,6 +25,7 @@ def piece_bounds(spans: SpanBasis, lower: Array, upper: Array) -> tuple[Array, A
     """Bounds (3, S·PIECES, B) of the pieces of projectors whose control points lie in boxes (K, 3, B).
 
     The control points of a piece enclose it, and are weighted sums of the projector's.
+    Reckoned in the precision of the boxes; the caller makes them wider by its rounding.
     """
     edges = np.linspace(0.0, 1.0, PIECES + 1)
     degree = spans.degree
@@ -37,8 +38,9 @@ def piece_bounds(spans: SpanBasis, lower: Array, upper: Array) -> tuple[Array, A
         shares /= shares.sum(axis=3, keepdims=True)
         weights = np.einsum("spji,sik->spjk", shares, spans.matrices)
     weights = weights.reshape(-1, degree + 1, len(lower))
+    weights = weights.astype(lower.dtype, copy=False)
     positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
-    low, high = np.empty((2, 3, len(weights), lower.shape[2]))
+    low, high = np.empty((2, 3, len(weights), lower.shape[2]), lower.dtype)
     for axis in range(3):
         least, most = lower[:, axis], upper[:, axis]
         low[axis] = (positive @ least + negative @ most).min(axis=1)

@@ -18,8 +18,10 @@ SPLITTER = 2.0**27 + 1.0
 # Newton steps and halvings until a bracket in [0, 1] is one rounding wide.
 MOST_STEPS = 64
 
-# A root is final when a step moves it by less than this.
-SETTLED = 2.0**-52
+# A root is final when a step moves it by less than this: what is left after a step of
+# Newton's is its square over the distance of the nearest other root, and roots nearer than
+# 2⁻²⁶ to each other are not told apart by float64 coefficients.
+SETTLED = 2.0**-40
 
 
 def unit_roots(coefficients: Array) -> Array:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,11 +47,11 @@ class Work:
         self.hits.triangle[where] = found.triangle[which]
         self.hits.barycentric[:, where] = found.barycentric[:, which]
 
-    def trace(self, start: Array, end: Array, limits: Float32Array) -> NDArray[np.int32]:
-        """The first triangle on the segments, -1 where none is."""
+    def trace(self, start: NDArray[Any], way: NDArray[Any], limits: Float32Array) -> NDArray[np.int32]:
+        """The first triangle on the segments from start to start + way, -1 where none is."""
         self.counts.rays += int(np.count_nonzero(limits > 0.0))
-        way = (end - start).astype(np.float32, copy=False)
-        return self.scene.trace(start.astype(np.float32, copy=False), way, limits)
+        start, way = start.astype(np.float32, copy=False), way.astype(np.float32, copy=False)
+        return self.scene.trace(start, way, limits)
 
 
 def solve(work: Work, curves: Bundle, low: Array, high: Array, triangle: NDArray[np.int32]) -> Solutions:
@@ -123,7 +124,7 @@ def _march_finely(
         end = curves.at(low + step * (part + 1))[0]
         searching = (triangle < 0) & (first <= part)
         limits = np.where(searching, np.float32(1.0 + OVERLAP), np.float32(-1.0))
-        found = work.trace(start, end, limits)
+        found = work.trace(start, end - start, limits)
         hit = np.flatnonzero(found >= 0)
         triangle[hit], chord[hit] = found[hit], part
         start = end

@@ -17,8 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
+from .hull import Hull
+from .memory import available_memory
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
+from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
@@ -113,6 +116,7 @@ class CastScene:
         nowhere = np.zeros((3, 1), np.float32)
         self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
         self._neighbours: NDArray[np.int32] | None = None
+        self._prisms: PrismScene | None = None
         self._usable = usable
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
@@ -165,6 +169,25 @@ class CastScene:
             if self._neighbours is None:
                 self._neighbours = edge_neighbours(self.triangles)
             return self._neighbours
+
+    @property
+    def prisms(self) -> PrismScene:
+        """What exact casting walks through. Made at first use: it takes memory and time.
+
+        Raises CastError where there is not enough memory for it.
+        """
+        with self._lock:
+            if self._prisms is None:
+                need, free = BYTES_PER_TRIANGLE * len(self.triangles), available_memory()
+                if free is not None and need > free:
+                    raise CastError(
+                        f"exact casting needs {need / 1e9:.1f} GB of memory for {len(self.triangles)} "
+                        f"triangles, {free / 1e9:.1f} GB are free: set the pixel error above 0, "
+                        "or hide what the picture does not show"
+                    )
+                corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
+                self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable))
+            return self._prisms
 
     @property
     def occupancy(self) -> Occupancy:
@@ -236,3 +259,33 @@ class CastScene:
             np.einsum("cn,cn->n", row[:3], positions, out=target)
             target += row[3]
         return weights
+
+
+class PrismScene:
+    """Prisms round all triangles, in Embree (see ``prisms``).
+
+    epsilon: how far chords may be from their curves, cast units. lower, upper: (3,) the
+    box that holds all prisms. Safe to use from several threads.
+    """
+
+    def __init__(self, prisms: Prisms) -> None:
+        self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
+        self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
+        self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
+        modules = _load_embreex()
+        self._embree, self._mesh = prisms.embree_scene(*modules)
+        self.hull = Hull(prisms, *modules)
+        nowhere = np.zeros((3, 1), np.float32)
+        self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
+
+    def trace(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> tuple[NDArray[np.int32], Float32Array]:
+        """The triangles whose prisms the rays enter or leave first, -1 for none, and where.
+
+        As ``CastScene.trace``; the second array (N,) is in units of the direction's length.
+        """
+        found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
+        triangle: NDArray[np.int32] = found["primID"]
+        triangle >>= FACE_BITS
+        return triangle, found["tfar"]

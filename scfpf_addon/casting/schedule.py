@@ -161,9 +161,8 @@ def sample_curves(
 def tolerance(curves: Curves, spans: SpanBasis, span: int, local: Array, pixel_error: float) -> Tolerance:
     """Evaluate the demand on chords at ``local`` (G,) in a span."""
     here, slope, second = spans.within(span, local)
-    position, dx, dy = (np.einsum("gk,kcs->cgs", here, c) for c in curves)
-    tangent = np.einsum("gk,kcs->cgs", slope, curves.points)
-    bend = np.einsum("gk,kcs->cgs", second, curves.points)
+    position, dx, dy = (_blend(here, c) for c in curves)
+    tangent, bend = _blend(slope, curves.points), _blend(second, curves.points)
     squared = (tangent**2).sum(axis=0)
     # Where the tangent vanishes there is no across: all of a vector counts.
     inverse = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0.0)
@@ -176,6 +175,12 @@ def tolerance(curves: Curves, spans: SpanBasis, span: int, local: Array, pixel_e
     floor = FINEST * np.abs(position).max(axis=0) + np.finfo(np.float64).tiny
     length = np.maximum(pixel_error * pixel, floor)
     return Tolerance(position, length, pixel, np.sqrt((bend**2).sum(axis=0)), np.sqrt(squared))
+
+
+def _blend(weights: Array, points: Array) -> Array:
+    """Sums of points (K, 3, S) by weights (G, K), (3, G, S)."""
+    sums: Array = (weights @ points.reshape(len(points), -1)).reshape(-1, *points.shape[1:])
+    return sums.swapaxes(0, 1)
 
 
 def plan(
@@ -312,19 +317,26 @@ def _measure(
     must be as near as they should.
     """
     some = Curves(*(c[:, :, :MEASURED] for c in curves))
-    corners = np.einsum("nk,kcs->cns", schedule.ends, some.points)
+    corners = _blend(schedule.ends, some.points)
     excess = error = 0.0
     pixel = np.full(len(local) - 1, np.inf)
     parts = 1 if spans.point_weights is None else schedule.finer
+    # All places at once: where a chord ends the next begins.
+    steps = np.arange(2 * parts) / (2 * parts)
+    places = np.append((local[:-1, None] + steps * np.diff(local)[:, None]).ravel(), local[-1])
+    whole = tolerance(some, spans, span, places, pixel_error)
     demands = []
-    for share in np.arange(2 * parts + 1) / (2 * parts):
-        demand = tolerance(some, spans, span, local[:-1] + share * np.diff(local), pixel_error)
+    for first in range(2 * parts + 1):
+        here = slice(first, first + len(places) - 2 * parts, 2 * parts)
+        demand = Tolerance(*(field[..., here, :] for field in whole))
         distance = _distance(demand.position, corners[:, :-1], corners[:, 1:])
         excess = max(excess, float((distance / demand.length).max(initial=0.0)))
         known = demand.pixel > 0.0
         error = max(error, float(np.max(distance[known] / demand.pixel[known], initial=0.0)))
         speed = np.maximum(demand.speed, np.finfo(np.float64).tiny)
-        pixel = np.minimum(pixel, (demand.pixel / speed).min(axis=1, initial=np.inf))
+        with np.errstate(over="ignore"):
+            steps = demand.pixel / speed
+        pixel = np.minimum(pixel, steps.min(axis=1, initial=np.inf))
         demands.append(demand)
     if spans.point_weights is not None:
         for before, middle, after in zip(demands[:-2:2], demands[1::2], demands[2::2], strict=True):

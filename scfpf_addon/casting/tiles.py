@@ -15,9 +15,10 @@ from .scene import CastError
 
 Result = TypeVar("Result")
 
-# Pixels in a tile: enough for NumPy to forget its overhead, few enough for the
+# Pixels in a tile: enough for NumPy to forget its overhead (curved casting takes a tenth less than
+# with two thirds of them), few enough for all cores to have work to the end and for the
 # arrays of one tile to stay in a core's cache.
-TILE_PIXELS = 1 << 16
+TILE_PIXELS = 3 << 15
 
 # An image is cut into at least this many tiles, if it has so many rows, so that all cores work.
 FEWEST_TILES = 16

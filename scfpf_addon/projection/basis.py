@@ -86,6 +86,15 @@ class SpanBasis:
             np.einsum("kn,nkc->cn", slope, matrices) / length,
         )
 
+    def values(self, span: int, local: Array) -> Array:
+        """Weights of the control points at ``local`` (G,) in a span, as ``within`` has them: (G, count)."""
+        value = bernstein(self.degree, local)
+        if self.point_weights is not None:
+            value = value * self.point_weights[span][:, None]
+            value = value / value.sum(axis=0)
+        weights: Array = value.T @ self.matrices[span]
+        return weights
+
     def within(self, span: int, local: Array) -> tuple[Array, Array, Array]:
         """Weights of the control points at ``local`` (G,) in a span, their slopes and their bends.
 

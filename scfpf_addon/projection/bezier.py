@@ -107,22 +107,3 @@ def chord_count(controls: Array, tolerance: Array | float) -> Array:
     degree = len(controls) - 1
     bend = degree * (degree - 1) / 8.0 * second_difference(controls)
     return np.maximum(1, np.ceil(np.sqrt(bend / tolerance))).astype(np.int64)
-
-
-def rational_chord_count(controls: Array, weights: Array, tolerance: Array | float) -> Array:
-    """As ``chord_count``, for rational Bézier curves: chords of equal steps in the parameter.
-
-    controls: (d+1, 3, N). weights: (d+1,), above 0.
-    With A = w C, and A° and w° linear between a chord's ends, C - A°/w° is
-    ((A - A°) - (A°/w°)(w - w°))/w, each of the two at most step²/8 · d(d-1) max‖Δ²‖. Zheng and
-    Sederberg, Estimating tessellation parameter intervals for rational curves and surfaces (2000).
-    """
-    degree = len(controls) - 1
-    if degree < 2:
-        return np.ones(controls.shape[-1], np.int64)
-    centred = controls - 0.5 * (controls.max(axis=0) + controls.min(axis=0))
-    farthest = np.sqrt((centred**2).sum(axis=1)).max(axis=0)
-    bend = second_difference(centred * weights[:, None, None])
-    bend = (bend + farthest * np.abs(np.diff(weights, 2)).max()) / weights.min()
-    steps: Array = np.ceil(np.sqrt(degree * (degree - 1) / 8.0 * bend / tolerance))
-    return np.maximum(1, steps).astype(np.int64)

@@ -13,18 +13,27 @@ from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
-from .bezier import chord_count, rational_chord_count
+from .basis import SpanBasis
+from .bezier import chord_count
 from .folds import find_folds, folded_pieces
 from .line_colors import Role
 from .marks import direction_arrows, far_rim, iso_lines, safe_area
 from .segments import Segments, joined, ranged, segments
-from .typing import Array, BoolArray
+from .surfaces import Plane
+from .typing import Array, BoolArray, IndexArray
 from .volume import ControlSample, Projection, ViewingVolume
 
+# Cells along u and along v between the lines of a surface. A flat one needs few, and it often fills the view:
+# a camera that is added looks as the viewport does.
+SURFACE_CELLS, PLANE_CELLS = 8, 4
 # A drawn projector leaves its curve by at most this share of its control polygon's length.
-BEND_TOLERANCE = 5e-4
+BEND_TOLERANCE = 1e-3
 # More chords than this in one span cannot be told apart on a screen.
 MAXIMUM_CHORDS = 128
+# Places in a span of rational projectors at which their bend is measured.
+BEND_SAMPLES = np.linspace(0.0, 1.0, 9)
+# The bend along a projector counts by this share: it only shifts chord ends, but where the curve turns back.
+BEND_ALONG = 0.25
 # Pieces along t in which a projector is looked at for folds, and drawn where it has one.
 FOLD_PIECES = 48
 # Halvings that find the rim of what an image shows: to 2^-40 of the image.
@@ -56,12 +65,17 @@ def even_iso(count: int) -> tuple[float, ...]:
     return tuple((index + 1) / (count + 1) for index in range(count))
 
 
-def surface_lines(projection: Projection, index: int, lines: int = 8, resolution: int = 48) -> Segments:
+def surface_lines(
+    projection: Projection, index: int, lines: int | None = None, resolution: int = 48
+) -> Segments:
     """Lines of constant u and of constant v on control surface ``index``.
 
     Over the u and v ranges, lines + 1 in each direction with the borders among
-    them, each of ``resolution`` segments. A point surface has none.
+    them, each of ``resolution`` segments. lines: None for as many as the
+    kind needs. A point surface has none.
     """
+    if lines is None:
+        lines = PLANE_CELLS if isinstance(projection.volume.surfaces[index], Plane) else SURFACE_CELLS
     across = np.linspace(0.0, 1.0, lines + 1)
     along = np.linspace(0.0, 1.0, resolution + 1)
     fixed, moving = np.meshgrid(across, along, indexing="ij")
@@ -130,26 +144,39 @@ def _even_controls(projection: Projection, count_u: int, count_v: int) -> Contro
 def _curves(volume: ViewingVolume, controls: Array, valid: BoolArray, chords: int | None = None) -> Segments:
     """The curves with control points (m+1, 3, N); see ``projector_lines``."""
     result = []
-    for span, matrix in enumerate(volume.spans.matrices):
-        points = np.einsum("kc,cdn->kdn", matrix, controls)
-        length = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)).sum(axis=0)
+    for span in range(len(volume.spans.matrices)):
         if chords is None:
-            # A span of no length has no bend either; any tolerance does for it.
-            tolerance = np.where(length > 0, BEND_TOLERANCE * length, 1.0)
-            weights = volume.spans.point_weights
-            if weights is None:
-                needed = chord_count(points, tolerance)
-            else:
-                needed = rational_chord_count(points, weights[span], tolerance)
-            needed = np.minimum(needed, MAXIMUM_CHORDS)
+            needed = _chords_needed(volume.spans, span, controls)
         else:
-            needed = np.full(len(length), chords)
+            needed = np.full(controls.shape[2], chords)
         for count in np.unique(needed):
             chosen = needed == count
-            shares = volume.spans.within(span, np.linspace(0.0, 1.0, count + 1))[0]
+            shares = volume.spans.values(span, np.linspace(0.0, 1.0, count + 1))
             curves = np.einsum("sk,kdn->dns", shares, controls[:, :, chosen])
             result.append(segments(curves, np.repeat(valid[chosen, None], count + 1, axis=1)))
     return joined(result)
+
+
+def _chords_needed(spans: SpanBasis, span: int, controls: Array) -> IndexArray:
+    """How many chords of equal steps in t draw each curve in a span: (N,)."""
+    points = np.einsum("kc,cdn->kdn", spans.matrices[span], controls)
+    length = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)).sum(axis=0)
+    # A span of no length has no bend either; any tolerance does for it.
+    tolerance = np.where(length > 0, BEND_TOLERANCE * length, 1.0)
+    if spans.point_weights is None:
+        return np.minimum(chord_count(points, tolerance), MAXIMUM_CHORDS)
+    # Bounds for rational curves ask for several times too many, so the bend is measured.
+    _, slopes, bends = spans.within(span, BEND_SAMPLES)
+    flat = controls.reshape(len(controls), -1)
+    way, bend = ((w @ flat).reshape(len(w), *controls.shape[1:]) for w in (slopes, bends))
+    whole = np.einsum("gdn,gdn->gn", bend, bend)
+    speed = np.maximum(np.einsum("gdn,gdn->gn", way, way), np.finfo(float).tiny)
+    across = whole - np.einsum("gdn,gdn->gn", way, bend) ** 2 / speed
+    largest = np.sqrt(np.maximum(across, BEND_ALONG**2 * whole).max(axis=0))
+    extent = spans.breaks[span + 1] - spans.breaks[span]
+    needed = np.ceil(extent * np.sqrt(largest / (8.0 * tolerance)))
+    counts: IndexArray = np.clip(needed, 1, MAXIMUM_CHORDS).astype(np.int64)
+    return counts
 
 
 def image_frame(projection: Projection, resolution: int = 48) -> Segments:

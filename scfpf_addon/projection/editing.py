@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edits of a volume as mathematics: elevated, mirrored, moved, and what lies inside it."""
+"""Edits of a volume as mathematics: elevated, mirrored, moved."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from .basis import B_SPLINE_DEGREE
 from .surfaces import BilinearPatch, Cone, ControlSurface, Cylinder, Disc, Grid, Plane, Point, SphereSector
-from .typing import Array, BoolArray
-from .volume import ViewingVolume, VolumeSample
+from .typing import Array
+from .volume import ViewingVolume
 
 Axis = Literal["U", "V"]
 
@@ -21,17 +21,6 @@ Axis = Literal["U", "V"]
 SAME_SHARE = 1e-5
 # The most cells along one direction of a grid that holds two grids' lines at once.
 MOST_CELLS = 512
-# A point lies inside a volume when its parameters exceed [0, 1] by no more.
-INSIDE_MARGIN = 1e-6
-# Newton has found a point when Q is this near to it, as a share of the volume's size.
-FOUND_SHARE = 1e-9
-NEWTON_STEPS = 40
-# The longest Newton step in u, v and t: a longer one leaves the neighbourhood of its start.
-LONGEST_STEP = 0.2
-# Of rational projectors: places at which their way is measured in each span, and pieces that it is cut into.
-PACE_STEPS, PACES = 2000, 1024
-# Starting values of a search along each of u, v and t.
-SEEDS = 9
 
 
 class EditingError(ValueError):
@@ -270,62 +259,3 @@ def framing(pan: float, tilt: float, roll: float, dolly: float, zoom: float) -> 
         turn = turn @ step
     turn[:3, 3] = [0.0, 0.0, -dolly]
     return np.asarray(turn @ np.diag([1 / zoom, 1 / zoom, 1.0, 1.0]))
-
-
-def contains(volume: ViewingVolume, points: Array) -> BoolArray:
-    """Whether points (3, N) lie inside a volume: Newton on Q(u, v, t) = p from the nearest of a lattice.
-
-    In a folded volume a point may be missed; none outside is taken for inside.
-    """
-    line = np.linspace(0.0, 1.0, SEEDS)
-    seeds = np.stack([axis.ravel() for axis in np.meshgrid(line, line, line)])
-    places, pace = _pace(volume)
-
-    def evaluate(parameters: Array) -> VolumeSample:
-        u, v, s = parameters
-        piece = np.clip(np.searchsorted(places, s, side="right") - 1, 0, len(pace) - 1)
-        slope = pace[piece] / (places[piece + 1] - places[piece])
-        start = np.concatenate([[0.0], np.cumsum(pace)])[piece]
-        sample = volume.evaluate(u, v, start + (s - places[piece]) * slope)
-        return sample._replace(dt=sample.dt * slope)
-
-    positions = evaluate(seeds).position
-    size = float(np.ptp(positions, axis=1).max())
-    distance = np.linalg.norm(positions[:, None] - points[:, :, None], axis=0)
-    parameters = seeds[:, distance.argmin(1)]
-    for _ in range(NEWTON_STEPS):
-        sample = evaluate(parameters)
-        jacobian = np.stack([sample.du, sample.dv, sample.dt], 1).transpose(2, 0, 1)
-        # The pseudo-inverse also steps where a derivative vanishes: at a pole or a point.
-        step = np.einsum("nij,jn->in", np.linalg.pinv(jacobian), points - sample.position)
-        parameters = parameters + np.clip(step, -LONGEST_STEP, LONGEST_STEP)
-    missed = np.linalg.norm(evaluate(parameters).position - points, axis=0)
-    within = ((parameters >= -INSIDE_MARGIN) & (parameters <= 1 + INSIDE_MARGIN)).all(0)
-    result: BoolArray = within & (missed <= FOUND_SHARE * size)
-    return result
-
-
-def _pace(volume: ViewingVolume) -> tuple[Array, Array]:
-    """Where Newton's parameter has its nodes, (P+1,) from 0 to 1, and the steps in t between, (P,).
-
-    Even for polynomials. Rational projectors may rush through most of their way in a
-    thousandth of t, past what Newton's method foresees; theirs is even along the way.
-    """
-    if volume.spans.point_weights is None:
-        return np.array([0.0, 1.0]), np.ones(1)
-    # Closer towards the ends of a span, where the rush is.
-    inner = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, PACE_STEPS + 1))
-    t = np.interp(
-        np.arange(len(volume.spans.matrices))[:, None] + inner[:-1],
-        np.arange(len(volume.spans.breaks)),
-        volume.spans.breaks,
-    ).ravel()
-    t = np.append(t, 1.0)
-    u, v = lattice(3, 3)
-    curves = np.einsum("kt,kcn->tcn", volume.spans.weights(t)[0], volume.projectors(u, v).points)
-    way = np.linalg.norm(np.diff(curves, axis=0), axis=1).mean(axis=1)
-    total = np.concatenate([[0.0], np.cumsum(way)])
-    if total[-1] == 0.0:
-        return np.array([0.0, 1.0]), np.ones(1)
-    places = np.linspace(0.0, 1.0, PACES + 1)
-    return places, np.diff(np.interp(places * total[-1], total, t))

@@ -99,9 +99,6 @@ def folded_pieces(volume: ViewingVolume, controls: ControlSample, t: Array, orie
     folded = np.zeros((len(controls.valid), len(t)), bool)
     if orientation == 0:
         return folded
-    if volume.spans.point_weights is not None:
-        # Rational projectors have no determinant in Bernstein form.
-        return np.equal(orientations(volume, controls, t), -orientation)
     coefficients = determinant_controls(volume, controls)
     doubtful = (orientation * coefficients < 0).any(axis=(0, 1))
     if not doubtful.any():
@@ -115,6 +112,9 @@ def folded_pieces(volume: ViewingVolume, controls: ControlSample, t: Array, orie
     span, start, length = volume.spans.locate(t[columns])
     weights = bernstein(coefficients.shape[1] - 1, (t[columns] - start) / length)
     usual = np.array([np.median(np.abs(w @ coefficients[s])) for s, w in zip(span, weights.T, strict=True)])
+    if volume.spans.point_weights is not None:
+        local = bernstein(volume.spans.degree, (t[columns] - start) / length)
+        usual /= np.einsum("kn,nk->n", local, volume.spans.point_weights[span]) ** 4
     folded[np.ix_(doubtful, columns)] = orientations(volume, part, t[columns], usual) == -orientation
     return folded
 
@@ -130,18 +130,27 @@ def _part(controls: ControlSample, chosen: BoolArray) -> ControlSample:
 
 
 def determinant_controls(volume: ViewingVolume, controls: ControlSample) -> Array:
-    """det[Qu Qv Qt] on N projectors in Bernstein form, (S, 3d, N) for S spans of degree d.
+    """det[Qu Qv Qt] on N projectors in Bernstein form, (S, p+1, N) for S spans of degree d.
 
-    Of each span's own parameter in [0, 1]; Qt is by t. Not for rational projectors.
+    Of each span's own parameter in [0, 1]; Qt is by t. p = 3d-1. Of rational projectors A/w, p = 4d-1,
+    it is w^4 times the determinant, which has its sign.
     Products as in Farouki and Rajan, "Algorithms for polynomials in Bernstein form" (1988).
     """
     spans = volume.spans
     found = []
-    for matrix, length in zip(spans.matrices, np.diff(spans.breaks), strict=True):
+    for span, (matrix, length) in enumerate(zip(spans.matrices, np.diff(spans.breaks), strict=True)):
+        weights = None if spans.point_weights is None else spans.point_weights[span]
+        if weights is not None:
+            matrix = matrix * weights[:, None]
         points, du, dv = (
             np.einsum("kc,cdn->kdn", matrix, values) for values in (controls.points, controls.du, controls.dv)
         )
         dt = derivative(points) / length
+        if weights is not None:
+            # Of A/w the derivative is (A' w - A w') / w².
+            slope = derivative(weights) / length
+            rising = _product(dt[:, None] * weights[:, None, None])
+            dt = rising - _product(points[:, None] * slope[:, None, None])
         (ax, ay, az), (bx, by, bz) = du.transpose(1, 0, 2)[:, :, None], dv.transpose(1, 0, 2)[:, None]
         cross = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=2)
         product = _product(cross)

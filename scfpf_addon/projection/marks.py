@@ -21,8 +21,8 @@ DASH_SHARE = 0.6
 RIM_SEGMENTS = 48
 # Arrows, as shares of the u and v ranges: distance from the corner, length, size of the head.
 ARROW_MARGIN = 0.04
-ARROW_LENGTH = 0.28
-ARROW_HEAD = 0.035
+ARROW_LENGTH = 0.16
+ARROW_HEAD = 0.02
 ARROW_STEPS = 16
 # An arrow goes to the opposite border where the surface is narrower than this share of that border,
 # as about a pole.

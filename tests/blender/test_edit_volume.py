@@ -15,11 +15,11 @@ def surfaces(camera):
 
 
 def is_free(surface):
-    return (surface.hide_select, surface.show_in_front) == (False, True)
+    return (surface.hide_select, surface.show_in_front) == (False, True) and surface.display_type != "BOUNDS"
 
 
 def is_away(surface):
-    return (surface.hide_select, surface.show_in_front) == (True, False) and surface.display_type == "WIRE"
+    return (surface.hide_select, surface.show_in_front) == (True, False) and surface.display_type == "BOUNDS"
 
 
 def activate(*objects):
@@ -172,3 +172,47 @@ def test_linked_cameras_and_surfaces_refuse_and_overrides_do_not(addon, tmp_path
     bpy.context.scene.camera = local
     local.scfpf.edit_volume = True  # by a script: what can be changed obeys, nothing raises
     assert all(surface.hide_select for surface in surfaces(local))
+
+
+def deleted(*objects):
+    activate(*objects)
+    bpy.ops.object.delete()
+    bpy.context.view_layer.update()
+
+
+@pytest.mark.parametrize("in_mode", [False, True])
+def test_surfaces_of_a_deleted_camera_are_ordinary_objects_again(in_mode):
+    first = add_camera()
+    kept = surfaces(first)
+    second = add_camera()
+    others = surfaces(second)
+    second.scfpf.surfaces.add().object = kept[0]
+    first.scfpf.edit_volume = in_mode
+    bpy.context.view_layer.update()
+    deleted(first)
+    assert is_away(kept[0]) and all(map(is_away, others))
+    assert (kept[1].hide_select, kept[1].show_in_front) == (False, False)
+    kept[1].show_in_front = True
+    deleted(second)
+    assert not any(surface.hide_select or surface.show_in_front for surface in (kept[0], *others))
+    assert kept[1].show_in_front, "what the artist chose afterwards stays"
+
+
+def test_surfaces_of_a_deleted_camera_stay_free_when_later_steps_are_undone():
+    camera = add_camera()
+    names = [surface.name for surface in surfaces(camera)]
+    bpy.context.view_layer.update()
+    bpy.ops.ed.undo_push(message="Before")
+    deleted(camera)
+    bpy.ops.ed.undo_push(message="Delete")
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.ed.undo_push(message="Cube")
+    bpy.ops.ed.undo()
+    bpy.context.view_layer.update()
+    assert not any(bpy.data.objects[name].hide_select for name in names)
+    bpy.ops.ed.undo()
+    bpy.context.view_layer.update()
+    assert all(bpy.data.objects[name].hide_select for name in names)
+    bpy.ops.ed.redo()
+    bpy.context.view_layer.update()
+    assert not any(bpy.data.objects[name].hide_select for name in names)

@@ -77,7 +77,7 @@ def test_surfaces_are_children_in_camera_space(bridge, camera):
     assert surface.parent == camera and surface.name == "Cylinder"
     assert np.allclose(surface.matrix_world, camera.matrix_world @ place, atol=1e-6)
     assert surface.users_collection == camera.users_collection
-    assert surface.display_type == "WIRE" and surface.hide_render
+    assert surface.display_type == "BOUNDS" and surface.hide_render
 
 
 def test_surfaces_go_to_the_cameras_collection(bridge):

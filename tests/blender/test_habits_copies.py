@@ -27,6 +27,7 @@ def shown(addon):
 def add_camera(preset="VIEW"):
     bpy.ops.scfpf.camera_add(preset=preset)
     bpy.context.object.name = "Eye"
+    bpy.context.object.scfpf.edit_volume = True  # or else its surfaces could not be selected
     return bpy.context.object
 
 

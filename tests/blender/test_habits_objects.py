@@ -44,6 +44,7 @@ def camera(add):
     camera = bpy.context.object
     camera.name = "Eye"
     camera.scfpf.enabled = True
+    camera.scfpf.edit_volume = True  # or else its surfaces could not be selected
     add(camera, "PLANE", "Near", Matrix.Translation((0, 0, -1)), {"width": 2, "height": 1})
     add(camera, "CYLINDER", "Middle", None, {"radius": 4, "arc": 2.0, "height": 3})
     add(camera, "PLANE", "Far", Matrix.Translation((0, 0, -9)), {"width": 8, "height": 5})

@@ -29,6 +29,7 @@ def add_camera(name, location=(0, 0, 10), rotation=(0, 0, 0)):
     with bpy.context.temp_override(active_object=camera, object=camera):
         assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
     camera.scfpf.samples = 1
+    camera.scfpf.edit_volume = True  # or else its surfaces could not be selected
     return camera
 
 

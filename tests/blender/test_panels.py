@@ -4,7 +4,7 @@
 import bpy
 import pytest
 
-SECTIONS = ("", "_surfaces", "_projectors", "_quality", "_display")
+SECTIONS = ("", "_preview", "_surfaces", "_projectors", "_quality", "_display")
 
 
 class RecordingLayout:
@@ -102,6 +102,28 @@ def test_every_section_draws_what_exists(camera, section, place, preset):
 def test_both_places_draw_the_same(camera, section):
     data, view = (drawn(getattr(bpy.types, f"SCFPF_PT_{place}{section}")) for place in ("data", "view"))
     assert data == view
+
+
+def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, addon, monkeypatch):
+    section = bpy.types.SCFPF_PT_view_preview
+    differences = texts(drawn(section))
+    assert "no lamps" in differences and "Rendered" in differences and "hidden" in differences
+    bpy.ops.scfpf.preview_toggle()
+    remap_nodes = addon("scfpf_addon.scanline.remap_nodes")
+    for counts, told in (
+        ({"unreachable": 0, "folded": 0}, []),
+        ({"unreachable": 1234, "folded": 0}, ["1,234 faces left out"]),
+        ({"unreachable": 0, "folded": 7}, ["7 faces where"]),
+    ):
+        monkeypatch.setattr(remap_nodes, "remap_counts", lambda _evaluated, counts=counts: counts)
+        for phrase in ("faces left out", "faces where"):
+            assert (phrase in texts(drawn(section))) == any(phrase in text for text in told)
+        assert all(text in texts(drawn(section)) for text in told)
+    source = addon("scfpf_addon.scanline.preview_data").previews()[0]
+    source.scfpf_preview.problem = "It is broken"
+    assert "It is broken" in texts(drawn(section))
+    # Nothing shows it here: the viewport can be asked for.
+    assert ("operator", "scfpf.preview_show") in drawn(section)
 
 
 def test_parameters_of_the_active_surface_are_drawn(camera):
@@ -238,3 +260,15 @@ def test_every_operator_has_a_description_and_every_property_too():
         for prop in rna.properties:
             if prop.identifier not in {"rna_type", "filter_glob"}:
                 assert prop.description, f"{name}.{prop.identifier}"
+
+
+def test_shared_surfaces_are_said_and_a_button_parts_them(camera):
+    assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))
+    bpy.ops.object.duplicate()
+    bpy.context.view_layer.update()
+    record = drawn(bpy.types.SCFPF_PT_data)
+    assert f"Surfaces shared with '{camera.name}'" in texts(record)
+    assert ("operator", "scfpf.volume_single_user") in record
+    bpy.ops.scfpf.volume_single_user()
+    bpy.context.view_layer.update()
+    assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))

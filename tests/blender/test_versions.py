@@ -88,11 +88,25 @@ def test_an_edit_from_python_reaches_the_depsgraph():
 def test_limits_hold():
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     settings = camera.scfpf
-    settings.pixel_error, settings.samples, settings.u_range = 0.0, 0, (-1.0, 2.0)
-    assert settings.pixel_error == pytest.approx(0.001) and settings.samples == 1
+    settings.pixel_error, settings.samples, settings.u_range = -1.0, 0, (-1.0, 2.0)
+    assert settings.pixel_error == 0.0 and settings.samples == 1
     assert tuple(settings.u_range) == (0.0, 1.0)
     assert (settings.basis, settings.reparameterisation, tuple(settings.v_range)) == (
         "BEZIER",
         "RECTANGLE",
         (0, 1),
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "socket", "setting", "value"),
+    [
+        ("GeometryNodeRemoveAttribute", "Pattern Mode", "pattern_mode", "WILDCARD"),
+        ("GeometryNodeTriangulate", "Quad Method", "quad_method", "FIXED"),
+    ],
+)
+def test_a_menu_of_a_node_is_chosen_by_its_identifier(addon, kind, socket, setting, value):
+    node = bpy.data.node_groups.new("Group", "GeometryNodeTree").nodes.new(kind)
+    addon("scfpf_addon.bridge.versions").set_node_menu(node, socket, setting, value)
+    chosen = getattr(node, setting) if hasattr(node, setting) else node.inputs[socket].default_value
+    assert chosen in {value, value.title()}

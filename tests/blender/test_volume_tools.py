@@ -346,10 +346,10 @@ def test_fitted_volume_just_holds_the_selection(addon, read, preset):
     bpy.context.view_layer.update()
     assert np.allclose(camera.matrix_world.to_quaternion(), direction, atol=1e-6)
     corners = np.array([cube.matrix_world @ Vector(corner) for corner in cube.bound_box]).T
-    contains = addon("scfpf_addon.projection.editing").contains
+    invert = addon("scfpf_addon.projection.inverse").invert
     volume, centre = read(camera, "WORLD"), np.array(cube.location)[:, None]
-    assert contains(volume, corners).all()
-    assert not contains(volume, centre + 1.1 * (corners - centre)).all(), (
+    assert invert(volume, corners).found.all()
+    assert not invert(volume, centre + 1.1 * (corners - centre)).found.all(), (
         "the volume is larger than it must be"
     )
 

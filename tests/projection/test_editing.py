@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.projection import editing
+from scfpf_addon.projection.inverse import invert
 from scfpf_addon.projection.preset import surface_from_parameters
 from scfpf_addon.projection.surfaces import (
     BilinearPatch,
@@ -191,15 +192,15 @@ def test_framing_moves_the_view_as_named(amounts, point, expected):
 def test_what_lies_inside_is_found(name):
     volume = ViewingVolume(VOLUMES[name])
     inner = 0.02 + 0.96 * RANDOM.random((3, 60))
-    assert editing.contains(volume, volume.evaluate(*inner).position).all()
+    assert invert(volume, volume.evaluate(*inner).position).found.all()
     outside = volume.evaluate(U[:40], V[:40], np.full(40, 1.05)).position
-    assert not editing.contains(volume, outside).any()
+    assert not invert(volume, outside).found.any()
 
 
 @pytest.mark.parametrize("weights", [(1.0, 2.0, 0.5), (1.0, 10.0, 0.1), (30.0, 1.0, 0.1), (0.02, 1.0, 40.0)])
 def test_what_lies_inside_a_weighted_volume_is_found(weights):
     volume = ViewingVolume(VOLUMES["cylinders"], "NURBS", weights)
     inner = 0.02 + 0.96 * RANDOM.random((3, 60))
-    assert editing.contains(volume, volume.evaluate(*inner).position).all()
+    assert invert(volume, volume.evaluate(*inner).position).found.all()
     outside = ViewingVolume(VOLUMES["cylinders"]).evaluate(U[:40], V[:40], np.full(40, 1.05)).position
-    assert not editing.contains(volume, outside).any()
+    assert not invert(volume, outside).found.any()

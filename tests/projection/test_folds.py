@@ -150,6 +150,9 @@ def test_without_folds_the_lines_are_those_of_projector_lines():
     assert np.array_equal(good, projector_lines(projection, 4, 3)) and folded.shape == (0, 2, 3)
 
 
+WEIGHTS = (1.0, 4.0, 0.5, 2.0, 1.0, 3.0)
+
+
 def random_volume(seed, count, basis):
     """Planes, spheres, cones and grids in random places, so that about half of the volumes fold."""
     random = np.random.default_rng(seed)
@@ -180,8 +183,10 @@ def test_the_quick_way_finds_the_same_folded_pieces(seed, count, basis):
         assert np.array_equal(found, (signs == -orientation) & (orientation != 0))
 
 
-def test_rational_projectors_have_the_same_folded_pieces():
-    volume = replace(random_volume(2, 3, "NURBS"), weights=(1.0, 4.0, 0.5))
+@pytest.mark.parametrize("count", [2, 3, 4, 6])
+@pytest.mark.parametrize("seed", range(6))
+def test_rational_projectors_have_the_same_folded_pieces(seed, count):
+    volume = replace(random_volume(seed, count, "NURBS"), weights=WEIGHTS[:count])
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 11)))
     controls = volume.controls(u, v)
     t = (np.arange(FOLD_PIECES) + 0.5) / FOLD_PIECES
@@ -201,15 +206,20 @@ def test_the_quick_way_finds_the_same_in_presets(path):
         assert np.array_equal(folded_pieces(volume, controls, t, orientation), signs == -orientation)
 
 
-@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE", "B_SPLINE"])
+@pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE", "B_SPLINE", "NURBS"])
 def test_the_determinant_in_bernstein_form_is_the_determinant(basis):
     volume = random_volume(3, 5, basis)
+    if basis == "NURBS":
+        volume = replace(volume, weights=WEIGHTS[:5])
     u, v, t = np.random.default_rng(1).uniform(size=(3, 50))
     coefficients = determinant_controls(volume, volume.controls(u, v))
     span, start, length = volume.spans.locate(t)
     weights = bernstein(coefficients.shape[1] - 1, (t - start) / length)
     found = np.einsum("kn,kn->n", weights, coefficients[span, :, np.arange(50)].T)
     expected = determinant(volume.evaluate(u, v, t))
+    if basis == "NURBS":
+        local = bernstein(volume.spans.degree, (t - start) / length)
+        expected = expected * np.einsum("kn,nk->n", local, volume.spans.point_weights[span]) ** 4
     assert np.allclose(found, expected, rtol=1e-11, atol=1e-11 * np.abs(expected).max())
 
 

@@ -84,7 +84,7 @@ def test_arrows_run_along_u_and_v_on_the_near_and_the_far_surface():
         near = lines[lines[:, 0, 2] == -1]
         # The shaft begins in the corner where u and v are least; the two pieces of the head end at the tip.
         start, tip = near[0, 0], near[-1, 1]
-        assert (start[:2] < -0.9).all() and tip[axis] - start[axis] > 0.5
+        assert (start[:2] < -0.9).all() and tip[axis] - start[axis] > 0.25
         assert tip[1 - axis] == start[1 - axis]
         assert np.array_equal(near[-2, 1], tip) and (near[-2:, 0, axis] < tip[axis]).all()
         assert np.abs(near[..., :2]).max() <= 1

@@ -150,8 +150,10 @@ class Driver:
 
 
 def world_vertices(obj) -> list:
-    """The vertices of an object as evaluated, in the world."""
+    """The vertices of an object as evaluated, or a lattice's points, in the world."""
     evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    if obj.type == "LATTICE":
+        return [evaluated.matrix_world @ point.co_deform for point in evaluated.data.points]
     found = [evaluated.matrix_world @ vertex.co for vertex in evaluated.to_mesh().vertices]
     evaluated.to_mesh_clear()
     return found

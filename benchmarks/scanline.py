@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Speed of the live preview's node groups, as ratios to Blender's Lattice modifier on the same mesh.
+
+    python3 dev.py bench [--json FILE] [--quick]
+
+Every time is the least of several evaluations of the dependency graph that take turns; drawing is not in it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import bpy
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.scenes import bent_projection
+from scfpf_addon.bridge import flexible_camera, properties, versions
+from scfpf_addon.scanline import place_nodes
+from scfpf_addon.scanline.field_nodes import FieldBuilder, node_group
+from scfpf_addon.scanline.remap_nodes import remap_group, table_object
+
+# The goals of issue 4, in times of the Lattice modifier.
+REMAP_GOAL, WHOLE_GOAL = 3.0, 6.0
+RUNS = 5
+
+
+def sheet_mesh(volume, columns: int, rows: int):
+    """A waving sheet of triangles across the middle of a volume, all of it inside."""
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.05, 0.95, columns), np.linspace(0.05, 0.95, rows)))
+    t = 0.5 + 0.2 * np.sin(9 * x) * np.cos(7 * y)
+    points = volume.evaluate(x, y, t).position.T.astype(np.float32)
+    number = np.arange(columns * rows).reshape(rows, columns)
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
+    corners = np.stack([a, b, c, a, c, d], axis=-1).ravel().astype(np.int32)
+    mesh = bpy.data.meshes.new("Sheet")
+    mesh.vertices.add(len(points))
+    mesh.vertices.foreach_set("co", points.ravel())
+    mesh.loops.add(len(corners))
+    mesh.loops.foreach_set("vertex_index", corners)
+    mesh.polygons.add(len(corners) // 3)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    return mesh
+
+
+def vertices_group():
+    """The remap of vertices alone: both guesses, and the mesh moved to where they led."""
+
+    def build(nodes: FieldBuilder, given):
+        table = nodes.out("GeometryNodeObjectInfo", "Table", {"Object": given["Table"]}, "Geometry")
+        view = place_nodes.view_inputs(nodes, table, given["Aspect"])
+        position = nodes.out("GeometryNodeInputPosition", "Position", {})
+        mesh = place_nodes.store_places(nodes, given["Geometry"], view | {"Point": position})
+        box = nodes.attribute(place_nodes.BOX, "FLOAT_VECTOR")
+        inputs = {"Geometry": mesh, "Position": box}
+        return {"Geometry": nodes.out("GeometryNodeSetPosition", "Moved", inputs)}
+
+    inputs = {
+        "Geometry": ("Geometry", None, ""),
+        "Table": ("Object", None, ""),
+        "Aspect": ("Float", 1.0, ""),
+    }
+    return node_group("Benchmark: vertices", "", inputs, {"Geometry": "Geometry"}, build, modifier=True)
+
+
+def with_group(name: str, mesh, group, table, aspect: float):
+    """An object with a node group as its modifier."""
+    made = bpy.data.objects.new(name, mesh)
+    bpy.context.scene.collection.objects.link(made)
+    modifier = made.modifiers.new(name, "NODES")
+    modifier.node_group = group
+    for item in group.interface.items_tree:
+        value = {"Table": table, "Aspect": aspect, "Picture Width": 1920.0}.get(item.name)
+        if item.in_out == "INPUT" and value is not None:
+            versions.set_modifier_input(modifier, item.identifier, value)
+    modifier.node_group = group
+    return made
+
+
+def with_lattice(mesh):
+    """An object deformed by a 4 × 4 × 4 lattice around all of it."""
+    made = bpy.data.objects.new("Lattice Modifier", mesh)
+    cage = bpy.data.objects.new("Cage", bpy.data.lattices.new("Cage"))
+    cage.data.points_u = cage.data.points_v = cage.data.points_w = 4
+    cage.scale = (100.0, 100.0, 100.0)
+    for each in (made, cage):
+        bpy.context.scene.collection.objects.link(each)
+    made.modifiers.new("Lattice", "LATTICE").object = cage
+    return made
+
+
+def least_times(objects, runs: int) -> dict[str, float]:
+    """Seconds that each object's evaluation takes, the others hidden."""
+    best = dict.fromkeys(objects, math.inf)
+    for _ in range(runs):
+        for name, thing in objects.items():
+            for other in objects.values():
+                other.hide_viewport = other != thing
+            bpy.context.view_layer.update()
+            thing.update_tag()
+            start = perf_counter()
+            bpy.context.view_layer.update()
+            best[name] = min(best[name], perf_counter() - start)
+    return best
+
+
+def measure(title: str, projection, vertices: int, runs: int) -> dict:
+    """One size of mesh through one volume."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    for plane in projection.volume.surfaces:
+        size = {"width": plane.width, "height": plane.height}
+        flexible_camera.add_surface(camera, "PLANE", matrix=plane.matrix, parameters=size)
+    flexible_camera.make_flexible(camera)
+    table = table_object(camera)
+    columns = round(math.sqrt(vertices))
+    mesh = sheet_mesh(projection.volume, columns, columns)
+    aspect = projection.aspect
+    objects = {
+        "lattice": with_lattice(mesh),
+        "vertices": with_group("Vertices", mesh, vertices_group(), table, aspect),
+        "whole": with_group("Whole", mesh, remap_group(), table, aspect),
+    }
+    seconds = least_times(objects, runs)
+    result = {"volume": title, "vertices": len(mesh.vertices), "triangles": len(mesh.polygons)}
+    return result | {"seconds": seconds}
+
+
+def report(result: dict) -> None:
+    """Print one line of figures."""
+    seconds = result["seconds"]
+    lattice = seconds["lattice"]
+    print(
+        f"  {result['volume']:14s} {result['vertices']:>9,} vertices, {result['triangles']:>9,} triangles: "
+        f"Lattice {lattice * 1e3:6.1f} ms; vertices {seconds['vertices'] / lattice:5.2f} × "
+        f"(goal {REMAP_GOAL:g}), whole chain {seconds['whole'] / lattice:5.2f} × (goal {WHOLE_GOAL:g}), "
+        f"{1 / seconds['whole']:.1f} frames a second"
+    )
+
+
+def main() -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", metavar="FILE", help="add the figures to FILE")
+    parser.add_argument("--quick", action="store_true", help="smaller meshes, fewer runs")
+    options, _ = parser.parse_known_args()
+    properties.register()
+    sizes = (10_000, 100_000) if options.quick else (10_000, 100_000, 500_000, 1_000_000)
+    print("\nlive preview: evaluation in times of the Lattice modifier on the same mesh")
+    results = []
+    for title, projection in (
+        ("straight", bent_projection(1, 0.0)),
+        ("bent by 60°", bent_projection(2, 1.05)),
+    ):
+        for size in sizes:
+            results.append(measure(title, projection, size, 2 if options.quick else RUNS))
+            report(results[-1])
+    if options.json:
+        file = Path(options.json)
+        figures = json.loads(file.read_text()) if file.exists() else {}
+        file.write_text(json.dumps(figures | {"scanline": results}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What accuracy costs: pixels that differ from the exact picture, and how far, against time.
+
+    python3 dev.py bench --trade [--quick] [--json FILE] [--png FILE]
+
+Each pixel error, and pixel error 0, casts the same tiles in one thread; times are CPU seconds, the least
+of several runs that take turns, divided by what raw Embree takes for the same scene's straight picture.
+A pixel *differs* when its t is not the exact one; it is *beyond a pixel* when its t is also outside what
+the exact picture shows in the eight pixels around it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.run import Image, raw_rays
+from benchmarks.scenes import SCENES, Mesh, bent_projection
+from scfpf_addon.casting.cast import CastCounts
+from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.projection.preset import read_preset
+from scfpf_addon.projection.typing import Array
+from scfpf_addon.projection.volume import Projection
+
+ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.0)
+BENDS = {"straight": (1, 0), "degree 2, 10°": (2, 10), "degree 2, 60°": (2, 60), "degree 3, 180°": (3, 180)}
+BENDS |= {"degree 5, 180°": (5, 180)}
+PRESETS = ("nonlinear_twist", "around_the_car")
+
+# Hits are the same when their t differ by less.
+SAME = 1e-9
+
+
+def volumes() -> dict[str, Projection]:
+    """Everything to cast through, by name."""
+    result = {name: bent_projection(degree, math.radians(angle)) for name, (degree, angle) in BENDS.items()}
+    folder = Path(__file__).resolve().parents[1] / "presets"
+    for name in PRESETS:
+        preset = read_preset(folder / f"{name}.json")
+        result[preset.name] = preset.projection(16 / 9)
+    return result
+
+
+def put_into(mesh: Mesh, projection: Projection) -> Mesh:
+    """A scene moved and stretched into a preset's volume: most of the box that the far half fills."""
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 9), np.linspace(0, 1, 9)))
+    points = np.concatenate([projection.volume.evaluate(u, v, t).position for t in (0.4, 0.7, 1.0)], axis=1)
+    low, high = np.percentile(points, 10, axis=1), np.percentile(points, 90, axis=1)
+    vertices, triangles = mesh
+    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+    return low + (vertices - lower) * ((high - low) / (upper - lower)), triangles
+
+
+def cast_all(
+    scene: CastScene, inside: Projection, image: Image, error: float
+) -> tuple[Array, CastCounts, float]:
+    """t of every pixel, inf as 2, the counts and the CPU seconds."""
+    start, parts, counts = process_time(), [], CastCounts()
+    for rows in image.tiles:
+        hits, own = image.cast_tile(scene, inside, rows, error)
+        parts.append(np.where(np.isfinite(hits.t), hits.t, 2.0))
+        counts.add(own)
+    return np.concatenate(parts), counts, process_time() - start
+
+
+def around(t: Array, width: int) -> tuple[Array, Array]:
+    """The least and the largest t of each pixel and its neighbours."""
+    rows = np.pad(t.reshape(-1, width), 1, mode="edge")
+    height = len(rows) - 2
+    blocks = np.stack([rows[j : j + height, i : i + width] for j in range(3) for i in range(3)])
+    return blocks.min(axis=0).ravel(), blocks.max(axis=0).ravel()
+
+
+def trade(mesh: Mesh, projection: Projection, image: Image, runs: int) -> list[dict[str, Any]]:
+    """One row for each pixel error."""
+    scene = CastScene(*mesh)
+    straight = raw_rays(scene, bent_projection(1, 0.0).transformed(scene.matrix), image)
+    inside = projection.transformed(scene.matrix)
+    seconds = dict.fromkeys(ERRORS, math.inf)
+    raw, pictures, counted = math.inf, {}, {}
+    cast_all(scene, inside, image, 0.0)  # builds the prisms
+    for _ in range(runs):
+        start = process_time()
+        for rays in straight:
+            scene.trace(*rays)
+        raw = min(raw, process_time() - start)
+        for error in ERRORS:
+            pictures[error], counted[error], spent = cast_all(scene, inside, image, error)
+            seconds[error] = min(seconds[error], spent)
+    low, high = around(pictures[0.0], image.width)
+    pixels = image.width * image.height
+    return [
+        {
+            "pixel error": error,
+            "differ": float((np.abs(pictures[error] - pictures[0.0]) > SAME).mean()),
+            "beyond a pixel": float(
+                ((pictures[error] < low - SAME) | (pictures[error] > high + SAME)).mean()
+            ),
+            "nanoseconds a pixel": seconds[error] / pixels * 1e9,
+            "times raw": seconds[error] / raw,
+            "chords": counted[error].chords / pixels,
+            "error bound": counted[error].error_bound,
+        }
+        for error in ERRORS
+    ]
+
+
+def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
+    """The trade as a picture: one panel a scene, one line a volume."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot, ticker
+
+    figure, panels = pyplot.subplots(1, len(SCENES), figsize=(15, 5), sharey=True, layout="constrained")
+    for panel, scene in zip(panels, SCENES, strict=True):
+        for title, rows in results.items():
+            where, volume = title.split(": ")
+            if where != scene:
+                continue
+            shown = [row for row in rows if row["pixel error"] > 0]
+            floor = 1e-6
+            line = panel.plot(
+                [row["times raw"] for row in shown],
+                [max(row["differ"], floor) for row in shown],
+                marker="o",
+                markersize=3,
+                label=volume,
+            )[0]
+            panel.plot(rows[-1]["times raw"], floor / 2, marker="*", color=line.get_color())
+        panel.set(xscale="log", yscale="log", title=scene, xlabel="time, multiples of raw straight Embree")
+        panel.xaxis.set_minor_formatter(ticker.NullFormatter())
+        panel.set_xticks([1, 2, 5, 10, 20, 50], labels=["1", "2", "5", "10", "20", "50"])
+        panel.grid(True, which="both", alpha=0.3)
+    panels[0].set_ylabel("share of pixels that differ from exact (star: exact)")
+    panels[-1].legend(fontsize=8)
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", metavar="FILE", help="write all figures to FILE too")
+    parser.add_argument("--png", metavar="FILE", help="draw error against time into FILE (matplotlib)")
+    parser.add_argument("--quick", action="store_true", help="a small picture, one run")
+    options = parser.parse_args(arguments)
+    image, runs = (Image(320, 180), 1) if options.quick else (Image(640, 360), 2)
+    size = 10_000 if options.quick else 100_000
+    results: dict[str, list[dict[str, Any]]] = {}
+    print("| scene and volume | " + " | ".join(f"{e:g} px" if e else "exact" for e in ERRORS) + " |")
+    print("|---" * (len(ERRORS) + 1) + "|")
+    for name, make in SCENES.items():
+        for title, projection in volumes().items():
+            mesh = make(size)
+            mesh = mesh if title in BENDS else put_into(mesh, projection)
+            rows = results[f"{name}: {title}"] = trade(mesh, projection, image, runs)
+            cells = [
+                f"{row['times raw']:.1f}×" + (f", {row['differ']:.0e}" if row["pixel error"] else "")
+                for row in rows
+            ]
+            print(f"| {name}: {title} | " + " | ".join(cells) + " |", flush=True)
+    if options.json:
+        Path(options.json).write_text(json.dumps(results, indent=1) + "\n")
+    if options.png:
+        draw(results, options.png)
+
+
+if __name__ == "__main__":
+    main()

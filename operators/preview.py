@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live preview of a flexible camera."""
+
+import bpy
+
+from ..scfpf_addon.scanline.preview import switch_off, switch_on
+from ..scfpf_addon.scanline.preview_data import preview_of
+from ..scfpf_addon.scanline.preview_viewports import open_viewport, viewports_of
+from .errors import BAD_INPUT
+from .target import camera_of, poll_flexible_camera
+
+
+class SCFPF_OT_preview_toggle(bpy.types.Operator):
+    """Show what the flexible camera sees in a second viewport, live; again to remove it"""
+
+    bl_idname = "scfpf.preview_toggle"
+    bl_label = "Live Preview"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = classmethod(poll_flexible_camera)
+
+    def execute(self, context):
+        camera = camera_of(context)
+        source = preview_of(camera, context.scene)
+        if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
+            switch_off(source)
+            return {"FINISHED"}
+        if source is not None:
+            # It shows another view layer: it moves to this one.
+            switch_off(source)
+        try:
+            switch_on(context, camera)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        if bpy.app.background:
+            self.report({"INFO"}, "The preview is ready; Blender runs without windows: nothing shows it")
+        return {"FINISHED"}
+
+
+class SCFPF_OT_preview_show(bpy.types.Operator):
+    """Open the viewport of the live preview again"""
+
+    bl_idname = "scfpf.preview_show"
+    bl_label = "Show Live Preview"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        camera = camera_of(context)
+        source = preview_of(camera, context.scene) if camera is not None else None
+        if source is None or context.window is None:
+            cls.poll_message_set("The camera has no live preview")
+            return False
+        return not viewports_of(source)
+
+    def execute(self, context):
+        try:
+            open_viewport(context, preview_of(camera_of(context), context.scene))
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_preview_toggle, SCFPF_OT_preview_show))

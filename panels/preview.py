@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live preview's panel: the toggle, what the preview cannot show, and what it has left out."""
+
+import bpy
+
+from ..scfpf_addon.scanline import remap_nodes
+from ..scfpf_addon.scanline.preview_data import preview_of
+from ..scfpf_addon.scanline.preview_viewports import viewports_of
+from .camera_panels import _DataTab, _Sidebar, _Subsection
+
+# What a picture by Render shows otherwise, a line each.
+DIFFERENCES = (
+    "Solid and Material Preview, no lamps",
+    "For Rendered shading press Render",
+    "Shows all that renders, hidden or not",
+)
+LEFT_OUT = (
+    ("unreachable", "{:,} faces left out: beyond the volume's reach"),
+    ("folded", "{:,} faces where the volume is folded"),
+)
+
+
+def left_out(counts) -> list[str]:
+    """What a preview's counts tell, in a line each; nothing for what is nought."""
+    return [text.format(counts[key]) for key, text in LEFT_OUT if counts[key]]
+
+
+class _PreviewSection(_Subsection):
+    bl_label = "Live Preview"
+    bl_order = 0
+
+    def draw_settings(self, context, camera, _settings):
+        layout = self.layout
+        source = preview_of(camera, context.scene)
+        row = layout.row(align=True)
+        row.operator(
+            "scfpf.preview_toggle",
+            text="Live Preview",
+            icon="HIDE_ON" if source is None else "HIDE_OFF",
+            depress=source is not None,
+        )
+        if source is not None:
+            if not viewports_of(source):
+                row.operator("scfpf.preview_show", text="", icon="WINDOW")
+            if source.scfpf_preview.problem:
+                layout.label(text=source.scfpf_preview.problem, icon="ERROR")
+            evaluated = source.scfpf_preview.picture.evaluated_get(context.evaluated_depsgraph_get())
+            for text in left_out(remap_nodes.remap_counts(evaluated)):
+                layout.label(text=text, icon="INFO")
+        column = layout.column(align=True)
+        column.scale_y = 0.8
+        column.active = False
+        for text in DIFFERENCES:
+            column.label(text=text)
+
+
+class SCFPF_PT_data_preview(_PreviewSection, _DataTab, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_data"
+
+
+class SCFPF_PT_view_preview(_PreviewSection, _Sidebar, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_view"
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_PT_data_preview, SCFPF_PT_view_preview))

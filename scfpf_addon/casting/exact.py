@@ -1,0 +1,376 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exact casting: the first hit in float64, certified by a walk through prisms.
+
+Chords within ε of the projectors (``certify``) are cast at prisms that enclose all
+points within ε of each triangle (``prisms``). Where a chord enters or leaves a prism
+the curve itself is met with that triangle in float64; a hit bounds the walk, which
+goes on until nothing lies before it that was not entered. Prisms that are entered at
+one place, which Embree cannot tell apart, are left to a look at the triangles
+themselves, as far as the thickness of a prism.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..projection.typing import Array, BoolArray, IndexArray
+from .certify import Chords, certain_chords
+from .curves import T_ROUNDING, Bundle, Solutions
+from .hits import CastCounts, Hits
+from .prisms import Float32Array
+from .scene import CastScene, PrismScene
+
+# A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
+# of a coordinate of 1, so that it does not meet the face again.
+RESTART = 2e-6
+
+# Shorter ways than this have no direction.
+SHORTEST = 1e-300
+
+# Rays end this share late, so that float32 cannot lose what lies at their end.
+OVERLAP = 1e-5
+
+# Rays that have met a prism stay in the batch, switched off, until they are this share.
+MOST_DEAD = 0.15
+
+# Projectors begin where the empty space before them ends: in this many groups at most,
+# each of this many projectors at least.
+GROUPS = 6
+LEAST_GROUP = 4096
+
+# Chord ends are computed in float32 where their rounding is less than this, in cast units.
+LARGEST_ROUNDING = 1e-6
+
+# A walk that meets more faces than this, as only one along a prism's face does, takes
+# steps that grow by this factor from then on: it must end.
+MOST_FACES = 4096
+GROWTH = 1.05
+
+# What lies beyond the prisms' box, in cast units, is passed at once.
+BORDER = 1e-3
+
+# Things before a hit that are looked at one after the other.
+LAYERS = 4
+
+
+class Rays(NamedTuple):
+    """Places where walks go on. projector, chord: (M,); share: (M,) of the chord; each
+    walk's last two triangles: (2, M).
+    """
+
+    projector: NDArray[np.intp]
+    chord: NDArray[np.intp]
+    share: Array
+    last: NDArray[np.int32]
+
+    def take(self, index: IndexArray) -> Rays:
+        """The rays at ``index``."""
+        return Rays(self.projector[index], self.chord[index], self.share[index], self.last[:, index])
+
+
+class Walk(NamedTuple):
+    """What every step of a tile's walk looks at and fills in.
+
+    looked: (N,) t up to which the triangles themselves have been looked at, inf at first.
+    far: whether projectors reach so far out that float32 would move chords in the scene.
+    """
+
+    scene: CastScene
+    prisms: PrismScene
+    bundle: Bundle
+    chords: Chords
+    hits: Hits
+    looked: Array
+    counts: CastCounts
+    far: bool
+
+    def trace(
+        self, start: NDArray[Any], way: NDArray[Any], limits: Float32Array
+    ) -> tuple[NDArray[np.int32], NDArray[Any]]:
+        """The first prisms on the chords from start (3, M) along way, and where on these."""
+        self.counts.rays += int(np.count_nonzero(limits > 0.0))
+        if not self.far:
+            return self.prisms.trace(
+                start.astype(np.float32, copy=False), way.astype(np.float32, copy=False), limits
+            )
+        # From where the chord enters the box of all prisms.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            inverse = 1.0 / way
+            lower, upper = self.prisms.lower[:, None] - BORDER, self.prisms.upper[:, None] + BORDER
+            sides = np.fmin((lower - start) * inverse, (upper - start) * inverse)
+            skipped = np.clip(np.nan_to_num(sides, nan=0.0).max(axis=0), 0.0, 2.0)
+            found, far = self.prisms.trace(
+                (start + way * skipped).astype(np.float32),
+                way.astype(np.float32),
+                (limits - skipped).astype(np.float32),
+            )
+        return found, far + skipped
+
+
+def cast_exact(
+    scene: CastScene, bundle: Bundle, mask: BoolArray, columns: int | None, counts: CastCounts
+) -> Hits:
+    """The first hits of the projectors of ``bundle``, cast space; mask: (N,) says which exist.
+
+    columns: says that the projectors are whole rows of that many neighbouring pixels; empty
+    space is then skipped for blocks of them. Positions and tangents are left to
+    ``chords.complete``. t is exact to float64's rounding. What is left to float32 is finding
+    candidates: hits less than RESTART apart, in cast units, may be exchanged, and a triangle
+    seen at a slant may be missed if its prism is entered together with another and something
+    else follows at once (docs/accuracy.md has the figures).
+    Raises CastError when there is not enough memory for the prisms.
+    """
+    prisms = scene.prisms
+    hits = Hits.empty(bundle.count)._replace(mask=mask)
+    present = np.flatnonzero(mask)
+    if len(present) == 0:
+        return hits
+    if len(present) < bundle.count:
+        # They take part in bounds; somewhere else they would widen these.
+        points = bundle.points.copy()
+        points[:, :, ~mask] = points[:, :, present[:1]]
+        bundle = Bundle(bundle.spans, points)
+    chords, _ = certain_chords(bundle.spans, bundle.points, prisms.lower, prisms.upper, prisms.epsilon)
+    if chords is None:
+        return hits
+    # Rounding of a sum of that many terms.
+    rounding = (len(bundle.points) + 1) * float(np.abs(bundle.points).max()) * 2.0**-24
+    looked = np.full(bundle.count, np.inf)
+    walk = Walk(scene, prisms, bundle, chords, hits, looked, counts, rounding > LARGEST_ROUNDING)
+    if chords.breaks[0] == 0.0:
+        _look_around(walk, present)
+    rays, found = _first_wave(walk, _starts(walk, columns, present))
+    step, faces = RESTART, 0
+    while len(rays.projector):
+        faces += 1
+        if faces > MOST_FACES:
+            step *= GROWTH
+            counts.unresolved += len(rays.projector)
+        fresh = np.flatnonzero((found != rays.last).all(axis=0))
+        tested = rays.take(fresh)
+        _meet(walk, tested.projector, chords.span[tested.chord], found[fresh])
+        _look(walk, tested, found[fresh])
+        rays.last[1], rays.last[0] = rays.last[0], found
+        rays, found = _advance(walk, _behind(walk, rays, step))
+    return hits
+
+
+def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
+    """Meet the curves with the triangles whose prisms they begin in: chords never enter these.
+
+    A way along one of the three axes leaves the two caps of any prism within √3 times
+    the distance between them.
+    """
+    near = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points)
+    hull = walk.prisms.hull
+    alive = alive[hull.contains(near.take(alive, 1), hull.holding)]
+    length = 2.0 * np.sqrt(3.0) * (walk.prisms.thickness + RESTART)
+    for axis in np.eye(3):
+        projector = alive
+        start, gone = near.take(alive, 1), np.zeros(len(alive))
+        while len(projector):
+            way = np.repeat(axis[:, None] * length, len(projector), axis=1)
+            origin = start + axis[:, None] * gone
+            found, far = walk.trace(origin, way, (1.0 - gone / length).astype(np.float32))
+            met = np.flatnonzero(found >= 0)
+            projector, start = projector[met], start[:, met]
+            _meet(walk, projector, np.zeros(len(met), np.intp), found[met])
+            gone = gone[met] + far[met] * length + RESTART
+
+
+def _starts(walk: Walk, columns: int | None, alive: NDArray[np.intp]) -> list[tuple[int, IndexArray]]:
+    """The projectors ``alive`` in groups, each with the chord that the group begins at."""
+    chords, prisms = walk.chords, walk.prisms
+    if columns is None or len(alive) == 0:
+        return [(0, alive)]
+    box = (prisms.lower, prisms.upper)
+    until = prisms.hull.empty_until(
+        walk.bundle.spans, walk.bundle.points, columns, float(chords.breaks[-1]), box, 2.0 * prisms.epsilon
+    )
+    until = until.take(alive)
+    chord = np.searchsorted(chords.breaks, until, side="right") - 1
+    chord[until >= chords.breaks[-1]] = chords.count
+    order = np.argsort(chord, kind="stable")
+    order = order[: int(np.count_nonzero(chord < chords.count))]
+    groups = np.array_split(order, max(1, min(GROUPS, len(order) // LEAST_GROUP)))
+    return [(int(chord[group[0]]), np.sort(alive[group])) for group in groups if len(group)]
+
+
+def _first_wave(walk: Walk, groups: list[tuple[int, IndexArray]]) -> tuple[Rays, NDArray[np.int32]]:
+    """Follow the chords of the groups' projectors, all in step, until each meets a prism."""
+    empty = np.empty(0, np.intp)
+    parts = [(Rays(empty, empty, np.empty(0), np.empty((2, 0), np.int32)), np.empty(0, np.int32))]
+    kind = np.float64 if walk.far else np.float32
+    for chord, projectors in groups:
+        parts += _follow(walk, chord, projectors, kind)
+    rays = Rays(*(np.concatenate([rays[k] for rays, _ in parts], axis=-1) for k in range(4)))
+    return rays, np.concatenate([found for _, found in parts])
+
+
+def _follow(walk: Walk, first: int, alive: IndexArray, kind: Any) -> list[tuple[Rays, NDArray[np.int32]]]:
+    """One group of _first_wave, from the chord ``first`` on, computed in ``kind``."""
+    weights: NDArray[Any] = walk.chords.ends.astype(kind)
+    controls: NDArray[Any] = walk.bundle.points.astype(kind, copy=False)
+    if len(alive) < walk.bundle.count:
+        controls = controls.take(alive, 2)
+    limits = np.full(len(alive), 1.0 + OVERLAP, np.float32)
+    start = np.einsum("k,kcn->cn", weights[first], controls)
+    parts, dead = [], 0
+    for chord in range(first, walk.chords.count):
+        end = np.einsum("k,kcn->cn", weights[chord + 1], controls)
+        found, far = walk.trace(start, end - start, limits)
+        walk.counts.chords += len(alive) - dead
+        met = np.flatnonzero(found >= 0)
+        start = end
+        if len(met) == 0:
+            continue
+        share = np.minimum(far[met], 1.0).astype(np.float64)
+        last = np.full((2, len(met)), -1, np.int32)
+        parts.append((Rays(alive[met], np.full(len(met), chord), share, last), found[met]))
+        limits[met] = -1.0
+        dead += len(met)
+        if dead == len(alive):
+            break
+        if dead > MOST_DEAD * len(alive):
+            kept = np.flatnonzero(limits > 0.0)
+            alive, limits, dead = alive[kept], limits[kept], 0
+            controls = controls.take(kept, 2)
+            start = start.take(kept, 1)
+    return parts
+
+
+def _time(walk: Walk, rays: Rays) -> Array:
+    low, high = walk.chords.breaks[rays.chord], walk.chords.breaks[rays.chord + 1]
+    return low + rays.share * (high - low)
+
+
+def _advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
+    """Follow chords until they meet prisms' faces; gives where and which, without those that meet none."""
+    chords = walk.chords
+    parts, triangles = [], []
+    projector, chord, share, last = rays
+    controls = walk.bundle.points.take(projector, 2)
+    start = np.einsum("kn,kcn->cn", chords.ends.T.take(chord, 1), controls)
+    end = np.einsum("kn,kcn->cn", chords.ends.T.take(chord + 1, 1), controls)
+    start += (end - start) * share
+    while len(projector):
+        low, high = chords.breaks[chord], chords.breaks[chord + 1]
+        limit = (walk.hits.t[projector] - low) / (high - low)
+        limit = np.where(limit < 1.0, (limit - share) / (1.0 - share), 1.0) + OVERLAP
+        walk.counts.chords += len(projector)
+        found, far = walk.trace(start, end - start, limit.astype(np.float32))
+        met = np.flatnonzero(found >= 0)
+        if len(met):
+            at = share[met] + far[met] * (1.0 - share[met])
+            parts.append(Rays(projector[met], chord[met], np.minimum(at, 1.0), last[:, met]))
+            triangles.append(found[met])
+        going = np.flatnonzero((found < 0) & (chord + 1 < chords.count) & (walk.hits.t[projector] > high))
+        projector, chord, last = projector[going], chord[going] + 1, last[:, going]
+        share = np.zeros(len(going))
+        controls, start = controls.take(going, 2), end.take(going, 1)
+        end = np.einsum("kn,kcn->cn", chords.ends.T.take(chord + 1, 1), controls)
+    if not parts:
+        return rays.take(np.empty(0, np.intp)), np.empty(0, np.int32)
+    return Rays(*(np.concatenate([p[k] for p in parts], axis=-1) for k in range(4))), np.concatenate(
+        triangles
+    )
+
+
+def _meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
+    """Meet curves with triangles, from the spans given on, and keep what is nearer."""
+    breaks = walk.bundle.spans.breaks
+    walk.counts.tested += len(triangle)
+    while len(projector):
+        curves = walk.bundle.take(projector)
+        # What lies at the very end of a span may come out past it by rounding.
+        low, high = breaks[span] - T_ROUNDING, breaks[span + 1] + T_ROUNDING
+        found = curves.solve(walk.scene, triangle, span, low, high)
+        nearer = np.flatnonzero(found.inside & (found.t < walk.hits.t[projector]))
+        _store(walk.hits, projector[nearer], found.take(nearer))
+        going = np.flatnonzero(~found.inside & (span + 2 < len(breaks)))
+        projector, triangle, span = projector[going], triangle[going], span[going] + 1
+
+
+def _store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
+    hits.t[projector] = found.t
+    hits.triangle[projector] = found.triangle
+    hits.barycentric[:, projector] = found.barycentric
+
+
+def _behind(walk: Walk, rays: Rays, step: float) -> Rays:
+    """The rays ``step`` behind the faces they have met, without those that have passed their hit."""
+    chords = walk.chords
+    controls = walk.bundle.points.take(rays.projector, 2)
+    start = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord, 1), controls)
+    end = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + 1, 1), controls)
+    length = np.sqrt(((end - start) ** 2).sum(axis=0))
+    share = rays.share + step / np.maximum(length, SHORTEST)
+    over = share >= 1.0
+    chord = rays.chord + over
+    share = np.where(over, 0.0, share)
+    rays = Rays(rays.projector, chord, share, rays.last)
+    rays = rays.take(np.flatnonzero(chord < chords.count))
+    return rays.take(np.flatnonzero(_time(walk, rays) < walk.hits.t[rays.projector]))
+
+
+def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
+    """Look at the triangles themselves, from where prisms were met to the hit or their other side.
+
+    Prisms that are entered less than RESTART behind another are passed over by the
+    walk: those of neighbours in one plane, of sheets that nearly coincide. What they
+    hold lies before the prism's other side or the next test: so near that the straight
+    look does not leave the curve.
+    triangle: (M,) whose prisms were met, and which have been met with already.
+    """
+    projector, met_t = rays.projector, _time(walk, rays)
+    end_t = np.minimum(met_t + _crossing(walk, rays, triangle), walk.chords.breaks[-1])
+    # From where the last look ended: a prism passed over may be so slanted that it is left only
+    # behind the next hit.
+    before = np.maximum(walk.looked[projector], met_t - np.diff(walk.chords.breaks).take(rays.chord))
+    start_t = np.minimum(met_t, before)
+    walk.looked[projector] = end_t
+    curves = walk.bundle.take(projector)
+    start = curves.at(start_t)[0]
+    span = walk.chords.span[rays.chord]
+    for _ in range(LAYERS):
+        end = curves.at(np.minimum(walk.hits.t.take(projector), end_t))[0]
+        way = end - start
+        slack = way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST))
+        walk.counts.rays += len(projector)
+        found = walk.scene.trace(
+            (start - slack).astype(np.float32),
+            (way + 2.0 * slack).astype(np.float32),
+            np.ones(len(projector), np.float32),
+        )
+        other = np.flatnonzero((found >= 0) & (found != walk.hits.triangle.take(projector)))
+        if len(other) == 0:
+            break
+        before = walk.hits.t[projector[other]]
+        # What was met with already is on the other side of an edge for float32.
+        beyond = np.flatnonzero(found[other] == triangle[other])
+        for across in walk.scene.neighbours[:, found[other[beyond]]]:
+            _meet(
+                walk,
+                projector[other[beyond]][across >= 0],
+                span[other[beyond]][across >= 0],
+                across[across >= 0],
+            )
+        fresh = other[found[other] != triangle[other]]
+        _meet(walk, projector[fresh], span[fresh], found[fresh])
+        nearer = other[walk.hits.t[projector[other]] < before]
+        projector, triangle, end_t, span = projector[nearer], found[nearer], end_t[nearer], span[nearer]
+        start, curves = start[:, nearer], curves.take(nearer)
+
+
+def _crossing(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> Array:
+    """How long in t chords take from one cap of a triangle's prism to the other, at most all of a chord."""
+    chords = walk.chords
+    controls = walk.bundle.points.take(rays.projector, 2)
+    way = np.einsum("kn,kcn->cn", (chords.ends[1:] - chords.ends[:-1]).T.take(rays.chord, 1), controls)
+    climb = np.abs(np.einsum("cn,cn->n", way, walk.scene.normals(triangle)))
+    share = 2.0 * walk.prisms.thickness / np.maximum(climb, 2.0 * walk.prisms.thickness)
+    crossing: Array = np.minimum(1.5 * share, 1.0) * np.diff(chords.breaks).take(rays.chord)
+    return crossing

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Node groups from a point of the scene to its place in the viewbox."""
+
+from __future__ import annotations
+
+from .field_nodes import FieldBuilder, Value, node_group
+from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group
+from .table_nodes import LATTICE
+
+# The attribute that holds a vertex' place in the viewbox.
+BOX = "scfpf_box"
+# The z of a point without a place in the volume; what is in the viewbox has a z below 0. Its x is then
+# how far it is from the volume, at least, and its y how far that reaches there.
+NOWHERE = 9.0
+# The z of a point that the lattice knows to be out of the volume.
+SURELY_NOWHERE = 10.0
+# A solution is accepted when one more step of Newton's method would move it by less, in (x, y, t); the
+# step itself is made as well, so that the square of this remains.
+ACCEPTED = 2e-3
+# Steps before the last, from a guess by the lattice, and from the cloud where that was not enough.
+LATTICE_STEPS, CLOUD_STEPS = 1, 6
+# Guesses start at most this far outside of the volume.
+START_OUTSIDE = 0.25
+# What is this near to the volume may be turned inside out: it is a fold, no mirror image beyond an apex.
+INSIDE = 1e-3
+
+NEAR_Z, FAR_Z = -1.0, -2.0
+
+VIEW_INPUTS = TABLE_INPUTS | {
+    "Cloud": ("Geometry", None, "The table's cloud"),
+    "Numbers": ("Vector", None, "Near size over far size, turn of the volume, whether it is polar"),
+    "Low": ("Vector", None, "Lower corner of the lattice"),
+    "Extent": ("Vector", None, "Size of the lattice"),
+    "Aspect": ("Float", 1.0, "Width over height of the picture"),
+}
+PLACED = {"Position": "Vector"}
+
+
+def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, Value]:
+    """What ``VIEW_INPUTS`` ask for, from a table's geometry."""
+    parts = nodes.node("GeometryNodeSeparateComponents", "Cloud and Table", {"Geometry": table})
+    cloud, points = Value(nodes, parts.outputs["Mesh"]), Value(nodes, parts.outputs["Point Cloud"])
+    given = {"Table": points, "Cloud": cloud, "Aspect": aspect}
+    for label, name in (
+        ("Size", "size"),
+        ("Wrap", "wrap"),
+        ("Numbers", "ratio, turn, polar"),
+        ("Low", "low"),
+        ("Extent", "extent"),
+    ):
+        given[label] = nodes.sample(cloud, nodes.attribute(name, "FLOAT_VECTOR"), 0, "FLOAT_VECTOR", label)
+    return given
+
+
+def viewbox_group():
+    """From (x, y, t) to the viewbox, or to nowhere if it is no solution."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        ratio, turn, polar = given["Numbers"].parts()
+        aspect, place = given["Aspect"], given["Place"]
+        x, y, t = place.parts()
+        nodes.open_frame("Perspective depth: straight in straight views, so that faces cut each other right")
+        spread = ratio + t * (1.0 - ratio)
+        least = ratio.least(1.0) * 0.25
+        depth = t / spread.most(least)
+        nodes.open_frame("Over the picture's width; a polar picture's disc touches the nearer borders")
+        disc = 1.0 / aspect.most(1.0)
+        across = (x - 0.5) * nodes.mix(polar, 1.0, disc)
+        up = (y - 0.5) * nodes.mix(polar, 1.0 / aspect, disc)
+        there = nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")
+        nodes.open_frame("Is it a solution, and on the viewer's side of an apex?")
+        half = (place - (0.5, 0.5, 0.5)).absolute()
+        a, b, c = half.parts()
+        inside = a.most(b).most(c) < 0.5 + INSIDE
+        upright = given["Determinant"] * turn > 0.0
+        found = nodes.both(given["Last Step"] < ACCEPTED, nodes.either(inside, upright))
+        nodes.close_frame()
+        nowhere = nodes.xyz(0.0, 0.0, NOWHERE, "Nowhere")
+        return {"Position": nodes.switch(found, nowhere, there, "VECTOR", "Found")}
+
+    inputs = {
+        "Place": ("Vector", None, "x, y and t"),
+        "Last Step": ("Float", None, "What Newton's method moved last"),
+        "Determinant": ("Float", None, "Of the volume there"),
+        "Numbers": VIEW_INPUTS["Numbers"],
+        "Aspect": VIEW_INPUTS["Aspect"],
+    }
+    text = "From (x, y, t) to the viewbox; z = 9 where there is no solution"
+    return node_group("SCFPF Into Viewbox", text, inputs, PLACED, build)
+
+
+def _solved(nodes: FieldBuilder, given: dict[str, Value], start: Value, steps: int) -> dict[str, Value]:
+    table = {key: given[key] for key in TABLE_INPUTS}
+    solved = nodes.call(
+        solve_group(), "Solve", table | {"Point": given["Point"], "Start": start, "Steps": steps}
+    )
+    inputs = {
+        "Place": solved["Position"],
+        "Last Step": solved["Last Step"],
+        "Determinant": solved["Determinant"],
+        "Numbers": given["Numbers"],
+        "Aspect": given["Aspect"],
+    }
+    return nodes.call(viewbox_group(), "Into Viewbox", inputs)
+
+
+def quick_place_group():
+    """The place of a point, guessed by arithmetic in the lattice: cheap, for whole meshes."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        nodes.open_frame("Nearest point of the lattice")
+        ahead = (given["Point"] - given["Low"]) / given["Extent"] * float(LATTICE - 1)
+        cell = (ahead + 0.5).floor().most((0.0,) * 3).least((LATTICE - 1.0,) * 3)
+        columns, rows, spans = given["Size"].parts()
+        index = cell.dot((1.0, float(LATTICE), float(LATTICE**2))) + columns * rows * spans
+        inverse = nodes.sample(
+            given["Table"], nodes.attribute(PROJECTOR, "FLOAT4X4"), index, "FLOAT4X4", "Its Inverse Map"
+        )
+        guess = nodes.point(given["Point"], inverse, "First Guess")
+        start = guess.most((-START_OUTSIDE,) * 3).least((1.0 + START_OUTSIDE,) * 3)
+        nodes.close_frame()
+        solved = _solved(nodes, given, start, LATTICE_STEPS)["Position"]
+        nodes.open_frame("Out of the lattice, or in one of its cells that are out of the volume?")
+        x, away, reach = guess.parts()
+        beyond = ((ahead - cell).absolute() - (1.0, 1.0, 1.0)).most((0.0, 0.0, 0.0))
+        off_lattice = (beyond * given["Extent"]).length() * (1.0 / (LATTICE - 1))
+        empty = x > FAR_AWAY * 0.5
+        out = nodes.either(empty, off_lattice > 0.0)
+        failed = solved.parts()[2] > 0.0
+        far = nodes.switch(empty, off_lattice, away, "FLOAT", "How Far")
+        nowhere = nodes.xyz(far, nodes.switch(empty, 0.0, reach, "FLOAT", "Reach"), SURELY_NOWHERE, "Nowhere")
+        return {"Position": nodes.switch(nodes.both(out, failed), solved, nowhere, "VECTOR", "Place")}
+
+    inputs = VIEW_INPUTS | {"Point": ("Vector", None, "A point in the table's space")}
+    text = "The place of a point in the viewbox, from a guess by the lattice; some fail"
+    return node_group("SCFPF Quick Place", text, inputs, PLACED, build)
+
+
+def sure_place_group():
+    """The place of a point, guessed by the nearest point of the cloud: for what the quick way has left."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        start, distance, reach = nearest_start(nodes, given["Cloud"], given["Point"])
+        solved = _solved(nodes, given, start, CLOUD_STEPS)["Position"]
+        nowhere = nodes.xyz(distance - reach, reach, NOWHERE, "Nowhere, and How Far")
+        return {"Position": nodes.switch(solved.parts()[2] > 0.0, solved, nowhere, "VECTOR", "Place")}
+
+    inputs = VIEW_INPUTS | {"Point": ("Vector", None, "A point in the table's space")}
+    text = "The place of a point in the viewbox, from a guess by the cloud"
+    return node_group("SCFPF Sure Place", text, inputs, PLACED, build)
+
+
+def store_places(
+    nodes: FieldBuilder, mesh: Value, given: dict[str, Value], name: str = BOX, domain: str = "POINT"
+) -> Value:
+    """The mesh with the places of its elements: quickly, and once more what that left open."""
+    quick = nodes.call(quick_place_group(), "Quick Place", given)["Position"]
+    mesh = nodes.store(mesh, name, quick, "FLOAT_VECTOR", domain)
+    z = nodes.attribute(name, "FLOAT_VECTOR").parts()[2]
+    open_still = nodes.both(z > 0.0, z < (NOWHERE + SURELY_NOWHERE) / 2)
+    sure = nodes.call(sure_place_group(), "Sure Place", given)["Position"]
+    return nodes.store(mesh, name, sure, "FLOAT_VECTOR", domain, open_still)

@@ -1,0 +1,287 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The 3D viewport that shows a live preview: split off the artist's own, or in a window of its own.
+
+Local collections show there what the view layer hides, the local view shows nothing else.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+# A viewport narrower than twice this, in pixels at interface scale 1, is not split.
+NARROWEST = 250
+# Above a half, so that the new viewport is the right one.
+SPLIT_FACTOR = 0.501
+# What the preview can be shaded with: EEVEE's and Cycles' lamps would stand in warped space.
+SHADINGS = {"SOLID", "MATERIAL"}
+
+# The areas that showed a preview, by address: what is left to know them by once its camera is gone.
+_shown_in: set[int] = set()
+
+
+class ViewportError(ValueError):
+    """No viewport can show the preview; the message says why."""
+
+
+def _viewports():
+    """(window, area) of every 3D viewport in every window."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                yield window, area
+
+
+def preview_cameras() -> set:
+    """The cameras that viewports of previews look through."""
+    return {c.scfpf_preview.view_camera for c in bpy.data.collections} - {None}
+
+
+def viewports_of(source) -> list:
+    """(window, area) of every 3D viewport in a window that shows a preview."""
+    camera = source.scfpf_preview.view_camera
+    return [
+        (window, area)
+        for window, area in _viewports()
+        if camera is not None and area.spaces.active.use_local_camera and area.spaces.active.camera == camera
+    ]
+
+
+def note_viewports() -> None:
+    """Remember the viewports that show previews, after a file was loaded."""
+    cameras = preview_cameras()
+    _shown_in.clear()
+    _shown_in.update(
+        area.as_pointer()
+        for _window, area in _viewports()
+        if area.spaces.active.use_local_camera and area.spaces.active.camera in cameras
+    )
+
+
+def close_orphans() -> None:
+    """Close the viewports that showed a preview which is gone; they look through no or another camera."""
+    cameras = preview_cameras()
+    orphans = [
+        (window, area)
+        for window, area in _viewports()
+        if area.as_pointer() in _shown_in and area.spaces.active.camera not in cameras
+    ]
+    for window, area in orphans:
+        space = area.spaces.active
+        if space.use_local_camera and space.use_local_collections:
+            close_viewport(window, area)
+
+
+def open_viewport(context, source) -> None:
+    """Show a preview beside the viewport at hand, if there is room, or else in a window of its own.
+
+    Raises ViewportError; nothing is left open.
+    """
+    window, area = _roomiest(context, source.scfpf_preview.scene)
+    if area is None or area.width < 2 * NARROWEST * context.preferences.system.ui_scale:
+        window, area = _open_window(window, area)
+    else:
+        area = _split(window, area)
+    try:
+        show_preview(window, area, source)
+    except RuntimeError as error:
+        close_viewport(window, area)
+        raise ViewportError(f"No viewport can show the preview: {error}") from error
+
+
+def _roomiest(context, scene) -> tuple:
+    """The viewport to split: the one at hand, else the widest; (window, None) if there is none."""
+    taken = preview_cameras()
+    free = [
+        (window, area)
+        for window, area in _viewports()
+        if window.scene == scene
+        and not (area.spaces.active.use_local_camera and area.spaces.active.camera in taken)
+    ]
+    if (context.window, context.area) in free:
+        return context.window, context.area
+    here = [(window, area) for window, area in free if window == context.window] or free
+    return max(here, key=lambda pair: pair[1].width, default=(context.window, None))
+
+
+def _region(area):
+    return next(region for region in area.regions if region.type == "WINDOW")
+
+
+def _split(window, area):
+    before = {other.as_pointer() for other in window.screen.areas}
+    with bpy.context.temp_override(window=window, area=area, region=_region(area)):
+        bpy.ops.screen.area_split(direction="VERTICAL", factor=SPLIT_FACTOR)
+    return next(other for other in window.screen.areas if other.as_pointer() not in before)
+
+
+def _open_window(window, area) -> tuple:
+    override = {"window": window} if area is None else {"window": window, "area": area}
+    with bpy.context.temp_override(**override):
+        bpy.ops.wm.window_new()
+    window = bpy.context.window_manager.windows[-1]
+    area = window.screen.areas[0]
+    area.type = "VIEW_3D"
+    return window, area
+
+
+def show_preview(window, area, source) -> None:
+    """Turn a 3D viewport into one that shows a preview and nothing else."""
+    _shown_in.add(area.as_pointer())
+    settings = source.scfpf_preview
+    space = area.spaces.active
+    _set_look(space)
+    with bpy.context.temp_override(window=window, area=area, region=_region(area)):
+        if space.region_quadviews:
+            bpy.ops.screen.region_quadview()
+        space.use_local_camera = True
+        space.camera = settings.view_camera
+        space.use_local_collections = False
+        space.use_local_collections = True
+        _show_shelf(window, space, source)
+        if space.local_view is None:
+            _enter_local_view(window.view_layer, source)
+        show_alone(window.view_layer, space, settings.picture)
+        space.region_3d.view_perspective = "CAMERA"
+        bpy.ops.view3d.view_center_camera()
+
+
+def _set_look(space) -> None:
+    space.overlay.show_overlays = False
+    space.show_gizmo = False
+    for name in ("show_region_ui", "show_region_toolbar", "show_region_tool_header"):
+        # Blender would animate the vanishing of what is hidden already, and might leave it open.
+        if getattr(space, name):
+            setattr(space, name, False)
+    space.show_object_viewport_mesh = True
+    space.use_render_border = False
+    space.region_3d.use_clip_planes = False
+    if space.shading.type not in SHADINGS:
+        space.shading.type = "SOLID"
+    space.shading.show_xray = False
+
+
+def _show_shelf(window, space, source) -> None:
+    """Switch a collection on in a viewport's local collections."""
+    picture = source.scfpf_preview.picture
+    if not _sees_shelf(window.view_layer, space, picture):
+        number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
+        bpy.ops.object.hide_collection(collection_index=number, toggle=True)
+
+
+def _sees_shelf(view_layer, space, picture) -> bool:
+    """Whether a viewport's local collections show an object, whatever its local view shows."""
+    view_layer.update()
+    evaluated = picture.evaluated_get(view_layer.depsgraph)
+    if space.local_view is None:
+        return evaluated.visible_in_viewport_get(space)
+    was_shown = picture.local_view_get(space)
+    picture.local_view_set(space, True)
+    view_layer.update()
+    shown = picture.evaluated_get(view_layer.depsgraph).visible_in_viewport_get(space)
+    picture.local_view_set(space, was_shown)
+    return shown
+
+
+def _layer_index(view_layer, collection) -> int:
+    """The number by which operators know a collection of a view layer."""
+    order = []
+
+    def walk(layer):
+        order.append(layer.collection)
+        for child in layer.children:
+            walk(child)
+
+    walk(view_layer.layer_collection)
+    return order.index(collection)
+
+
+def _enter_local_view(view_layer, source) -> None:
+    """Enter the local view; Blender does so for a selection only."""
+    picture, shelf = source.scfpf_preview.picture, source.scfpf_preview.shelf
+    shelf.hide_select = False
+    view_layer.update()
+    try:
+        picture.select_set(True, view_layer=view_layer)
+        bpy.ops.view3d.localview(frame_selected=False)
+    finally:
+        picture.select_set(False, view_layer=view_layer)
+        shelf.hide_select = True
+
+
+def show_alone(view_layer, space, picture) -> None:
+    """Make a viewport's local view show one object."""
+    for other in view_layer.objects:
+        if other != picture and other.local_view_get(space):
+            other.local_view_set(space, False)
+    picture.local_view_set(space, True)
+
+
+def keep_out(members, source) -> None:
+    """Objects added in a preview's viewport are in its local view: take them out, they are in the picture."""
+    for _window, area in viewports_of(source):
+        space = area.spaces.active
+        if space.local_view is not None:
+            for member in members:
+                if member.local_view_get(space):
+                    member.local_view_set(space, False)
+
+
+def hide_from_others(source) -> None:
+    """Viewports that already have local collections show new ones: switch the preview's off there."""
+    picture = source.scfpf_preview.picture
+    for window, area in _viewports():
+        space = area.spaces.active
+        if window.scene != source.scfpf_preview.scene or not space.use_local_collections:
+            continue
+        if space.camera != source.scfpf_preview.view_camera and _sees_shelf(
+            window.view_layer, space, picture
+        ):
+            with bpy.context.temp_override(window=window, area=area, region=_region(area)):
+                number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
+                bpy.ops.object.hide_collection(collection_index=number, toggle=True)
+
+
+def close_viewport(window, area) -> None:
+    """Give a preview's viewport back: close its window, or let the viewport beside it take its room."""
+    _shown_in.discard(area.as_pointer())
+    windows = bpy.context.window_manager.windows
+    if len(window.screen.areas) == 1 and len(windows) > 1:
+        with bpy.context.temp_override(window=window):
+            bpy.ops.wm.window_close()
+        return
+    sibling = _sibling(window, area)
+    with bpy.context.temp_override(window=window, area=area, region=_region(area)):
+        if sibling is not None:
+            bpy.ops.screen.area_join(source_xy=_centre(sibling), target_xy=_centre(area))
+        elif len(window.screen.areas) == 1 or bpy.ops.screen.area_close() != {"FINISHED"}:
+            _restore(area.spaces.active)
+
+
+def _centre(area) -> tuple[int, int]:
+    return area.x + area.width // 2, area.y + area.height // 2
+
+
+def _sibling(window, area):
+    """A 3D viewport left of a preview's and as high, so that it can take its room; or None."""
+    taken = preview_cameras()
+    for other in window.screen.areas:
+        space = other.spaces.active
+        if other.type != "VIEW_3D" or other == area or (space.use_local_camera and space.camera in taken):
+            continue
+        gap = area.x - (other.x + other.width)
+        if (other.y, other.height) == (area.y, area.height) and 0 <= gap < NARROWEST // 10:
+            return other
+    return None
+
+
+def _restore(space) -> None:
+    """Make an ordinary viewport of the one at hand, where it cannot be closed."""
+    if space.local_view is not None:
+        bpy.ops.view3d.localview(frame_selected=False)
+    space.use_local_collections = False
+    space.use_local_camera = False
+    space.region_3d.view_perspective = "PERSP"
+    space.overlay.show_overlays = True
+    space.show_gizmo = True
+    space.show_region_toolbar = True
+    space.show_region_tool_header = True

@@ -1,0 +1,282 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The node group of a camera's table: every projector's coefficients, and first guesses for the inversion.
+
+Its point cloud holds the projectors, span by span and row by row, and after them the lattice: inverse maps
+on a regular grid of the space. Its mesh is the cloud: points all over the volume with
+their (x, y, t), inverse maps, and on each what is true of the whole table.
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+from .field_nodes import FieldBuilder, Value, node_group
+from .solve_nodes import (
+    FAR_AWAY,
+    PROJECTOR,
+    REACH,
+    inverse_map,
+    look_up_group,
+    nearest_start,
+    solve_group,
+)
+from .spans import power_spans
+from .surface_point import surface_point_group
+
+# Points of the cloud across, up and along the volume.
+CLOUD = (12, 12, 16)
+# Points of the lattice along an axis: a guess by the nearest one leaves Newton's method few steps.
+LATTICE = 32
+# The box of the lattice is larger than the cloud by this share on each side.
+LATTICE_MARGIN = 0.1
+# Ends that are nearer than this share of half the turn are one: float32 leaves 1e-6.
+PERIODIC = 1e-3
+# The near surface's size over the far one's, at least, and at most its inverse: what a depth buffer can bear.
+SMALLEST_RATIO = 1e-4
+# Below this difference from 1 a ratio's powers are those of 1.
+EVEN_RATIO = 1e-3
+# What one more step of Newton's method may still move a guess that is right, in (x, y, t).
+LATTICE_ACCEPTED = 0.02
+
+
+def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None):
+    """The group "SCFPF Table" of a basis and a number of surfaces; weights: of NURBS projectors, (count,)."""
+    inputs = {}
+    for number in range(1, count + 1):
+        inputs[f"Surface {number}"] = ("Object", None, "A control surface, from near to far")
+        inputs[f"UV Map {number}"] = ("String", "UVMap", "The UV map of a surface that is a mesh")
+        inputs[f"Net {number}"] = ("Vector", None, "Of a surface patch: points drawn along u and v, closed")
+    inputs |= {
+        "Columns": ("Int", 129, "Projectors across the picture"),
+        "Rows": ("Int", 129, "Projectors up the picture"),
+        "Polar": ("Int", 0, "1: u is an angle and v the distance from the picture's centre"),
+        "U Start": ("Float", 0.0, "u at the picture's left border"),
+        "U End": ("Float", 1.0, "u at the picture's right border"),
+        "V Start": ("Float", 0.0, "v at the picture's lower border"),
+        "V End": ("Float", 1.0, "v at the picture's upper border"),
+    }
+    powers = power_spans(basis, count, weights)
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        table, size = _projectors(nodes, given, powers)
+        wrap = _periodic(nodes, table, size)
+        whole = {"Table": table, "Size": size, "Wrap": wrap}
+        ratio = _ratio(nodes, whole)
+        cloud = _cloud(nodes, whole, ratio, given["Polar"])
+        box, low, extent = _box(nodes, cloud)
+        lattice = _lattice(nodes, whole, cloud, box, extent)
+        nodes.open_frame("What is true of the whole table")
+        determinant = _determinant(nodes, whole)
+        sign = nodes.statistic(cloud, determinant, "Median", "Turn of the volume")
+        cloud = nodes.store(cloud, "folded", determinant * sign < 0.0, "FLOAT")
+        for name, value in (
+            ("size", size),
+            ("wrap", wrap),
+            ("ratio, turn, polar", nodes.xyz(ratio, sign, given["Polar"], "Numbers")),
+            ("low", low),
+            ("extent", extent),
+        ):
+            cloud = nodes.store(cloud, name, value, "FLOAT_VECTOR")
+        nodes.close_frame()
+        return {"Table": nodes.join(table, lattice, cloud)}
+
+    weighted = "" if weights is None else " " + ":".join(f"{weight:.4g}" for weight in weights)
+    text = f"The projectors of a flexible camera: {count} surfaces, {basis.replace('_', '-').title()}"
+    return node_group(
+        f"SCFPF Table {basis} {count}{weighted}", text, inputs, {"Table": "Geometry"}, build, modifier=True
+    )
+
+
+def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value]:
+    """The points of the table with the coefficients of their projectors, and columns, rows and spans."""
+    spans, _, count = powers.shape
+    nodes.open_frame("A point a projector, row by row, span by span")
+    columns, rows = given["Columns"], given["Rows"]
+    cells = columns * rows
+    points = nodes.out("GeometryNodePoints", "Points of the Table", {"Count": cells * float(spans)})
+    index = nodes.out("GeometryNodeInputIndex", "Index", {})
+    # Half a point more: whole numbers must not fall short by rounding.
+    span = ((index + 0.5) / cells).floor()
+    within = index - span * cells
+    row = ((within + 0.5) / columns).floor()
+    x, y = (within - row * columns) / (columns - 1.0), row / (rows - 1.0)
+    nodes.open_frame("(u, v) of the picture's x and y")
+    a, b = x * 2.0 - 1.0, y * 2.0 - 1.0
+    turn = nodes.combine("ARCTAN2", b, a) / (2 * pi)
+    radius = nodes.combine("SQRT", a * a + b * b)
+    polar = given["Polar"]
+    u = nodes.mix(polar, x, turn - turn.floor())
+    v = nodes.mix(polar, y, radius)
+    u, v = (
+        nodes.mix(part, given[f"{axis} Start"], given[f"{axis} End"]) for part, axis in ((u, "U"), (v, "V"))
+    )
+    nodes.open_frame("Control points of the projector")
+    controls = []
+    for number in range(1, count + 1):
+        along_u, along_v, closed = given[f"Net {number}"].parts()
+        inputs = {
+            "Surface": given[f"Surface {number}"],
+            "UV Map": given[f"UV Map {number}"],
+            "Columns": along_u,
+            "Rows": along_v,
+            "Cyclic U": closed - (closed * 0.5).floor() * 2.0,
+            "Cyclic V": (closed * 0.5).floor(),
+            "U": u,
+            "V": v,
+        }
+        controls.append(nodes.call(surface_point_group(), f"On Surface {number}", inputs)["Position"])
+    nodes.open_frame("Coefficients of its powers of t")
+    coefficients = [_combined(nodes, span, powers[:, power], controls) for power in range(4)]
+    matrix = nodes.matrix([*coefficients[1:], coefficients[0]])
+    size = nodes.xyz(columns, rows, float(spans), "Columns, Rows, Spans")
+    return nodes.store(points, PROJECTOR, matrix, "FLOAT4X4"), size
+
+
+def _combined(nodes: FieldBuilder, span: Value, weights, controls) -> Value:
+    """Σ weights[span, i] · controls[i]. weights: (S, count)."""
+    total = None
+    for column, control in zip(weights.T.tolist(), controls, strict=True):
+        if not any(column):
+            continue
+        if len(set(column)) == 1:
+            weight = column[0]
+        else:
+            node = nodes.node("GeometryNodeIndexSwitch", "Weight by Span", {"Index": span}, data_type="FLOAT")
+            while len(node.index_switch_items) < len(column):
+                node.index_switch_items.new()
+            for number, each in enumerate(column):
+                node.inputs[str(number)].default_value = each
+            weight = Value(nodes, node.outputs[0])
+        term = control * weight
+        total = term if total is None else total + term
+    return nodes.xyz(0.0, 0.0, 0.0, "Nothing") if total is None else total
+
+
+def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
+    """1 where the volume's left and right, or lower and upper, ends are one; else 0."""
+    nodes.open_frame("Do the ends of the picture meet?")
+    index = nodes.out("GeometryNodeInputIndex", "Index", {})
+    points = nodes.out("GeometryNodePoints", "65 Samples", {"Count": 65})
+    along = index / 64.0
+    tests = []
+    for axis in range(2):
+        gaps = []
+        for t in (0.25, 1.0):
+            places = [
+                nodes.xyz(*((end, along) if axis == 0 else (along, end)), t, "End") for end in (0.0, 1.0, 0.5)
+            ]
+            none = {"Table": table, "Size": size, "Wrap": (0.0, 0.0, 0.0)}
+            start, end, middle = (
+                nodes.call(look_up_group(), "At an End", none | {"Position": place})["Position"]
+                for place in places
+            )
+            gap = nodes.statistic(points, (end - start).length(), "Max", "Gap")
+            turn = nodes.statistic(points, (middle - start).length(), "Max", "Half a Turn")
+            gaps.append(gap < turn * PERIODIC)
+        tests.append(nodes.both(*gaps))
+    return nodes.xyz(*tests, 0.0, "Wrap")
+
+
+def _ratio(nodes: FieldBuilder, whole) -> Value:
+    """How large the near surface is beside the far one, by the square root of their areas."""
+    nodes.open_frame("Near surface's size over the far one's")
+    index = nodes.out("GeometryNodeInputIndex", "Index", {})
+    row = ((index + 0.5) / 16.0).floor()
+    x, y = (index - row * 16.0 + 0.5) / 16.0, (row + 0.5) / 16.0
+    areas = []
+    for t in (0.0, 1.0):
+        found = nodes.call(look_up_group(), "Sample", whole | {"Position": nodes.xyz(x, y, t, "Place")})
+        area = found["By x"].cross(found["By y"]).length()
+        points = nodes.out("GeometryNodePoints", "256 Samples", {"Count": 256})
+        areas.append(nodes.statistic(points, area, "Mean", "Area"))
+    ratio = nodes.combine("SQRT", areas[0] / areas[1])
+    return ratio.most(SMALLEST_RATIO).least(1 / SMALLEST_RATIO)
+
+
+def _cloud(nodes: FieldBuilder, whole, ratio: Value, polar: Value) -> Value:
+    """Points all over the volume that know their (x, y, t) and the inverse map around them."""
+    nodes.open_frame("Places of the cloud")
+    across, up, along = CLOUD
+    points = nodes.out("GeometryNodePoints", "Points of the Cloud", {"Count": across * up * along})
+    cloud = nodes.out("GeometryNodePointsToVertices", "Vertices", {"Points": points})
+    index = nodes.out("GeometryNodeInputIndex", "Index", {})
+    layer = ((index + 0.5) / float(across * up)).floor()
+    within = index - layer * float(across * up)
+    row = ((within + 0.5) / float(across)).floor()
+    x, y = (within - row * float(across) + 0.5) / float(across), (row + 0.5) / float(up)
+    # A square of places pressed into the disc of a polar picture.
+    a, b = x * 2.0 - 1.0, y * 2.0 - 1.0
+    pressed = a.absolute().most(b.absolute()) / nodes.combine("SQRT", a * a + b * b)
+    press = nodes.mix(polar, 1.0 + polar * 0.0, pressed)
+    x, y = a * press * 0.5 + 0.5, b * press * 0.5 + 0.5
+    # Evenly by the size of the volume: a wide far end does not take all places from a small near one.
+    # The last layer is the far surface; the near one may be a point, where nothing can be inverted.
+    part = (layer + 0.5) / (along - 0.5)
+    even = (ratio - 1.0).absolute() < EVEN_RATIO
+    t, before = (
+        nodes.switch(
+            even,
+            (nodes.combine("POWER", ratio, 1.0 - share) - ratio) / (1.0 - ratio),
+            share,
+            "FLOAT",
+            "t",
+        )
+        for share in (part, part - 1.0 / (along - 0.5))
+    )
+    cloud = nodes.store(cloud, "layer", t - before, "FLOAT")
+    place = nodes.xyz(x, y, t, "Place")
+    nodes.open_frame("Where they are, and the inverse map around them")
+    cloud = nodes.store(cloud, "place", place, "FLOAT_VECTOR")
+    place = nodes.attribute("place", "FLOAT_VECTOR")
+    found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
+    cloud = nodes.store(cloud, PROJECTOR, inverse_map(nodes, found, place), "FLOAT4X4")
+    sides = (
+        found["By x"].length() * (1 / across),
+        found["By y"].length() * (1 / up),
+        found["By t"].length() * nodes.attribute("layer"),
+    )
+    cloud = nodes.store(cloud, REACH, sides[0] + sides[1] + sides[2], "FLOAT")
+    return nodes.out("GeometryNodeSetPosition", "Cloud", {"Geometry": cloud, "Position": found["Position"]})
+
+
+def _determinant(nodes: FieldBuilder, whole) -> Value:
+    found = nodes.call(
+        look_up_group(), "Q(place)", whole | {"Position": nodes.attribute("place", "FLOAT_VECTOR")}
+    )
+    return found["By x"].dot(found["By y"].cross(found["By t"]))
+
+
+def _box(nodes: FieldBuilder, cloud: Value):
+    """The box of the lattice: its index → position field, low corner and size."""
+    nodes.open_frame("Box of the lattice")
+    node = nodes.node("GeometryNodeBoundBox", "Box", {"Geometry": cloud})
+    low, high = Value(nodes, node.outputs["Min"]), Value(nodes, node.outputs["Max"])
+    margin = (high - low) * LATTICE_MARGIN
+    low, extent = low - margin, high - low + margin * 2.0
+    index = nodes.out("GeometryNodeInputIndex", "Index", {})
+    layer = ((index + 0.5) / float(LATTICE**2)).floor()
+    within = index - layer * float(LATTICE**2)
+    row = ((within + 0.5) / float(LATTICE)).floor()
+    cell = nodes.xyz(within - row * float(LATTICE), row, layer, "Cell")
+    return low + extent * (cell * (1.0 / (LATTICE - 1))), low, extent
+
+
+def _lattice(nodes: FieldBuilder, whole, cloud: Value, position: Value, extent: Value) -> Value:
+    """Inverse maps on a grid of the space: a first guess by arithmetic, for whole meshes."""
+    nodes.open_frame("Lattice of inverse maps")
+    points = nodes.out(
+        "GeometryNodePoints", "Points of the Lattice", {"Count": LATTICE**3, "Position": position}
+    )
+    here = nodes.out("GeometryNodeInputPosition", "Position", {})
+    start, distance, reach = nearest_start(nodes, cloud, here)
+    solved = nodes.call(solve_group(), "Solve", whole | {"Point": here, "Start": start, "Steps": 4})
+    reached = solved["Last Step"] < LATTICE_ACCEPTED
+    place = nodes.switch(reached, start, solved["Position"], "VECTOR", "Place")
+    found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
+    nodes.open_frame("A cell that is out of the volume tells how far, instead of a guess")
+    cell = extent.length() * (1.0 / (LATTICE - 1))
+    away = distance - cell - reach
+    nought = nodes.xyz(0.0, 0.0, 0.0, "Nought")
+    far = nodes.matrix([nought, nought, nought, nodes.xyz(FAR_AWAY, away, reach, "How Far")])
+    inverse = nodes.switch(away > 0.0, inverse_map(nodes, found, place), far, "MATRIX", "In or Out")
+    return nodes.store(points, PROJECTOR, inverse, "FLOAT4X4")

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A camera's table as an object: its modifier takes the surfaces, drivers its other settings."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..bridge import versions
+from ..bridge.mesh_grid import UV_LAYER, SurfaceError, grid_points, uv_layer
+from ..bridge.surface_nodes import PARAMETRIC_KINDS
+from .table_nodes import table_group
+
+# The camera's custom property that names its table; a pointer, so that renaming does no harm.
+TABLE_KEY = "scfpf_table"
+MODIFIER = "SCFPF Table"
+# Cells of the table across and up where surfaces are curved; flat ones are exact with one cell.
+CURVED_CELLS = (256, 128)
+# Cells where a surface is a mesh: the multiple of its own that comes to this many, at most.
+MOST_CELLS = 512
+STRAIGHT = {"POINT", "PLANE", "PATCH"}
+
+
+def table_object(camera):
+    """The camera's table of projectors, made or brought up to date; a child of the camera.
+
+    Call it when the list of surfaces, a kind, a weight, the basis or the re-parameterisation
+    has changed; shapes, transforms and animation it follows by itself, without Python.
+    It is linked to no collection: the preview's modifier keeps it evaluated.
+    """
+    table = camera.get(TABLE_KEY)
+    if table is None or table.parent != camera:  # a duplicate of the camera points to the other one's
+        name = f"{camera.name} Table"
+        table = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+        table.parent = camera
+        table.hide_select = table.hide_render = True
+        camera[TABLE_KEY] = table
+    settings = camera.scfpf
+    surfaces = [slot.object for slot in settings.surfaces]
+    weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
+    group = table_group(settings.basis, len(surfaces), weights)
+    modifier = table.modifiers.get(MODIFIER) or table.modifiers.new(MODIFIER, "NODES")
+    modifier.show_viewport = modifier.show_render = True
+    if modifier.node_group != group:
+        modifier.node_group = group
+    inputs = {
+        item.name: item.identifier
+        for item in group.interface.items_tree
+        if item.item_type == "SOCKET" and item.in_out == "INPUT"
+    }
+    values = dict(zip(("Columns", "Rows"), _cells(settings, surfaces), strict=True))
+    for number, surface in enumerate(surfaces, 1):
+        values[f"Surface {number}"] = surface
+        values[f"UV Map {number}"] = _uv_map(surface)
+        values[f"Net {number}"] = _net(surface)
+    for label, value in values.items():
+        if label.startswith("Net") or versions.modifier_input(modifier, inputs[label]) != value:
+            versions.set_modifier_input(modifier, inputs[label], value)
+    for label, path in {
+        "U Start": "u_range[0]",
+        "U End": "u_range[1]",
+        "V Start": "v_range[0]",
+        "V End": "v_range[1]",
+        "Polar": "reparameterisation",
+    }.items():
+        _drive(modifier, inputs[label], camera, f"scfpf.{path}")
+    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
+    modifier.node_group = group
+    table.update_tag()
+    return table
+
+
+def _drive(modifier, identifier: str, owner, path: str) -> None:
+    """Let an input follow a property, without Python."""
+    place, name = versions.modifier_input_property(modifier, identifier)
+    curve = place.driver_add(name)
+    curve.driver.type = "AVERAGE"
+    for old in list(curve.driver.variables):
+        curve.driver.variables.remove(old)
+    variable = curve.driver.variables.new()
+    variable.type = "SINGLE_PROP"
+    target = variable.targets[0]
+    target.id = owner
+    target.data_path = path
+    # Without the add-on the file has no such property: the table keeps what it was made with.
+    target.use_fallback_value = True
+    target.fallback_value = _number(owner, path)
+
+
+def _number(owner, path: str) -> float:
+    """A property's value as drivers see it: an enum is its number."""
+    value = owner.path_resolve(path)
+    if isinstance(value, str):
+        value = owner.path_resolve("scfpf").bl_rna.properties[path.rpartition(".")[2]].enum_items[value].value
+    return float(value)
+
+
+def _uv_map(surface) -> str:
+    layer = uv_layer(surface.data) if surface is not None and surface.type == "MESH" else None
+    return layer.name if layer else UV_LAYER
+
+
+def _net(surface) -> tuple[float, float, float]:
+    """Points that Blender draws of a surface patch along u and v; 1 if closed along u, plus 2 if along v."""
+    if surface is None or surface.type != "SURFACE" or len(surface.data.splines) != 1:
+        return 0.0, 0.0, 0.0
+    spline = surface.data.splines[0]
+    return (
+        float(spline.point_count_u * spline.resolution_u),
+        float(spline.point_count_v * spline.resolution_v),
+        float(spline.use_cyclic_u + 2 * spline.use_cyclic_v),
+    )
+
+
+def _cells(settings, surfaces) -> tuple[int, int]:
+    """Columns and rows of the table: exact for flat surfaces and whole grids, fine for curved ones."""
+    whole = settings.reparameterisation == "RECTANGLE" and all(
+        tuple(span) == (0.0, 1.0) for span in (settings.u_range, settings.v_range)
+    )
+    cells = [1, 1]
+    for surface in surfaces:
+        own = _own_cells(surface)
+        for axis in range(2):
+            larger, smaller = max(cells[axis], own[axis]), min(cells[axis], own[axis])
+            # Grid lines of both lie on the table's lines if one is a multiple of the other.
+            cells[axis] = larger if larger % smaller == 0 else _multiple(larger, smaller)
+    if not whole:
+        cells = [max(count, least) for count, least in zip(cells, CURVED_CELLS, strict=True)]
+    return cells[0] + 1, cells[1] + 1
+
+
+def _multiple(larger: int, smaller: int) -> int:
+    """A common multiple if it is not too many, else the most there may be."""
+    for factor in range(2, MOST_CELLS // larger + 1):
+        if larger * factor % smaller == 0:
+            return larger * factor
+    return MOST_CELLS
+
+
+def _own_cells(surface) -> tuple[int, int]:
+    if surface is None:
+        return 1, 1
+    kind = surface.scfpf_surface.kind
+    if kind in PARAMETRIC_KINDS and kind != "POINT" and len(surface.modifiers) > 1:
+        return CURVED_CELLS  # reshaped by other modifiers
+    if kind in STRAIGHT:
+        return 1, 1
+    if kind in PARAMETRIC_KINDS:
+        return (CURVED_CELLS[0], 1) if kind in {"CYLINDER", "CONE", "DISC"} else CURVED_CELLS
+    if kind == "GRID":
+        try:
+            points = grid_points(surface)
+        except SurfaceError:
+            return CURVED_CELLS
+        return points.shape[1] - 1, points.shape[0] - 1
+    return CURVED_CELLS

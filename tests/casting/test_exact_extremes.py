@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exact casting at the extremes, each with its figure; docs/accuracy.md has the table.
+
+SCFPF_FULL_TESTS=1 in the environment asks for the full number of curves and volumes.
+"""
+
+import os
+import warnings
+
+import pytest
+
+from benchmarks import extremes
+
+FULL = bool(os.environ.get("SCFPF_FULL_TESTS"))
+
+
+@pytest.mark.parametrize(
+    ("offset", "factor", "most"),
+    [
+        (1e3, 1.0, 1e-12),
+        (1e5, 1.0, 1e-10),
+        (1e8, 1.0, 1e-7),
+        (0.0, 1e-6, 1e-14),
+        (0.0, 1e6, 1e-14),
+        (1e8, 1e6, 1e-12),
+        (1e3, 1e-6, 1e-6),
+    ],
+)
+@pytest.mark.parametrize(("degree", "angle"), [(1, 0.0), (2, 60.0), (3, 180.0)])
+def test_moved_and_scaled(offset, factor, most, degree, angle):
+    """float64 vertices far away are round themselves: ``most`` is that, and no pixel in 5184 changes."""
+    figures = extremes.moved(offset, factor, degree, angle)
+    assert figures["largest change of t elsewhere"] < most
+    assert figures["pixels that see another triangle"] == 0
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3, 5])
+def test_nothing_slips_through_vertices_and_edges(degree):
+    figures = extremes.edge_leaks(100_000 if FULL else 4000, degree)
+    assert figures["curves"] >= 4000 and figures["leaks"] == 0
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+@pytest.mark.parametrize("angle", [1e-2, 1e-4, 1e-6, 1e-8])
+def test_grazing(angle, degree):
+    figures = extremes.grazing(angle, degree)
+    assert figures["lost"] == 0 and figures["error of t"] < 1e-15
+
+
+@pytest.mark.parametrize("degree", [2, 3, 5])
+@pytest.mark.parametrize("size", [0.0, 1e-18, 1e-15, 1e-12, 1e-6])
+def test_vanishing_leading_coefficients(size, degree):
+    figures = extremes.leading(size, degree)
+    assert figures["lost"] == 0 and figures["error of t"] < 1e-15
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+@pytest.mark.parametrize("where", ["0", "1", "1e-15", "1e-12", "1e-9", "1e-6", "1e-4", "1e-3"])
+def test_beginnings_and_ends_on_surfaces(where, degree):
+    """Beside a surface means inside its prism: no chord enters it there."""
+    figures = extremes.ends(where, degree)
+    assert figures["lost"] == 0 and figures["error of t"] < 1e-14
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+@pytest.mark.parametrize("ratio", [1e3, 1e6, 1e7])
+def test_volumes_much_longer_than_wide(ratio, degree):
+    figures = extremes.long_volume(ratio, degree)
+    assert figures["lost"] == 0 and figures["error of t"] < 1e-14
+
+
+def test_random_volumes():
+    """Any kinds of surfaces, collapsed, coinciding, folded, crossing themselves: always an answer."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figures = extremes.random_volumes(100_000 if FULL else 400)
+    assert figures["not sound"] == 0 and figures["share hit"] > 0.2
