@@ -127,7 +127,7 @@ def read_inputs(
         projection, plane = frustum_projection(evaluated, depsgraph, aspect), depth_plane(evaluated)
     return RenderInputs(
         projection,
-        read_scene(depsgraph, may_be_empty),
+        read_scene(depsgraph, may_be_empty, with_uv="UV" in passes),
         FrameSettings(
             width,
             height,

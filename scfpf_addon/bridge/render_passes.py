@@ -32,9 +32,14 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
         (view_layer.use_pass_z, RenderPass("Depth", "Z", "VALUE", "DEPTH")),
         (view_layer.use_pass_position, RenderPass("Position", "XYZ", "VECTOR", "POSITION")),
         (view_layer.use_pass_normal, RenderPass("Normal", "XYZ", "VECTOR", "NORMAL")),
+        (view_layer.use_pass_uv, RenderPass("UV", "UVA", "VECTOR", "UV")),
         (view_layer.use_pass_object_index, RenderPass(object_index, "X", "VALUE", "OBJECT_INDEX")),
         (view_layer.use_pass_material_index, RenderPass(material_index, "X", "VALUE", "MATERIAL_INDEX")),
         (own.use_pass_parameters, RenderPass("ProjectorParameters", "UVT", "VECTOR", "PARAMETERS")),
+        (
+            own.use_pass_perspective_depth,
+            RenderPass("PerspectiveDepth", "Z", "VALUE", "PERSPECTIVE_DEPTH"),
+        ),
         (own.use_pass_tangent, RenderPass("ProjectorTangent", "XYZ", "VECTOR", "TANGENT")),
     ):
         if switch:
@@ -53,6 +58,14 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     use_pass_parameters: BoolProperty(
         name="Projector Parameters",
         description="Where in the viewing volume each pixel's hit lies: u, v and t, 0 where nothing is hit",
+        default=False,
+        update=_switched,
+        override={"LIBRARY_OVERRIDABLE"},
+    )
+    use_pass_perspective_depth: BoolProperty(
+        name="Perspective Depth",
+        description="Depth from 0 at the near to 1 at the far surface, in the steps of linear perspective: "
+        "finer than t near the camera. It equals t where projectors are parallel",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},

@@ -254,7 +254,7 @@ class Pipeline:
     ) -> None:
         """The data passes of a tile, from one projector a pixel, which the report does not count."""
         x, y = self.image_positions(rows, np.array([0.5, 0.5]))
-        hits = self.cast(x, y, CastCounts())
+        hits = self.cast(x, y, CastCounts(), "UV" in self.settings.passes.names)
         if inside is not None:
             hits, x, y = hits.take(inside), x[inside], y[inside]
         where = np.flatnonzero(hits.triangle >= 0)
@@ -277,8 +277,11 @@ class Pipeline:
         y = (np.arange(rows.start, rows.stop) + offset[1]) / self.settings.height
         return np.tile(x, len(y)), np.repeat(y, len(x))
 
-    def cast(self, x: Array, y: Array, counts: CastCounts) -> Hits:
-        """The hits of the projectors at image positions (n,); nothing is hit where nothing is there."""
+    def cast(self, x: Array, y: Array, counts: CastCounts, weighted: bool = False) -> Hits:
+        """The hits of the projectors at image positions (n,); nothing is hit where nothing is there.
+
+        weighted: barycentric weights are wanted though nothing is smooth.
+        """
         if self.cast_scene is None:
             return Hits.empty(len(x))._replace(mask=self.projection.projectors(x, y).valid)
         pixel_size = (1 / self.settings.width, 1 / self.settings.height)
@@ -291,5 +294,5 @@ class Pipeline:
             self.settings.pixel_error,
             counts,
             self.settings.width,
-            self.shading is None or self.shading.surface.weighted,
+            weighted or self.shading is None or self.shading.surface.weighted,
         )

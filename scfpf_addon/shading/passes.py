@@ -14,7 +14,7 @@ from ..casting.hits import Hits
 from ..casting.scene import CastScene
 from ..projection.basis import SpanBasis
 from ..projection.typing import Array, IndexArray
-from ..projection.volume import Projection
+from ..projection.volume import Projection, ViewingVolume
 from .scene import Scene
 from .surface import SurfaceTable
 from .typing import Single
@@ -84,10 +84,26 @@ class PassSource:
         points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         return points.normal.astype(np.float64)
 
+    def uv(self, seen: Seen) -> Array:
+        """Texture coordinates and 1, as Cycles has it, or 0 where a mesh has none, (3, n)."""
+        corners = self.scene.geometry.uv
+        if corners is None:
+            raise ValueError("the scene was read without texture coordinates")
+        first, second, third = corners[seen.hits.triangle].astype(np.float64).transpose(1, 2, 0)
+        weight = seen.hits.barycentric
+        u, v = first + (second - first) * weight[0] + (third - first) * weight[1]
+        there = ~np.isnan(u)
+        return np.where(there, np.stack([u, v, np.ones_like(u)]), 0.0)
+
     def parameters(self, seen: Seen) -> Array:
         """(u, v, t) of the hit, (3, n)."""
         image = self.projection.parameters(seen.x, seen.y)
         return np.stack([image.u, image.v, seen.hits.t])
+
+    def perspective_depth(self, seen: Seen) -> Array:
+        """See ``perspective_depth``, (1, n)."""
+        image = self.projection.parameters(seen.x, seen.y)
+        return perspective_depth(self.projection.volume, image.u, image.v, seen.hits.t)[None]
 
     def tangent(self, seen: Seen) -> Array:
         """The projector's direction at the hit, away from the viewer, unit, world axes, (3, n)."""
@@ -118,7 +134,9 @@ PASSES = {
     "DEPTH": PassKind(1, FARTHEST_DEPTH, PassSource.depth),
     "POSITION": PassKind(3, 0.0, PassSource.position),
     "NORMAL": PassKind(3, 0.0, PassSource.normal),
+    "UV": PassKind(3, 0.0, PassSource.uv),
     "PARAMETERS": PassKind(3, 0.0, PassSource.parameters),
+    "PERSPECTIVE_DEPTH": PassKind(1, 1.0, PassSource.perspective_depth),
     "TANGENT": PassKind(3, 0.0, PassSource.tangent),
     "OBJECT_INDEX": PassKind(1, 0.0, PassSource.object_index),
     "MATERIAL_INDEX": PassKind(1, 0.0, PassSource.material_index),
@@ -150,3 +168,20 @@ def projector_length(spans: SpanBasis, points: Array, t: Array) -> Array:
             velocity = np.einsum("kn,kcn->cn", slopes, points)
             length += share * half * np.sqrt(np.einsum("cn,cn->n", velocity, velocity))
     return length
+
+
+def perspective_depth(volume: ViewingVolume, u: Array, v: Array, t: Array) -> Array:
+    """The depth of linear perspective in place of t, both (n,) in [0, 1] (paper §3.2, after Watt 2000).
+
+    f (1 - d/z) / (f - d), where d, f and z are the distances from the centre of projection to the
+    near and far plane and to the point. A volume at large has no centre; what stands for f/d
+    is how much farther apart its projectors are at the far end, √(|Qu × Qv| far / near). That is
+    f/d for every frustum and 1, which leaves t as it is, for parallel projectors.
+    """
+    near, far = (volume.evaluate(u, v, np.full_like(t, end)) for end in (0.0, 1.0))
+    spread_near, spread_far = (
+        np.sqrt(np.linalg.norm(np.cross(q.du, q.dv, axis=0), axis=0)) for q in (near, far)
+    )
+    # t f / ((1 - t) d + t f), with f and d up to a common factor.
+    whole = (1.0 - t) * spread_near + t * spread_far
+    return np.divide(t * spread_far, whole, out=t.copy(), where=whole > 0.0)

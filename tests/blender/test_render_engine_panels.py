@@ -105,4 +105,4 @@ def test_passes_panel_has_a_switch_for_every_pass(addon, engine_scene):
             before = len(list(listed(view_layer)))
             setattr(owner, name, True)
             assert len(list(listed(view_layer))) == before + 1, name
-    assert len(list(listed(view_layer))) == 8
+    assert len(list(listed(view_layer))) == 10

@@ -10,12 +10,14 @@ from mathutils import Vector
 
 FARTHEST = 1e10
 FLOAT32 = 2e-6
+STANDARD = ("z", "position", "normal", "uv", "object_index", "material_index")
 
 
 def switch_on(view_layer):
-    for name in ("z", "position", "normal", "object_index", "material_index"):
+    for name in STANDARD:
         setattr(view_layer, f"use_pass_{name}", True)
-    view_layer.scfpf.use_pass_parameters = view_layer.scfpf.use_pass_tangent = True
+    for name in ("parameters", "perspective_depth", "tangent"):
+        setattr(view_layer.scfpf, f"use_pass_{name}", True)
 
 
 def index_names(addon):
@@ -55,7 +57,7 @@ def test_one_list_names_the_passes_of_the_file_and_of_the_compositor(addon, view
     assert {f"ViewLayer.{each.name}": len(each.channels) for each in listed} == {
         name: values.shape[2] for name, values in made.items()
     }
-    assert len(listed) == 8
+    assert len(listed) == 10
 
 
 def test_passes_switched_off_are_not_there(engine_scene):
@@ -74,19 +76,28 @@ def test_compositor_has_a_socket_for_each_pass(view):
     node = tree.nodes.new("CompositorNodeRLayers")
     view.view_layers[0].update_render_passes()
     sockets = {socket.name for socket in node.outputs if socket.enabled}
-    assert {"Depth", "Position", "Normal", "ProjectorParameters", "ProjectorTangent"} <= sockets
+    assert {"Depth", "Position", "Normal", "UV", "ProjectorParameters", "ProjectorTangent"} <= sockets
+    assert "PerspectiveDepth" in sockets
     view.view_layers[0].scfpf.use_pass_tangent = False
     assert "ProjectorTangent" not in {socket.name for socket in node.outputs if socket.enabled}
 
 
 def test_passes_leave_the_picture_alone(view):
     with_passes = layer(f12(view), "Combined")
-    for name in ("z", "position", "normal", "object_index", "material_index"):
+    for name in STANDARD:
         setattr(view.view_layers[0], f"use_pass_{name}", False)
     assert np.array_equal(layer(f12(view), "Combined"), with_passes)
 
 
 def test_passes_of_an_ordinary_camera_are_those_of_cycles(addon, ordinary):
+    # A mirrored instance of a mesh with another map for renders, and a mesh without any.
+    cube = bpy.data.objects["Cube"]
+    cube.scale.x = -1
+    chosen = cube.data.uv_layers.new(name="Chosen")
+    chosen.uv.foreach_set("vector", np.linspace(-1, 2, 48, dtype=np.float32))
+    chosen.active_render = True
+    bpy.ops.mesh.primitive_plane_add(location=(0, 0, -1), size=4, calc_uvs=False)
+    bpy.context.object.pass_index = 5
     made = f12(ordinary)
     ordinary.render.engine = "CYCLES"
     ordinary.cycles.samples, ordinary.cycles.use_denoising = 1, False
@@ -98,7 +109,7 @@ def test_passes_of_an_ordinary_camera_are_those_of_cycles(addon, ordinary):
     same = (layer(made, number) == layer(theirs, number))[..., 0]
     hit = same & (layer(made, number) > 0)[..., 0]
     assert same.mean() > 0.998 and 200 < hit.sum() < same.size - 200
-    assert set(np.unique(layer(made, number))) == {0, 3, 7}
+    assert set(np.unique(layer(made, number))) == {0, 3, 5, 7}
     assert np.array_equal(layer(made, material)[same], layer(theirs, material)[same])
     assert set(np.unique(layer(made, material))) == {0, 11}
     # A hundredth of a pixel on a surface seen aslant.
@@ -107,8 +118,12 @@ def test_passes_of_an_ordinary_camera_are_those_of_cycles(addon, ordinary):
         assert np.quantile(off, 0.99) < 3e-3 and np.median(off) < 5e-4, name
     off = np.abs(layer(made, "Normal") - layer(theirs, "Normal"))[hit].max(axis=1)
     assert np.quantile(off, 0.99) < 5e-3
+    assert layer(made, "UV").shape[2] == 3
+    off = np.abs(layer(made, "UV") - layer(theirs, "UV"))[hit].max(axis=1)
+    assert np.quantile(off, 0.98) < 5e-3 and np.median(off) < 5e-4
+    assert not layer(made, "UV")[layer(made, number)[..., 0] == 5].any(), "a mesh without a map has none"
     missed = same & (layer(made, number) == 0)[..., 0]
-    for name in ("Position", "Normal", "Depth"):
+    for name in ("Position", "Normal", "UV", "Depth"):
         assert np.array_equal(layer(made, name)[missed], layer(theirs, name)[missed]), name
 
 
@@ -120,6 +135,19 @@ def test_depth_of_an_ordinary_camera_is_blenders_z(ordinary):
         seen = world_to_camera_view(ordinary, camera, Vector(position[j, i].tolist()))
         assert seen.z == pytest.approx(depth[j, i], rel=FLOAT32)
         assert abs(seen.x - (i + 0.5) / 64) < 1e-5 and abs(seen.y - (j + 0.5) / 36) < 1e-5
+
+
+@pytest.mark.parametrize("lens", ["PERSP", "ORTHO"])
+def test_perspective_depth_is_that_of_a_perspective(ordinary, lens):
+    ordinary.camera.data.type = lens
+    made = f12(ordinary)
+    z, depth = (layer(made, name)[..., 0].astype(np.float64) for name in ("Depth", "PerspectiveDepth"))
+    hit = z < FARTHEST
+    assert hit.sum() > 200 and (depth[~hit] == 1).all()
+    near, far = ordinary.camera.data.clip_start, ordinary.camera.data.clip_end
+    linear = (z[hit] - near) / (far - near)
+    expected = far * (1 - near / z[hit]) / (far - near) if lens == "PERSP" else linear
+    assert np.allclose(depth[hit], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("preset", ["perspective", "nonlinear_twist", "around_the_car"])
@@ -138,6 +166,8 @@ def test_passes_of_a_volume_agree_with_its_mathematics(addon, view, preset):
     assert np.allclose(u, image.u, atol=1e-6) and np.allclose(v, image.v, atol=1e-6)
     assert t.min() > 0 and t.max() < 1
     exact = projection.volume.evaluate(image.u, image.v, t)
+    perspective = layer(made, "PerspectiveDepth")[hit]
+    assert perspective.min() > 0 and perspective.max() < 1
     position = layer(made, "Position")[hit].T
     reach = np.abs(exact.position).max()
     assert np.abs(exact.position - position).max() < 1e-4 * reach

@@ -7,7 +7,7 @@ import time
 import bpy
 from driver import DRAW, PATIENCE, build_scene
 
-# Seconds from Esc to the end of the job. The software renderer and other scenarios' leftovers share the cores.
+# Seconds from Esc to the end of the job. The software renderer and what else runs share the cores.
 ESC_SECONDS = 0.5
 
 
