@@ -18,6 +18,7 @@ from ..shading.typing import Single
 from .render_delivery import Delivery
 from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size
 from .render_passes import list_render_passes
+from .render_viewport import ViewportRender, stop_all
 
 ENGINE = "SCFPF"
 # Pixels across a square of the coarse picture that a window shows at first: it costs a
@@ -57,6 +58,26 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             self._fail(f"SCFPF has failed, the console says where ({type(error).__name__}: {error})")
         finally:
             delivery.close()
+
+    def view_update(self, context, depsgraph):
+        """A viewport in Rendered shading: the scene has changed."""
+        self._viewport().update()
+        self.tag_redraw()
+
+    def view_draw(self, context, depsgraph):
+        """A viewport in Rendered shading is drawn."""
+        self._viewport().draw(context, depsgraph, self)
+
+    def __del__(self):
+        viewport = getattr(self, "viewport", None)
+        if viewport is not None:
+            viewport.stop()
+
+    def _viewport(self) -> ViewportRender:
+        # Not made in __init__: renders have no viewport.
+        if not hasattr(self, "viewport"):
+            self.viewport = ViewportRender()
+        return self.viewport
 
     def _read(self, depsgraph, delivery: Delivery) -> RenderInputs:
         size = self.resolution_x, self.resolution_y
@@ -161,6 +182,7 @@ def register():
 
 
 def unregister():
+    stop_all()
     atexit.unregister(_leave)
     # Blender switches add-ons off after Python's exit functions have run.
     if SCFPF_RenderEngine.is_registered:

@@ -109,16 +109,20 @@ def read_inputs(
     border: Border | None = None,
     passes: tuple[str, ...] = (),
     may_be_empty: bool = False,
+    scene: Scene | None = None,
+    aspect: float | None = None,
 ) -> RenderInputs:
     """Read all that a picture of a depsgraph through a camera, flexible or not, needs.
 
     size: of the whole picture in pixels. pixel_error: overrides the camera's own. border:
     the part that is made. passes: names of ``shading.passes.PASSES``. may_be_empty: as in
-    ``read_scene``. Raises one of RENDER_ERRORS.
+    ``read_scene``. scene: read from the depsgraph before. aspect: of the picture as it is shown,
+    by its size and the scene's pixel aspect if not given. Raises one of RENDER_ERRORS.
     """
     width, height = size
     render = depsgraph.scene_eval.render
-    aspect = shown_aspect(render, width, height)
+    if aspect is None:
+        aspect = shown_aspect(render, width, height)
     evaluated = camera.evaluated_get(depsgraph)
     options = evaluated.scfpf
     if options.enabled:
@@ -127,7 +131,7 @@ def read_inputs(
         projection, plane = frustum_projection(evaluated, depsgraph, aspect), depth_plane(evaluated)
     return RenderInputs(
         projection,
-        read_scene(depsgraph, may_be_empty, with_uv="UV" in passes),
+        read_scene(depsgraph, may_be_empty, with_uv="UV" in passes) if scene is None else scene,
         FrameSettings(
             width,
             height,
