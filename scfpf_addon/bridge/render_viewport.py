@@ -217,9 +217,14 @@ def stop_all() -> None:
         bpy.app.timers.unregister(_tick)
 
 
+def is_painting() -> bool:
+    """Whether a viewport's picture is still being made."""
+    return any(painter.busy for painter in list(_painters))
+
+
 def _tick() -> float | None:
     """Have viewports drawn again when there is something new; threads must not ask for that themselves."""
-    busy = any(painter.busy for painter in list(_painters))
+    busy = is_painting()
     numbers = sorted(painter.number for painter in list(_painters))
     if numbers != _seen or not busy:
         _seen[:] = numbers

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The render engine in a window: F12, a cancelled render, an animation, its panels, Rendered shading."""
 
+import sys
 import time
 
 import bpy
@@ -125,6 +126,17 @@ def animation(driver):
     assert not list(driver.folder.glob("frame_*.png")), "pictures of a failure were written"
 
 
+def painted():
+    """Generator: wait until every viewport shows what it is to show."""
+    module = next(name for name in sys.modules if name.endswith("scfpf_addon.bridge.render_viewport"))
+    yield DRAW
+    end = time.monotonic() + PATIENCE
+    while sys.modules[module].is_painting():
+        assert time.monotonic() < end, "the viewport is not painted"
+        yield 0.1
+    yield 2 * DRAW
+
+
 def rendered(driver):
     """Rendered shading: the flexible camera's picture in its frame, refined, following edits and the view."""
     prepare(driver)
@@ -133,22 +145,24 @@ def rendered(driver):
     space.overlay.show_overlays = False
     space.region_3d.view_perspective = "CAMERA"
     space.shading.type = "RENDERED"
-    yield 0.5
+    yield 0.3
     driver.shot("first")
-    yield 5.0
+    yield from painted()
     driver.shot("camera")
     through = driver.region_pixels()
     assert through.std() > 10, "nothing is shown"
     bpy.data.objects["Cube"].location.z += 1.0
-    yield 4.0
+    yield from painted()
     driver.shot("moved")
     assert (driver.region_pixels() != through).any(axis=2).mean() > 0.005, "an edit is not shown"
+    space.overlay.show_overlays = True
     scene.camera.scfpf.surfaces[0].object.scale = (0, 0, 0)
-    yield 1.0
+    yield 2 * DRAW
     driver.shot("message")
     scene.camera.scfpf.surfaces[0].object.scale = (1, 1, 1)
+    space.overlay.show_overlays = False
     space.region_3d.view_perspective = "PERSP"
-    yield 4.0
+    yield from painted()
     driver.shot("free")
     assert driver.region_pixels().std() > 10, "a view that is no camera's is empty"
     space.shading.type = "SOLID"
