@@ -94,6 +94,7 @@ class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
         column = layout.column()
         column.enabled = render.threads_mode == "FIXED"
         column.prop(render, "threads")
+        layout.prop(render, "use_persistent_data", text="Keep Scene in Memory")
 
 
 class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):

@@ -24,7 +24,7 @@ class Delivery:
     def __init__(self, engine, view_layer) -> None:
         """Announce the passes of the view layer."""
         self._engine = engine
-        self._layer = view_layer.name
+        self.layer = view_layer.name
         self._view = engine.active_view_get()
         self._passes = list(list_render_passes(view_layer))
         self._waiting: list[tuple[slice, Single, dict[str, Single]]] = []
@@ -33,7 +33,7 @@ class Delivery:
         self._started = self._updated = perf_counter()
         for each in self._passes:
             if each.source:
-                engine.add_pass(each.name, len(each.channels), each.channels, layer=self._layer)
+                engine.add_pass(each.name, len(each.channels), each.channels, layer=self.layer)
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ class Delivery:
     def _deliver(self, bottom: int, made: dict[str, Single]) -> None:
         """Hand over rows from ``bottom`` up. made: by the passes' source, each (rows, W, channels)."""
         height, width = made[""].shape[:2]
-        result = self._engine.begin_result(0, bottom, width, height, layer=self._layer, view=self._view)
+        result = self._engine.begin_result(0, bottom, width, height, layer=self.layer, view=self._view)
         target = result.layers[0].passes
         for each in self._passes:
             if each.source in made:
@@ -101,5 +101,5 @@ class Delivery:
         """What is left goes to Blender, or where nothing was made an empty picture."""
         self.flush()
         if not self._has_delivered:
-            result = self._engine.begin_result(0, 0, WHOLE, WHOLE, layer=self._layer, view=self._view)
+            result = self._engine.begin_result(0, 0, WHOLE, WHOLE, layer=self.layer, view=self._view)
             self._engine.end_result(result)

@@ -11,10 +11,12 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
+from ..casting.geometry import Geometry
 from ..casting.scene import CastScene
 from ..shading.frame import Border, render_frame
 from ..shading.passes import DataPasses
 from ..shading.typing import Single
+from .kept_scene import KeptScene
 from .render_delivery import Delivery
 from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size
 from .render_passes import list_render_passes
@@ -96,15 +98,14 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         )
         for warning in inputs.scene.warnings:
             self.report({"WARNING"}, warning)
-        self.update_stats("", "Building the acceleration structure, which cannot be cancelled")
         return inputs
 
     def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
         if self.test_break():
             return
         delivery.begin(inputs)
-        geometry = inputs.scene.geometry
-        cast_scene = CastScene(geometry.vertices, geometry.triangles) if len(geometry.triangles) else None
+        self.update_stats("", "Building the acceleration structure, which cannot be cancelled")
+        cast_scene = self._build(inputs.scene.geometry, delivery.layer)
         if not bpy.app.background:
             coarse = coarse_picture(inputs, cast_scene, self.test_break)
             if coarse is not None:
@@ -121,6 +122,14 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         if frame is not None:
             delivery.flush()
             self.update_stats("", frame.report.summary())
+
+    def _build(self, geometry: Geometry, layer: str) -> CastScene | None:
+        """What projectors are cast at; with persistent data that of the last picture, if nothing moved."""
+        # Blender keeps the engine with persistent data, and makes one for each picture without.
+        kept = getattr(self, "kept_scenes", {})
+        made = KeptScene.of(geometry, kept.get(layer))
+        self.kept_scenes = {**kept, layer: made} if self.render.use_persistent_data else {}
+        return made.cast_scene
 
     def _fail(self, message: str) -> None:
         self.report({"ERROR"}, message)

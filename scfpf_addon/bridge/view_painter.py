@@ -8,12 +8,9 @@ import traceback
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numpy as np
-
-from ..casting.geometry import Geometry
-from ..casting.scene import CastScene
 from ..shading.frame import Border, render_frame
 from ..shading.typing import Single
+from .kept_scene import KeptScene
 from .render_job import RENDER_ERRORS, RenderInputs
 
 # The first picture has squares of this many pixels, the next ones are finer.
@@ -131,25 +128,3 @@ def coarser(inputs: RenderInputs):
                 border=border,
             ),
         )
-
-
-@dataclass(frozen=True)
-class KeptScene:
-    """What is built of a geometry, kept for as long as that stays the same."""
-
-    geometry: Geometry
-    cast_scene: CastScene | None
-
-    @classmethod
-    def of(cls, geometry: Geometry, kept: KeptScene | None) -> KeptScene:
-        """Of ``kept`` where its triangles are the same, built anew otherwise. Raises CastError."""
-        if kept is not None and same_triangles(geometry, kept.geometry):
-            return kept
-        if not len(geometry.triangles):
-            return cls(geometry, None)
-        return cls(geometry, CastScene(geometry.vertices, geometry.triangles))
-
-
-def same_triangles(a: Geometry, b: Geometry) -> bool:
-    """Whether two geometries have the same triangles in the same places."""
-    return np.array_equal(a.triangles, b.triangles) and np.array_equal(a.vertices, b.vertices)

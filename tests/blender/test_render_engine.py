@@ -23,9 +23,14 @@ def apply(preset):
 
 
 @pytest.mark.parametrize(
-    "preset", ["perspective", "cylindrical_panorama", "nonlinear_twist", "around_the_car"]
+    ("preset", "transparent"),
+    [
+        ("perspective", False),
+        ("cylindrical_panorama", True),
+        ("nonlinear_twist", False),
+        ("around_the_car", True),
+    ],
 )
-@pytest.mark.parametrize("transparent", [False, True])
 def test_picture_is_the_render_buttons(engine_scene, preset, transparent):
     apply(preset)
     engine_scene.render.film_transparent = transparent
@@ -88,7 +93,7 @@ def test_border_is_a_part_of_the_whole_picture(engine_scene, preset, border):
 
 RENDER_PART = """
 import sys, bpy
-root, blend, out, part, threads = sys.argv[1:]
+root, blend, out, part, threads = sys.argv[-5:]
 import os, pathlib, tempfile
 folder = pathlib.Path(tempfile.mkdtemp())
 os.symlink(root, folder / "scfpf", target_is_directory=True)
@@ -104,13 +109,23 @@ render.border_min_y, render.border_max_y = 0.5 * row, 0.5 + 0.5 * row
 render.threads_mode, render.threads = "FIXED", int(threads)
 render.filepath = out
 bpy.ops.render.render(write_still=True)
+# Its share of the animation: one frame.
+render.use_border = False
+bpy.context.scene.frame_start = bpy.context.scene.frame_end = int(part) + 1
+render.filepath = out + "_"
+bpy.ops.render.render(animation=True)
 """
 
 
 @pytest.mark.skipif(os.name == "nt", reason="links a folder as only Unix does without a privilege")
-@pytest.mark.parametrize("preset", ["perspective", "nonlinear_twist"])
-def test_four_processes_make_the_parts_of_one_picture(engine_scene, preset, tmp_path, extension):
-    apply(preset)
+def test_four_processes_make_the_parts_of_one_picture(engine_scene, tmp_path, extension):
+    """As on a farm: a frame in four tiles, an animation of four frames, by one and by two threads each."""
+    apply("nonlinear_twist")
+    surface = engine_scene.camera.scfpf.surfaces[1].object
+    for frame, angle in ((1, 0.0), (4, 0.5)):
+        surface.rotation_euler.z = angle
+        surface.keyframe_insert("rotation_euler", frame=frame)
+    engine_scene.frame_set(1)
     engine_scene.view_layers[0].use_pass_z = engine_scene.view_layers[0].use_pass_normal = True
     engine_scene.render.resolution_x, engine_scene.render.resolution_y = 200, 120
     whole = f12(engine_scene)
@@ -134,6 +149,16 @@ def test_four_processes_make_the_parts_of_one_picture(engine_scene, preset, tmp_
     for name, picture in whole.items():
         bottom, top = (np.concatenate([parts[i][name], parts[i + 1][name]], axis=1) for i in (0, 2))
         assert np.array_equal(np.concatenate([bottom, top]), picture), name
+    engine_scene.frame_start, engine_scene.frame_end = 1, 4
+    engine_scene.render.filepath = str(tmp_path / "whole_")
+    assert bpy.ops.render.render(animation=True) == {"FINISHED"}
+    frames = []
+    for frame in range(1, 5):
+        mine, its = (passes(f"{path}_{frame:04}.exr") for path in (tmp_path / "whole", outputs[frame - 1]))
+        assert set(mine) == set(its) == set(whole)
+        assert all(np.array_equal(mine[name], its[name]) for name in mine), frame
+        frames.append(mine[COMBINED])
+    assert not np.array_equal(frames[0], frames[3])
 
 
 def interpreter():
@@ -224,6 +249,58 @@ def test_duplicate_with_hidden_surfaces_renders_before_anything_is_evaluated(eng
     assert not np.array_equal(moved, expected)
     copy.location.z -= 1
     assert np.array_equal(f12(engine_scene)[COMBINED], expected)
+
+
+def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene, tmp_path):
+    kept_scene = addon("scfpf_addon.bridge.kept_scene")
+    built = []
+
+    class Counted(kept_scene.CastScene):
+        def __init__(self, *arguments):
+            built.append(engine_scene.frame_current)
+            super().__init__(*arguments)
+
+    apply("nonlinear_twist")
+    camera, cube = engine_scene.camera, bpy.data.objects["Cube"]
+    for frame, x in ((1, 0.0), (4, 0.6)):
+        camera.location.x += x
+        camera.keyframe_insert("location", frame=frame)
+    for frame, x in ((2, 0.0), (3, 0.2)):
+        cube.location.x = x
+        cube.keyframe_insert("location", frame=frame)
+    engine_scene.frame_start, engine_scene.frame_end = 1, 4
+    made = []
+    for keeps in (False, True):
+        engine_scene.render.use_persistent_data = keeps
+        engine_scene.render.filepath = str(tmp_path / f"{len(made)}_")
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(kept_scene, "CastScene", Counted)
+            built.clear()
+            assert bpy.ops.render.render(animation=True) == {"FINISHED"}
+        made.append([passes(path)[COMBINED] for path in sorted(glob.glob(str(tmp_path / f"{len(made)}_*")))])
+        # The cube moves between the second and the third frame, the camera always.
+        assert built == ([1, 3] if keeps else [1, 2, 3, 4])
+    assert all(np.array_equal(a, b) for a, b in zip(*made, strict=True)) and len(made[0]) == 4
+
+
+# What Blender builds around a picture
+
+
+def test_each_slot_keeps_its_picture(engine_scene, tmp_path):
+    engine_scene.render.film_transparent = True
+    f12(engine_scene)
+    result = bpy.data.images["Render Result"]
+    result.save_render(str(tmp_path / "before"))
+    result.render_slots.active_index = 1
+    bpy.data.objects["Cube"].hide_render = True
+    f12(engine_scene)
+    saved = []
+    for slot in (0, 1):
+        result.render_slots.active_index = slot
+        result.save_render(str(tmp_path / f"slot{slot}"))
+        saved.append(passes(tmp_path / f"slot{slot}")[COMBINED])
+    assert np.array_equal(saved[0], passes(tmp_path / "before")[COMBINED])
+    assert not saved[1].any() and saved[0].any()
 
 
 # Ordinary cameras

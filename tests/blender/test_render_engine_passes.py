@@ -82,6 +82,24 @@ def test_compositor_has_a_socket_for_each_pass(view):
     assert "ProjectorTangent" not in {socket.name for socket in node.outputs if socket.enabled}
 
 
+def test_compositor_is_given_the_passes_themselves(view):
+    if hasattr(view, "compositing_node_group"):
+        tree = view.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+        tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+        output = tree.nodes.new("NodeGroupOutput")
+    else:
+        view.use_nodes = True
+        tree = view.node_tree
+        tree.nodes.clear()
+        output = tree.nodes.new("CompositorNodeComposite")
+    node = tree.nodes.new("CompositorNodeRLayers")
+    view.view_layers[0].update_render_passes()
+    tree.links.new(node.outputs["ProjectorParameters"], output.inputs["Image"])
+    made = f12(view)
+    assert np.ptp(layer(made, "ProjectorParameters")) > 0.1
+    assert np.array_equal(made["Composite.Combined"][..., :3], layer(made, "ProjectorParameters"))
+
+
 def test_passes_leave_the_picture_alone(view):
     with_passes = layer(f12(view), "Combined")
     for name in STANDARD:

@@ -96,7 +96,7 @@ def test_a_frame_beyond_reason_is_painted_coarsely(addon, module, engine_scene):
 
 
 def test_the_last_one_asked_for_is_painted_and_the_scene_is_built_once(addon, module, painter, engine_scene):
-    view_painter = addon("scfpf_addon.bridge.view_painter")
+    kept_scene = addon("scfpf_addon.bridge.kept_scene")
     scene = addon("scfpf_addon.bridge.read_scene").read_scene(bpy.context.evaluated_depsgraph_get())
     for zoom in (1.0, 1.5, 2.0):
         context, depsgraph = viewport(engine_scene, zoom=zoom)
@@ -108,9 +108,9 @@ def test_the_last_one_asked_for_is_painted_and_the_scene_is_built_once(addon, mo
     kept = painter._kept
     # The same triangles read again are the same scene; a moved vertex is another.
     again = addon("scfpf_addon.bridge.read_scene").read_scene(bpy.context.evaluated_depsgraph_get())
-    assert view_painter.KeptScene.of(again.geometry, kept) is kept
+    assert kept_scene.KeptScene.of(again.geometry, kept) is kept
     again.geometry.vertices[0, 0] += 1e-9
-    assert view_painter.KeptScene.of(again.geometry, kept) is not kept
+    assert kept_scene.KeptScene.of(again.geometry, kept) is not kept
 
 
 def test_faults_are_messages(addon, module, painter, engine_scene, monkeypatch, capfd):
