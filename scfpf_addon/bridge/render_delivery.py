@@ -50,6 +50,7 @@ class Delivery:
             geometry.corner_normals,
             geometry.material,
             geometry.object_index,
+            *([] if geometry.uv is None else [geometry.uv]),
         )
         pixels = (region.right - region.left) * (region.top - region.bottom)
         self._memory = (sum(each.nbytes for each in arrays) + 4 * channels * pixels) / MEBIBYTE

@@ -70,11 +70,6 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         """A viewport in Rendered shading is drawn."""
         self._viewport().draw(context, depsgraph, self)
 
-    def __del__(self):
-        viewport = getattr(self, "viewport", None)
-        if viewport is not None:
-            viewport.stop()
-
     def _viewport(self) -> ViewportRender:
         # Not made in __init__: renders have no viewport.
         if not hasattr(self, "viewport"):

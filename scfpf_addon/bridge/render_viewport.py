@@ -52,16 +52,14 @@ class ViewportRender:
     def __init__(self) -> None:
         self._painter = ViewPainter()
         _painters.add(self._painter)
+        # With its engine Blender drops this object, but for the engine there is no last word.
+        weakref.finalize(self, self._painter.stop)
         self._scene: Scene | None = None
         self._view: tuple | None = None
         self._drawn = -1
         self._texture = None
         self._place = (0.0, 0.0, 0.0, 0.0)
         self._message = ""
-
-    def stop(self) -> None:
-        """Wait for the thread; nothing is drawn afterwards."""
-        self._painter.stop()
 
     def update(self) -> None:
         """Something in the scene has changed: the next drawing reads it again."""

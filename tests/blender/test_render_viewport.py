@@ -141,3 +141,17 @@ def test_the_ends_of_a_view_are_its_frustum(module, engine_scene):
         for corner in corners:
             local = camera.matrix_world.normalized().inverted() @ Vector(corner)
             assert -local.z == pytest.approx(depth, rel=2e-2)
+
+
+def test_a_closed_viewport_ends_its_thread(addon, module, engine_scene):
+    context, depsgraph = viewport(engine_scene)
+    scene = addon("scfpf_addon.bridge.read_scene").read_scene(depsgraph)
+    engine_scene.camera.scfpf.samples = 256
+    shown = module.ViewportRender()
+    painter = shown._painter
+    painter.ask(module.read_commission(context, depsgraph, scene))
+    assert module.is_painting()
+    del shown
+    assert not painter.busy
+    painter.ask(module.read_commission(context, depsgraph, scene))
+    assert not painter.busy
