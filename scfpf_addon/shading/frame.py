@@ -228,7 +228,7 @@ class Pipeline:
     def render_tile(self, job: TileJob, pixels: Single, passes: dict[str, Single]) -> TileCounts:
         """Samples → projectors → hits → colours → film, into pixels (n, 4) and passes (n, channels).
 
-        Gives up between two samples when the job is to stop.
+        Gives up between two steps of a sample when the job is to stop.
         """
         counts, hit_count = CastCounts(), 0
         inside = self.inside(job.rows)
@@ -238,6 +238,8 @@ class Pipeline:
                 return TileCounts(counts, hit_count)
             hits = self.cast(*self.image_positions(job.rows, self.offsets[:, sample]), counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
+            if job.stop.is_set():
+                return TileCounts(counts, hit_count)
             if inside is not None:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
@@ -245,7 +247,7 @@ class Pipeline:
             film.add(hits.mask, where, color)
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
-        if self.passes:
+        if self.passes and not job.stop.is_set():
             self.fill_passes(self.passes, job.rows, inside, passes)
         return TileCounts(counts, hit_count)
 
