@@ -3,8 +3,7 @@
 
 import bpy
 
-from ..scfpf_addon.scanline import remap_nodes
-from ..scfpf_addon.scanline.preview_data import preview_of
+from ..scfpf_addon.scanline.preview_data import left_out, preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
 from .camera_panels import _DataTab, _Sidebar, _Subsection
 
@@ -20,7 +19,7 @@ LEFT_OUT = (
 )
 
 
-def left_out(counts) -> list[str]:
+def reported(counts) -> list[str]:
     """What a preview's counts tell, in a line each; nothing for what is nought."""
     return [text.format(counts[key]) for key, text in LEFT_OUT if counts[key]]
 
@@ -44,8 +43,7 @@ class _PreviewSection(_Subsection):
                 row.operator("scfpf.preview_show", text="", icon="WINDOW")
             if source.scfpf_preview.problem:
                 layout.label(text=source.scfpf_preview.problem, icon="ERROR")
-            evaluated = source.scfpf_preview.picture.evaluated_get(context.evaluated_depsgraph_get())
-            for text in left_out(remap_nodes.remap_counts(evaluated)):
+            for text in reported(left_out(source, context.evaluated_depsgraph_get())):
                 layout.label(text=text, icon="INFO")
         column = layout.column(align=True)
         column.scale_y = 0.8

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import bpy
 
+from .preview_data import pictures_of
+
 # A viewport narrower than twice this, in pixels at interface scale 1, is not split.
 NARROWEST = 250
 # Above a half, so that the new viewport is the right one.
@@ -140,7 +142,7 @@ def show_preview(window, area, source) -> None:
         _show_shelf(window, space, source)
         if space.local_view is None:
             _enter_local_view(window.view_layer, source)
-        show_alone(window.view_layer, space, settings.picture)
+        show_alone(window.view_layer, space, pictures_of(source))
         space.region_3d.view_perspective = "CAMERA"
         bpy.ops.view3d.view_center_camera()
 
@@ -162,7 +164,7 @@ def _set_look(space) -> None:
 
 def _show_shelf(window, space, source) -> None:
     """Switch a collection on in a viewport's local collections."""
-    picture = source.scfpf_preview.picture
+    picture = source.scfpf_preview.parts[0].picture
     if not _sees_shelf(window.view_layer, space, picture):
         number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
         bpy.ops.object.hide_collection(collection_index=number, toggle=True)
@@ -197,7 +199,7 @@ def _layer_index(view_layer, collection) -> int:
 
 def _enter_local_view(view_layer, source) -> None:
     """Enter the local view; Blender does so for a selection only."""
-    picture, shelf = source.scfpf_preview.picture, source.scfpf_preview.shelf
+    picture, shelf = source.scfpf_preview.parts[0].picture, source.scfpf_preview.shelf
     shelf.hide_select = False
     view_layer.update()
     try:
@@ -208,12 +210,20 @@ def _enter_local_view(view_layer, source) -> None:
         shelf.hide_select = True
 
 
-def show_alone(view_layer, space, picture) -> None:
-    """Make a viewport's local view show one object."""
+def show_alone(view_layer, space, pictures) -> None:
+    """Make a viewport's local view show some objects and nothing else."""
     for other in view_layer.objects:
-        if other != picture and other.local_view_get(space):
+        if other not in pictures and other.local_view_get(space):
             other.local_view_set(space, False)
-    picture.local_view_set(space, True)
+    for picture in pictures:
+        picture.local_view_set(space, True)
+
+
+def show_more(pictures, source) -> None:
+    """Let the viewports of a preview show new pictures of it too."""
+    for _window, area in viewports_of(source):
+        for picture in pictures:
+            picture.local_view_set(area.spaces.active, True)
 
 
 def keep_out(members, source) -> None:
@@ -228,7 +238,7 @@ def keep_out(members, source) -> None:
 
 def hide_from_others(source) -> None:
     """Viewports that already have local collections show new ones: switch the preview's off there."""
-    picture = source.scfpf_preview.picture
+    picture = source.scfpf_preview.parts[0].picture
     for window, area in _viewports():
         space = area.spaces.active
         if window.scene != source.scfpf_preview.scene or not space.use_local_collections:

@@ -26,7 +26,7 @@ def source(data):
 def picture_points(source):
     """World positions of the preview's vertices as evaluated."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    evaluated = source.scfpf_preview.picture.evaluated_get(depsgraph)
+    evaluated = source.scfpf_preview.parts[0].picture.evaluated_get(depsgraph)
     return [evaluated.matrix_world @ vertex.co for vertex in evaluated.data.vertices]
 
 
@@ -37,7 +37,7 @@ def extent(points):
 
 def names(source):
     bpy.context.view_layer.update()
-    return {member.name for member in source.objects}
+    return {member.name for member in source.all_objects}
 
 
 def test_save_and_reload(source, data, tmp_path):
