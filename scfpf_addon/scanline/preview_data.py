@@ -85,8 +85,7 @@ def make_preview(scene, view_layer, camera):
         raise PreviewError(
             f"'{camera.name}' is linked from another file: make a library override of it first"
         )
-    if len(camera.scfpf.surfaces) < 2 or any(slot.object is None for slot in camera.scfpf.surfaces):
-        raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
+    _check_surfaces(camera)
     sync_volume_object(camera)
     table = remap_nodes.table_object(camera)
     source = bpy.data.collections.new(f"{camera.name} Preview Source")
@@ -100,9 +99,15 @@ def make_preview(scene, view_layer, camera):
     settings.camera, settings.scene, settings.view_layer = camera, scene, view_layer.name
     settings.view_camera, settings.table, settings.shelf = view_camera, table, shelf
     add_parts(source, 1)
+    _keep_size(table)
     scene.collection.children.link(shelf)
     settle_in_layers(source)
     return source
+
+
+def _check_surfaces(camera) -> None:
+    if len(camera.scfpf.surfaces) < 2 or any(slot.object is None for slot in camera.scfpf.surfaces):
+        raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
 
 
 def add_parts(source, count: int) -> list:
@@ -118,9 +123,8 @@ def add_parts(source, count: int) -> list:
         _shelve(settings.shelf, picture, camera)
         part = settings.parts.add()
         part.members, part.picture = members, picture
+        _set_modifier(source, part, remap_nodes.preview_group(camera))
         new.append(picture)
-    if new:
-        update_pictures(source)
     return new
 
 
@@ -158,9 +162,13 @@ def _new_view_camera(camera):
 
 
 def update_pictures(source) -> None:
-    """The table and the modifiers as the camera's list of surfaces and settings now ask for."""
+    """The table and the modifiers as the camera's list of surfaces and settings now ask for.
+
+    Raises PreviewError; the picture is then as it was.
+    """
     settings = source.scfpf_preview
     camera = settings.camera
+    _check_surfaces(camera)
     if camera.get(TABLE_KEY) is None:
         # Library overrides lose custom properties when a file is loaded.
         camera[TABLE_KEY] = settings.table

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview's data: what switching it on makes, what it follows, what switching it off leaves."""
 
-from types import SimpleNamespace
-
 import bpy
 import pytest
 from mathutils import Matrix
@@ -16,46 +14,6 @@ def preview(addon):
 @pytest.fixture
 def data(addon):
     return addon("scfpf_addon.scanline.preview_data")
-
-
-@pytest.fixture
-def light_nodes(data, monkeypatch):
-    """Nodes that pass the collection on: what is about datablocks need not invert volumes."""
-
-    def group(_camera):
-        found = bpy.data.node_groups.get("Passes On")
-        if found is not None:
-            return found
-        tree = bpy.data.node_groups.new("Passes On", "GeometryNodeTree")
-        for name, kind in (
-            ("Collection", "Collection"),
-            ("Table", "Object"),
-            ("Aspect", "Float"),
-            ("Picture Width", "Float"),
-            ("Pixel Error", "Float"),
-        ):
-            tree.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
-        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-        given, info, real, end = (
-            tree.nodes.new(kind)
-            for kind in (
-                "NodeGroupInput",
-                "GeometryNodeCollectionInfo",
-                "GeometryNodeRealizeInstances",
-                "NodeGroupOutput",
-            )
-        )
-        tree.links.new(given.outputs["Collection"], info.inputs["Collection"])
-        tree.links.new(info.outputs[0], real.inputs[0])
-        tree.links.new(real.outputs[0], end.inputs[0])
-        return tree
-
-    def table(camera):
-        name = f"{camera.name} Table"
-        found = bpy.data.objects.get(name)
-        return found or bpy.data.objects.new(name, bpy.data.meshes.new(name))
-
-    monkeypatch.setattr(data, "remap_nodes", SimpleNamespace(preview_group=group, table_object=table))
 
 
 @pytest.fixture
