@@ -12,6 +12,8 @@ DIFFERENCES = (
     "Solid and Material Preview, no lamps",
     "For Rendered shading press Render",
     "Shows all that renders, hidden or not",
+    "No hair, points, particles, Grease Pencil",
+    "Materials of the mesh, not of the object",
 )
 LEFT_OUT = (
     ("unreachable", "{:,} faces left out: beyond the volume's reach"),

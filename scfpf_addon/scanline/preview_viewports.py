@@ -16,6 +16,8 @@ NARROWEST = 250
 SPLIT_FACTOR = 0.501
 # What the preview can be shaded with: EEVEE's and Cycles' lamps would stand in warped space.
 SHADINGS = {"SOLID", "MATERIAL"}
+# What Solid shading can be coloured by: the objects of a picture are one.
+COLORS = {"MATERIAL", "SINGLE", "TEXTURE", "VERTEX"}
 
 # The areas that showed a preview, by address: what is left to know them by once its camera is gone.
 _shown_in: set[int] = set()
@@ -150,7 +152,8 @@ def show_preview(window, area, source) -> None:
 def _set_look(space) -> None:
     space.overlay.show_overlays = False
     space.show_gizmo = False
-    for name in ("show_region_ui", "show_region_toolbar", "show_region_tool_header"):
+    bars = ("show_region_ui", "show_region_toolbar", "show_region_tool_header", "show_region_asset_shelf")
+    for name in bars:
         # Blender would animate the vanishing of what is hidden already, and might leave it open.
         if getattr(space, name):
             setattr(space, name, False)
@@ -159,6 +162,8 @@ def _set_look(space) -> None:
     space.region_3d.use_clip_planes = False
     if space.shading.type not in SHADINGS:
         space.shading.type = "SOLID"
+    if space.shading.color_type not in COLORS:
+        space.shading.color_type = "MATERIAL"
     space.shading.show_xray = False
 
 

@@ -16,7 +16,7 @@ from .table_object import table_object
 
 __all__ = ["COUNTS", "preview_group", "remap_counts", "remap_group", "table_object"]
 
-NORMAL = "scfpf_normal"
+NORMAL, MIRRORED = "scfpf_normal", "scfpf_mirrored"
 # The attribute of the finished mesh that says what was left out: faces without a place, folded faces.
 COUNTS = "SCFPF Left Out"
 
@@ -48,8 +48,14 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
     view = view_inputs(nodes, table, given["Aspect"])
     nodes.open_frame("The scene's mesh, with its shading")
-    real = nodes.out("GeometryNodeRealizeInstances", "Realize", {"Geometry": given["Geometry"]})
+    # Realizing turns what is mirrored inside out.
+    own = nodes.out("GeometryNodeInstanceTransform", "Of the Instance", {})
+    mirrored = nodes.out("FunctionNodeMatrixDeterminant", "Determinant", {0: own}) < 0.0
+    marked = nodes.store(given["Geometry"], MIRRORED, mirrored, "BOOLEAN", "INSTANCE")
+    real = nodes.out("GeometryNodeRealizeInstances", "Realize", {"Geometry": marked})
     mesh = nodes.out("GeometryNodeSeparateComponents", "Mesh", {"Geometry": real}, "Mesh")
+    is_mirrored = {"Mesh": mesh, "Selection": nodes.attribute(MIRRORED, "BOOLEAN")}
+    mesh = nodes.out("GeometryNodeFlipFaces", "Mirrored Faces", is_mirrored)
     faces = nodes.out("GeometryNodeAttributeDomainSize", "Faces", {0: mesh}, "Face Count", component="MESH")
     mesh = nodes.switch(faces > 0.5, None, mesh, "GEOMETRY", "Nothing without Faces")
     normal = nodes.out("GeometryNodeInputNormal", "Normal", {})
@@ -91,7 +97,7 @@ def preview_group(camera):
         seen = nodes.out(
             "GeometryNodeCollectionInfo",
             "Scene",
-            {"Collection": given["Collection"]},
+            {"Collection": given["Collection"], "Separate Children": True},
             transform_space="RELATIVE",
         )
         options = {key: given[key] for key in REMAP_INPUTS}

@@ -60,9 +60,16 @@ def read(values, name, width, kind=np.float32):
 def elements(mesh, matrix=None):
     """What is to survive, corner by corner: place, normal, UV, colour; and each face's material and size."""
     matrix = np.eye(4) if matrix is None else np.array(matrix)
-    corners = read(mesh.loops, "vertex_index", 1, np.int32)[:, 0].astype(int)
+    order = np.arange(len(mesh.loops))
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        # Seen from its outside, the corners of a mirrored face go round the other way.
+        for face in mesh.polygons:
+            order[face.loop_start + 1 : face.loop_start + face.loop_total] = order[
+                face.loop_start + face.loop_total - 1 : face.loop_start : -1
+            ]
+    corners = read(mesh.loops, "vertex_index", 1, np.int32)[order, 0].astype(int)
     place = read(mesh.vertices, "co", 3) @ matrix[:3, :3].T + matrix[:3, 3]
-    normal = read(mesh.corner_normals, "vector", 3) @ np.linalg.inv(matrix[:3, :3])
+    normal = read(mesh.corner_normals, "vector", 3)[order] @ np.linalg.inv(matrix[:3, :3])
     found = {
         "place": place[corners],
         "normal": normal / np.linalg.norm(normal, axis=1, keepdims=True),
@@ -72,11 +79,11 @@ def elements(mesh, matrix=None):
     numbers = read(mesh.polygons, "material_index", 1, np.int32)[:, 0].astype(int)
     found["materials"] = [names[min(number, len(names) - 1)] for number in numbers]
     if mesh.uv_layers:
-        found["uv"] = read(mesh.uv_layers[0].uv, "vector", 2)
+        found["uv"] = read(mesh.uv_layers[0].uv, "vector", 2)[order]
     if "Tint" in mesh.attributes:
         tint = mesh.attributes["Tint"]
         values = read(tint.data, "color", 4)
-        found["tint"] = values if tint.domain == "CORNER" else values[corners]
+        found["tint"] = values[order] if tint.domain == "CORNER" else values[corners]
     return found
 
 
@@ -160,7 +167,7 @@ def custom_normals():
 
 def mirrored():
     ball = add_ball()
-    ball.scale = (-1.0, 0.5, 2.0)
+    ball.scale = (-1.5, 1.5, 1.5)
     ball.rotation_euler = (0.3, 0.2, 0.1)
 
 
