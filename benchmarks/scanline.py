@@ -31,9 +31,10 @@ REMAP_GOAL, WHOLE_GOAL = 3.0, 6.0
 RUNS = 5
 
 
-def sheet_mesh(volume, columns: int, rows: int):
-    """A waving sheet of triangles across the middle of a volume, all of it inside."""
-    x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.05, 0.95, columns), np.linspace(0.05, 0.95, rows)))
+def sheet_mesh(volume, columns: int, rows: int, share: float = 0.9):
+    """A waving sheet of triangles across that share of a volume, in its middle, all of it inside."""
+    low, high = 0.5 - share / 2, 0.5 + share / 2
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(low, high, columns), np.linspace(low, high, rows)))
     t = 0.5 + 0.2 * np.sin(9 * x) * np.cos(7 * y)
     points = volume.evaluate(x, y, t).position.T.astype(np.float32)
     number = np.arange(columns * rows).reshape(rows, columns)
@@ -132,7 +133,7 @@ def measure_moves(projection, vertices: int, runs: int) -> dict:
     camera = flexible_scene(projection)
     columns = round(math.sqrt(vertices))
     heavy = bpy.data.objects.new("Heavy", sheet_mesh(projection.volume, columns, columns))
-    small = bpy.data.objects.new("Small", sheet_mesh(projection.volume, 20, 20))
+    small = bpy.data.objects.new("Small", sheet_mesh(projection.volume, 20, 20, 0.1))
     for each in (heavy, small):
         bpy.context.scene.collection.objects.link(each)
     source = preview.switch_on(bpy.context, camera)
