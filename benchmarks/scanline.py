@@ -159,7 +159,7 @@ def report_moves(result: dict) -> None:
     """Print one line of figures."""
     small, whole, off = (result["seconds"][name] for name in ("small", "whole", "off"))
     print(
-        f"  {result['triangles']:>9,} triangles: a small object moved {small * 1e3:6.1f} ms, everything moved "
+        f"  {result['triangles']:>9,} triangles: a small object moved {small * 1e3:6.1f} ms, everything "
         f"{whole * 1e3:6.1f} ms, {whole / small:.0f} × as long; preview off {off * 1e3:.1f} ms"
     )
 

@@ -29,6 +29,9 @@ from .preview_data import (
 from .preview_members import places_of, shown_objects, take_members, visibility_signature
 from .preview_parts import OVERFULL, SHARED_FACES, face_count, share_out
 
+# What decides, of a surface patch, which points of it Blender draws.
+NET = ("point_count_u", "point_count_v", "resolution_u", "resolution_v", "use_cyclic_u", "use_cyclic_v")
+
 # What was seen at the last look, by session_uid of the preview's collection: numbers and bytes only.
 _seen_objects: dict[int, bytes] = {}
 _seen_cameras: dict[int, tuple] = {}
@@ -101,11 +104,7 @@ def _surface_signature(slot, weighted: bool) -> tuple | None:
         layer = uv_layer(surface.data)
         drawn = (len(surface.data.vertices), len(surface.data.polygons), layer.name if layer else "")
     elif surface.type == "SURFACE":
-        drawn = tuple(
-            (spline.point_count_u, spline.point_count_v, spline.resolution_u, spline.resolution_v)
-            + (spline.use_cyclic_u, spline.use_cyclic_v)
-            for spline in surface.data.splines
-        )
+        drawn = tuple(tuple(getattr(spline, name) for name in NET) for spline in surface.data.splines)
     weight = slot.weight if weighted else 1.0
     return surface.session_uid, surface.scfpf_surface.kind, weight, len(surface.modifiers), drawn
 

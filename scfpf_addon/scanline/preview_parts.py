@@ -30,9 +30,9 @@ def share_out(weights: dict[int, int], present: dict[int, int]) -> dict[int, int
     for uid, part in result.items():
         loads[part] = loads.get(part, 0) + weights[uid]
         counts[part] = counts.get(part, 0) + 1
-    if not any(loads[part] > OVERFULL * capacity and counts[part] > 1 for part in loads):
-        if _fill(weights, loads, result, capacity):
-            return result
+    overfull = any(loads[part] > OVERFULL * capacity and counts[part] > 1 for part in loads)
+    if not overfull and _fill(weights, loads, result, capacity):
+        return result
     result = {}
     _fill(weights, {}, result, capacity)
     return result
@@ -42,9 +42,7 @@ def _fill(weights: dict[int, int], loads: dict[int, int], result: dict[int, int]
     """Give every object that has none a part, the heaviest first; False if there are not enough parts."""
     for uid in sorted(weights.keys() - result.keys(), key=lambda uid: (-weights[uid], uid)):
         fits = (
-            part
-            for part in range(MOST_PARTS)
-            if part not in loads or loads[part] + weights[uid] <= capacity
+            part for part in range(MOST_PARTS) if part not in loads or loads[part] + weights[uid] <= capacity
         )
         part = next(fits, None)
         if part is None:

@@ -279,7 +279,9 @@ def test_a_deleted_camera_takes_its_preview_along(camera, data, addon):
     assert other.name in left["objects"]
 
 
-@pytest.mark.parametrize("how", ["delete", "unlink", "ordinary", "picture", "members", "view_camera", "table", "shelf"])
+@pytest.mark.parametrize(
+    "how", ["delete", "unlink", "ordinary", "picture", "members", "view_camera", "table", "shelf"]
+)
 @pytest.mark.usefixtures("light_nodes")
 def test_a_lost_part_ends_the_preview(camera, data, how):
     add_cube()

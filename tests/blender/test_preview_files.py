@@ -106,6 +106,30 @@ def test_linked_objects_are_shown(source, tmp_path):
     assert len(picture_points(source)) > alone
 
 
+def test_instances_of_linked_and_of_empty_collections_are_shown(source, tmp_path):
+    alone = picture_points(source)
+    held = bpy.data.collections.new("Held")
+    bpy.ops.mesh.primitive_cube_add(location=(0, 0, 0))
+    cube = bpy.context.object
+    held.objects.link(cube)
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {held})
+    bpy.data.batch_remove([cube, held])
+    with bpy.data.libraries.load(path, link=True) as (_, to):
+        to.collections = ["Held"]
+    carrier = bpy.data.objects.new("Carrier", None)
+    carrier.instance_type = "COLLECTION"
+    bpy.context.scene.collection.objects.link(carrier)
+    for held in (bpy.data.collections.new("Empty"), to.collections[0]):
+        carrier.instance_collection = held
+        assert names(source) == {"Cube", "Carrier"}
+        assert (len(picture_points(source)) > len(alone)) == (held.library is not None)
+    bpy.data.objects["Cube"].hide_render = True
+    carrier.instance_collection = bpy.data.collections["Empty"]
+    names(source)
+    assert picture_points(source) == []
+
+
 def test_a_linked_camera_is_refused(data, tmp_path):
     bpy.ops.scfpf.camera_add()
     linked = write_library(tmp_path, bpy.context.scene.camera)

@@ -75,7 +75,9 @@ def edits():
 
 def shown_by(source):
     """The name of the picture by the name of what it shows."""
-    return {one.name: part.picture.name for part in source.scfpf_preview.parts for one in part.members.objects}
+    return {
+        one.name: part.picture.name for part in source.scfpf_preview.parts for one in part.members.objects
+    }
 
 
 def test_few_light_objects_share_a_part(parts):
@@ -93,7 +95,8 @@ def test_heavy_objects_have_a_part_each(parts):
 def test_parts_are_few_and_none_that_is_shared_is_heavy(parts, seed):
     generator = np.random.default_rng(seed)
     count = int(generator.integers(1, 400))
-    weights = dict(enumerate((10 ** generator.uniform(0, generator.uniform(1, 6.5), count)).astype(int).tolist()))
+    faces = 10 ** generator.uniform(0, generator.uniform(1, 6.5), count)
+    weights = dict(enumerate(faces.astype(int).tolist()))
     places = parts.share_out(weights, {})
     assert places.keys() == weights.keys()
     assert set(places.values()) == set(range(max(places.values()) + 1))

@@ -104,10 +104,8 @@ def of_scene():
 
 
 def joined(found):
-    return {
-        key: sum((one[key] for one in found), []) if key == "materials" else np.concatenate([one[key] for one in found])
-        for key in found[0]
-    }
+    whole = {key: np.concatenate([one[key] for one in found]) for key in found[0]}
+    return whole | {"materials": whole["materials"].tolist()}
 
 
 def undone(mesh):

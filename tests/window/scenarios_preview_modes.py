@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 from driver import DRAW, build_scene
-from scenarios_preview import SETTLE, look, preview_areas, prepare, source_of, toggle, until_shown
+from scenarios_preview import SETTLE, look, prepare, preview_areas, source_of, toggle, until_shown
 
 
 def pictures(source):
