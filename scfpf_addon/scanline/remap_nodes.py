@@ -16,7 +16,7 @@ from .table_object import table_object
 
 __all__ = ["COUNTS", "preview_group", "remap_counts", "remap_group", "table_object"]
 
-NORMAL, MIRRORED = "scfpf_normal", "scfpf_mirrored"
+NORMAL = "scfpf_normal"
 # The attribute of the finished mesh that says what was left out: faces without a place, folded faces.
 COUNTS = "SCFPF Left Out"
 
@@ -27,6 +27,8 @@ REMAP_INPUTS = {
     "Picture Width": ("Float", 1000.0, "Pixels across the picture"),
     "Rounds": ("Int", 12, "How often large faces are divided, at most"),
 }
+# Whether what is realized comes from an instance that is mirrored.
+MIRRORED = "scfpf_mirrored"
 
 
 def remap_group():
