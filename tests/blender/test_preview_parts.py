@@ -161,6 +161,17 @@ def test_unrelated_edits_make_nothing_anew(preview, edits):
 
 
 @pytest.mark.usefixtures("light_nodes")
+def test_what_is_left_out_is_summed_over_the_pictures(preview, data, monkeypatch):
+    source = preview()
+    data.add_parts(source, 3)
+    counts = {"unreachable": 5, "folded": 7}
+    monkeypatch.setattr(data.remap_nodes, "remap_counts", lambda _evaluated: counts, raising=False)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    # Faces are each picture's own, the folds of the volume are the same in all.
+    assert data.left_out(source, depsgraph) == {"unreachable": 15, "folded": 7}
+
+
+@pytest.mark.usefixtures("light_nodes")
 def test_what_becomes_heavy_gets_a_picture_of_its_own(preview, data):
     grid, _ = add_grid("Grid", 100), add_grid("Light", 3, (1, 0, 0))
     source = preview()
