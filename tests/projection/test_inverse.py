@@ -27,7 +27,9 @@ from scfpf_addon.projection.uv_chart import UVChart
 from scfpf_addon.projection.uv_mesh import UVMesh
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 
-PRESETS = sorted((pathlib.Path(__file__).resolve().parents[2] / "presets").glob("*.json"))
+FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
+# The epipolar plane image has a plane for a volume: neither orientation nor inverse.
+PRESETS = sorted(set(FOLDER.glob("*.json")) - {FOLDER / "epi.json"})
 
 
 def placed(z):
