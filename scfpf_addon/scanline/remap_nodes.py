@@ -27,6 +27,8 @@ REMAP_INPUTS = {
     "Picture Width": ("Float", 1000.0, "Pixels across the picture"),
     "Rounds": ("Int", 12, "How often large faces are divided, at most"),
 }
+# Whether what is realized comes from an instance that is mirrored.
+MIRRORED = "scfpf_mirrored"
 
 
 def remap_group():
@@ -48,8 +50,14 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
     view = view_inputs(nodes, table, given["Aspect"])
     nodes.open_frame("The scene's mesh, with its shading")
-    real = nodes.out("GeometryNodeRealizeInstances", "Realize", {"Geometry": given["Geometry"]})
+    # Realizing turns what is mirrored inside out.
+    own = nodes.out("GeometryNodeInstanceTransform", "Of the Instance", {})
+    mirrored = nodes.out("FunctionNodeMatrixDeterminant", "Determinant", {0: own}) < 0.0
+    marked = nodes.store(given["Geometry"], MIRRORED, mirrored, "BOOLEAN", "INSTANCE")
+    real = nodes.out("GeometryNodeRealizeInstances", "Realize", {"Geometry": marked})
     mesh = nodes.out("GeometryNodeSeparateComponents", "Mesh", {"Geometry": real}, "Mesh")
+    is_mirrored = {"Mesh": mesh, "Selection": nodes.attribute(MIRRORED, "BOOLEAN")}
+    mesh = nodes.out("GeometryNodeFlipFaces", "Mirrored Faces", is_mirrored)
     faces = nodes.out("GeometryNodeAttributeDomainSize", "Faces", {0: mesh}, "Face Count", component="MESH")
     mesh = nodes.switch(faces > 0.5, None, mesh, "GEOMETRY", "Nothing without Faces")
     normal = nodes.out("GeometryNodeInputNormal", "Normal", {})
@@ -91,7 +99,7 @@ def preview_group(camera):
         seen = nodes.out(
             "GeometryNodeCollectionInfo",
             "Scene",
-            {"Collection": given["Collection"]},
+            {"Collection": given["Collection"], "Separate Children": True},
             transform_space="RELATIVE",
         )
         options = {key: given[key] for key in REMAP_INPUTS}

@@ -108,6 +108,7 @@ def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, a
     section = bpy.types.SCFPF_PT_view_preview
     differences = texts(drawn(section))
     assert "no lamps" in differences and "Rendered" in differences and "hidden" in differences
+    assert "hair" in differences and "not of the object" in differences
     bpy.ops.scfpf.preview_toggle()
     remap_nodes = addon("scfpf_addon.scanline.remap_nodes")
     for counts, told in (
