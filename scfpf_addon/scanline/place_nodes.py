@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from .field_nodes import FieldBuilder, Value, node_group
-from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group
+from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group, whole_table
 from .table_nodes import LATTICE
 
 # The attribute that holds a vertex' place in the viewbox.
@@ -32,6 +32,9 @@ VIEW_INPUTS = TABLE_INPUTS | {
     "Low": ("Vector", None, "Lower corner of the lattice"),
     "Extent": ("Vector", None, "Size of the lattice"),
     "Aspect": ("Float", 1.0, "Width over height of the picture"),
+    "From": ("Vector", (0.0, 0.0, 0.0), "Least x, y and t that are shown"),
+    "To": ("Vector", (1.0, 1.0, 1.0), "Greatest x, y and t that are shown"),
+    "Branch": ("Bool", False, "Is it one of several branches of the inverse?"),
 }
 PLACED = {"Position": "Vector"}
 
@@ -41,6 +44,7 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
     parts = nodes.node("GeometryNodeSeparateComponents", "Cloud and Table", {"Geometry": table})
     cloud, points = Value(nodes, parts.outputs["Mesh"]), Value(nodes, parts.outputs["Point Cloud"])
     given = {"Table": points, "Cloud": cloud, "Aspect": aspect}
+    given |= {"From": (0.0, 0.0, 0.0), "To": (1.0, 1.0, 1.0), "Branch": False}
     for label, name in (
         ("Size", "size"),
         ("Wrap", "wrap"),
@@ -49,25 +53,31 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
         ("Extent", "extent"),
     ):
         given[label] = nodes.sample(cloud, nodes.attribute(name, "FLOAT_VECTOR"), 0, "FLOAT_VECTOR", label)
-    return given
+    return whole_table(points, given["Size"], given["Wrap"]) | given
+
+
+def on_screen(nodes: FieldBuilder, given: dict[str, Value], place: Value) -> Value:
+    """(x, y, t) as a place in the viewbox."""
+    ratio, _, polar = given["Numbers"].parts()
+    aspect = given["Aspect"]
+    x, y, t = place.parts()
+    nodes.open_frame("Perspective depth: straight in straight views, so that faces cut each other right")
+    spread = ratio + t * (1.0 - ratio)
+    least = ratio.least(1.0) * 0.25
+    depth = t / spread.most(least)
+    nodes.open_frame("Over the picture's width; a polar picture's disc touches the nearer borders")
+    disc = 1.0 / aspect.most(1.0)
+    across = (x - 0.5) * nodes.mix(polar, 1.0, disc)
+    up = (y - 0.5) * nodes.mix(polar, 1.0 / aspect, disc)
+    return nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")
 
 
 def viewbox_group():
     """From (x, y, t) to the viewbox, or to nowhere if it is no solution."""
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        ratio, turn, polar = given["Numbers"].parts()
-        aspect, place = given["Aspect"], given["Place"]
-        x, y, t = place.parts()
-        nodes.open_frame("Perspective depth: straight in straight views, so that faces cut each other right")
-        spread = ratio + t * (1.0 - ratio)
-        least = ratio.least(1.0) * 0.25
-        depth = t / spread.most(least)
-        nodes.open_frame("Over the picture's width; a polar picture's disc touches the nearer borders")
-        disc = 1.0 / aspect.most(1.0)
-        across = (x - 0.5) * nodes.mix(polar, 1.0, disc)
-        up = (y - 0.5) * nodes.mix(polar, 1.0 / aspect, disc)
-        there = nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")
+        place, turn = given["Place"], given["Numbers"].parts()[1]
+        there = on_screen(nodes, given, place)
         nodes.open_frame("Is it a solution, and on the viewer's side of an apex?")
         half = (place - (0.5, 0.5, 0.5)).absolute()
         a, b, c = half.parts()
@@ -155,6 +165,8 @@ def store_places(
 ) -> Value:
     """The mesh with the places of its elements: quickly, and once more what that left open."""
     quick = nodes.call(quick_place_group(), "Quick Place", given)["Position"]
+    # A branch has no lattice of its own.
+    quick = nodes.switch(given["Branch"], quick, (0.0, 0.0, NOWHERE), "VECTOR", "Branch?")
     mesh = nodes.store(mesh, name, quick, "FLOAT_VECTOR", domain)
     z = nodes.attribute(name, "FLOAT_VECTOR").parts()[2]
     open_still = nodes.both(z > 0.0, z < (NOWHERE + SURELY_NOWHERE) / 2)

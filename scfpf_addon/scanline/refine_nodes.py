@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from ..bridge import versions
 from .field_nodes import FieldBuilder, Value, node_group
-from .place_nodes import BOX, FAR_Z, NEAR_Z, VIEW_INPUTS, store_places
+from .place_nodes import BOX, VIEW_INPUTS, on_screen, store_places
 from .solve_nodes import PROJECTOR
 
 # Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
@@ -36,6 +36,10 @@ GUESS_MARGIN_T = 0.1
 SPREAD = 2.0
 # A face without a place that is smaller than this share of the distance between points of the cloud stays so.
 SMALL_SHARE = 0.5
+# A face without a place, as large as this in (x, y, t) by linear guess, is not looked at more closely.
+NOTHING_SIZE = 0.01
+# A face that is this large in the picture, in pixels, and this much smaller by linear guess, spans two sheets.
+LEAP, LEAP_SHARE = 4.0, 0.125
 # With more faces than this nothing more is divided: memory must stay bounded.
 MOST_FACES = 400_000.0
 
@@ -67,7 +71,10 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     small = nodes.both(square - box.dot(box) < spread, box.parts()[2] < 0.0)
     # Not the maximum: Blender sorts for it.
     large = nodes.statistic(given["Mesh"], nodes.negate(small) + 0.0, "Sum", "Large Faces", domain="FACE")
+    large = large + given["Branch"]
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
+    _, shown = nodes.separate(small_part, _all_on_one_side(nodes, given, box), "Out of the Branch")
+    small_part = nodes.switch(given["Branch"], small_part, shown, "GEOMETRY", "Branch?")
     at_rim, within = nodes.separate(small_part, _across_rim(nodes, given), "At the Rim")
     is_polar = given["Numbers"].parts()[2] > 0.5
     large = large + is_polar
@@ -276,31 +283,43 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     ratio = given["Numbers"].parts()[0]
     size_there = (ratio + guess.parts()[2] * (1.0 - ratio)).most(0.0)
     margin = nodes.xyz(GUESS_MARGIN, GUESS_MARGIN, size_there * GUESS_MARGIN_T, "Margin")
-    beyond = (guess - (0.5, 0.5, 0.5)).absolute() - (0.5, 0.5, 0.5) - margin - away_guess
+    beyond = (given["From"] - guess).most(guess - given["To"]) - margin - away_guess
     x, y, t = (beyond - given["Wrap"] * 1e9).parts()
     torn = nodes.negate(there)
     out = nodes.either(out, nodes.both(torn, x.most(y).most(t) > 0.0))
-    across, up, _ = away_guess.parts()
-    hopeless = nodes.both(torn, across.most(up) < pixel)
+    across, up, along = away_guess.parts()
+    nowhere = nodes.both(_all_nowhere(nodes), centre.parts()[2] > 0.0)
+    out = nodes.either(out, nodes.both(nowhere, across.most(up).most(along) < NOTHING_SIZE))
+    nodes.open_frame("Too small to be divided: torn at a border of the volume, or between two of its sheets")
+    size = off.length()
+    leap = nodes.both(there, nodes.both(size > pixel * LEAP, across.most(up) < pixel * LEAP_SHARE))
+    hopeless = nodes.either(leap, nodes.both(torn, across.most(up) < pixel))
     nodes.open_frame("Their fate")
     few = _faces(nodes, mesh) < MOST_FACES
     divide = nodes.both(nodes.both(wanted, few), nodes.negate(nodes.either(out, hopeless)))
-    keep = nodes.both(there, nodes.negate(nodes.either(out, divide)))
+    keep = nodes.both(nodes.both(there, nodes.negate(leap)), nodes.negate(nodes.either(out, divide)))
     lost = nodes.negate(nodes.either(out, nodes.either(divide, keep)))
     left = nodes.statistic(mesh, lost * 1.0, "Sum", "Left Out", domain="FACE")
     return nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), left
 
 
-def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value) -> Value:
-    """Whether all corners and the middle of a face lie beyond the same side of the viewbox."""
-    width, height = 0.5 + FRAME_MARGIN, 0.5 / given["Aspect"] + FRAME_MARGIN
+def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value | None = None) -> Value:
+    """Whether all corners, and the middle, of a face lie beyond the same side of what is shown."""
+    low, high = (on_screen(nodes, given, given[end]) for end in ("From", "To"))
+    # Nearer is more: z runs from -1 to -2.
+    margin = nodes.xyz(FRAME_MARGIN, FRAME_MARGIN, 0.0, "Margin")
+    turned = (1.0, 1.0, -1.0)
+    below, above = low * turned - margin, high * turned + margin
     result = None
-    for part, middle, low, high in zip(
-        box.parts(), centre.parts(), (-width, -1.0 * height, FAR_Z), (width, height, NEAR_Z), strict=True
-    ):
-        for corners, own in ((part > high, middle > high), (part < low, middle < low)):
-            every = nodes.evaluate_on(corners, "POINT", "BOOLEAN", "All Corners")
-            side = nodes.both(every, own)
+    box = box * turned
+    for axis in range(3):
+        part, least, most = (value.parts()[axis] for value in (box, below, above))
+        sides = [(part > most), (part < least)]
+        sides = [nodes.evaluate_on(side, "POINT", "BOOLEAN", "All Corners") for side in sides]
+        if centre is not None:
+            middle = (centre * turned).parts()[axis]
+            sides = [nodes.both(sides[0], middle > most), nodes.both(sides[1], middle < least)]
+        for side in sides:
             result = side if result is None else nodes.either(result, side)
     return result
 

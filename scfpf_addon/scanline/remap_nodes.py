@@ -9,6 +9,7 @@ its local matrix, sensor fit HORIZONTAL, ortho scale 1 and clip range 1 to 2 fra
 
 from __future__ import annotations
 
+from .branch_nodes import with_branches
 from .field_nodes import FieldBuilder, Value, node_group, remove_attributes
 from .place_nodes import BOX, store_places, view_inputs
 from .refine_nodes import refine_group
@@ -58,10 +59,11 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     position = nodes.out("GeometryNodeInputPosition", "Position", {})
     inverse = nodes.out("FunctionNodeInvertMatrix", "Into Camera's Space", {0: matrix})
     point = {"Point": nodes.point(position, inverse, "In Camera's Space")}
-    mesh = store_places(nodes, mesh, view | point)
+    options = {key: given[key] for key in ("Pixel Error", "Picture Width", "Rounds")} | {"Inverse": inverse}
+    placed = store_places(nodes, mesh, view | point)
     nodes.open_frame("Large faces are divided, what has no place goes")
-    options = {key: given[key] for key in ("Pixel Error", "Picture Width", "Rounds")}
-    refined = nodes.call(refine_group(), "Refine", view | options | {"Mesh": mesh, "Inverse": inverse})
+    single = nodes.call(refine_group(), "Refine", view | options | {"Mesh": placed})
+    refined = with_branches(nodes, view, options | point | {"Mesh": mesh}, single)
     nodes.open_frame("Into the viewbox, with the shading of the scene")
     place = nodes.point(nodes.attribute(BOX, "FLOAT_VECTOR"), matrix, "In Own Space")
     mesh = nodes.out(

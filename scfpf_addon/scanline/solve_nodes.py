@@ -25,7 +25,15 @@ TABLE_INPUTS = {
     "Table": ("Geometry", None, "Points of the table"),
     "Size": ("Vector", None, "Columns, rows and spans of the table"),
     "Wrap": ("Vector", None, "1 where x or y is periodic, else 0"),
+    "First Cell": ("Vector", None, "Column, row and span of the first cell that is looked at"),
+    "Last Cell": ("Vector", None, "Column, row and span of the last one; beyond, these two go on"),
 }
+
+
+def whole_table(table: Value, size: Value, wrap: Value) -> dict[str, Value | tuple]:
+    """What ``TABLE_INPUTS`` ask for, to look at all cells of a table."""
+    last = size - (2.0, 2.0, 1.0)
+    return {"Table": table, "Size": size, "Wrap": wrap, "First Cell": (0.0, 0.0, 0.0), "Last Cell": last}
 
 
 def look_up_group():
@@ -36,7 +44,7 @@ def look_up_group():
         size, place = given["Size"], given["Position"]
         wrapped = place - place.floor() * given["Wrap"]
         in_cells = wrapped * (size - (1.0, 1.0, 0.0))
-        cell = in_cells.floor().most((0.0, 0.0, 0.0)).least(size - (2.0, 2.0, 1.0))
+        cell = in_cells.floor().most(given["First Cell"]).least(given["Last Cell"])
         a, b, t = (in_cells - cell).parts()
         columns, rows, spans = size.parts()
         first = cell.dot(nodes.xyz(1.0, columns, columns * rows, "Index Steps"))

@@ -19,9 +19,11 @@ from .solve_nodes import (
     look_up_group,
     nearest_start,
     solve_group,
+    whole_table,
 )
 from .spans import power_spans
 from .surface_point import surface_point_group
+from .table_branches import BLOCK, block_number, store_branches
 
 # Points of the cloud across, up and along the volume.
 CLOUD = (12, 12, 16)
@@ -60,21 +62,20 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         table, size = _projectors(nodes, given, powers)
         wrap = _periodic(nodes, table, size)
-        whole = {"Table": table, "Size": size, "Wrap": wrap}
+        whole = whole_table(table, size, wrap)
         ratio = _ratio(nodes, whole)
         cloud = _cloud(nodes, whole, ratio, given["Polar"])
+        cloud, sign, branches = store_branches(nodes, whole, cloud)
         box, low, extent = _box(nodes, cloud)
         lattice = _lattice(nodes, whole, cloud, box, extent)
         nodes.open_frame("What is true of the whole table")
-        determinant = _determinant(nodes, whole)
-        sign = nodes.statistic(cloud, determinant, "Median", "Turn of the volume")
-        cloud = nodes.store(cloud, "folded", determinant * sign < 0.0, "FLOAT")
         for name, value in (
             ("size", size),
             ("wrap", wrap),
             ("ratio, turn, polar", nodes.xyz(ratio, sign, given["Polar"], "Numbers")),
             ("low", low),
             ("extent", extent),
+            ("branches", nodes.xyz(branches, 0.0, 0.0, "Branches")),
         ):
             cloud = nodes.store(cloud, name, value, "FLOAT_VECTOR")
         nodes.close_frame()
@@ -165,7 +166,7 @@ def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
             places = [
                 nodes.xyz(*((end, along) if axis == 0 else (along, end)), t, "End") for end in (0.0, 1.0, 0.5)
             ]
-            none = {"Table": table, "Size": size, "Wrap": (0.0, 0.0, 0.0)}
+            none = whole_table(table, size, (0.0, 0.0, 0.0))
             start, end, middle = (
                 nodes.call(look_up_group(), "At an End", none | {"Position": place})["Position"]
                 for place in places
@@ -224,6 +225,7 @@ def _cloud(nodes: FieldBuilder, whole, ratio: Value, polar: Value) -> Value:
         for share in (part, part - 1.0 / (along - 0.5))
     )
     cloud = nodes.store(cloud, "layer", t - before, "FLOAT")
+    cloud = nodes.store(cloud, BLOCK, block_number(nodes, x, y, layer / float(along)), "FLOAT")
     place = nodes.xyz(x, y, t, "Place")
     nodes.open_frame("Where they are, and the inverse map around them")
     cloud = nodes.store(cloud, "place", place, "FLOAT_VECTOR")
@@ -237,13 +239,6 @@ def _cloud(nodes: FieldBuilder, whole, ratio: Value, polar: Value) -> Value:
     )
     cloud = nodes.store(cloud, REACH, sides[0] + sides[1] + sides[2], "FLOAT")
     return nodes.out("GeometryNodeSetPosition", "Cloud", {"Geometry": cloud, "Position": found["Position"]})
-
-
-def _determinant(nodes: FieldBuilder, whole) -> Value:
-    found = nodes.call(
-        look_up_group(), "Q(place)", whole | {"Position": nodes.attribute("place", "FLOAT_VECTOR")}
-    )
-    return found["By x"].dot(found["By y"].cross(found["By t"]))
 
 
 def _box(nodes: FieldBuilder, cloud: Value):

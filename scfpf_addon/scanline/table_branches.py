@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which parts of a volume a point may be seen through more than once: the branches of its inverse.
+
+A volume is one branch as long as its samples lie in space as they do in the volume. Where it is turned inside out
+somewhere, or passes through where it has been already, it is taken apart into blocks and by
+the sign of its determinant, so that within a branch the inverse is one of one sheet nearly everywhere.
+"""
+
+from __future__ import annotations
+
+from .field_nodes import FieldBuilder, Value, node_group
+from .solve_nodes import TABLE_INPUTS, look_up_group, nearest_start, solve_group
+
+# Blocks across, up and along a volume that is not one-to-one.
+BLOCKS = (2, 2, 3)
+# Below this share of the product of its columns' lengths a determinant is nought but for rounding.
+FLAT = 1e-4
+# A point that is also seen from this much farther along the volume is seen twice.
+TWICE = 0.2
+# Nor is a solution that one more step would move by more than this one.
+SOLVED = 2e-3
+# Parts of the volume, along each axis, that are looked at for points of the other ones.
+PARTS = 3
+
+BRANCH, BLOCK, FOLDED = "branch", "block", "folded"
+
+
+def relative_determinant(nodes: FieldBuilder, found: dict[str, Value]) -> Value:
+    """det[Qx Qy Qt] over the product of the columns' lengths."""
+    x, y, t = (found[f"By {axis}"] for axis in "xyt")
+    return x.dot(y.cross(t)) / (x.length() * y.length() * t.length()).most(1e-30)
+
+
+def block_number(nodes: FieldBuilder, x: Value, y: Value, share: Value) -> Value:
+    """The number of the block of a place; share: how far along the volume, by layers of the cloud."""
+    across, up, along = BLOCKS
+    parts = ((x, across), (y, up), (share, along))
+    numbers = [(value * float(count)).floor().most(0.0).least(count - 1.0) for value, count in parts]
+    return numbers[0] + numbers[1] * float(across) + numbers[2] * float(across * up)
+
+
+def store_branches(nodes: FieldBuilder, whole, cloud: Value) -> tuple[Value, Value, Value]:
+    """The cloud in order of its branches, the sign of the volume's determinant, and how many branches there are.
+
+    The cloud must have "place" and ``BLOCK``; it gets ``BRANCH`` and ``FOLDED``.
+    """
+    nodes.open_frame("Where is the volume turned inside out?")
+    place = nodes.attribute("place", "FLOAT_VECTOR")
+    found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
+    determinant = relative_determinant(nodes, found)
+    sign = nodes.statistic(cloud, determinant, "Median", "Turn of the volume")
+    turn = (sign > 0.0) * 2.0 - 1.0
+    cloud = nodes.store(cloud, FOLDED, determinant * turn < -FLAT, "FLOAT")
+    folds = nodes.statistic(cloud, nodes.attribute(FOLDED), "Sum", "Folded Samples")
+    nodes.open_frame("Does it pass through itself?")
+    axes = []
+    for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
+        axes.append(nodes.call(seen_twice_group(), "Seen Twice", whole | {"Cloud": cloud, "Axis": axis})["Count"])
+    twice = nodes.switch(folds > 0.5, axes[0] + axes[1] + axes[2], 1.0, "FLOAT", "Folded Anyway?")
+    nodes.open_frame("Numbers of the branches")
+    key = nodes.attribute(BLOCK) * 2.0 + nodes.attribute(FOLDED)
+    key = nodes.switch(twice > 0.5, 0.0, key, "FLOAT", "One-to-One?")
+    cloud = numbered(nodes, cloud, key, BRANCH)
+    count = nodes.statistic(cloud, nodes.attribute(BRANCH), "Max", "Last Branch") + 1.0
+    return cloud, sign, count
+
+
+def numbered(nodes: FieldBuilder, points: Value, key: Value, name: str) -> Value:
+    """Points in order of a key; as an attribute, how many smaller keys there are."""
+    points = nodes.store(points, name, key, "FLOAT")
+    key = nodes.attribute(name)
+    ordered = nodes.out("GeometryNodeSortElements", "In Order", {"Geometry": points, "Sort Weight": key})
+    index = nodes.out("GeometryNodeInputIndex", "Index", {}) + 0.0
+    before = nodes.at_index(key, (index - 0.5).floor().most(0.0), "POINT", "FLOAT")
+    rank = nodes.out("GeometryNodeAccumulateField", "Rank", {"Value": (key - before).absolute() > 0.5})
+    return nodes.store(ordered, name, rank, "FLOAT")
+
+
+def seen_twice_group():
+    """How many of a cloud's points are also seen from far along an axis of the volume."""
+    inputs = TABLE_INPUTS | {
+        "Cloud": ("Geometry", None, "Points all over the volume"),
+        "Axis": ("Vector", None, "1 for x, y or t"),
+    }
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        table = {key: given[key] for key in TABLE_INPUTS}
+        place = nodes.attribute("place", "FLOAT_VECTOR")
+        point = nodes.out("GeometryNodeInputPosition", "Position", {})
+        wrap = given["Wrap"].dot(given["Axis"])
+        total = None
+        for number in range(PARTS):
+            nodes.open_frame(f"From part {number + 1}")
+            own_part = (place.dot(given["Axis"]) * float(PARTS)).floor().least(PARTS - 1.0)
+            part, _ = nodes.separate(given["Cloud"], (own_part - number).absolute() < 0.5, "Part", "POINT")
+            start, distance, reach = nearest_start(nodes, part, point)
+            away = _along(given["Axis"], start - place, wrap)
+            candidate = nodes.both(distance < reach, away > TWICE)
+            solved = nodes.call(solve_group(), "Solve", table | {"Point": point, "Start": start, "Steps": 6})
+            there = (solved["Position"] - (0.5, 0.5, 0.5)).absolute()
+            a, b, c = there.parts()
+            inside = nodes.both(a.most(b).most(c) < 0.5, solved["Last Step"] < SOLVED)
+            other = nodes.both(inside, _along(given["Axis"], solved["Position"] - place, wrap) > TWICE)
+            count = nodes.statistic(given["Cloud"], other + 0.0, "Sum", "Seen Twice", candidate)
+            total = count if total is None else total + count
+        return {"Count": total}
+
+    text = "How many points of a volume are also seen from far along an axis of it"
+    return node_group("SCFPF Seen Twice", text, inputs, {"Count": "Float"}, build)
+
+
+def _along(axis: Value, difference: Value, wrap: Value) -> Value:
+    """How far along an axis, the short way round where it is periodic."""
+    far = difference.dot(axis)
+    return (far - (far + 0.5).floor() * wrap).absolute()
