@@ -9,7 +9,7 @@ from __future__ import annotations
 from .field_nodes import FieldBuilder, Value, node_group
 from .place_nodes import VIEW_INPUTS, store_places
 from .refine_nodes import refine_group
-from .table_branches import BRANCH
+from .table_branches import BRANCH, LENGTHS
 from .table_nodes import CLOUD
 
 OPTIONS = {
@@ -70,6 +70,8 @@ def branch_group():
             "To": (nodes.statistic(cloud, place, "Max", "Greatest") + margin).least((1.0, 1.0, 1.0)),
         }
         view = {key: given[key] for key in VIEW_INPUTS} | ends | {"Cloud": cloud, "Branch": True}
+        scale = nodes.statistic(cloud, nodes.attribute(LENGTHS, "FLOAT_VECTOR"), "Mean", "Scale")
+        view["Scale"] = scale
         nodes.open_frame("The mesh as it sees it")
         mesh = store_places(nodes, given["Mesh"], view | {"Point": given["Point"]})
         options = {key: given[key] for key in OPTIONS}

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from .approach_nodes import approach_group
 from .field_nodes import FieldBuilder, Value, node_group
 from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group, whole_table
 from .table_nodes import LATTICE
@@ -21,6 +22,8 @@ ACCEPTED = 2e-3
 LATTICE_STEPS, CLOUD_STEPS = 1, 6
 # Guesses start at most this far outside of the volume.
 START_OUTSIDE = 0.25
+# A point that is this near to a branch, in reaches of its samples, is put on its crease.
+CREASE = 0.015
 # What is this near to the volume may be turned inside out: it is a fold, no mirror image beyond an apex.
 INSIDE = 1e-3
 
@@ -35,6 +38,7 @@ VIEW_INPUTS = TABLE_INPUTS | {
     "From": ("Vector", (0.0, 0.0, 0.0), "Least x, y and t that are shown"),
     "To": ("Vector", (1.0, 1.0, 1.0), "Greatest x, y and t that are shown"),
     "Branch": ("Bool", False, "Is it one of several branches of the inverse?"),
+    "Scale": ("Vector", (1.0, 1.0, 1.0), "Of a branch: how long its samples' derivatives are"),
 }
 PLACED = {"Position": "Vector"}
 
@@ -44,7 +48,7 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
     parts = nodes.node("GeometryNodeSeparateComponents", "Cloud and Table", {"Geometry": table})
     cloud, points = Value(nodes, parts.outputs["Mesh"]), Value(nodes, parts.outputs["Point Cloud"])
     given = {"Table": points, "Cloud": cloud, "Aspect": aspect}
-    given |= {"From": (0.0, 0.0, 0.0), "To": (1.0, 1.0, 1.0), "Branch": False}
+    given |= {"From": (0.0, 0.0, 0.0), "To": (1.0, 1.0, 1.0), "Branch": False, "Scale": (1.0, 1.0, 1.0)}
     for label, name in (
         ("Size", "size"),
         ("Wrap", "wrap"),
@@ -104,6 +108,10 @@ def _solved(nodes: FieldBuilder, given: dict[str, Value], start: Value, steps: i
     solved = nodes.call(
         solve_group(), "Solve", table | {"Point": given["Point"], "Start": start, "Steps": steps}
     )
+    return _in_viewbox(nodes, given, solved)
+
+
+def _in_viewbox(nodes: FieldBuilder, given: dict[str, Value], solved: dict[str, Value]) -> dict[str, Value]:
     inputs = {
         "Place": solved["Position"],
         "Last Step": solved["Last Step"],
@@ -152,6 +160,15 @@ def sure_place_group():
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         start, distance, reach = nearest_start(nodes, given["Cloud"], given["Point"])
         solved = _solved(nodes, given, start, CLOUD_STEPS)["Position"]
+        nodes.open_frame("Of a branch, the nearest point that it has: beyond a fold that is its crease")
+        table = {key: given[key] for key in TABLE_INPUTS}
+        inputs = {"Point": given["Point"], "Start": start, "Scale": given["Scale"]}
+        nearest = nodes.call(approach_group(), "Approach", table | inputs)
+        near = nodes.both(nearest["Missing"] < reach * CREASE, distance < reach)
+        at_crease = _in_viewbox(nodes, given, nearest)["Position"]
+        at_crease = nodes.switch(near, (0.0, 0.0, NOWHERE), at_crease, "VECTOR", "Near It?")
+        solved = nodes.switch(given["Branch"], solved, at_crease, "VECTOR", "Branch?")
+        nodes.close_frame()
         nowhere = nodes.xyz(distance - reach, reach, NOWHERE, "Nowhere, and How Far")
         return {"Position": nodes.switch(solved.parts()[2] > 0.0, solved, nowhere, "VECTOR", "Place")}
 

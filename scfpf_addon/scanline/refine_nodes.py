@@ -38,8 +38,14 @@ SPREAD = 2.0
 SMALL_SHARE = 0.5
 # A face without a place, as large as this in (x, y, t) by linear guess, is not looked at more closely.
 NOTHING_SIZE = 0.01
-# A face that is this large in the picture, in pixels, and this much smaller by linear guess, spans two sheets.
-LEAP, LEAP_SHARE = 4.0, 0.125
+# A face that is smaller than this by linear guess, in pixels, is not divided; near a fold it may be larger in the
+# picture, up to this: a larger one spans two sheets.
+TINY, LEAP = 0.125, 16.0
+# A torn face that is smaller than this in (x, y, t) is judged by the corners that have a place.
+CELL = 0.08
+# A face that covers less than this of a pixel is not divided. Of a triangle, the area is 2.6 times the root of the
+# determinant of its corners' second moments.
+THIN = 0.25
 # With more faces than this nothing more is divided: memory must stay bounded.
 MOST_FACES = 400_000.0
 
@@ -290,10 +296,17 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     across, up, along = away_guess.parts()
     nowhere = nodes.both(_all_nowhere(nodes), centre.parts()[2] > 0.0)
     out = nodes.either(out, nodes.both(nowhere, across.most(up).most(along) < NOTHING_SIZE))
+    nodes.open_frame("A branch: what of it there is, is out of it")
+    gone = nodes.both(_all_on_one_side(nodes, given, box, centre, True), across.most(up).most(along) < CELL)
+    out = nodes.either(out, nodes.switch(given["Branch"], False, nodes.both(torn, gone), "BOOLEAN", "Branch?"))
     nodes.open_frame("Too small to be divided: torn at a border of the volume, or between two of its sheets")
-    size = off.length()
-    leap = nodes.both(there, nodes.both(size > pixel * LEAP, across.most(up) < pixel * LEAP_SHARE))
-    hopeless = nodes.either(leap, nodes.both(torn, across.most(up) < pixel))
+    x, y, _ = away.parts()
+    moments = nodes.evaluate_on(nodes.xyz(x * x, y * y, x * y, "Moments"), "CORNER", "FLOAT_VECTOR", "At Corners")
+    xx, yy, xy = moments.parts()
+    thin = (xx * yy - xy * xy) < pixel * pixel * (pixel * pixel * (THIN / 2.6) ** 2)
+    tiny = nodes.either(across.most(up) < pixel * TINY, nodes.both(there, thin))
+    leap = nodes.both(tiny, off.length() > pixel * LEAP)
+    hopeless = nodes.either(tiny, nodes.both(torn, across.most(up) < pixel))
     nodes.open_frame("Their fate")
     few = _faces(nodes, mesh) < MOST_FACES
     divide = nodes.both(nodes.both(wanted, few), nodes.negate(nodes.either(out, hopeless)))
@@ -303,8 +316,11 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     return nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), left
 
 
-def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value | None = None) -> Value:
-    """Whether all corners, and the middle, of a face lie beyond the same side of what is shown."""
+def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value | None = None, part=False) -> Value:
+    """Whether all corners, and the middle, of a face lie beyond the same side of what is shown.
+
+    part: or have no place at all.
+    """
     low, high = (on_screen(nodes, given, given[end]) for end in ("From", "To"))
     # Nearer is more: z runs from -1 to -2.
     margin = nodes.xyz(FRAME_MARGIN, FRAME_MARGIN, 0.0, "Margin")
@@ -313,12 +329,17 @@ def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value | Non
     result = None
     box = box * turned
     for axis in range(3):
-        part, least, most = (value.parts()[axis] for value in (box, below, above))
-        sides = [(part > most), (part < least)]
+        place, least, most = (value.parts()[axis] for value in (box, below, above))
+        sides = [(place > most), (place < least)]
+        if part:
+            sides = [nodes.either(side, box.parts()[2] < 0.0) for side in sides]
         sides = [nodes.evaluate_on(side, "POINT", "BOOLEAN", "All Corners") for side in sides]
         if centre is not None:
             middle = (centre * turned).parts()[axis]
-            sides = [nodes.both(sides[0], middle > most), nodes.both(sides[1], middle < least)]
+            own = [middle > most, middle < least]
+            if part:
+                own = [nodes.either(side, (centre.parts()[2] > 0.0)) for side in own]
+            sides = [nodes.both(*pair) for pair in zip(sides, own, strict=True)]
         for side in sides:
             result = side if result is None else nodes.either(result, side)
     return result
@@ -339,7 +360,12 @@ def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value
     away = nodes.point(point, own, "Corner") - nodes.at_index(middle, face, "FACE", "FLOAT_VECTOR")
     square = nodes.evaluate_on(away * away, "CORNER", "FLOAT_VECTOR", "At Corners")
     root = nodes.xyz(*(nodes.combine("SQRT", part) for part in square.parts()), "Root Mean Square")
-    return root * SPREAD, middle
+    # A branch ends where inverse maps are without bounds.
+    middle_point = nodes.evaluate_on(point, "FACE", "FLOAT_VECTOR", "Middle of the Face")
+    off = point - nodes.at_index(middle_point, face, "FACE", "FLOAT_VECTOR")
+    radius = nodes.combine("SQRT", nodes.evaluate_on(off.dot(off), "CORNER", "FLOAT", "At Corners"))
+    by_scale = nodes.xyz(radius, radius, radius, "Radius") / given["Scale"]
+    return nodes.switch(given["Branch"], root, by_scale, "VECTOR", "Branch?") * SPREAD, middle
 
 
 def _straight_middles(nodes: FieldBuilder, given, before: Value, period: Value) -> Value:

@@ -118,11 +118,7 @@ def solve_group():
         def body(state: dict[str, Value]) -> dict[str, Value]:
             guess = state["Guess"]
             step = nodes.call(step_group(), "Step", table | {"Guess": guess})["Step"]
-            step = step.most((-LONGEST_STEP,) * 3).least((LONGEST_STEP,) * 3)
-            moved = guess + step
-            # A periodic x goes round; else far outside there is nothing to find.
-            inside = moved.most((-OUTSIDE,) * 3).least((1.0 + OUTSIDE,) * 3)
-            return {"Guess": nodes.mix(given["Wrap"], inside, moved)}
+            return {"Guess": bounded_step(nodes, guess, step, given["Wrap"])}
 
         state = {"Guess": ("VECTOR", given["Start"])}
         guess = nodes.repeat(given["Steps"], state, "Newton", body)["Guess"]
@@ -145,6 +141,14 @@ def solve_group():
     outputs = {"Position": "Vector", "Last Step": "Float", "Determinant": "Float"}
     text = "The (x, y, t) of a point in the viewing volume, by Newton's method"
     return node_group("SCFPF Solve", text, inputs, outputs, build)
+
+
+def bounded_step(nodes: FieldBuilder, guess: Value, step: Value, wrap: Value) -> Value:
+    """A guess after a step, neither too long nor too far out of the volume."""
+    moved = guess + step.most((-LONGEST_STEP,) * 3).least((LONGEST_STEP,) * 3)
+    # A periodic x goes round; else far outside there is nothing to find.
+    inside = moved.most((-OUTSIDE,) * 3).least((1.0 + OUTSIDE,) * 3)
+    return nodes.mix(wrap, inside, moved)
 
 
 def nearest_start(nodes: FieldBuilder, cloud: Value, point: Value) -> tuple[Value, Value, Value]:

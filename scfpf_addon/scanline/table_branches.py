@@ -22,7 +22,7 @@ SOLVED = 2e-3
 # Parts of the volume, along each axis, that are looked at for points of the other ones.
 PARTS = 3
 
-BRANCH, BLOCK, FOLDED = "branch", "block", "folded"
+BRANCH, BLOCK, FOLDED, LENGTHS = "branch", "block", "folded", "lengths"
 
 
 def relative_determinant(nodes: FieldBuilder, found: dict[str, Value]) -> Value:
@@ -51,6 +51,8 @@ def store_branches(nodes: FieldBuilder, whole, cloud: Value) -> tuple[Value, Val
     sign = nodes.statistic(cloud, determinant, "Median", "Turn of the volume")
     turn = (sign > 0.0) * 2.0 - 1.0
     cloud = nodes.store(cloud, FOLDED, determinant * turn < -FLAT, "FLOAT")
+    lengths = nodes.xyz(*(found[f"By {axis}"].length() for axis in "xyt"), "Lengths")
+    cloud = nodes.store(cloud, LENGTHS, lengths, "FLOAT_VECTOR")
     folds = nodes.statistic(cloud, nodes.attribute(FOLDED), "Sum", "Folded Samples")
     nodes.open_frame("Does it pass through itself?")
     axes = []
