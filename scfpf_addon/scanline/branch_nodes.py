@@ -9,8 +9,9 @@ from __future__ import annotations
 from .field_nodes import FieldBuilder, Value, node_group
 from .place_nodes import VIEW_INPUTS, store_places
 from .refine_nodes import refine_group
-from .table_branches import BRANCH, LENGTHS
+from .table_branches import BRANCH, FIRST_CELL, LAST_CELL, LENGTHS
 from .table_nodes import CLOUD
+from .uv_pieces import NO_PIECE
 
 OPTIONS = {
     "Mesh": ("Geometry", None, "What the camera looks at"),
@@ -26,7 +27,7 @@ def with_branches(nodes: FieldBuilder, view, given, single: dict[str, Value]) ->
     nodes.open_frame("A volume that is not one-to-one: a mesh for each branch of its inverse")
     cloud = view["Cloud"]
     branches = nodes.attribute("branches", "FLOAT_VECTOR")
-    count = nodes.sample(cloud, branches, 0, "FLOAT_VECTOR", "Branches").parts()[0]
+    count, cut, _ = nodes.sample(cloud, branches, 0, "FLOAT_VECTOR", "Branches").parts()
 
     def body(state: dict[str, Value]) -> dict[str, Value]:
         own = given | {"Number": state["Number"]}
@@ -44,7 +45,7 @@ def with_branches(nodes: FieldBuilder, view, given, single: dict[str, Value]) ->
         "Left Out": ("VECTOR", (0.0, 0.0, 0.0)),
     }
     every = nodes.repeat(count, state, "Branches", body)
-    several = count > 1.5
+    several = count + cut > 1.5
     return {
         "Mesh": nodes.switch(several, single["Mesh"], every["Mesh"], "GEOMETRY", "Several?"),
         "Left Out": nodes.switch(several, single["Left Out"], every["Left Out"], "VECTOR", "Several?"),
@@ -72,6 +73,14 @@ def branch_group():
         view = {key: given[key] for key in VIEW_INPUTS} | ends | {"Cloud": cloud, "Branch": True}
         scale = nodes.statistic(cloud, nodes.attribute(LENGTHS, "FLOAT_VECTOR"), "Mean", "Scale")
         view["Scale"] = scale
+        nodes.open_frame("In pieces: its cells of the table, and its piece")
+        branches = nodes.attribute("branches", "FLOAT_VECTOR")
+        cut = nodes.sample(given["Cloud"], branches, 0, "FLOAT_VECTOR", "Branches").parts()[1] > 0.5
+        for label, name in (("First Cell", FIRST_CELL), ("Last Cell", LAST_CELL)):
+            own = nodes.sample(cloud, nodes.attribute(name, "FLOAT_VECTOR"), 0, "FLOAT_VECTOR", label)
+            view[label] = nodes.switch(cut, given[label], own, "VECTOR", label)
+        own = nodes.sample(cloud, nodes.attribute("own piece"), 0, "FLOAT", "Piece") * 0.5
+        view["Piece"] = nodes.switch(cut, NO_PIECE, own, "FLOAT", "Piece")
         nodes.open_frame("The mesh as it sees it")
         mesh = store_places(nodes, given["Mesh"], view | {"Point": given["Point"]})
         options = {key: given[key] for key in OPTIONS}

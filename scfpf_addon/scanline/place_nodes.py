@@ -7,6 +7,7 @@ from .approach_nodes import approach_group
 from .field_nodes import FieldBuilder, Value, node_group
 from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group, whole_table
 from .table_nodes import LATTICE
+from .uv_pieces import NO_PIECE
 
 # The attribute that holds a vertex' place in the viewbox.
 BOX = "scfpf_box"
@@ -38,6 +39,7 @@ VIEW_INPUTS = TABLE_INPUTS | {
     "From": ("Vector", (0.0, 0.0, 0.0), "Least x, y and t that are shown"),
     "To": ("Vector", (1.0, 1.0, 1.0), "Greatest x, y and t that are shown"),
     "Branch": ("Bool", False, "Is it one of several branches of the inverse?"),
+    "Piece": ("Float", NO_PIECE, "Of a volume in pieces, the one that is shown"),
     "Scale": ("Vector", (1.0, 1.0, 1.0), "Of a branch: how long its samples' derivatives are"),
 }
 PLACED = {"Position": "Vector"}
@@ -48,7 +50,7 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
     parts = nodes.node("GeometryNodeSeparateComponents", "Cloud and Table", {"Geometry": table})
     cloud, points = Value(nodes, parts.outputs["Mesh"]), Value(nodes, parts.outputs["Point Cloud"])
     given = {"Table": points, "Cloud": cloud, "Aspect": aspect}
-    given |= {"From": (0.0, 0.0, 0.0), "To": (1.0, 1.0, 1.0), "Branch": False, "Scale": (1.0, 1.0, 1.0)}
+    given |= {"From": (0.0, 0.0, 0.0), "To": (1.0, 1.0, 1.0), "Branch": False, "Piece": NO_PIECE, "Scale": (1.0, 1.0, 1.0)}
     for label, name in (
         ("Size", "size"),
         ("Wrap", "wrap"),

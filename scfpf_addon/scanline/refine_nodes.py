@@ -14,6 +14,8 @@ from ..bridge import versions
 from .field_nodes import FieldBuilder, Value, node_group
 from .place_nodes import BOX, VIEW_INPUTS, on_screen, store_places
 from .solve_nodes import PROJECTOR
+from .table_branches import piece_at
+from .uv_pieces import NO_PIECE
 
 # Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
 # square root of others, since what a straight edge is off by grows with the square of its length.
@@ -47,7 +49,7 @@ CELL = 0.08
 # determinant of its corners' second moments.
 THIN = 0.25
 # With more faces than this nothing more is divided: memory must stay bounded.
-MOST_FACES = 400_000.0
+MOST_FACES, MOST_FACES_OF_BRANCH = 400_000.0, 20_000.0
 
 EDGE_BOX, FACE_BOX = "scfpf_edge_box", "scfpf_face_box"
 NEED, MARK, FROZEN, FATE = "scfpf_need", "scfpf_mark", "scfpf_frozen", "scfpf_fate"
@@ -82,7 +84,7 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     _, shown = nodes.separate(small_part, _all_on_one_side(nodes, given, box), "Out of the Branch")
     small_part = nodes.switch(given["Branch"], small_part, shown, "GEOMETRY", "Branch?")
     at_rim, within = nodes.separate(small_part, _across_rim(nodes, given), "At the Rim")
-    is_polar = given["Numbers"].parts()[2] > 0.5
+    is_polar = nodes.either(given["Numbers"].parts()[2] > 0.5, given["Piece"] > NO_PIECE + 0.5)
     large = large + is_polar
     rest = nodes.switch(is_polar, rest, nodes.join(rest, at_rim), "GEOMETRY", "Polar?")
     small_part = nodes.switch(is_polar, small_part, within, "GEOMETRY", "Polar?")
@@ -210,9 +212,22 @@ def _beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
     return nodes.mix(polar, -1.0 + polar * 0.0, beyond)
 
 
+def _beyond(nodes: FieldBuilder, given, place: Value) -> Value:
+    """Above 0 beyond the rim of a polar picture's disc, or off the piece that is shown."""
+    rim = _beyond_rim(nodes, given, place)
+    x, y, _ = place.parts()
+    polar, aspect = given["Numbers"].parts()[2], given["Aspect"]
+    disc = 1.0 / aspect.most(1.0)
+    across, up = x / nodes.mix(polar, 1.0, disc) + 0.5, y / nodes.mix(polar, 1.0 / aspect, disc) + 0.5
+    own = piece_at(nodes, given["Table"], given["Size"], nodes.xyz(across, up, 0.0, "Place"))
+    off = (own - given["Piece"]).absolute() > 0.25
+    off_piece = nodes.switch(off, rim, 1.0, "FLOAT", "Off Its Piece?")
+    return nodes.switch(given["Piece"] > NO_PIECE + 0.5, rim, off_piece, "FLOAT", "In Pieces?")
+
+
 def _across_rim(nodes: FieldBuilder, given) -> Value:
     """Whether some corners of a face are beyond the rim and some are not."""
-    beyond = _beyond_rim(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"))
+    beyond = _beyond(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"))
     sides = [
         nodes.evaluate_on(side, "POINT", "BOOLEAN", "All Corners") for side in (beyond > 0.0, beyond < 0.0)
     ]
@@ -223,7 +238,8 @@ def _trimmed(nodes: FieldBuilder, given, mesh: Value) -> Value:
     """Faces beyond the rim of a polar picture left out, the corners of those across it moved onto it."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     beyond = _beyond_rim(nodes, given, box)
-    every = nodes.evaluate_on(beyond > 0.0, "POINT", "BOOLEAN", "All Corners")
+    off = _beyond(nodes, given, box) > 0.0
+    every = nodes.evaluate_on(off, "POINT", "BOOLEAN", "All Corners")
     _, shown = nodes.separate(mesh, every, "Beyond the Rim")
     rim = 0.5 / given["Aspect"].most(1.0)
     share = rim / (rim + beyond.most(0.0))
@@ -260,7 +276,7 @@ def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Valu
     free = nodes.negate(nodes.attribute(FROZEN, "BOOLEAN"))
     mark = nodes.both(free, nodes.either(bent, nowhere))
     # Across the rim of a polar picture even straight edges are divided, and stay straight.
-    beyond = _beyond_rim(nodes, given, first) * _beyond_rim(nodes, given, last)
+    beyond = _beyond(nodes, given, first) * _beyond(nodes, given, last)
     at_rim = nodes.both(beyond < 0.0, straight.length() > pixel * SHORTEST_AT_RIM)
     need = nodes.either(mark, at_rim)
     mesh = nodes.store(mesh, NEED, need, "FLOAT", "EDGE")
@@ -308,7 +324,8 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     leap = nodes.both(tiny, off.length() > pixel * LEAP)
     hopeless = nodes.either(tiny, nodes.both(torn, across.most(up) < pixel))
     nodes.open_frame("Their fate")
-    few = _faces(nodes, mesh) < MOST_FACES
+    most = nodes.switch(given["Branch"], MOST_FACES, MOST_FACES_OF_BRANCH, "FLOAT", "Most Faces")
+    few = _faces(nodes, mesh) < most
     divide = nodes.both(nodes.both(wanted, few), nodes.negate(nodes.either(out, hopeless)))
     keep = nodes.both(nodes.both(there, nodes.negate(leap)), nodes.negate(nodes.either(out, divide)))
     lost = nodes.negate(nodes.either(out, nodes.either(divide, keep)))

@@ -23,6 +23,8 @@ SOLVED = 2e-3
 PARTS = 3
 
 BRANCH, BLOCK, FOLDED, LENGTHS = "branch", "block", "folded", "lengths"
+# Of points of the table and the cloud: which piece of a volume in pieces they are of; and its cells.
+PIECE, FIRST_CELL, LAST_CELL = "piece", "first cell", "last cell"
 
 
 def relative_determinant(nodes: FieldBuilder, found: dict[str, Value]) -> Value:
@@ -39,7 +41,59 @@ def block_number(nodes: FieldBuilder, x: Value, y: Value, share: Value) -> Value
     return numbers[0] + numbers[1] * float(across) + numbers[2] * float(across * up)
 
 
-def store_branches(nodes: FieldBuilder, whole, cloud: Value) -> tuple[Value, Value, Value]:
+def piece_at(nodes: FieldBuilder, table: Value, size: Value, place: Value) -> Value:
+    """The piece of the point of the table that is nearest to a place."""
+    nearest = (place.most((0.0, 0.0, 0.0)).least((1.0, 1.0, 1.0)) * (size - (1.0, 1.0, 0.0)) + 0.5).floor()
+    x, y, _ = nearest.parts()
+    return nodes.sample(table, nodes.attribute(PIECE), x + y * size.parts()[0], "FLOAT", "Its Piece")
+
+
+def with_pieces(nodes: FieldBuilder, whole, cloud: Value) -> Value:
+    """Of a cloud, what is on a piece of the volume, with its number and its cells."""
+    nodes.open_frame("Pieces of the volume")
+    table, size = whole["Table"], whole["Size"]
+    key = piece_at(nodes, table, size, nodes.attribute("place", "FLOAT_VECTOR")) * 2.0
+    cloud = nodes.store(cloud, "own piece", key, "FLOAT")
+    cloud, _ = nodes.separate(cloud, nodes.attribute("own piece") > -0.5, "On a Piece", "POINT")
+    cloud = numbered(nodes, cloud, nodes.attribute("own piece"), PIECE)
+    last = nodes.statistic(cloud, nodes.attribute(PIECE), "Max", "Last Piece")
+    nodes.open_frame("Their first and last cells")
+    index = nodes.out("GeometryNodeInputIndex", "Index", {})
+    columns, rows, spans = size.parts()
+    row = ((index + 0.5) / columns).floor()
+    first_span, _ = nodes.separate(table, index + 0.0 < columns * rows - 0.5, "One Span", "POINT")
+    flat = nodes.out(
+        "GeometryNodeSetPosition",
+        "Column and Row",
+        {"Geometry": first_span, "Position": nodes.xyz(index - row * columns, row, 0.0, "Column, Row")},
+    )
+
+    def body(state: dict[str, Value]) -> dict[str, Value]:
+        here = (nodes.attribute(PIECE) - state["Number"]).absolute() < 0.5
+        key = nodes.statistic(state["Cloud"], nodes.attribute("own piece"), "Max", "Its Key", here)
+        same = (nodes.attribute(PIECE) * 2.0 - key).absolute() < 0.5
+        own, _ = nodes.separate(flat, same, "Its Points", "POINT")
+        box = nodes.node("GeometryNodeBoundBox", "Its Box", {"Geometry": own})
+        # Rounded: the box has the points' radii around them.
+        low, high = ((Value(nodes, box.outputs[name]) + 0.5).floor() for name in ("Min", "Max"))
+        high = (high - (1.0, 1.0, 0.0)).most(low) + nodes.xyz(0.0, 0.0, spans - 1.0, "Last Span")
+        cloud = nodes.store(state["Cloud"], FIRST_CELL, low, "FLOAT_VECTOR", selection=here)
+        cloud = nodes.store(cloud, LAST_CELL, high, "FLOAT_VECTOR", selection=here)
+        return {"Number": state["Number"] + 1.0, "Cloud": cloud}
+
+    state = {"Number": ("FLOAT", 0.0), "Cloud": ("GEOMETRY", cloud)}
+    return nodes.repeat(last + 1.5, state, "Pieces", body)["Cloud"]
+
+
+def cells_of_piece(nodes: FieldBuilder, whole, cut: Value) -> dict[str, Value]:
+    """The cells that a point of the cloud looks at: those of its piece."""
+    return {
+        label: nodes.switch(cut, whole[label], nodes.attribute(name, "FLOAT_VECTOR"), "VECTOR", label)
+        for label, name in (("First Cell", FIRST_CELL), ("Last Cell", LAST_CELL))
+    }
+
+
+def store_branches(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> tuple[Value, Value, Value]:
     """The cloud in order of its branches, the sign of the volume's determinant, and how many branches there are.
 
     The cloud must have "place" and ``BLOCK``; it gets ``BRANCH`` and ``FOLDED``.
@@ -58,10 +112,13 @@ def store_branches(nodes: FieldBuilder, whole, cloud: Value) -> tuple[Value, Val
     axes = []
     for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
         axes.append(nodes.call(seen_twice_group(), "Seen Twice", whole | {"Cloud": cloud, "Axis": axis})["Count"])
-    twice = nodes.switch(folds > 0.5, axes[0] + axes[1] + axes[2], 1.0, "FLOAT", "Folded Anyway?")
+    anyway = nodes.either(folds > 0.5, cut)
+    twice = nodes.switch(anyway, axes[0] + axes[1] + axes[2], 0.0, "FLOAT", "Folded Anyway?")
     nodes.open_frame("Numbers of the branches")
     key = nodes.attribute(BLOCK) * 2.0 + nodes.attribute(FOLDED)
-    key = nodes.switch(twice > 0.5, 0.0, key, "FLOAT", "One-to-One?")
+    key = nodes.switch(nodes.either(folds > 0.5, twice > 0.5), 0.0, key, "FLOAT", "One-to-One?")
+    piece = nodes.attribute(PIECE) * (2.0 * BLOCKS[0] * BLOCKS[1] * BLOCKS[2])
+    key = nodes.switch(cut, key, key + piece, "FLOAT", "In Pieces?")
     cloud = numbered(nodes, cloud, key, BRANCH)
     count = nodes.statistic(cloud, nodes.attribute(BRANCH), "Max", "Last Branch") + 1.0
     return cloud, sign, count
