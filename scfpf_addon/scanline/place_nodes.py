@@ -62,20 +62,30 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
     return whole_table(points, given["Size"], given["Wrap"]) | given
 
 
+def on_screen_group():
+    """(x, y, t) as a place in the viewbox."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        ratio, _, polar = given["Numbers"].parts()
+        x, y, t = given["Place"].parts()
+        nodes.open_frame("Perspective depth: straight in straight views, so that faces cut each other right")
+        spread = ratio + t * (1.0 - ratio)
+        least = ratio.least(1.0) * 0.25
+        depth = t / spread.most(least)
+        nodes.open_frame("Over the picture's width; a polar picture's disc touches the nearer borders")
+        disc = 1.0 / given["Aspect"].most(1.0)
+        across = (x - 0.5) * nodes.mix(polar, 1.0, disc)
+        up = (y - 0.5) * nodes.mix(polar, 1.0 / given["Aspect"], disc)
+        return {"Position": nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")}
+
+    inputs = {"Place": ("Vector", None, "x, y and t")} | {key: VIEW_INPUTS[key] for key in ("Numbers", "Aspect")}
+    return node_group("SCFPF On Screen", "From (x, y, t) to the viewbox", inputs, PLACED, build)
+
+
 def on_screen(nodes: FieldBuilder, given: dict[str, Value], place: Value) -> Value:
     """(x, y, t) as a place in the viewbox."""
-    ratio, _, polar = given["Numbers"].parts()
-    aspect = given["Aspect"]
-    x, y, t = place.parts()
-    nodes.open_frame("Perspective depth: straight in straight views, so that faces cut each other right")
-    spread = ratio + t * (1.0 - ratio)
-    least = ratio.least(1.0) * 0.25
-    depth = t / spread.most(least)
-    nodes.open_frame("Over the picture's width; a polar picture's disc touches the nearer borders")
-    disc = 1.0 / aspect.most(1.0)
-    across = (x - 0.5) * nodes.mix(polar, 1.0, disc)
-    up = (y - 0.5) * nodes.mix(polar, 1.0 / aspect, disc)
-    return nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")
+    inputs = {"Place": place, "Numbers": given["Numbers"], "Aspect": given["Aspect"]}
+    return nodes.call(on_screen_group(), "On Screen", inputs)["Position"]
 
 
 def viewbox_group():

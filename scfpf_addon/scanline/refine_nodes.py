@@ -12,10 +12,10 @@ from __future__ import annotations
 
 from ..bridge import versions
 from .field_nodes import FieldBuilder, Value, node_group
-from .place_nodes import BOX, VIEW_INPUTS, on_screen, store_places
+from .place_nodes import BOX, VIEW_INPUTS, store_places
 from .solve_nodes import PROJECTOR
-from .table_branches import piece_at
 from .uv_pieces import NO_PIECE
+from .visible_nodes import all_on_one_side, beyond_rim, past_border
 
 # Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
 # square root of others, since what a straight edge is off by grows with the square of its length.
@@ -28,8 +28,6 @@ SHORTEST_AT_RIM = 0.75
 OVERLAP = 0.02
 # What depth counts beside the picture: it decides only which of two faces is in front.
 DEPTH_WEIGHT = 0.25
-# Faces that lie farther out of the picture than this share of it are left out.
-FRAME_MARGIN = 0.01
 # By linear guess; nothing is left out for being near to the volume: share of its width, and of its
 # size at that t.
 GUESS_MARGIN = 0.25
@@ -81,7 +79,7 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     large = nodes.statistic(given["Mesh"], nodes.negate(small) + 0.0, "Sum", "Large Faces", domain="FACE")
     large = large + given["Branch"]
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
-    _, shown = nodes.separate(small_part, _all_on_one_side(nodes, given, box), "Out of the Branch")
+    _, shown = nodes.separate(small_part, all_on_one_side(nodes, given, box)["Corners"], "Out of the Branch")
     small_part = nodes.switch(given["Branch"], small_part, shown, "GEOMETRY", "Branch?")
     at_rim, within = nodes.separate(small_part, _across_rim(nodes, given), "At the Rim")
     is_polar = nodes.either(given["Numbers"].parts()[2] > 0.5, given["Piece"] > NO_PIECE + 0.5)
@@ -205,29 +203,9 @@ def round_group():
     return node_group("SCFPF Divide Once", text, inputs, outputs, build)
 
 
-def _beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
-    """How far a place is beyond the rim of a polar picture's disc; -1 in other pictures."""
-    polar = given["Numbers"].parts()[2]
-    beyond = (place * (1.0, 1.0, 0.0)).length() - 0.5 / given["Aspect"].most(1.0)
-    return nodes.mix(polar, -1.0 + polar * 0.0, beyond)
-
-
-def _beyond(nodes: FieldBuilder, given, place: Value) -> Value:
-    """Above 0 beyond the rim of a polar picture's disc, or off the piece that is shown."""
-    rim = _beyond_rim(nodes, given, place)
-    x, y, _ = place.parts()
-    polar, aspect = given["Numbers"].parts()[2], given["Aspect"]
-    disc = 1.0 / aspect.most(1.0)
-    across, up = x / nodes.mix(polar, 1.0, disc) + 0.5, y / nodes.mix(polar, 1.0 / aspect, disc) + 0.5
-    own = piece_at(nodes, given["Table"], given["Size"], nodes.xyz(across, up, 0.0, "Place"))
-    off = (own - given["Piece"]).absolute() > 0.25
-    off_piece = nodes.switch(off, rim, 1.0, "FLOAT", "Off Its Piece?")
-    return nodes.switch(given["Piece"] > NO_PIECE + 0.5, rim, off_piece, "FLOAT", "In Pieces?")
-
-
 def _across_rim(nodes: FieldBuilder, given) -> Value:
     """Whether some corners of a face are beyond the rim and some are not."""
-    beyond = _beyond(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"))
+    beyond = past_border(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"))
     sides = [
         nodes.evaluate_on(side, "POINT", "BOOLEAN", "All Corners") for side in (beyond > 0.0, beyond < 0.0)
     ]
@@ -237,8 +215,8 @@ def _across_rim(nodes: FieldBuilder, given) -> Value:
 def _trimmed(nodes: FieldBuilder, given, mesh: Value) -> Value:
     """Faces beyond the rim of a polar picture left out, the corners of those across it moved onto it."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
-    beyond = _beyond_rim(nodes, given, box)
-    off = _beyond(nodes, given, box) > 0.0
+    beyond = beyond_rim(nodes, given, box)
+    off = past_border(nodes, given, box) > 0.0
     every = nodes.evaluate_on(off, "POINT", "BOOLEAN", "All Corners")
     _, shown = nodes.separate(mesh, every, "Beyond the Rim")
     rim = 0.5 / given["Aspect"].most(1.0)
@@ -276,7 +254,7 @@ def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Valu
     free = nodes.negate(nodes.attribute(FROZEN, "BOOLEAN"))
     mark = nodes.both(free, nodes.either(bent, nowhere))
     # Across the rim of a polar picture even straight edges are divided, and stay straight.
-    beyond = _beyond(nodes, given, first) * _beyond(nodes, given, last)
+    beyond = past_border(nodes, given, first) * past_border(nodes, given, last)
     at_rim = nodes.both(beyond < 0.0, straight.length() > pixel * SHORTEST_AT_RIM)
     need = nodes.either(mark, at_rim)
     mesh = nodes.store(mesh, NEED, need, "FLOAT", "EDGE")
@@ -299,7 +277,8 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
         nodes.negate(there),
     )
     nodes.open_frame("Out of the picture?")
-    out = nodes.both(there, _all_on_one_side(nodes, given, box, centre))
+    sides = all_on_one_side(nodes, given, box, centre)
+    out = nodes.both(there, sides["Face"])
     nodes.open_frame("Without a place: out of the picture by linear guess?")
     away_guess, guess = _guess(nodes, given, point, face)
     ratio = given["Numbers"].parts()[0]
@@ -313,7 +292,7 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     nowhere = nodes.both(_all_nowhere(nodes), centre.parts()[2] > 0.0)
     out = nodes.either(out, nodes.both(nowhere, across.most(up).most(along) < NOTHING_SIZE))
     nodes.open_frame("A branch: what of it there is, is out of it")
-    gone = nodes.both(_all_on_one_side(nodes, given, box, centre, True), across.most(up).most(along) < CELL)
+    gone = nodes.both(sides["Any"], across.most(up).most(along) < CELL)
     out = nodes.either(out, nodes.switch(given["Branch"], False, nodes.both(torn, gone), "BOOLEAN", "Branch?"))
     nodes.open_frame("Too small to be divided: torn at a border of the volume, or between two of its sheets")
     x, y, _ = away.parts()
@@ -331,35 +310,6 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     lost = nodes.negate(nodes.either(out, nodes.either(divide, keep)))
     left = nodes.statistic(mesh, lost * 1.0, "Sum", "Left Out", domain="FACE")
     return nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), left
-
-
-def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value | None = None, part=False) -> Value:
-    """Whether all corners, and the middle, of a face lie beyond the same side of what is shown.
-
-    part: or have no place at all.
-    """
-    low, high = (on_screen(nodes, given, given[end]) for end in ("From", "To"))
-    # Nearer is more: z runs from -1 to -2.
-    margin = nodes.xyz(FRAME_MARGIN, FRAME_MARGIN, 0.0, "Margin")
-    turned = (1.0, 1.0, -1.0)
-    below, above = low * turned - margin, high * turned + margin
-    result = None
-    box = box * turned
-    for axis in range(3):
-        place, least, most = (value.parts()[axis] for value in (box, below, above))
-        sides = [(place > most), (place < least)]
-        if part:
-            sides = [nodes.either(side, box.parts()[2] < 0.0) for side in sides]
-        sides = [nodes.evaluate_on(side, "POINT", "BOOLEAN", "All Corners") for side in sides]
-        if centre is not None:
-            middle = (centre * turned).parts()[axis]
-            own = [middle > most, middle < least]
-            if part:
-                own = [nodes.either(side, (centre.parts()[2] > 0.0)) for side in own]
-            sides = [nodes.both(*pair) for pair in zip(sides, own, strict=True)]
-        for side in sides:
-            result = side if result is None else nodes.either(result, side)
-    return result
 
 
 def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value, Value]:

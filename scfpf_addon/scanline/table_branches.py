@@ -50,8 +50,20 @@ def piece_at(nodes: FieldBuilder, table: Value, size: Value, place: Value) -> Va
 
 def with_pieces(nodes: FieldBuilder, whole, cloud: Value) -> Value:
     """Of a cloud, what is on a piece of the volume, with its number and its cells."""
+    inputs = {key: whole[key] for key in ("Table", "Size")} | {"Cloud": cloud}
+    return nodes.call(pieces_group(), "Pieces", inputs)["Cloud"]
+
+
+def pieces_group():
+    """Of a cloud, what is on a piece of the volume, with its number and its cells."""
+    inputs = {key: TABLE_INPUTS[key] for key in ("Table", "Size")} | {"Cloud": ("Geometry", None, "")}
+    text = "Of the samples of a volume in pieces those that are on one, with its number and its cells"
+    return node_group("SCFPF Pieces", text, inputs, {"Cloud": "Geometry"}, _build_pieces)
+
+
+def _build_pieces(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     nodes.open_frame("Pieces of the volume")
-    table, size = whole["Table"], whole["Size"]
+    table, size, cloud = given["Table"], given["Size"], given["Cloud"]
     key = piece_at(nodes, table, size, nodes.attribute("place", "FLOAT_VECTOR")) * 2.0
     cloud = nodes.store(cloud, "own piece", key, "FLOAT")
     cloud, _ = nodes.separate(cloud, nodes.attribute("own piece") > -0.5, "On a Piece", "POINT")
@@ -82,7 +94,7 @@ def with_pieces(nodes: FieldBuilder, whole, cloud: Value) -> Value:
         return {"Number": state["Number"] + 1.0, "Cloud": cloud}
 
     state = {"Number": ("FLOAT", 0.0), "Cloud": ("GEOMETRY", cloud)}
-    return nodes.repeat(last + 1.5, state, "Pieces", body)["Cloud"]
+    return {"Cloud": nodes.repeat(last + 1.5, state, "Pieces", body)["Cloud"]}
 
 
 def cells_of_piece(nodes: FieldBuilder, whole, cut: Value) -> dict[str, Value]:
@@ -98,6 +110,24 @@ def store_branches(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> tupl
 
     The cloud must have "place" and ``BLOCK``; it gets ``BRANCH`` and ``FOLDED``.
     """
+    made = nodes.call(branches_group(), "Branches", whole | {"Cloud": cloud, "Cut": cut})
+    return made["Cloud"], made["Turn"], made["Count"]
+
+
+def branches_group():
+    """Numbers the branches of a volume's inverse."""
+    inputs = TABLE_INPUTS | {
+        "Cloud": ("Geometry", None, "Points all over the volume"),
+        "Cut": ("Bool", False, "Is the volume in pieces?"),
+    }
+    outputs = {"Cloud": "Geometry", "Turn": "Float", "Count": "Float"}
+    text = "Numbers the branches of a volume's inverse, one for a volume that is one-to-one"
+    return node_group("SCFPF Branches", text, inputs, outputs, _build_branches)
+
+
+def _build_branches(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    whole = {key: given[key] for key in TABLE_INPUTS}
+    cloud, cut = given["Cloud"], given["Cut"]
     nodes.open_frame("Where is the volume turned inside out?")
     place = nodes.attribute("place", "FLOAT_VECTOR")
     found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
@@ -121,7 +151,7 @@ def store_branches(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> tupl
     key = nodes.switch(cut, key, key + piece, "FLOAT", "In Pieces?")
     cloud = numbered(nodes, cloud, key, BRANCH)
     count = nodes.statistic(cloud, nodes.attribute(BRANCH), "Max", "Last Branch") + 1.0
-    return cloud, sign, count
+    return {"Cloud": cloud, "Turn": sign, "Count": count}
 
 
 def numbered(nodes: FieldBuilder, points: Value, key: Value, name: str) -> Value:

@@ -15,6 +15,7 @@ from .solve_nodes import (
     FAR_AWAY,
     PROJECTOR,
     REACH,
+    TABLE_INPUTS,
     inverse_map,
     look_up_group,
     nearest_start,
@@ -68,9 +69,9 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         table, size, cut = _projectors(nodes, given, powers)
-        wrap = _periodic(nodes, table, size)
+        wrap = nodes.call(_periodic_group(), "Periodic", {"Table": table, "Size": size})["Wrap"]
         whole = whole_table(table, size, wrap)
-        ratio = _ratio(nodes, whole)
+        ratio = nodes.call(_ratio_group(), "Near over Far", whole)["Ratio"]
         cloud = _places(nodes, whole, cut, ratio, given["Polar"])
         cloud = nodes.switch(cut, cloud, with_pieces(nodes, whole, cloud), "GEOMETRY", "In Pieces?")
         whole |= cells_of_piece(nodes, whole, cut)
@@ -149,7 +150,7 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value
     size = nodes.xyz(columns, rows, float(spans), "Columns, Rows, Spans")
     table = nodes.store(points, PROJECTOR, matrix, "FLOAT4X4")
     nodes.open_frame("Does a polar picture of a part of a turn leap where it begins and ends?")
-    leap = nodes.both(polar > 0.5, _leap(nodes, table, size))
+    leap = nodes.both(polar > 0.5, nodes.call(_leap_group(), "Leap", {"Table": table, "Size": size})["Leap"])
     piece = piece + nodes.both(leap, b < -1e-5) * 0.5
     cut = nodes.either(cut, leap)
     nodes.open_frame("In pieces? Their numbers")
@@ -157,8 +158,15 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value
     return nodes.switch(cut, table, pieces, "GEOMETRY", "In Pieces?"), size, cut
 
 
-def _leap(nodes: FieldBuilder, table: Value, size: Value) -> Value:
+def _leap_group():
     """Whether the right half of a picture's middle row is much farther from the row below than from that above."""
+    inputs = {key: TABLE_INPUTS[key] for key in ("Table", "Size")}
+    text = "Whether a table leaps between the middle row's right half and the row below it"
+    return node_group("SCFPF Leap", text, inputs, {"Leap": "Bool"}, _build_leap)
+
+
+def _build_leap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    table, size = given["Table"], given["Size"]
     points = nodes.out("GeometryNodePoints", "64 Samples", {"Count": 64})
     across = (nodes.out("GeometryNodeInputIndex", "Index", {}) + 1.0) / 128.0 + 0.5
     row = 1.0 / (size.parts()[1] - 1.0)
@@ -172,7 +180,7 @@ def _leap(nodes: FieldBuilder, table: Value, size: Value) -> Value:
         down = nodes.statistic(points, (middle - below).length(), "Max", "Down")
         up = nodes.statistic(points, (above - middle).length(), "Max", "Up")
         result = down > up * LEAP if result is None else nodes.either(result, down > up * LEAP)
-    return result
+    return {"Leap": result}
 
 
 def _combined(nodes: FieldBuilder, span: Value, weights, controls) -> Value:
@@ -195,8 +203,15 @@ def _combined(nodes: FieldBuilder, span: Value, weights, controls) -> Value:
     return nodes.xyz(0.0, 0.0, 0.0, "Nothing") if total is None else total
 
 
-def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
+def _periodic_group():
     """1 where the volume's left and right, or lower and upper, ends are one; else 0."""
+    inputs = {key: TABLE_INPUTS[key] for key in ("Table", "Size")}
+    text = "1 where the left and right, or lower and upper, ends of the volume are one"
+    return node_group("SCFPF Periodic", text, inputs, {"Wrap": "Vector"}, _build_periodic)
+
+
+def _build_periodic(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    table, size = given["Table"], given["Size"]
     nodes.open_frame("Do the ends of the picture meet?")
     index = nodes.out("GeometryNodeInputIndex", "Index", {})
     points = nodes.out("GeometryNodePoints", "65 Samples", {"Count": 65})
@@ -217,11 +232,16 @@ def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
             turn = nodes.statistic(points, (middle - start).length(), "Max", "Half a Turn")
             gaps.append(gap < turn * PERIODIC)
         tests.append(nodes.both(*gaps))
-    return nodes.xyz(*tests, 0.0, "Wrap")
+    return {"Wrap": nodes.xyz(*tests, 0.0, "Wrap")}
 
 
-def _ratio(nodes: FieldBuilder, whole) -> Value:
+def _ratio_group():
     """How large the near surface is beside the far one, by the square root of their areas."""
+    text = "Near surface's size over the far one's"
+    return node_group("SCFPF Near over Far", text, TABLE_INPUTS, {"Ratio": "Float"}, _build_ratio)
+
+
+def _build_ratio(nodes: FieldBuilder, whole: dict[str, Value]) -> dict:
     nodes.open_frame("Near surface's size over the far one's")
     index = nodes.out("GeometryNodeInputIndex", "Index", {})
     row = ((index + 0.5) / 16.0).floor()
@@ -233,7 +253,7 @@ def _ratio(nodes: FieldBuilder, whole) -> Value:
         points = nodes.out("GeometryNodePoints", "256 Samples", {"Count": 256})
         areas.append(nodes.statistic(points, area, "Mean", "Area"))
     ratio = nodes.combine("SQRT", areas[0] / areas[1])
-    return ratio.most(SMALLEST_RATIO).least(1 / SMALLEST_RATIO)
+    return {"Ratio": ratio.most(SMALLEST_RATIO).least(1 / SMALLEST_RATIO)}
 
 
 def _sides(nodes: FieldBuilder, cut: Value) -> tuple[Value, ...]:
