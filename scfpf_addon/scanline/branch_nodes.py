@@ -36,7 +36,8 @@ def with_branches(nodes: FieldBuilder, view, given, single: dict[str, Value]) ->
         return {
             "Number": state["Number"] + 1.0,
             "Mesh": nodes.join(state["Mesh"], made["Mesh"]),
-            "Left Out": state["Left Out"] + made["Left Out"],
+            # What one branch leaves out another one draws: the faces are no count.
+            "Left Out": state["Left Out"] + made["Left Out"] * (0.0, 1.0, 1.0),
         }
 
     state = {

@@ -50,7 +50,13 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
     parts = nodes.node("GeometryNodeSeparateComponents", "Cloud and Table", {"Geometry": table})
     cloud, points = Value(nodes, parts.outputs["Mesh"]), Value(nodes, parts.outputs["Point Cloud"])
     given = {"Table": points, "Cloud": cloud, "Aspect": aspect}
-    given |= {"From": (0.0, 0.0, 0.0), "To": (1.0, 1.0, 1.0), "Branch": False, "Piece": NO_PIECE, "Scale": (1.0, 1.0, 1.0)}
+    given |= {
+        "From": (0.0, 0.0, 0.0),
+        "To": (1.0, 1.0, 1.0),
+        "Branch": False,
+        "Piece": NO_PIECE,
+        "Scale": (1.0, 1.0, 1.0),
+    }
     for label, name in (
         ("Size", "size"),
         ("Wrap", "wrap"),
@@ -78,7 +84,9 @@ def on_screen_group():
         up = (y - 0.5) * nodes.mix(polar, 1.0 / given["Aspect"], disc)
         return {"Position": nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")}
 
-    inputs = {"Place": ("Vector", None, "x, y and t")} | {key: VIEW_INPUTS[key] for key in ("Numbers", "Aspect")}
+    inputs = {"Place": ("Vector", None, "x, y and t")} | {
+        key: VIEW_INPUTS[key] for key in ("Numbers", "Aspect")
+    }
     return node_group("SCFPF On Screen", "From (x, y, t) to the viewbox", inputs, PLACED, build)
 
 

@@ -38,13 +38,13 @@ SPREAD = 2.0
 SMALL_SHARE = 0.5
 # A face without a place, as large as this in (x, y, t) by linear guess, is not looked at more closely.
 NOTHING_SIZE = 0.01
-# A face that is smaller than this by linear guess, in pixels, is not divided; near a fold it may be larger in the
-# picture, up to this: a larger one spans two sheets.
+# A face that is smaller than this by linear guess, in pixels, is not divided; near a fold it may be larger
+# in the picture, up to this: a larger one spans two sheets.
 TINY, LEAP = 0.125, 16.0
 # A torn face that is smaller than this in (x, y, t) is judged by the corners that have a place.
 CELL = 0.08
-# A face that covers less than this of a pixel is not divided. Of a triangle, the area is 2.6 times the root of the
-# determinant of its corners' second moments.
+# A face that covers less than this of a pixel is not divided. Of a triangle, the area is 2.6 times the root
+# of the determinant of its corners' second moments.
 THIN = 0.25
 # With more faces than this nothing more is divided: memory must stay bounded.
 MOST_FACES, MOST_FACES_OF_BRANCH = 400_000.0, 20_000.0
@@ -293,10 +293,14 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     out = nodes.either(out, nodes.both(nowhere, across.most(up).most(along) < NOTHING_SIZE))
     nodes.open_frame("A branch: what of it there is, is out of it")
     gone = nodes.both(sides["Any"], across.most(up).most(along) < CELL)
-    out = nodes.either(out, nodes.switch(given["Branch"], False, nodes.both(torn, gone), "BOOLEAN", "Branch?"))
+    out = nodes.either(
+        out, nodes.switch(given["Branch"], False, nodes.both(torn, gone), "BOOLEAN", "Branch?")
+    )
     nodes.open_frame("Too small to be divided: torn at a border of the volume, or between two of its sheets")
     x, y, _ = away.parts()
-    moments = nodes.evaluate_on(nodes.xyz(x * x, y * y, x * y, "Moments"), "CORNER", "FLOAT_VECTOR", "At Corners")
+    moments = nodes.evaluate_on(
+        nodes.xyz(x * x, y * y, x * y, "Moments"), "CORNER", "FLOAT_VECTOR", "At Corners"
+    )
     xx, yy, xy = moments.parts()
     thin = (xx * yy - xy * xy) < pixel * pixel * (pixel * pixel * (THIN / 2.6) ** 2)
     tiny = nodes.either(across.most(up) < pixel * TINY, nodes.both(there, thin))

@@ -18,7 +18,7 @@ from .table_object import table_object
 __all__ = ["COUNTS", "preview_group", "remap_counts", "remap_group", "table_object"]
 
 NORMAL = "scfpf_normal"
-# The attribute of the finished mesh that says what was left out: faces without a place, folded faces.
+# The attribute of the finished mesh that says what was left out: faces without a place, folded samples.
 COUNTS = "SCFPF Left Out"
 
 REMAP_INPUTS = {
@@ -106,8 +106,9 @@ def preview_group(camera):
 def remap_counts(evaluated_object) -> dict[str, int]:
     """What an evaluated object's remap left out.
 
-    Keys: ``unreachable`` (faces removed because a corner has no place in the volume), ``folded``
-    (faces that stand where the volume is turned inside out). Zero where there is no remap.
+    Keys: ``unreachable`` (faces removed because a corner has no place in the volume; not counted where the
+    volume has several branches), ``folded`` (samples of the volume, of 2,304, or of 4,608 if it is in
+    pieces, where it is turned inside out). Zero where there is no remap.
     """
     attribute = evaluated_object.data.attributes.get(COUNTS)
     if attribute is None or not len(attribute.data):

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which parts of a volume a point may be seen through more than once: the branches of its inverse.
 
-A volume is one branch as long as its samples lie in space as they do in the volume. Where it is turned inside out
-somewhere, or passes through where it has been already, it is taken apart into blocks and by
+A volume is one branch as long as its samples lie in space as they do in the volume. Where it is turned inside
+out somewhere, or passes through where it has been already, it is taken apart into blocks and by
 the sign of its determinant, so that within a branch the inverse is one of one sheet nearly everywhere.
+A volume whose surfaces are in pieces is taken apart into those too.
 """
 
 from __future__ import annotations
@@ -106,7 +107,7 @@ def cells_of_piece(nodes: FieldBuilder, whole, cut: Value) -> dict[str, Value]:
 
 
 def store_branches(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> tuple[Value, Value, Value]:
-    """The cloud in order of its branches, the sign of the volume's determinant, and how many branches there are.
+    """The cloud in order of its branches, the sign of the volume's determinant, and the number of branches.
 
     The cloud must have "place" and ``BLOCK``; it gets ``BRANCH`` and ``FOLDED``.
     """
@@ -141,7 +142,9 @@ def _build_branches(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     nodes.open_frame("Does it pass through itself?")
     axes = []
     for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
-        axes.append(nodes.call(seen_twice_group(), "Seen Twice", whole | {"Cloud": cloud, "Axis": axis})["Count"])
+        axes.append(
+            nodes.call(seen_twice_group(), "Seen Twice", whole | {"Cloud": cloud, "Axis": axis})["Count"]
+        )
     anyway = nodes.either(folds > 0.5, cut)
     twice = nodes.switch(anyway, axes[0] + axes[1] + axes[2], 0.0, "FLOAT", "Folded Anyway?")
     nodes.open_frame("Numbers of the branches")

@@ -100,7 +100,7 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
 
 
 def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value]:
-    """The points of the table with the coefficients of their projectors; columns, rows and spans; in pieces?"""
+    """The points of the table, columns, rows and spans, and whether the volume is in pieces."""
     spans, _, count = powers.shape
     nodes.open_frame("A point a projector, row by row, span by span")
     columns, rows = given["Columns"], given["Rows"]
@@ -159,7 +159,7 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value
 
 
 def _leap_group():
-    """Whether the right half of a picture's middle row is much farther from the row below than from that above."""
+    """Whether the picture's middle row, right of its middle, leaps to the row below it."""
     inputs = {key: TABLE_INPUTS[key] for key in ("Table", "Size")}
     text = "Whether a table leaps between the middle row's right half and the row below it"
     return node_group("SCFPF Leap", text, inputs, {"Leap": "Bool"}, _build_leap)
@@ -174,7 +174,9 @@ def _build_leap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     result = None
     for t in (0.25, 1.0):
         below, middle, above = (
-            nodes.call(look_up_group(), "Place", whole | {"Position": nodes.xyz(across, y, t, "Place")})["Position"]
+            nodes.call(look_up_group(), "Place", whole | {"Position": nodes.xyz(across, y, t, "Place")})[
+                "Position"
+            ]
             for y in (0.5 - row, 0.5 + row * 0.0, 0.5 + row)
         )
         down = nodes.statistic(points, (middle - below).length(), "Max", "Down")
@@ -258,7 +260,7 @@ def _build_ratio(nodes: FieldBuilder, whole: dict[str, Value]) -> dict:
 
 def _sides(nodes: FieldBuilder, cut: Value) -> tuple[Value, ...]:
     """Points of the cloud across, up and along the volume."""
-    counts = zip("across up along".split(), CLOUD, CLOUD_OF_PIECES, strict=True)
+    counts = zip(["across", "up", "along"], CLOUD, CLOUD_OF_PIECES, strict=True)
     return tuple(nodes.switch(cut, float(one), float(other), "FLOAT", label) for label, one, other in counts)
 
 

@@ -24,10 +24,17 @@ def uv_pieces_group():
         sides = []
         for number in range(2):
             corner = nodes.out(
-                "GeometryNodeCornersOfEdge", "Corner", {"Edge Index": edge, "Sort Index": number}, "Corner Index"
+                "GeometryNodeCornersOfEdge",
+                "Corner",
+                {"Edge Index": edge, "Sort Index": number},
+                "Corner Index",
             )
-            following = nodes.out("GeometryNodeOffsetCornerInFace", "Next", {"Corner Index": corner, "Offset": 1})
-            sides.append([nodes.at_index(given["UV"], one, "CORNER", "FLOAT_VECTOR") for one in (corner, following)])
+            following = nodes.out(
+                "GeometryNodeOffsetCornerInFace", "Next", {"Corner Index": corner, "Offset": 1}
+            )
+            sides.append(
+                [nodes.at_index(given["UV"], one, "CORNER", "FLOAT_VECTOR") for one in (corner, following)]
+            )
         (a, b), (c, d) = sides
         # Faces of one orientation run along their edge in opposite directions.
         opposite, same = (
@@ -35,7 +42,9 @@ def uv_pieces_group():
         )
         faces = nodes.out("GeometryNodeInputMeshEdgeNeighbors", "Faces at the Edge", {}) + 0.0
         seam = nodes.both(opposite.least(same) > SAME_UV, faces > 1.5)
-        split = nodes.out("GeometryNodeSplitEdges", "Along the Seams", {"Mesh": given["Mesh"], "Selection": seam})
+        split = nodes.out(
+            "GeometryNodeSplitEdges", "Along the Seams", {"Mesh": given["Mesh"], "Selection": seam}
+        )
         nodes.open_frame("Is it one piece over the whole square?")
         island = nodes.out("GeometryNodeInputMeshIsland", "Island", {}) + 0.0
         last = nodes.statistic(split, island, "Max", "Last Island")
