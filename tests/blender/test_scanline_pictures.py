@@ -268,7 +268,7 @@ def closed_along_v(flexible, camera):
         add_grid(flexible, camera, place, 9, 65)
 
 
-# Share of pixels that may be wrong: at a fold's crease, and at tiles' borders, as coarse as the table's cells.
+# Share of pixels that may be wrong: at a fold's crease, and at tiles' borders, coarse as cells.
 VOLUMES = [(folded_volume, 0.01), (tiled_volume, 1e-3), (part_of_a_turn, 1e-4), (closed_along_v, 0.0)]
 
 
