@@ -17,7 +17,7 @@ DIFFERENCES = (
 )
 LEFT_OUT = (
     ("unreachable", "{:,} faces left out: beyond the volume's reach"),
-    ("folded", "{:,} faces where the volume is folded"),
+    ("folded", "{:,} samples of the volume are folded"),
 )
 
 
