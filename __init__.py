@@ -7,19 +7,21 @@ Imports stand inside the functions: pytest imports this file from the checkout's
 
 def register():
     from . import operators, panels
-    from .scfpf_addon import bridge, scanline
+    from .scfpf_addon import bridge, cycles, scanline
 
     bridge.register()
     scanline.register()
+    cycles.register()
     operators.register()
     panels.register()
 
 
 def unregister():
     from . import operators, panels
-    from .scfpf_addon import bridge, scanline
+    from .scfpf_addon import bridge, cycles, scanline
 
     panels.unregister()
     operators.unregister()
+    cycles.unregister()
     scanline.unregister()
     bridge.unregister()

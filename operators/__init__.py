@@ -3,6 +3,7 @@
 
 from . import (
     camera,
+    cycles,
     duplicate,
     edit_volume,
     find,
@@ -32,6 +33,7 @@ MODULES = (
     find,
     picture_fit,
     preview,
+    cycles,
 )
 
 

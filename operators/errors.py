@@ -6,6 +6,7 @@ from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.render_job import RENDER_ERRORS
 from ..scfpf_addon.bridge.result_image import ResultError
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError
+from ..scfpf_addon.cycles.rig_data import RigError
 from ..scfpf_addon.projection.editing import EditingError
 from ..scfpf_addon.projection.preset import PresetError
 from ..scfpf_addon.scanline.preview_data import PreviewError
@@ -18,6 +19,7 @@ BAD_INPUT = (
     PresetError,
     PreviewError,
     ResultError,
+    RigError,
     SurfaceError,
     ViewportError,
     *RENDER_ERRORS,

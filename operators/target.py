@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which camera an operator or a panel is about."""
 
+from ..scfpf_addon.bridge.rig_mark import camera_behind
+
 
 def camera_with_surface(scene, surface):
     """The camera of ``scene`` that has ``surface`` in its list, or None."""
@@ -21,12 +23,12 @@ def camera_of(context):
     active = context.object
     if active is not None:
         if active.type == "CAMERA":
-            return active
+            return camera_behind(active)
         # Asked only of control surfaces: panels come here at every redraw.
         owner = camera_with_surface(context.scene, active) if active.scfpf_surface.kind != "NONE" else None
         if owner is not None:
             return owner
-    return context.scene.camera
+    return camera_behind(context.scene.camera)
 
 
 def flexible_camera_of(context):
@@ -80,7 +82,7 @@ def _poll_flexible(cls, context) -> bool:
 
 def render_camera(context):
     """What Render means when no camera is named: the scene's if flexible, else the active one, or None."""
-    camera = context.scene.camera
+    camera = camera_behind(context.scene.camera)
     if camera is not None and camera.scfpf.enabled:
         return camera
     return flexible_camera_of(context)

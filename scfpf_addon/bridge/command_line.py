@@ -13,6 +13,7 @@ import bpy
 
 from .render_job import RENDER_ERRORS, RenderJob, prepare
 from .result_image import FILE_FORMATS, ResultError, save_result, write_result
+from .rig_mark import camera_behind
 
 # Blender's own limit, both ways.
 LAST_FRAME = 1_048_574
@@ -133,8 +134,8 @@ def _camera(scene, name: str | None):
             raise CommandError(f'"{name}" is not a flexible camera')
         return camera
     flexible = [obj for obj in scene.objects if obj.type == "CAMERA" and obj.scfpf.enabled]
-    if scene.camera in flexible:
-        return scene.camera
+    if camera_behind(scene.camera) in flexible:
+        return camera_behind(scene.camera)
     if not flexible:
         raise CommandError(f'the scene "{scene.name}" has no flexible camera')
     if len(flexible) > 1:

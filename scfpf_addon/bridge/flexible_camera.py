@@ -12,6 +12,7 @@ from mathutils import Matrix
 from ..projection.volume import Projection
 from . import edit_volume, lattice_object, nurbs_object, surface_nodes
 from .ordinary_camera import FrustumError, frustum
+from .rig_mark import is_rig_part
 from .slot_animation import clear_slots, move_slot, remove_slot
 from .surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
@@ -327,11 +328,11 @@ def volume_from_camera(camera, scene) -> None:
 
 
 def control_objects() -> set[str]:
-    """Full names of the objects that are control surfaces or volume objects: no picture shows them.
+    """Full names of control surfaces, volume objects and parts of Cycles rigs: no picture shows them.
 
     ``name_full`` tells a local object from a linked one of the same name.
     """
-    names = set()
+    names = {part.name_full for part in bpy.data.objects if is_rig_part(part)}
     for camera in bpy.data.objects:
         if camera.type == "CAMERA":
             settings = camera.scfpf

@@ -21,6 +21,7 @@ from .render_delivery import Delivery
 from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size
 from .render_passes import list_render_passes
 from .render_viewport import ViewportRender, stop_all
+from .rig_mark import camera_behind
 
 ENGINE = "SCFPF"
 # Pixels across a square of the coarse picture that a window shows at first: it costs a
@@ -85,7 +86,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         self.update_stats("", "Reading the scene")
         inputs = read_inputs(
             depsgraph,
-            camera.original,
+            camera_behind(camera.original),
             size,
             border=render_border(self.render, *size),
             passes=delivery.sources,

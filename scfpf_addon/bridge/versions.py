@@ -70,3 +70,8 @@ def set_node_menu(node, socket: str, setting: str, value: str) -> None:
         setattr(node, setting, value)
     else:
         node.inputs[socket].default_value = value.replace("_", " ").title()
+
+
+def has_portal_depth() -> bool:
+    """Whether the Light Path node knows how many portals a ray has passed: from 5.0."""
+    return bpy.app.version >= (5, 0, 0)

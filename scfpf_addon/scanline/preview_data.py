@@ -189,13 +189,13 @@ def _set_modifier(source, part, group):
         picture.animation_data_clear()
         modifier.node_group = group
         for name, expression in FOLLOWED.items():
-            _follow_scene(modifier, _input(group, name), expression, settings.scene)
+            follow_scene(modifier, group_input(group, name), expression, settings.scene)
     for name, value in (
         ("Collection", part.members),
         ("Table", settings.table),
         ("Pixel Error", settings.camera.scfpf.pixel_error),
     ):
-        identifier = _input(group, name)
+        identifier = group_input(group, name)
         if versions.modifier_input(modifier, identifier) != value:
             versions.set_modifier_input(modifier, identifier, value)
     # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
@@ -234,7 +234,7 @@ def set_asleep(source, asleep: bool) -> None:
                 modifier.show_viewport = not asleep
 
 
-def _input(group, name: str) -> str:
+def group_input(group, name: str) -> str:
     """The identifier of a group's input."""
     return next(
         item.identifier
@@ -243,7 +243,7 @@ def _input(group, name: str) -> str:
     )
 
 
-def _follow_scene(modifier, identifier: str, expression: str, scene) -> None:
+def follow_scene(modifier, identifier: str, expression: str, scene) -> None:
     """Drive an input by the size of a scene's picture. Such simple expressions need no Python."""
     owner, name = versions.modifier_input_property(modifier, identifier)
     driver = owner.driver_add(name).driver

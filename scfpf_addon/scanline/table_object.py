@@ -20,20 +20,21 @@ MOST_CELLS = 512
 STRAIGHT = {"POINT", "PLANE", "PATCH"}
 
 
-def table_object(camera):
+def table_object(camera, key=TABLE_KEY, label="Table"):
     """The camera's table of projectors, made or brought up to date; a child of the camera.
 
+    key: the camera's custom property that names it. label: what comes after the camera's name in its own.
     Call it when the list of surfaces, a kind, a weight, the basis or the re-parameterisation
     has changed; shapes, transforms and animation it follows by itself, without Python.
-    It is linked to no collection: the preview's modifier keeps it evaluated.
+    It is linked to no collection: the modifier that reads it keeps it evaluated.
     """
-    table = camera.get(TABLE_KEY)
+    table = camera.get(key)
     if table is None or table.parent != camera:  # a duplicate of the camera points to the other one's
-        name = f"{camera.name} Table"
+        name = f"{camera.name} {label}"
         table = bpy.data.objects.new(name, bpy.data.meshes.new(name))
         table.parent = camera
         table.hide_select = table.hide_render = True
-        camera[TABLE_KEY] = table
+        camera[key] = table
     settings = camera.scfpf
     surfaces = [slot.object for slot in settings.surfaces]
     weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
@@ -154,3 +155,13 @@ def _own_cells(surface) -> tuple[int, int]:
             return CURVED_CELLS
         return points.shape[1] - 1, points.shape[0] - 1
     return CURVED_CELLS
+
+
+def grid_cells(surfaces) -> tuple[int, int]:
+    """Cells across and up of the surfaces that are grids, whose lines are creases; 1 where there are none."""
+    cells = [1, 1]
+    for surface in surfaces:
+        if surface is not None and surface.scfpf_surface.kind == "GRID":
+            own = _own_cells(surface)
+            cells = [max(pair) for pair in zip(cells, own, strict=True)]
+    return cells[0], cells[1]

@@ -107,7 +107,7 @@ def our_passes(addon):
     scenes = addon("scfpf_addon.casting.scene")
     frames = addon("scfpf_addon.casting.frame")
 
-    def cast():
+    def cast(pixel_error=0.1):
         scene = bpy.context.scene
         width, height = scene.render.resolution_x, scene.render.resolution_y
 
@@ -121,7 +121,7 @@ def our_passes(addon):
         )
         geometry = contents.geometry
         cast_scene = scenes.CastScene(geometry.vertices, geometry.triangles)
-        hits = frames.cast_frame(cast_scene, projection, width, height)
+        hits = frames.cast_frame(cast_scene, projection, width, height, pixel_error)
         numbers = np.array([bpy.data.objects[name].pass_index for name in geometry.object_names])
         hit = hits.triangle >= 0
         index = np.where(hit, numbers[geometry.object_index[hits.triangle]], 0)

@@ -4,7 +4,7 @@
 import bpy
 import pytest
 
-SECTIONS = ("", "_preview", "_surfaces", "_projectors", "_quality", "_display")
+SECTIONS = ("", "_preview", "_cycles", "_surfaces", "_projectors", "_quality", "_display")
 
 
 class RecordingLayout:
@@ -288,3 +288,15 @@ def test_shared_surfaces_are_said_and_a_button_parts_them(camera):
     bpy.ops.scfpf.volume_single_user()
     bpy.context.view_layer.update()
     assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))
+
+
+def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(camera):
+    section = bpy.types.SCFPF_PT_view_cycles
+    assert "chord" not in texts(drawn(section)) and "Position pass" in texts(drawn(section))
+    bpy.ops.scfpf.preset_apply(preset="nonlinear_twist")
+    bpy.ops.scfpf.cycles_rig()
+    told = texts(drawn(section))
+    assert " chords, off by 0.0" in told and "× an ordinary camera" in told
+    assert ("operator", "render.render") in drawn(section)
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    assert "works in Cycles only" in texts(drawn(section))

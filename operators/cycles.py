@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles' path tracing along the projectors of a flexible camera."""
+
+import bpy
+
+from ..scfpf_addon.cycles import rig as rigs
+from ..scfpf_addon.cycles.rig_data import rig_of
+from .errors import BAD_INPUT
+from .target import camera_of, poll_flexible_camera
+
+
+class SCFPF_OT_cycles_rig(bpy.types.Operator):
+    """Let F12 render what the flexible camera sees with Cycles; again to take everything back"""
+
+    bl_idname = "scfpf.cycles_rig"
+    bl_label = "Render with Cycles"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = classmethod(poll_flexible_camera)
+
+    def execute(self, context):
+        camera = camera_of(context)
+        rig = rig_of(context.scene)
+        if rig is not None and rig.scfpf_rig.camera == camera:
+            rigs.switch_off(rig)
+            return {"FINISHED"}
+        try:
+            rig = rigs.switch_on(context, camera)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        for caution in rigs.cautions(context.scene, context.view_layer, rig):
+            self.report({"WARNING"}, caution)
+        self.report({"INFO"}, "Press F12: Cycles follows the projectors of " + camera.name)
+        return {"FINISHED"}
+
+
+class SCFPF_OT_cycles_rig_update(bpy.types.Operator):
+    """Choose the chords anew, for all frames of an animated volume"""
+
+    bl_idname = "scfpf.cycles_rig_update"
+    bl_label = "Update Chords"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if rig_of(context.scene) is None:
+            cls.poll_message_set("Switch on Render with Cycles first")
+            return False
+        return True
+
+    def execute(self, context):
+        try:
+            rigs.update(context, rig_of(context.scene))
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_cycles_rig, SCFPF_OT_cycles_rig_update))

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Path-traced projectors: a rig of Ray Portal sheets along which Cycles' camera rays follow them."""
+
+
+def register():
+    from . import rig, rig_properties
+
+    for module in (rig_properties, rig):
+        module.register()
+
+
+def unregister():
+    from . import rig, rig_properties
+
+    for module in (rig, rig_properties):
+        module.unregister()

@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The node group that places the sheets, and the materials that send rays on.
+
+Nodes compute them from the table of projectors, so that they follow the surfaces and the frame in any
+Blender, without the add-on.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ..bridge import versions
+from ..bridge.node_builder import NodeBuilder
+from ..scanline.field_nodes import FieldBuilder, Value, node_group
+from ..scanline.place_nodes import view_inputs
+from ..scanline.solve_nodes import PROJECTOR, TABLE_INPUTS
+
+# Attributes of the sheets. Before the nodes: t and shift of the ends of a vertex' chord.
+START, END = "scfpf_start", "scfpf_end"
+# After them: where rays go on and along what, world space; how many portals they have passed before.
+POSITION, DIRECTION, DEPTH = "scfpf_position", "scfpf_direction", "scfpf_depth"
+
+# The rig's camera looks at a screen of this width or little more, this far below the scene. float32 tells
+# 16 million places across it, wherever it is.
+WIDTH = 200_000.0
+AWAY = 1e6
+TO_SCREEN = 1e4
+TO_SURROUND = 1.1e4
+# Rays that have left the volume go on from so far away that only the world is left to see.
+TELEPORT = 1e8
+# How far a portal's depth may be off what its attribute says: half of one, but for rounding.
+DEPTH_SLACK = 0.4
+
+
+def chord_end_group():
+    """Where a chord ends: Q - shift · Q'' at (x, y, t), in the table's space."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        nodes.open_frame("Cell, and place in the cell")
+        size, place = given["Size"], given["Position"]
+        wrapped = place - place.floor() * given["Wrap"]
+        in_cells = wrapped * (size - (1.0, 1.0, 0.0))
+        cell = in_cells.floor().most((0.0, 0.0, 0.0)).least(size - (2.0, 2.0, 1.0))
+        a, b, t = (in_cells - cell).parts()
+        columns, rows, spans = size.parts()
+        first = cell.dot(nodes.xyz(1.0, columns, columns * rows, "Index Steps"))
+        nodes.open_frame("The four projectors there")
+        t2 = t * t
+        bend = nodes.xyz(0.0, 2.0, t * 6.0, "Second derivatives") * (spans * spans * given["Shift"])
+        powers = nodes.xyz(t, t2, t2 * t, "t, t², t³") - bend
+        projector = nodes.attribute(PROJECTOR, "FLOAT4X4")
+        points = []
+        for label, index in (
+            ("lower left", first),
+            ("lower right", first + 1.0),
+            ("upper left", first + columns),
+            ("upper right", first + columns + 1.0),
+        ):
+            matrix = nodes.sample(given["Table"], projector, index, "FLOAT4X4", f"Projector {label}")
+            points.append(nodes.point(powers, matrix, f"Point {label}"))
+        nodes.open_frame("Blended")
+        low, high = (points[i] + (points[i + 1] - points[i]) * a for i in (0, 2))
+        return {"Position": low + (high - low) * b}
+
+    inputs = TABLE_INPUTS | {
+        "Position": ("Vector", None, "x, y and t"),
+        "Shift": ("Float", 0.0, "What the bend is multiplied with"),
+    }
+    text = "Where a chord of a projector ends, from the table of projectors"
+    return node_group("SCFPF Chord End", text, inputs, {"Position": "Vector"}, build)
+
+
+def portal_group():
+    """The node group "SCFPF Portals": the sheets' mesh as ``sheets.portals`` makes it → portals in place."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        nodes.open_frame("The camera's table")
+        info = {"Object": given["Table"]}
+        table = nodes.out("GeometryNodeObjectInfo", "Table", info, "Geometry")
+        matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
+        view = view_inputs(nodes, table, given["Aspect"])
+        x, y, number = nodes.out("GeometryNodeInputPosition", "Place", {}).parts()
+        nodes.open_frame("Ends of the chord")
+        ends = []
+        for name in (START, END):
+            t, shift, far = nodes.attribute(name, "FLOAT_VECTOR").parts()
+            inputs = {key: view[key] for key in TABLE_INPUTS}
+            inputs |= {"Position": nodes.xyz(x, y, t, "x, y, t"), "Shift": shift}
+            end = nodes.call(chord_end_group(), f"Chord {name[6:]}", inputs)["Position"]
+            ends.append(nodes.point(end, matrix, "In the World"))
+            is_far = far if name == START else is_far
+        start, end = ends
+        nodes.open_frame("Where rays go on")
+        direction = end - start
+        here = nodes.mix(is_far, start, end)
+        away = nodes.out("ShaderNodeVectorMath", "Normalised", {0: direction}, operation="NORMALIZE")
+        target = here + away * (is_far * TELEPORT)
+        nodes.open_frame("The screen, and what surrounds it")
+        aspect, (_, _, polar) = given["Aspect"], view["Numbers"].parts()
+        wide = aspect.most(1.0)
+        width = given["Width"]
+        across = nodes.mix(polar, width, width / wide)
+        up = nodes.mix(polar, width / aspect, width / wide)
+        behind = nodes.switch(
+            number < -0.5, -AWAY - TO_SCREEN, -AWAY - TO_SURROUND, "FLOAT", "Screen or Surround"
+        )
+        screen = nodes.xyz((x - 0.5) * across, (y - 0.5) * up, behind, "Screen")
+        geometry = given["Geometry"]
+        for name, value in ((POSITION, target), (DIRECTION, direction)):
+            geometry = nodes.store(geometry, name, value, "FLOAT_VECTOR")
+        geometry = nodes.store(geometry, DEPTH, number, "FLOAT")
+        place = nodes.switch(number < 0.5, here, screen, "VECTOR", "Sheet or Screen")
+        return {
+            "Geometry": nodes.out(
+                "GeometryNodeSetPosition", "In Place", {"Geometry": geometry, "Position": place}
+            )
+        }
+
+    inputs = {
+        "Geometry": ("Geometry", None, "Sheets: x, y and the number of the sheet as positions"),
+        "Table": ("Object", None, "The table object of a flexible camera"),
+        "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
+        "Width": ("Float", WIDTH, "Width of the screen: the ortho scale of the camera that looks at it"),
+    }
+    text = "The sheets that turn Cycles' rays from one chord of a projector into the next"
+    return node_group("SCFPF Portals", text, inputs, {"Geometry": "Geometry"}, build, modifier=True)
+
+
+def new_materials(gated: bool, scene) -> list:
+    """Materials of sheets, of screen and far sheet, and of the surround, in this order of slots.
+
+    gated: a sheet turns only rays that have passed as many portals as its chord begins with. scene: its
+    film, transparent or not, is what stands around a round picture.
+    """
+    return [_portal("SCFPF Sheet", gated, False), _portal("SCFPF Gate", gated, True), _surround(scene)]
+
+
+def _new_material(name: str):
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True  # from 5.0 every material has a tree, and the switch is deprecated
+    material.node_tree.nodes.clear()
+    return material, NodeBuilder(material.node_tree)
+
+
+def _portal(name: str, gated: bool, elsewhere: bool):
+    material, nodes = _new_material(name)
+
+    def attribute(name: str, output: str):
+        node = nodes.node("ShaderNodeAttribute", name, {}, attribute_name=name)
+        return node.outputs[output]
+
+    inputs = {"Direction": attribute(DIRECTION, "Vector")}
+    if elsewhere:
+        inputs["Position"] = attribute(POSITION, "Vector")
+    shader = nodes.node("ShaderNodeBsdfRayPortal", "Ray Portal", inputs).outputs[0]
+    if gated:
+        passed = nodes.node("ShaderNodeLightPath", "Light Path", {}).outputs["Portal Depth"]
+        inputs = {0: passed, 1: attribute(DEPTH, "Fac"), 2: DEPTH_SLACK}
+        due = nodes.node("ShaderNodeMath", "Due", inputs, operation="COMPARE").outputs[0]
+        through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
+        shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
+    nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
+    return material
+
+
+def _surround(scene):
+    material, nodes = _new_material("SCFPF Surround")
+    holdout = nodes.node("ShaderNodeHoldout", "Nothing", {}).outputs[0]
+    black = nodes.node("ShaderNodeEmission", "Black", {"Strength": 0.0}).outputs[0]
+    transparent = nodes.node("ShaderNodeValue", "Is Film Transparent", {}).outputs[0]
+    driver = transparent.driver_add("default_value").driver
+    driver.type = "AVERAGE"
+    target = driver.variables.new().targets[0]
+    target.id_type, target.id, target.data_path = "SCENE", scene, "render.film_transparent"
+    shader = nodes.node("ShaderNodeMixShader", "Around", {0: transparent, 1: black, 2: holdout}).outputs[0]
+    nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
+    return material
+
+
+def can_gate() -> bool:
+    """Whether this Blender's materials know how many portals a ray has passed."""
+    return versions.has_portal_depth()

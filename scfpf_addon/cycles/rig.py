@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Cycles rig of a flexible camera: switched on, kept in step with the volume, switched off.
+
+Nodes place the sheets, so that they follow surfaces and frames by themselves. Python only says
+where chords end and how many there are, and looks again when the volume has changed.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..bridge.read_projection import ProjectionError, read_projection
+from ..bridge.render_job import RenderError, picture_aspect, picture_size
+from ..bridge.volume_object import sync_volume_object
+from ..projection.volume import Projection
+from ..scanline.table_object import grid_cells
+from . import portal_nodes
+from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
+from .rig_data import (
+    RigError,
+    adopt,
+    check,
+    is_whole,
+    make_rig,
+    present_chords,
+    remove_rig,
+    rig_of,
+    rigs,
+    update_nodes,
+    write_sheets,
+)
+from .sheets import crosses_itself, picture_places
+
+# Frames of an animated volume that its chords are planned for.
+FRAMES = 9
+# Places across and up the picture at which a change of the volume is noticed.
+NOTICED = 7
+# Places at which a volume is looked at for crossing itself.
+CROSSING = 9
+# The rig of a volume that stands still is made smaller again when this share of its chords is enough.
+ENOUGH = 0.7
+STALE = "The animated volume has changed: update the chords"
+
+# What was seen at the last look, by session_uid of the rig: numbers and bytes only.
+_seen: dict[int, tuple] = {}
+
+
+def switch_on(context, camera):
+    """Make the rig of a camera in the context's scene; returns its collection.
+
+    A rig that the scene has of another camera goes. Raises RigError, or what the projection's reader raises;
+    nothing is left behind then.
+    """
+    scene = context.scene
+    check(scene, camera)
+    sync_volume_object(camera)
+    chords, animated = _plan(context, camera)
+    present = rig_of(scene)
+    if present is not None:
+        switch_off(present)
+    rig = make_rig(scene, camera, chords)
+    rig.scfpf_rig.animated = animated
+    _look_through(scene, camera, True)
+    _note(rig, context.evaluated_depsgraph_get())
+    return rig
+
+
+def update(context, rig) -> None:
+    """Plan the chords of a rig anew, for all frames. Raises as switch_on does; the rig stays then."""
+    chords, animated = _plan(context, rig.scfpf_rig.camera)
+    update_nodes(rig)
+    rig.scfpf_rig.animated = animated
+    rig.scfpf_rig.problem = ""
+    write_sheets(rig, chords)
+    _note(rig, context.evaluated_depsgraph_get())
+
+
+def switch_off(rig) -> None:
+    """Remove a rig and all that was made for it."""
+    settings = rig.scfpf_rig
+    if settings.scene is not None and settings.camera is not None:
+        _look_through(settings.scene, settings.camera, False)
+    _seen.pop(rig.session_uid, None)
+    remove_rig(rig)
+
+
+def _look_through(scene, camera, on: bool) -> None:
+    """Viewports keep looking through the flexible camera, not at the rig's screen."""
+    for window in bpy.context.window_manager.windows if bpy.context.window_manager else ():
+        if window.scene != scene:
+            continue
+        for area in window.screen.areas:
+            if area.type != "VIEW_3D":
+                continue
+            space = area.spaces.active
+            if on and not space.use_local_camera:
+                space.use_local_camera = True
+                space.camera = camera
+            elif not on and space.use_local_camera and space.camera == camera:
+                space.use_local_camera = False
+
+
+def _plan(context, camera) -> tuple[ChordPlan, bool]:
+    """The chords for all frames that are looked at, and whether the volume is animated."""
+    scene = context.scene
+    try:
+        size, aspect = picture_size(scene), picture_aspect(scene)
+        present = read_projection(camera, context.evaluated_depsgraph_get(), aspect)
+        projections = [present]
+        if _may_move(camera):
+            projections += _other_frames(context, camera, aspect)
+        chords = plan_chords(projections, size, camera.scfpf.pixel_error, _lines(camera))
+    except PlanError as error:
+        raise RigError(str(error)) from error
+    return chords, len(projections) > 1
+
+
+def _lines(camera) -> tuple[int, int]:
+    return grid_cells([slot.object for slot in camera.scfpf.surfaces])
+
+
+def _may_move(camera) -> bool:
+    """Whether anything of the volume may be animated."""
+    pending = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
+    seen = set()
+    while pending:
+        obj = pending.pop()
+        if obj in seen:
+            continue
+        seen.add(obj)
+        keys = getattr(obj.data, "shape_keys", None)
+        for owner in (obj, obj.data, keys):
+            if owner is not None and owner.animation_data is not None:
+                return True
+        if len(obj.constraints) or any(m.type != "NODES" for m in obj.modifiers):
+            return True
+        if obj.parent is not None:
+            pending.append(obj.parent)
+    return False
+
+
+def _other_frames(context, camera, aspect: float) -> list[Projection]:
+    """The projections at frames all over the scene's range, as far as they can be read."""
+    scene = context.scene
+    frame, subframe = scene.frame_current, scene.frame_subframe
+    projections = []
+    try:
+        for number in np.unique(np.linspace(scene.frame_start, scene.frame_end, FRAMES).round().astype(int)):
+            scene.frame_set(int(number))
+            projections.append(read_projection(camera, context.evaluated_depsgraph_get(), aspect))
+    finally:
+        scene.frame_set(frame, subframe=subframe)
+    return projections
+
+
+def cautions(scene, view_layer, rig) -> list[str]:
+    """What keeps the rig's picture from being right, in a few words each."""
+    settings, cycles = rig.scfpf_rig, scene.cycles
+    found = []
+    if settings.problem:
+        found.append(settings.problem)
+    if scene.render.engine != "CYCLES":
+        found.append("The rig works in Cycles only")
+    if scene.camera != settings.view_camera:
+        found.append("Another camera is the scene's now")
+    if view_layer.material_override is not None:
+        found.append("The view layer's material override stops the rays")
+    if cycles.transparent_max_bounces < settings.chords + 2:
+        found.append("Too few transparent bounces for the chords")
+    if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
+        found.append("Camera culling would leave all objects out")
+    if _has_volume(scene.world):
+        found.append("The world's volume is not right beyond the screen")
+    if settings.crosses:
+        found.append("The volume crosses itself: Blender 5.0 is needed")
+    if settings.missing > 0.0:
+        found.append("Holes of a surface are filled in")
+    return found
+
+
+def _has_volume(world) -> bool:
+    if world is None or world.node_tree is None:
+        return False
+    return any(
+        node.type == "OUTPUT_WORLD" and node.inputs["Volume"].is_linked for node in world.node_tree.nodes
+    )
+
+
+def tend(scene, depsgraph) -> None:
+    """Bring a scene's rig in step with its volume; remove rigs that have lost their camera or a part."""
+    for rig in rigs():
+        adopt(rig)
+        if not is_whole(rig):
+            # Undo brings both back.
+            switch_off(rig)
+        elif rig.scfpf_rig.scene == scene:
+            _follow(rig, depsgraph)
+
+
+def _follow(rig, depsgraph) -> None:
+    settings = rig.scfpf_rig
+    seen = _seen.get(rig.session_uid)
+    try:
+        projection, now = _look(rig, depsgraph)
+        if seen == now and not settings.problem:
+            return
+        structure_changed = seen is not None and seen[0] != now[0]
+        if structure_changed:
+            update_nodes(rig)
+        problem = _settle(rig, projection, structure_changed)
+        _seen[rig.session_uid] = now
+    except (ProjectionError, PlanError, RenderError) as error:
+        problem = str(error)
+    if settings.problem != problem:
+        settings.problem = problem
+
+
+def _settle(rig, projection: Projection, structure_changed: bool) -> str:
+    """Make the chords of a rig enough for a volume, and not far too many; returns what cannot be done."""
+    settings = rig.scfpf_rig
+    chords = plan_of(rig, projection)
+    _note_crossing(rig, projection, chords)
+    breaks, shifts = present_chords(rig)
+    size = picture_size(settings.scene)
+    error = chord_error(projection, size, breaks, shifts)
+    fine = error <= max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR)
+    fine = fine and all(has >= wants for has, wants in zip(settings.cells, chords.cells, strict=True))
+    if settings.animated and not structure_changed:
+        return "" if fine or chords.count >= MOST_CHORDS else STALE
+    if structure_changed or not fine or chords.count < ENOUGH * settings.chords:
+        settings.animated = False
+        write_sheets(rig, chords)
+    return ""
+
+
+def _look(rig, depsgraph) -> tuple[Projection, tuple]:
+    """The projection as it is, and what tells it from another: what nodes do not follow, and the rest."""
+    settings = rig.scfpf_rig
+    camera, own = settings.camera, settings.camera.scfpf
+    projection = read_projection(camera, depsgraph, picture_aspect(settings.scene))
+    surfaces = tuple(
+        (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
+    )
+    structure = (surfaces, own.basis, own.reparameterisation)
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
+    points = projection.projectors(x, y).points.astype(np.float32).tobytes()
+    return projection, (structure, points, picture_size(settings.scene), own.pixel_error)
+
+
+def _note(rig, depsgraph) -> None:
+    projection, now = _look(rig, depsgraph)
+    _seen[rig.session_uid] = now
+    _note_crossing(rig, projection, plan_of(rig, projection))
+
+
+def plan_of(rig, projection: Projection) -> ChordPlan:
+    """A plan for a projection as a rig's settings ask for it."""
+    camera = rig.scfpf_rig.camera
+    size = picture_size(rig.scfpf_rig.scene)
+    return plan_chords([projection], size, camera.scfpf.pixel_error, _lines(camera))
+
+
+def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
+    """Only where rays cannot tell the sheets apart does it matter."""
+    crosses = False
+    if not portal_nodes.can_gate():
+        polar = rig.scfpf_rig.camera.scfpf.reparameterisation == "POLAR"
+        x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, CROSSING),) * 2))
+        x, y = picture_places(x, y, polar, projection.aspect)
+        points = projection.projectors(x, y).points
+        weights, _ = projection.volume.spans.weights(chords.breaks)
+        layers = np.einsum("kn,kcs->ncs", weights, points)
+        crosses = crosses_itself(layers.reshape(*layers.shape[:2], CROSSING, CROSSING))
+    if rig.scfpf_rig.crosses != crosses:
+        rig.scfpf_rig.crosses = crosses
+
+
+@persistent
+def _scene_updated(scene, depsgraph) -> None:
+    if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
+        tend(scene, depsgraph)
+
+
+@persistent
+def _history_changed(*_) -> None:
+    _seen.clear()
+
+
+@persistent
+def _file_loaded(*_) -> None:
+    _seen.clear()
+
+
+HANDLERS = {
+    "depsgraph_update_post": _scene_updated,
+    "frame_change_post": _scene_updated,
+    "undo_post": _history_changed,
+    "redo_post": _history_changed,
+    "load_post": _file_loaded,
+}
+
+
+def register():
+    for name, function in HANDLERS.items():
+        getattr(bpy.app.handlers, name).append(function)
+
+
+def unregister():
+    for name, function in HANDLERS.items():
+        getattr(bpy.app.handlers, name).remove(function)

@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The datablocks of a Cycles rig: made when it is switched on, all removed when it is switched off.
+
+They live in the scene itself, in a collection of their own that viewports do not show. A driver
+hides the sheets from the renders of all cameras but the rig's own, with or without the add-on.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..bridge import versions
+from ..bridge.flexible_camera import sync_volume_object
+from ..bridge.render_job import picture_size
+from ..bridge.rig_mark import RIG_KEY
+from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
+from ..scanline.table_object import table_object
+from . import portal_nodes
+from .chord_plan import ChordPlan
+from .portal_nodes import AWAY, END, START, TO_SCREEN, WIDTH
+from .sheets import SURROUND_CORNERS, Portals, portals
+
+MODIFIER = "SCFPF Portals"
+# The camera's custom property that names the rig's table; the live preview has one of its own.
+RIG_TABLE_KEY = "scfpf_rig_table"
+# All other rays pass the rig by, at no cost: told by the object, not by its material.
+UNSEEN_BY = (
+    "visible_diffuse",
+    "visible_glossy",
+    "visible_transmission",
+    "visible_volume_scatter",
+    "visible_shadow",
+)
+# Transparent bounces beside the chords: the screen, the far sheet, and one to spare.
+MORE_BOUNCES = 3
+MOST_BOUNCES = 1024
+CYCLES = "CYCLES"
+
+
+class RigError(ValueError):
+    """The rig cannot be made; the message says what to do."""
+
+
+def rigs() -> list:
+    """The collections of all rigs in the file."""
+    return [c for c in bpy.data.collections if c.scfpf_rig.is_rig and c.library is None]
+
+
+def rig_of(scene):
+    """The collection of a scene's rig, or None."""
+    return next((rig for rig in rigs() if rig.scfpf_rig.scene == scene and is_whole(rig)), None)
+
+
+def is_whole(rig) -> bool:
+    """Whether all parts of a rig are there and its camera is a flexible one of its scene."""
+    settings = rig.scfpf_rig
+    scene, camera = settings.scene, settings.camera
+    if None in (scene, camera, settings.table) or not camera.scfpf.enabled:
+        return False
+    for part in (settings.portals, settings.view_camera):
+        if part is None or rig.objects.get(part.name) != part:
+            return False
+    if rig not in scene.collection.children_recursive:
+        return False
+    return scene.objects.get(camera.name) == camera or camera in scene.objects.values()
+
+
+def check(scene, camera) -> None:
+    """Raises RigError where a rig cannot be made."""
+    if not scene.is_editable:
+        raise RigError("The scene is linked from another file: render it there")
+    if not camera.is_editable:
+        raise RigError(f"'{camera.name}' is linked from another file: make a library override of it first")
+    if not hasattr(scene, "cycles"):
+        raise RigError("Cycles is switched off: enable its add-on in the Preferences")
+
+
+def make_rig(scene, camera, chords: ChordPlan):
+    """All datablocks of a camera's rig; returns its collection. The scene then renders through it."""
+    sync_volume_object(camera)
+    rig = bpy.data.collections.new(f"{camera.name} Cycles Rig")
+    width = _own_width()
+    portal_object = _new_portals(camera, scene, width)
+    view_camera = _new_view_camera(camera, width)
+    for part in (portal_object, view_camera):
+        rig.objects.link(part)
+        part.hide_select = True
+        part.hide_viewport = True
+        part[RIG_KEY] = camera
+    rig.hide_viewport = rig.hide_select = True
+    rig.color_tag = "COLOR_05"
+    settings = rig.scfpf_rig
+    settings.is_rig = True
+    settings.camera, settings.scene = camera, scene
+    settings.portals, settings.view_camera = portal_object, view_camera
+    update_nodes(rig)
+    scene.collection.children.link(rig)
+    _take_over(rig)
+    write_sheets(rig, chords)
+    return rig
+
+
+def _own_width() -> float:
+    """A width of the screen that no other rig has: by it the sheets know their camera."""
+    taken = {rig.scfpf_rig.view_camera.data.ortho_scale for rig in rigs() if rig.scfpf_rig.view_camera}
+    return next(WIDTH + number for number in range(len(taken) + 1) if WIDTH + number not in taken)
+
+
+def _new_view_camera(camera, width: float):
+    name = f"{camera.name} Cycles"
+    lens = bpy.data.cameras.new(name)
+    lens.type = "ORTHO"
+    lens.sensor_fit = "HORIZONTAL"
+    lens.ortho_scale = width
+    lens.clip_start, lens.clip_end = 0.5 * TO_SCREEN, 2.0 * TO_SCREEN
+    view_camera = bpy.data.objects.new(name, lens)
+    view_camera.location.z = -AWAY
+    return view_camera
+
+
+def _new_portals(camera, scene, width: float):
+    name = f"{camera.name} Portals"
+    mesh = bpy.data.meshes.new(name)
+    for material in portal_nodes.new_materials(portal_nodes.can_gate(), scene):
+        mesh.materials.append(material)
+    made = bpy.data.objects.new(name, mesh)
+    made.modifiers.new(MODIFIER, "NODES")
+    for name in UNSEEN_BY:
+        setattr(made, name, False)
+    # Its sheets stand where they are in the middle of the frame; directions would not be blurred along.
+    made.cycles.use_motion_blur = False
+    driver = made.driver_add("hide_render").driver
+    # Such simple expressions need no Python. The scene is the one that is rendered: others may share the rig.
+    driver.expression = f"width != {width:.0f}"
+    variable = driver.variables.new()
+    variable.name, variable.type = "width", "CONTEXT_PROP"
+    target = variable.targets[0]
+    target.context_property, target.data_path = "ACTIVE_SCENE", "camera.data.ortho_scale"
+    return made
+
+
+def _take_over(rig) -> None:
+    """Let the scene render through the rig with Cycles; what was before is noted."""
+    settings = rig.scfpf_rig
+    scene, camera, view_camera = settings.scene, settings.camera, settings.view_camera
+    settings.camera_before, settings.engine_before = scene.camera, scene.render.engine
+    settings.bounces_before = settings.bounces = scene.cycles.transparent_max_bounces
+    scene.camera = view_camera
+    scene.render.engine = CYCLES
+    for marker in scene.timeline_markers:
+        if marker.camera == camera:
+            marker.camera = view_camera
+    if scene.cycles.dicing_camera is None:
+        # Adaptive subdivision would see the scene from where the rig's camera is.
+        scene.cycles.dicing_camera = camera
+
+
+def _give_back(rig) -> None:
+    """What ``_take_over`` has changed becomes as it was, unless the artist has changed it since."""
+    settings = rig.scfpf_rig
+    scene, camera, view_camera = settings.scene, settings.camera, settings.view_camera
+    if scene is None:
+        return
+    for user in bpy.data.scenes:
+        # Linked copies of the scene render through the rig as well.
+        if view_camera is not None and user.camera == view_camera:
+            user.camera = settings.camera_before or camera
+    if settings.engine_before and scene.render.engine == CYCLES:
+        scene.render.engine = settings.engine_before
+    if scene.cycles.transparent_max_bounces == settings.bounces:
+        scene.cycles.transparent_max_bounces = settings.bounces_before
+    for marker in scene.timeline_markers:
+        if view_camera is not None and marker.camera == view_camera:
+            marker.camera = camera
+    if scene.cycles.dicing_camera == camera:
+        scene.cycles.dicing_camera = None
+
+
+def adopt(rig) -> None:
+    """Let a rig that came with a full copy of its scene be that scene's, with a table of its own."""
+    settings = rig.scfpf_rig
+    holders = [scene for scene in bpy.data.scenes if rig in scene.collection.children_recursive]
+    if holders and settings.scene not in holders:
+        settings.scene = holders[0]
+    scene, camera, portal_object = settings.scene, settings.camera, settings.portals
+    if None in (scene, camera, portal_object, settings.table) or settings.table.parent == camera:
+        return
+    if portal_object.animation_data is None or not camera.is_editable:
+        return
+    update_nodes(rig)
+    for curve in portal_object.animation_data.drivers:
+        for variable in curve.driver.variables:
+            if variable.type == "SINGLE_PROP":
+                variable.targets[0].id = scene
+
+
+def update_nodes(rig) -> None:
+    """The table and the modifier as the camera's list of surfaces and its settings now ask for."""
+    settings = rig.scfpf_rig
+    settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table")
+    settings.table[RIG_KEY] = settings.camera
+    group = portal_nodes.portal_group()
+    modifier = settings.portals.modifiers[MODIFIER]
+    if modifier.node_group != group:
+        before = modifier.node_group
+        modifier.node_group = group
+        follow_scene(modifier, group_input(group, "Aspect"), FOLLOWED["Aspect"], settings.scene)
+        if before is not None:
+            remove_unused_groups([before])
+    identifier = group_input(group, "Table")
+    if versions.modifier_input(modifier, identifier) != settings.table:
+        versions.set_modifier_input(modifier, identifier, settings.table)
+    width = settings.view_camera.data.ortho_scale
+    versions.set_modifier_input(modifier, group_input(group, "Width"), width)
+    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
+    modifier.node_group = group
+    settings.portals.update_tag()
+
+
+def write_sheets(rig, chords: ChordPlan) -> None:
+    """Make the rig's mesh that of a plan, and note what the plan promises."""
+    settings = rig.scfpf_rig
+    polar = settings.camera.scfpf.reparameterisation == "POLAR"
+    size = picture_size(settings.scene)
+    _fill(settings.portals.data, portals(chords.breaks, chords.shifts, chords.cells, size, polar))
+    settings.error, settings.cost, settings.missing = chords.error, chords.cost, chords.missing
+    settings.cells = chords.cells
+    cycles = settings.scene.cycles
+    if cycles.transparent_max_bounces != settings.bounces:
+        settings.bounces_before = cycles.transparent_max_bounces  # the artist has chosen another
+    settings.chords = chords.count
+    wanted = settings.bounces_before + chords.count + MORE_BOUNCES
+    settings.bounces = cycles.transparent_max_bounces = min(wanted, MOST_BOUNCES)
+
+
+def present_chords(rig):
+    """Breaks and shifts of the chords as a rig's mesh has them, (n+1,) each."""
+    settings = rig.scfpf_rig
+    mesh = settings.portals.data
+    sheet = (len(mesh.vertices) - SURROUND_CORNERS) // (settings.chords + 1)
+    ends = []
+    for name in (START, END):
+        values = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.attributes[name].data.foreach_get("vector", values)
+        ends.append(values.reshape(-1, 3)[:-SURROUND_CORNERS:sheet, :2].astype(np.float64))
+    # The far sheet has both ends of the last chord.
+    chords = np.concatenate([ends[0][:-1], ends[1][-1:]])
+    return chords[:, 0], chords[:, 1]
+
+
+def _fill(mesh, arrays: Portals) -> None:
+    mesh.clear_geometry()
+    count = len(arrays.triangles)
+    mesh.vertices.add(arrays.places.shape[1])
+    mesh.vertices.foreach_set("co", arrays.places.T.astype(np.float32).ravel())
+    mesh.loops.add(3 * count)
+    mesh.loops.foreach_set("vertex_index", arrays.triangles.ravel())
+    mesh.polygons.add(count)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
+    slots = mesh.attributes.new("material_index", "INT", "FACE")
+    slots.data.foreach_set("value", np.where(arrays.surround, 2, arrays.gates).astype(np.int32))
+    for name, values in ((START, arrays.start), (END, arrays.end)):
+        attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
+        attribute.data.foreach_set("vector", values.T.astype(np.float32).ravel())
+    mesh.update(calc_edges=True)
+    mesh.update_tag()
+
+
+def remove_rig(rig) -> None:
+    """Remove a rig and every datablock that was made for it, whatever is missing of it."""
+    settings = rig.scfpf_rig
+    _give_back(rig)
+    parts = [p for p in (settings.portals, settings.view_camera, settings.table) if p is not None]
+    for guest in set(rig.objects) - set(parts):
+        # What the artist has put here stays.
+        if len(guest.users_collection) == 1 and settings.scene is not None:
+            settings.scene.collection.objects.link(guest)
+    if settings.camera is not None:
+        settings.camera.pop(RIG_TABLE_KEY, None)
+    _remove_parts(rig, parts)
+
+
+def _remove_parts(rig, parts) -> None:
+    """Remove objects of a rig, what only they use, and the collection."""
+    groups = [
+        modifier.node_group
+        for part in parts
+        for modifier in part.modifiers
+        if modifier.type == "NODES" and modifier.node_group is not None
+    ]
+    data = {part.data for part in parts} - {None}
+    materials = {m for one in data if isinstance(one, bpy.types.Mesh) for m in one.materials} - {None}
+    bpy.data.batch_remove(parts)
+    bpy.data.batch_remove([one for one in data if one.users == 0])
+    bpy.data.batch_remove([one for one in materials if one.users == 0])
+    bpy.data.collections.remove(rig)
+    remove_unused_groups(groups)
