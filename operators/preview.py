@@ -3,11 +3,11 @@
 
 import bpy
 
-from ..scfpf_addon.scanline.preview import switch_off, switch_on
+from ..scfpf_addon.scanline.preview import show, switch_off, switch_on
 from ..scfpf_addon.scanline.preview_data import preview_of
-from ..scfpf_addon.scanline.preview_viewports import open_viewport, viewports_of
+from ..scfpf_addon.scanline.preview_viewports import viewports_of
 from .errors import BAD_INPUT
-from .target import camera_of, poll_flexible_camera
+from .target import camera_of, poll_flexible_camera_in_any_mode
 
 
 class SCFPF_OT_preview_toggle(bpy.types.Operator):
@@ -17,7 +17,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
     bl_label = "Live Preview"
     bl_options = {"REGISTER", "UNDO"}
 
-    poll = classmethod(poll_flexible_camera)
+    poll = classmethod(poll_flexible_camera_in_any_mode)
 
     def execute(self, context):
         camera = camera_of(context)
@@ -56,7 +56,7 @@ class SCFPF_OT_preview_show(bpy.types.Operator):
 
     def execute(self, context):
         try:
-            open_viewport(context, preview_of(camera_of(context), context.scene))
+            show(context, preview_of(camera_of(context), context.scene))
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}

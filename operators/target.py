@@ -47,6 +47,11 @@ def poll_object_mode(cls, context) -> bool:
 
 def poll_camera(cls, context) -> bool:
     """A poll for operators on a camera that can be edited; says why when not."""
+    return poll_camera_in_any_mode(cls, context) and poll_object_mode(cls, context)
+
+
+def poll_camera_in_any_mode(cls, context) -> bool:
+    """``poll_camera`` for operators that neither add nor remove what the artist is at work on."""
     camera = camera_of(context)
     if camera is None:
         cls.poll_message_set("Select a camera, or add one with Add > Camera > Flexible Camera")
@@ -54,16 +59,25 @@ def poll_camera(cls, context) -> bool:
     if not camera.is_editable:
         cls.poll_message_set("The camera is linked from another file: make a library override of it first")
         return False
-    return poll_object_mode(cls, context)
+    return True
 
 
 def poll_flexible_camera(cls, context) -> bool:
     """``poll_camera`` for operators that need the camera to be flexible."""
+    return _poll_flexible(cls, context) and poll_camera(cls, context)
+
+
+def poll_flexible_camera_in_any_mode(cls, context) -> bool:
+    """``poll_flexible_camera`` for operators that work in every mode."""
+    return _poll_flexible(cls, context) and poll_camera_in_any_mode(cls, context)
+
+
+def _poll_flexible(cls, context) -> bool:
     camera = camera_of(context)
     if camera is not None and not camera.scfpf.enabled:
         cls.poll_message_set("Switch on Flexible Projection for this camera first")
         return False
-    return poll_camera(cls, context)
+    return True
 
 
 def render_camera(context):

@@ -3,8 +3,7 @@
 
 import bpy
 
-from ..scfpf_addon.scanline import remap_nodes
-from ..scfpf_addon.scanline.preview_data import preview_of
+from ..scfpf_addon.scanline.preview_data import left_out, preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
 from .camera_panels import _DataTab, _Sidebar, _Subsection
 
@@ -13,14 +12,16 @@ DIFFERENCES = (
     "Solid and Material Preview, no lamps",
     "For Rendered shading press Render",
     "Shows all that renders, hidden or not",
+    "No hair, points, particles, Grease Pencil",
+    "Materials of the mesh, not of the object",
 )
 LEFT_OUT = (
     ("unreachable", "{:,} faces left out: beyond the volume's reach"),
-    ("folded", "{:,} faces where the volume is folded"),
+    ("folded", "{:,} samples of the volume are folded"),
 )
 
 
-def left_out(counts) -> list[str]:
+def reported(counts) -> list[str]:
     """What a preview's counts tell, in a line each; nothing for what is nought."""
     return [text.format(counts[key]) for key, text in LEFT_OUT if counts[key]]
 
@@ -44,8 +45,7 @@ class _PreviewSection(_Subsection):
                 row.operator("scfpf.preview_show", text="", icon="WINDOW")
             if source.scfpf_preview.problem:
                 layout.label(text=source.scfpf_preview.problem, icon="ERROR")
-            evaluated = source.scfpf_preview.picture.evaluated_get(context.evaluated_depsgraph_get())
-            for text in left_out(remap_nodes.remap_counts(evaluated)):
+            for text in reported(left_out(source, context.evaluated_depsgraph_get())):
                 layout.label(text=text, icon="INFO")
         column = layout.column(align=True)
         column.scale_y = 0.8

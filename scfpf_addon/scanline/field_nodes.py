@@ -11,7 +11,7 @@ from ..bridge import versions
 from ..bridge.node_builder import NodeBuilder
 
 # Node groups of an older build in a file are not used any more; raise it with every change of a group.
-BUILD = 1
+BUILD = 2
 BUILD_KEY = "scfpf_build"
 
 _SYMBOLS = {"ADD": "+", "SUBTRACT": "−", "MULTIPLY": "×", "DIVIDE": "÷", "SCALE": "×"}
@@ -170,10 +170,10 @@ class FieldBuilder(NodeBuilder):
         inputs = {0: value, 1: index}
         return self.out("GeometryNodeFieldAtIndex", "There", inputs, data_type=kind, domain=domain)
 
-    def separate(self, geometry, selection, label: str) -> tuple[Value, Value]:
-        """The faces that are selected, and the others."""
+    def separate(self, geometry, selection, label: str, domain: str = "FACE") -> tuple[Value, Value]:
+        """The faces, or points, that are selected, and the others."""
         inputs = {"Geometry": geometry, "Selection": selection}
-        node = self.node("GeometryNodeSeparateGeometry", label, inputs, domain="FACE")
+        node = self.node("GeometryNodeSeparateGeometry", label, inputs, domain=domain)
         return Value(self, node.outputs[0]), Value(self, node.outputs[1])
 
     def join(self, *parts: Value) -> Value:

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+from .approach_nodes import approach_group
 from .field_nodes import FieldBuilder, Value, node_group
-from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group
+from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group, whole_table
 from .table_nodes import LATTICE
+from .uv_pieces import NO_PIECE
 
 # The attribute that holds a vertex' place in the viewbox.
 BOX = "scfpf_box"
@@ -21,6 +23,8 @@ ACCEPTED = 2e-3
 LATTICE_STEPS, CLOUD_STEPS = 1, 6
 # Guesses start at most this far outside of the volume.
 START_OUTSIDE = 0.25
+# A point that is this near to a branch, in reaches of its samples, is put on its crease.
+CREASE = 0.015
 # What is this near to the volume may be turned inside out: it is a fold, no mirror image beyond an apex.
 INSIDE = 1e-3
 
@@ -32,6 +36,11 @@ VIEW_INPUTS = TABLE_INPUTS | {
     "Low": ("Vector", None, "Lower corner of the lattice"),
     "Extent": ("Vector", None, "Size of the lattice"),
     "Aspect": ("Float", 1.0, "Width over height of the picture"),
+    "From": ("Vector", (0.0, 0.0, 0.0), "Least x, y and t that are shown"),
+    "To": ("Vector", (1.0, 1.0, 1.0), "Greatest x, y and t that are shown"),
+    "Branch": ("Bool", False, "Is it one of several branches of the inverse?"),
+    "Piece": ("Float", NO_PIECE, "Of a volume in pieces, the one that is shown"),
+    "Scale": ("Vector", (1.0, 1.0, 1.0), "Of a branch: how long its samples' derivatives are"),
 }
 PLACED = {"Position": "Vector"}
 
@@ -41,6 +50,13 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
     parts = nodes.node("GeometryNodeSeparateComponents", "Cloud and Table", {"Geometry": table})
     cloud, points = Value(nodes, parts.outputs["Mesh"]), Value(nodes, parts.outputs["Point Cloud"])
     given = {"Table": points, "Cloud": cloud, "Aspect": aspect}
+    given |= {
+        "From": (0.0, 0.0, 0.0),
+        "To": (1.0, 1.0, 1.0),
+        "Branch": False,
+        "Piece": NO_PIECE,
+        "Scale": (1.0, 1.0, 1.0),
+    }
     for label, name in (
         ("Size", "size"),
         ("Wrap", "wrap"),
@@ -49,25 +65,43 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
         ("Extent", "extent"),
     ):
         given[label] = nodes.sample(cloud, nodes.attribute(name, "FLOAT_VECTOR"), 0, "FLOAT_VECTOR", label)
-    return given
+    return whole_table(points, given["Size"], given["Wrap"]) | given
+
+
+def on_screen_group():
+    """(x, y, t) as a place in the viewbox."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        ratio, _, polar = given["Numbers"].parts()
+        x, y, t = given["Place"].parts()
+        nodes.open_frame("Perspective depth: straight in straight views, so that faces cut each other right")
+        spread = ratio + t * (1.0 - ratio)
+        least = ratio.least(1.0) * 0.25
+        depth = t / spread.most(least)
+        nodes.open_frame("Over the picture's width; a polar picture's disc touches the nearer borders")
+        disc = 1.0 / given["Aspect"].most(1.0)
+        across = (x - 0.5) * nodes.mix(polar, 1.0, disc)
+        up = (y - 0.5) * nodes.mix(polar, 1.0 / given["Aspect"], disc)
+        return {"Position": nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")}
+
+    inputs = {"Place": ("Vector", None, "x, y and t")} | {
+        key: VIEW_INPUTS[key] for key in ("Numbers", "Aspect")
+    }
+    return node_group("SCFPF On Screen", "From (x, y, t) to the viewbox", inputs, PLACED, build)
+
+
+def on_screen(nodes: FieldBuilder, given: dict[str, Value], place: Value) -> Value:
+    """(x, y, t) as a place in the viewbox."""
+    inputs = {"Place": place, "Numbers": given["Numbers"], "Aspect": given["Aspect"]}
+    return nodes.call(on_screen_group(), "On Screen", inputs)["Position"]
 
 
 def viewbox_group():
     """From (x, y, t) to the viewbox, or to nowhere if it is no solution."""
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        ratio, turn, polar = given["Numbers"].parts()
-        aspect, place = given["Aspect"], given["Place"]
-        x, y, t = place.parts()
-        nodes.open_frame("Perspective depth: straight in straight views, so that faces cut each other right")
-        spread = ratio + t * (1.0 - ratio)
-        least = ratio.least(1.0) * 0.25
-        depth = t / spread.most(least)
-        nodes.open_frame("Over the picture's width; a polar picture's disc touches the nearer borders")
-        disc = 1.0 / aspect.most(1.0)
-        across = (x - 0.5) * nodes.mix(polar, 1.0, disc)
-        up = (y - 0.5) * nodes.mix(polar, 1.0 / aspect, disc)
-        there = nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")
+        place, turn = given["Place"], given["Numbers"].parts()[1]
+        there = on_screen(nodes, given, place)
         nodes.open_frame("Is it a solution, and on the viewer's side of an apex?")
         half = (place - (0.5, 0.5, 0.5)).absolute()
         a, b, c = half.parts()
@@ -94,6 +128,10 @@ def _solved(nodes: FieldBuilder, given: dict[str, Value], start: Value, steps: i
     solved = nodes.call(
         solve_group(), "Solve", table | {"Point": given["Point"], "Start": start, "Steps": steps}
     )
+    return _in_viewbox(nodes, given, solved)
+
+
+def _in_viewbox(nodes: FieldBuilder, given: dict[str, Value], solved: dict[str, Value]) -> dict[str, Value]:
     inputs = {
         "Place": solved["Position"],
         "Last Step": solved["Last Step"],
@@ -142,6 +180,15 @@ def sure_place_group():
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         start, distance, reach = nearest_start(nodes, given["Cloud"], given["Point"])
         solved = _solved(nodes, given, start, CLOUD_STEPS)["Position"]
+        nodes.open_frame("Of a branch, the nearest point that it has: beyond a fold that is its crease")
+        table = {key: given[key] for key in TABLE_INPUTS}
+        inputs = {"Point": given["Point"], "Start": start, "Scale": given["Scale"]}
+        nearest = nodes.call(approach_group(), "Approach", table | inputs)
+        near = nodes.both(nearest["Missing"] < reach * CREASE, distance < reach)
+        at_crease = _in_viewbox(nodes, given, nearest)["Position"]
+        at_crease = nodes.switch(near, (0.0, 0.0, NOWHERE), at_crease, "VECTOR", "Near It?")
+        solved = nodes.switch(given["Branch"], solved, at_crease, "VECTOR", "Branch?")
+        nodes.close_frame()
         nowhere = nodes.xyz(distance - reach, reach, NOWHERE, "Nowhere, and How Far")
         return {"Position": nodes.switch(solved.parts()[2] > 0.0, solved, nowhere, "VECTOR", "Place")}
 
@@ -155,6 +202,8 @@ def store_places(
 ) -> Value:
     """The mesh with the places of its elements: quickly, and once more what that left open."""
     quick = nodes.call(quick_place_group(), "Quick Place", given)["Position"]
+    # A branch has no lattice of its own.
+    quick = nodes.switch(given["Branch"], quick, (0.0, 0.0, NOWHERE), "VECTOR", "Branch?")
     mesh = nodes.store(mesh, name, quick, "FLOAT_VECTOR", domain)
     z = nodes.attribute(name, "FLOAT_VECTOR").parts()[2]
     open_still = nodes.both(z > 0.0, z < (NOWHERE + SURELY_NOWHERE) / 2)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview of a flexible camera: switched on, kept in step with the scene, switched off.
 
-Nodes do all computation. Python only keeps the source collection's membership, notices a
-camera's new list of surfaces, and removes a preview whose camera is gone.
+Nodes do all computation. Python only keeps the source's membership, notices a camera's new list of
+surfaces, lets a preview sleep that no viewport shows, and removes one whose camera is gone.
 """
 
 from __future__ import annotations
@@ -10,25 +10,37 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from ..bridge.mesh_grid import uv_layer
 from . import preview_viewports
 from .preview_data import (
     PreviewError,
+    add_parts,
     copied_shelves,
+    is_asleep,
     is_whole,
     make_preview,
     previews,
     remove_copy,
     remove_preview,
+    set_asleep,
     settle_in_layers,
-    update_picture,
+    update_pictures,
 )
-from .preview_members import shown_objects, take_members, visibility_signature
+from .preview_members import places_of, shown_objects, take_members, visibility_signature
+from .preview_parts import OVERFULL, SHARED_FACES, face_count, share_out
+
+# What decides, of a surface patch, which points of it Blender draws.
+NET = ("point_count_u", "point_count_v", "resolution_u", "resolution_v", "use_cyclic_u", "use_cyclic_v")
 
 # What was seen at the last look, by session_uid of the preview's collection: numbers and bytes only.
 _seen_objects: dict[int, bytes] = {}
 _seen_cameras: dict[int, tuple] = {}
+# Faces by session_uid of the object, of what each preview shows.
+_faces: dict[int, dict[int, int]] = {}
 # Previews that were on at the last look. Undo and redo make others appear.
 _known: set[int] = set()
+# Blender's handle of the function that is told of redraws while a preview sleeps.
+_watch: list = []
 
 
 def switch_on(context, camera):
@@ -38,17 +50,24 @@ def switch_on(context, camera):
     """
     scene, view_layer = context.scene, context.view_layer
     source = make_preview(scene, view_layer, camera)
-    _follow_members(source, view_layer)
+    view_layer.update()
+    _follow_members(source, view_layer, view_layer.depsgraph)
     _seen_cameras[source.session_uid] = _camera_signature(camera)
     _known.add(source.session_uid)
     if context.window is not None and not bpy.app.background:
         try:
             preview_viewports.hide_from_others(source)
-            preview_viewports.open_viewport(context, source)
+            show(context, source)
         except preview_viewports.ViewportError:
             _remove(source)
             raise
     return source
+
+
+def show(context, source) -> None:
+    """Open a viewport of a preview; raises ViewportError."""
+    preview_viewports.open_viewport(context, source)
+    _settle_sleep()
 
 
 def switch_off(source) -> None:
@@ -63,25 +82,38 @@ def _remove(source) -> None:
     remove_preview(source)
     _seen_objects.pop(uid, None)
     _seen_cameras.pop(uid, None)
+    _faces.pop(uid, None)
     _known.discard(uid)
 
 
 def _camera_signature(camera) -> tuple:
     """What the table and the node group depend on, beyond what nodes follow by themselves."""
     settings = camera.scfpf
-    surfaces = (
-        (slot.object.session_uid, slot.object.scfpf_surface.kind) if slot.object is not None else None
-        for slot in settings.surfaces
-    )
+    surfaces = (_surface_signature(slot, settings.basis == "NURBS") for slot in settings.surfaces)
     # Nodes follow the ranges; only whether they are whole says how fine the table must be.
     whole = tuple(settings.u_range) == tuple(settings.v_range) == (0.0, 1.0)
     return (*surfaces, settings.basis, settings.reparameterisation, whole, settings.pixel_error)
 
 
-def tend(scene, structure_changed: bool) -> None:
+def _surface_signature(slot, weighted: bool) -> tuple | None:
+    surface = slot.object
+    if surface is None:
+        return None
+    drawn: tuple = ()
+    if surface.type == "MESH":
+        layer = uv_layer(surface.data)
+        drawn = (len(surface.data.vertices), len(surface.data.polygons), layer.name if layer else "")
+    elif surface.type == "SURFACE":
+        drawn = tuple(tuple(getattr(spline, name) for name in NET) for spline in surface.data.splines)
+    weight = slot.weight if weighted else 1.0
+    return surface.session_uid, surface.scfpf_surface.kind, weight, len(surface.modifiers), drawn
+
+
+def tend(scene, structure_changed: bool, depsgraph=None) -> None:
     """Bring the previews of a scene in step with it; remove any that has lost its camera or a part.
 
-    structure_changed: the depsgraph has told of an edit of the scene or a collection.
+    structure_changed: the depsgraph has told of an edit of the scene or a collection. depsgraph:
+    None or evaluated, with its updates.
     Costs next to nothing while there is no preview. Not to be called from a render's thread.
     """
     for source in previews():
@@ -89,13 +121,13 @@ def tend(scene, structure_changed: bool) -> None:
             _remove(source)
             _settle_viewports_soon()
         elif source.scfpf_preview.scene == scene:
-            _follow(source, structure_changed)
+            _follow(source, structure_changed, depsgraph)
     if structure_changed:
         for shelf in copied_shelves():
             remove_copy(shelf)
 
 
-def _follow(source, structure_changed: bool) -> None:
+def _follow(source, structure_changed: bool, depsgraph) -> None:
     settings = source.scfpf_preview
     view_layer = settings.scene.view_layers.get(settings.view_layer)
     if view_layer is None:
@@ -103,25 +135,79 @@ def _follow(source, structure_changed: bool) -> None:
         settings.view_layer = view_layer.name
     if structure_changed:
         settle_in_layers(source)
-    camera = _camera_signature(settings.camera)
-    uid = source.session_uid
+    uid, camera = source.session_uid, _camera_signature(settings.camera)
     camera_changed = _seen_cameras.get(uid) != camera
-    if structure_changed or camera_changed or _seen_objects.get(uid) != visibility_signature(view_layer):
-        _follow_members(source, view_layer)
+    if (
+        structure_changed
+        or camera_changed
+        or _seen_objects.get(uid) != visibility_signature(view_layer)
+        or _has_grown(uid, depsgraph)
+    ):
+        _follow_members(source, view_layer, depsgraph)
     if camera_changed:
         _seen_cameras[uid] = camera
         try:
-            update_picture(source)
+            update_pictures(source)
             settings.problem = ""
         except PreviewError as error:
             settings.problem = str(error)
+    if not bpy.app.background:
+        _settle_sleep()
 
 
-def _follow_members(source, view_layer) -> None:
-    _seen_objects[source.session_uid] = visibility_signature(view_layer)
-    new = take_members(source, shown_objects(view_layer))
-    if new and not bpy.app.background:
+def _has_grown(uid: int, depsgraph) -> bool:
+    """Whether something that a preview shows has become so heavy that it may need a picture of its own."""
+    faces = _faces.get(uid, {})
+    for update in depsgraph.updates if depsgraph is not None else ():
+        if update.is_updated_geometry and isinstance(update.id, bpy.types.Object):
+            before = faces.get(update.id.original.session_uid)
+            if before is not None and face_count(update.id.original, depsgraph) > OVERFULL * max(
+                before, SHARED_FACES
+            ):
+                return True
+    return False
+
+
+def _follow_members(source, view_layer, depsgraph) -> None:
+    uid = source.session_uid
+    _seen_objects[uid] = visibility_signature(view_layer)
+    wanted = shown_objects(view_layer)
+    before = _faces.get(uid, {}) if depsgraph is None else {}
+    faces = {key: before.get(key) or face_count(member, depsgraph) for key, member in wanted.items()}
+    _faces[uid] = faces
+    parts = source.scfpf_preview.parts
+    places = share_out(faces, places_of([part.members for part in parts]))
+    pictures = add_parts(source, max(places.values(), default=0) + 1)
+    new = take_members([part.members for part in parts], wanted, places)
+    if not bpy.app.background:
         preview_viewports.keep_out(new, source)
+        preview_viewports.show_more(pictures, source)
+
+
+def _settle_sleep() -> None:
+    """Let the previews sleep that no viewport shows, and the others not."""
+    asleep = False
+    for source in previews():
+        shown = bool(preview_viewports.viewports_of(source))
+        set_asleep(source, not shown)
+        asleep = asleep or not shown
+    if asleep and not _watch:
+        # No handler tells of another workspace, but what it shows is drawn.
+        space = bpy.types.SpaceView3D
+        _watch.append(space.draw_handler_add(_drawn, (), "WINDOW", "POST_PIXEL"))
+    elif not asleep:
+        _stop_watch()
+
+
+def _stop_watch() -> None:
+    while _watch:
+        bpy.types.SpaceView3D.draw_handler_remove(_watch.pop(), "WINDOW")
+
+
+def _drawn() -> None:
+    shown = bpy.context.space_data.camera
+    if any(source.scfpf_preview.view_camera == shown and is_asleep(source) for source in previews()):
+        _settle_viewports_soon()
 
 
 def _settle_viewports_soon() -> None:
@@ -145,12 +231,14 @@ def _settle_viewports() -> None:
                         preview_viewports.open_viewport(bpy.context, source)
                 except preview_viewports.ViewportError as error:
                     source.scfpf_preview.problem = str(error)
+    _settle_sleep()
 
 
 @persistent
 def _scene_updated(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT":
-        tend(scene, depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION"))
+        changed = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
+        tend(scene, changed, depsgraph)
 
 
 @persistent
@@ -170,10 +258,24 @@ def _history_changed(*_) -> None:
 def _file_loaded(*_) -> None:
     _seen_objects.clear()
     _seen_cameras.clear()
+    _faces.clear()
     _known.clear()
     _known.update(source.session_uid for source in previews())
     preview_viewports.note_viewports()
     _tend_all()
+
+
+@persistent
+def _saving(*_) -> None:
+    """Files are to work without the add-on, which would not wake the preview there."""
+    for source in previews():
+        set_asleep(source, False)
+
+
+@persistent
+def _saved(*_) -> None:
+    if not bpy.app.background:
+        _settle_sleep()
 
 
 def _tend_all() -> None:
@@ -188,6 +290,9 @@ HANDLERS = {
     "undo_post": _history_changed,
     "redo_post": _history_changed,
     "load_post": _file_loaded,
+    "save_pre": _saving,
+    "save_post": _saved,
+    "save_post_fail": _saved,
 }
 
 
@@ -199,5 +304,6 @@ def register():
 def unregister():
     for name, function in HANDLERS.items():
         getattr(bpy.app.handlers, name).remove(function)
+    _stop_watch()
     if bpy.app.timers.is_registered(_settle_viewports):
         bpy.app.timers.unregister(_settle_viewports)

@@ -2,8 +2,8 @@
 """The datablocks of a live preview: made when it is switched on, all removed when it is switched off.
 
 They live in the artist's own scene: only there do they follow its frame changes. A collection
-that the view layer hides holds the picture object, whose node modifier turns what is in the source
-collection into the picture, and the orthographic camera that frames it.
+that the view layer hides holds picture objects, whose node modifiers turn what is in the source's
+collections, one each, into the picture, and the orthographic camera that frames them.
 """
 
 from __future__ import annotations
@@ -59,12 +59,19 @@ def is_whole(source) -> bool:
     scene, shelf, camera = settings.scene, settings.shelf, settings.camera
     if None in (scene, shelf, camera, settings.table) or not camera.scfpf.enabled:
         return False
-    for part in (settings.picture, settings.view_camera):
-        if part is None or shelf.objects.get(part.name) != part:
+    if not settings.parts or any(part.members is None for part in settings.parts):
+        return False
+    for thing in (*pictures_of(source), settings.view_camera):
+        if thing is None or shelf.objects.get(thing.name) != thing:
             return False
     if shelf not in scene.collection.children_recursive:
         return False
     return scene.objects.get(camera.name) == camera or camera in scene.objects.values()
+
+
+def pictures_of(source) -> list:
+    """The objects that make up a preview's picture; None for one that is lost."""
+    return [part.picture for part in source.scfpf_preview.parts]
 
 
 def make_preview(scene, view_layer, camera):
@@ -78,30 +85,55 @@ def make_preview(scene, view_layer, camera):
         raise PreviewError(
             f"'{camera.name}' is linked from another file: make a library override of it first"
         )
-    if len(camera.scfpf.surfaces) < 2 or any(slot.object is None for slot in camera.scfpf.surfaces):
-        raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
+    _check_surfaces(camera)
     sync_volume_object(camera)
     table = remap_nodes.table_object(camera)
     source = bpy.data.collections.new(f"{camera.name} Preview Source")
     shelf = bpy.data.collections.new(f"{camera.name} Preview")
-    picture, view_camera = _new_picture(camera), _new_view_camera(camera)
-    for part in (picture, view_camera):
-        shelf.objects.link(part)
-        part.parent = camera
-        part.hide_render = True
-    for part in (picture, view_camera):
-        _keep_size(part)
+    view_camera = _new_view_camera(camera)
+    _shelve(shelf, view_camera, camera)
     shelf.hide_render = shelf.hide_select = True
     shelf.scfpf_preview.source = source
     settings = source.scfpf_preview
     settings.is_source = True
     settings.camera, settings.scene, settings.view_layer = camera, scene, view_layer.name
-    settings.picture, settings.view_camera = picture, view_camera
-    settings.table, settings.shelf = table, shelf
-    update_picture(source)
+    settings.view_camera, settings.table, settings.shelf = view_camera, table, shelf
+    add_parts(source, 1)
+    _keep_size(table)
     scene.collection.children.link(shelf)
     settle_in_layers(source)
     return source
+
+
+def _check_surfaces(camera) -> None:
+    if len(camera.scfpf.surfaces) < 2 or any(slot.object is None for slot in camera.scfpf.surfaces):
+        raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
+
+
+def add_parts(source, count: int) -> list:
+    """Make pictures, and the collections that they show, until a preview has so many; the new ones."""
+    settings = source.scfpf_preview
+    camera, new = settings.camera, []
+    while len(settings.parts) < count:
+        name = f"{camera.name} Preview"
+        members = bpy.data.collections.new(f"{name} Source Part")
+        source.children.link(members)
+        picture = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+        picture.modifiers.new(MODIFIER, "NODES")
+        _shelve(settings.shelf, picture, camera)
+        part = settings.parts.add()
+        part.members, part.picture = members, picture
+        _set_modifier(source, part, remap_nodes.preview_group(camera))
+        new.append(picture)
+    return new
+
+
+def _shelve(shelf, thing, camera) -> None:
+    """Put a part of the preview where it belongs."""
+    shelf.objects.link(thing)
+    thing.parent = camera
+    thing.hide_render = True
+    _keep_size(thing)
 
 
 def _keep_size(part) -> None:
@@ -114,13 +146,6 @@ def _keep_size(part) -> None:
         for axis in "xyz":
             setattr(limit, f"use_{bound}_{axis}", True)
             setattr(limit, f"{bound}_{axis}", 1.0)
-
-
-def _new_picture(camera):
-    name = f"{camera.name} Preview"
-    picture = bpy.data.objects.new(name, bpy.data.meshes.new(name))
-    picture.modifiers.new(MODIFIER, "NODES")
-    return picture
 
 
 def _new_view_camera(camera):
@@ -136,29 +161,39 @@ def _new_view_camera(camera):
     return bpy.data.objects.new(name, lens)
 
 
-def update_picture(source) -> None:
-    """The table and the modifier as the camera's list of surfaces and settings now ask for."""
+def update_pictures(source) -> None:
+    """The table and the modifiers as the camera's list of surfaces and settings now ask for.
+
+    Raises PreviewError; the picture is then as it was.
+    """
     settings = source.scfpf_preview
-    camera, picture = settings.camera, settings.picture
+    camera = settings.camera
+    _check_surfaces(camera)
     if camera.get(TABLE_KEY) is None:
         # Library overrides lose custom properties when a file is loaded.
         camera[TABLE_KEY] = settings.table
+    before = [modifier.node_group for modifier in settings.table.modifiers]
     settings.table = remap_nodes.table_object(camera)
     _keep_size(settings.table)
     group = remap_nodes.preview_group(camera)
+    before += [_set_modifier(source, part, group) for part in settings.parts]
+    remove_unused_groups([old for old in before if old is not None])
+
+
+def _set_modifier(source, part, group):
+    """Let a part's picture be made by a node group; returns the group that made it before, if another."""
+    settings, picture = source.scfpf_preview, part.picture
     modifier = picture.modifiers[MODIFIER]
+    before = modifier.node_group if modifier.node_group != group else None
     if modifier.node_group != group:
-        before = modifier.node_group
         picture.animation_data_clear()
         modifier.node_group = group
         for name, expression in FOLLOWED.items():
             follow_scene(modifier, group_input(group, name), expression, settings.scene)
-        if before is not None:
-            remove_unused_groups([before])
     for name, value in (
-        ("Collection", source),
+        ("Collection", part.members),
         ("Table", settings.table),
-        ("Pixel Error", camera.scfpf.pixel_error),
+        ("Pixel Error", settings.camera.scfpf.pixel_error),
     ):
         identifier = group_input(group, name)
         if versions.modifier_input(modifier, identifier) != value:
@@ -166,6 +201,37 @@ def update_picture(source) -> None:
     # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
     modifier.node_group = group
     picture.update_tag()
+    return before
+
+
+def left_out(source, depsgraph) -> dict[str, int]:
+    """What a preview has left out, as ``remap_counts`` has it."""
+    counts = [remap_nodes.remap_counts(picture.evaluated_get(depsgraph)) for picture in pictures_of(source)]
+    # Faces are each picture's own, the volume's folds are the same in all of them.
+    return {
+        "unreachable": sum(count["unreachable"] for count in counts),
+        "folded": max(count["folded"] for count in counts),
+    }
+
+
+def is_asleep(source) -> bool:
+    """Whether a preview computes nothing, since no viewport shows it."""
+    return not all(_works(picture) for picture in pictures_of(source))
+
+
+def _works(thing) -> bool:
+    return all(modifier.show_viewport for modifier in thing.modifiers)
+
+
+def set_asleep(source, asleep: bool) -> None:
+    """Stop a preview's computing, or let it go on."""
+    table, pictures = source.scfpf_preview.table, pictures_of(source)
+    # The preview itself, the camera and each picture use it; others may be the artist's own modifiers.
+    others = table.users > len(pictures) + 2
+    for thing in pictures if others and asleep else (*pictures, table):
+        for modifier in thing.modifiers:
+            if modifier.show_viewport == asleep:
+                modifier.show_viewport = not asleep
 
 
 def group_input(group, name: str) -> str:
@@ -244,7 +310,8 @@ def remove_copy(shelf) -> None:
 def remove_preview(source) -> None:
     """Remove a preview and every datablock that was made for it, whatever is missing of it."""
     settings = source.scfpf_preview
-    parts = [p for p in (settings.picture, settings.view_camera, settings.table) if p is not None]
+    parts = [p for p in (*pictures_of(source), settings.view_camera, settings.table) if p is not None]
+    members = [part.members for part in settings.parts if part.members is not None]
     shelf = settings.shelf
     for guest in set(shelf.objects) - set(parts) if shelf is not None else ():
         # What the artist has put here stays.
@@ -253,7 +320,7 @@ def remove_preview(source) -> None:
     if settings.camera is not None:
         settings.camera.pop(TABLE_KEY, None)
     _remove_parts(shelf, parts)
-    bpy.data.collections.remove(source)
+    bpy.data.batch_remove([source, *members])
 
 
 def _remove_parts(shelf, parts) -> None:

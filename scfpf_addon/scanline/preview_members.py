@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which objects the live preview shows, and keeping its source collection in step with them.
+"""Which objects the live preview shows, and keeping its source collections in step with them.
 
 Collection Info shows whatever is in a collection, hidden or not, so what is hidden in
 renders, control surfaces and the like must not be in it.
@@ -51,18 +51,30 @@ def _is_shown(candidate, left_out: set[str]) -> bool:
     return candidate.name_full not in left_out
 
 
-def take_members(source, wanted: dict[int, object]) -> list:
-    """Make a collection hold just the wanted objects; returns those that are new in it.
+def take_members(collections, wanted: dict[int, object], places: dict[int, int]) -> list:
+    """Make collections hold just the wanted objects, each in its place; returns those that are new in them.
 
-    Touches the collection only where it differs: every change rebuilds the depsgraph's relations.
+    places: the number of each object's collection. Touches collections only where they differ: every
+    change rebuilds the depsgraph's relations.
     """
-    present = {member.session_uid: member for member in source.objects}
-    for uid in present.keys() - wanted.keys():
-        source.objects.unlink(present[uid])
-    new = [wanted[uid] for uid in wanted if uid not in present]
-    for member in new:
-        source.objects.link(member)
-    return new
+    present = places_of(collections)
+    for number, collection in enumerate(collections):
+        for member in list(collection.objects):
+            if places.get(member.session_uid) != number:
+                collection.objects.unlink(member)
+    for uid, number in places.items():
+        if present.get(uid) != number:
+            collections[number].objects.link(wanted[uid])
+    return [wanted[uid] for uid in wanted if uid not in present]
+
+
+def places_of(collections) -> dict[int, int]:
+    """The number of the collection that each object is in, by session_uid."""
+    return {
+        member.session_uid: number
+        for number, collection in enumerate(collections)
+        for member in collection.objects
+    }
 
 
 def visibility_signature(view_layer) -> bytes:

@@ -3,13 +3,13 @@
 
 It is on the *source* collection, which is linked to no scene and so is not copied with one, not on
 the camera: a duplicate of the camera then has no preview. The *shelf*, the collection in the
-scene that holds the picture, points back to its source; a copied shelf is not its source's.
+scene that holds the pictures, points back to its source; a copied shelf is not its source's.
 """
 
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, PointerProperty, StringProperty
+from bpy.props import BoolProperty, CollectionProperty, PointerProperty, StringProperty
 
 
 def _changed(owner, context):
@@ -18,6 +18,23 @@ def _changed(owner, context):
 
 def _is_camera(_settings, candidate) -> bool:
     return candidate.type == "CAMERA"
+
+
+class SCFPF_PreviewPart(bpy.types.PropertyGroup):
+    """One picture of a live preview: an edit makes only the picture anew that shows what was edited."""
+
+    members: PointerProperty(
+        name="Members",
+        description="The collection, inside of the source, with the objects that the picture shows",
+        type=bpy.types.Collection,
+        update=_changed,
+    )
+    picture: PointerProperty(
+        name="Picture",
+        description="The object whose modifier makes the picture",
+        type=bpy.types.Object,
+        update=_changed,
+    )
 
 
 class SCFPF_Preview(bpy.types.PropertyGroup):
@@ -48,11 +65,10 @@ class SCFPF_Preview(bpy.types.PropertyGroup):
         default="",
         update=_changed,
     )
-    picture: PointerProperty(
-        name="Picture",
-        description="The object whose modifier makes the picture",
-        type=bpy.types.Object,
-        update=_changed,
+    parts: CollectionProperty(
+        name="Parts",
+        description="The pictures that make up the preview, each with what it shows",
+        type=SCFPF_PreviewPart,
     )
     view_camera: PointerProperty(
         name="View Camera",
@@ -69,13 +85,13 @@ class SCFPF_Preview(bpy.types.PropertyGroup):
     )
     shelf: PointerProperty(
         name="Shelf",
-        description="The collection in the scene that holds the picture",
+        description="The collection in the scene that holds the pictures",
         type=bpy.types.Collection,
         update=_changed,
     )
     source: PointerProperty(
         name="Source",
-        description="Of a shelf: the collection, linked to no scene, with the objects that the picture shows",
+        description="Of a shelf: the collection, linked to no scene, with the objects that the pictures show",
         type=bpy.types.Collection,
         update=_changed,
     )
@@ -87,11 +103,16 @@ class SCFPF_Preview(bpy.types.PropertyGroup):
     )
 
 
+CLASSES = (SCFPF_PreviewPart, SCFPF_Preview)
+
+
 def register():
-    bpy.utils.register_class(SCFPF_Preview)
+    for each in CLASSES:
+        bpy.utils.register_class(each)
     bpy.types.Collection.scfpf_preview = PointerProperty(name="Live Preview", type=SCFPF_Preview)
 
 
 def unregister():
     del bpy.types.Collection.scfpf_preview
-    bpy.utils.unregister_class(SCFPF_Preview)
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

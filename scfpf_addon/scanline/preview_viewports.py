@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import bpy
 
+from .preview_data import pictures_of
+
 # A viewport narrower than twice this, in pixels at interface scale 1, is not split.
 NARROWEST = 250
 # Above a half, so that the new viewport is the right one.
 SPLIT_FACTOR = 0.501
 # What the preview can be shaded with: EEVEE's and Cycles' lamps would stand in warped space.
 SHADINGS = {"SOLID", "MATERIAL"}
+# What Solid shading can be coloured by: the objects of a picture are one.
+COLORS = {"MATERIAL", "SINGLE", "TEXTURE", "VERTEX"}
 
 # The areas that showed a preview, by address: what is left to know them by once its camera is gone.
 _shown_in: set[int] = set()
@@ -140,7 +144,7 @@ def show_preview(window, area, source) -> None:
         _show_shelf(window, space, source)
         if space.local_view is None:
             _enter_local_view(window.view_layer, source)
-        show_alone(window.view_layer, space, settings.picture)
+        show_alone(window.view_layer, space, pictures_of(source))
         space.region_3d.view_perspective = "CAMERA"
         bpy.ops.view3d.view_center_camera()
 
@@ -148,7 +152,8 @@ def show_preview(window, area, source) -> None:
 def _set_look(space) -> None:
     space.overlay.show_overlays = False
     space.show_gizmo = False
-    for name in ("show_region_ui", "show_region_toolbar", "show_region_tool_header"):
+    bars = ("show_region_ui", "show_region_toolbar", "show_region_tool_header", "show_region_asset_shelf")
+    for name in bars:
         # Blender would animate the vanishing of what is hidden already, and might leave it open.
         if getattr(space, name):
             setattr(space, name, False)
@@ -157,12 +162,14 @@ def _set_look(space) -> None:
     space.region_3d.use_clip_planes = False
     if space.shading.type not in SHADINGS:
         space.shading.type = "SOLID"
+    if space.shading.color_type not in COLORS:
+        space.shading.color_type = "MATERIAL"
     space.shading.show_xray = False
 
 
 def _show_shelf(window, space, source) -> None:
     """Switch a collection on in a viewport's local collections."""
-    picture = source.scfpf_preview.picture
+    picture = source.scfpf_preview.parts[0].picture
     if not _sees_shelf(window.view_layer, space, picture):
         number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
         bpy.ops.object.hide_collection(collection_index=number, toggle=True)
@@ -197,7 +204,7 @@ def _layer_index(view_layer, collection) -> int:
 
 def _enter_local_view(view_layer, source) -> None:
     """Enter the local view; Blender does so for a selection only."""
-    picture, shelf = source.scfpf_preview.picture, source.scfpf_preview.shelf
+    picture, shelf = source.scfpf_preview.parts[0].picture, source.scfpf_preview.shelf
     shelf.hide_select = False
     view_layer.update()
     try:
@@ -208,12 +215,20 @@ def _enter_local_view(view_layer, source) -> None:
         shelf.hide_select = True
 
 
-def show_alone(view_layer, space, picture) -> None:
-    """Make a viewport's local view show one object."""
+def show_alone(view_layer, space, pictures) -> None:
+    """Make a viewport's local view show some objects and nothing else."""
     for other in view_layer.objects:
-        if other != picture and other.local_view_get(space):
+        if other not in pictures and other.local_view_get(space):
             other.local_view_set(space, False)
-    picture.local_view_set(space, True)
+    for picture in pictures:
+        picture.local_view_set(space, True)
+
+
+def show_more(pictures, source) -> None:
+    """Let the viewports of a preview show new pictures of it too."""
+    for _window, area in viewports_of(source):
+        for picture in pictures:
+            picture.local_view_set(area.spaces.active, True)
 
 
 def keep_out(members, source) -> None:
@@ -228,7 +243,7 @@ def keep_out(members, source) -> None:
 
 def hide_from_others(source) -> None:
     """Viewports that already have local collections show new ones: switch the preview's off there."""
-    picture = source.scfpf_preview.picture
+    picture = source.scfpf_preview.parts[0].picture
     for window, area in _viewports():
         space = area.spaces.active
         if window.scene != source.scfpf_preview.scene or not space.use_local_collections:

@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from ..bridge import versions
 from .field_nodes import FieldBuilder, Value, node_group
-from .place_nodes import BOX, FAR_Z, NEAR_Z, VIEW_INPUTS, store_places
+from .place_nodes import BOX, VIEW_INPUTS, store_places
 from .solve_nodes import PROJECTOR
+from .uv_pieces import NO_PIECE
+from .visible_nodes import all_on_one_side, beyond_rim, past_border
 
 # Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
 # square root of others, since what a straight edge is off by grows with the square of its length.
@@ -26,8 +28,6 @@ SHORTEST_AT_RIM = 0.75
 OVERLAP = 0.02
 # What depth counts beside the picture: it decides only which of two faces is in front.
 DEPTH_WEIGHT = 0.25
-# Faces that lie farther out of the picture than this share of it are left out.
-FRAME_MARGIN = 0.01
 # By linear guess; nothing is left out for being near to the volume: share of its width, and of its
 # size at that t.
 GUESS_MARGIN = 0.25
@@ -36,8 +36,18 @@ GUESS_MARGIN_T = 0.1
 SPREAD = 2.0
 # A face without a place that is smaller than this share of the distance between points of the cloud stays so.
 SMALL_SHARE = 0.5
+# A face without a place, as large as this in (x, y, t) by linear guess, is not looked at more closely.
+NOTHING_SIZE = 0.01
+# A face that is smaller than this by linear guess, in pixels, is not divided; near a fold it may be larger
+# in the picture, up to this: a larger one spans two sheets.
+TINY, LEAP = 0.125, 16.0
+# A torn face that is smaller than this in (x, y, t) is judged by the corners that have a place.
+CELL = 0.08
+# A face that covers less than this of a pixel is not divided. Of a triangle, the area is 2.6 times the root
+# of the determinant of its corners' second moments.
+THIN = 0.25
 # With more faces than this nothing more is divided: memory must stay bounded.
-MOST_FACES = 400_000.0
+MOST_FACES, MOST_FACES_OF_BRANCH = 400_000.0, 20_000.0
 
 EDGE_BOX, FACE_BOX = "scfpf_edge_box", "scfpf_face_box"
 NEED, MARK, FROZEN, FATE = "scfpf_need", "scfpf_mark", "scfpf_frozen", "scfpf_fate"
@@ -67,9 +77,12 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     small = nodes.both(square - box.dot(box) < spread, box.parts()[2] < 0.0)
     # Not the maximum: Blender sorts for it.
     large = nodes.statistic(given["Mesh"], nodes.negate(small) + 0.0, "Sum", "Large Faces", domain="FACE")
+    large = large + given["Branch"]
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
+    _, shown = nodes.separate(small_part, all_on_one_side(nodes, given, box)["Corners"], "Out of the Branch")
+    small_part = nodes.switch(given["Branch"], small_part, shown, "GEOMETRY", "Branch?")
     at_rim, within = nodes.separate(small_part, _across_rim(nodes, given), "At the Rim")
-    is_polar = given["Numbers"].parts()[2] > 0.5
+    is_polar = nodes.either(given["Numbers"].parts()[2] > 0.5, given["Piece"] > NO_PIECE + 0.5)
     large = large + is_polar
     rest = nodes.switch(is_polar, rest, nodes.join(rest, at_rim), "GEOMETRY", "Polar?")
     small_part = nodes.switch(is_polar, small_part, within, "GEOMETRY", "Polar?")
@@ -190,16 +203,9 @@ def round_group():
     return node_group("SCFPF Divide Once", text, inputs, outputs, build)
 
 
-def _beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
-    """How far a place is beyond the rim of a polar picture's disc; -1 in other pictures."""
-    polar = given["Numbers"].parts()[2]
-    beyond = (place * (1.0, 1.0, 0.0)).length() - 0.5 / given["Aspect"].most(1.0)
-    return nodes.mix(polar, -1.0 + polar * 0.0, beyond)
-
-
 def _across_rim(nodes: FieldBuilder, given) -> Value:
     """Whether some corners of a face are beyond the rim and some are not."""
-    beyond = _beyond_rim(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"))
+    beyond = past_border(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"))
     sides = [
         nodes.evaluate_on(side, "POINT", "BOOLEAN", "All Corners") for side in (beyond > 0.0, beyond < 0.0)
     ]
@@ -209,8 +215,9 @@ def _across_rim(nodes: FieldBuilder, given) -> Value:
 def _trimmed(nodes: FieldBuilder, given, mesh: Value) -> Value:
     """Faces beyond the rim of a polar picture left out, the corners of those across it moved onto it."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
-    beyond = _beyond_rim(nodes, given, box)
-    every = nodes.evaluate_on(beyond > 0.0, "POINT", "BOOLEAN", "All Corners")
+    beyond = beyond_rim(nodes, given, box)
+    off = past_border(nodes, given, box) > 0.0
+    every = nodes.evaluate_on(off, "POINT", "BOOLEAN", "All Corners")
     _, shown = nodes.separate(mesh, every, "Beyond the Rim")
     rim = 0.5 / given["Aspect"].most(1.0)
     share = rim / (rim + beyond.most(0.0))
@@ -247,7 +254,7 @@ def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Valu
     free = nodes.negate(nodes.attribute(FROZEN, "BOOLEAN"))
     mark = nodes.both(free, nodes.either(bent, nowhere))
     # Across the rim of a polar picture even straight edges are divided, and stay straight.
-    beyond = _beyond_rim(nodes, given, first) * _beyond_rim(nodes, given, last)
+    beyond = past_border(nodes, given, first) * past_border(nodes, given, last)
     at_rim = nodes.both(beyond < 0.0, straight.length() > pixel * SHORTEST_AT_RIM)
     need = nodes.either(mark, at_rim)
     mesh = nodes.store(mesh, NEED, need, "FLOAT", "EDGE")
@@ -270,39 +277,43 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
         nodes.negate(there),
     )
     nodes.open_frame("Out of the picture?")
-    out = nodes.both(there, _all_on_one_side(nodes, given, box, centre))
+    sides = all_on_one_side(nodes, given, box, centre)
+    out = nodes.both(there, sides["Face"])
     nodes.open_frame("Without a place: out of the picture by linear guess?")
     away_guess, guess = _guess(nodes, given, point, face)
     ratio = given["Numbers"].parts()[0]
     size_there = (ratio + guess.parts()[2] * (1.0 - ratio)).most(0.0)
     margin = nodes.xyz(GUESS_MARGIN, GUESS_MARGIN, size_there * GUESS_MARGIN_T, "Margin")
-    beyond = (guess - (0.5, 0.5, 0.5)).absolute() - (0.5, 0.5, 0.5) - margin - away_guess
+    beyond = (given["From"] - guess).most(guess - given["To"]) - margin - away_guess
     x, y, t = (beyond - given["Wrap"] * 1e9).parts()
     torn = nodes.negate(there)
     out = nodes.either(out, nodes.both(torn, x.most(y).most(t) > 0.0))
-    across, up, _ = away_guess.parts()
-    hopeless = nodes.both(torn, across.most(up) < pixel)
+    across, up, along = away_guess.parts()
+    nowhere = nodes.both(_all_nowhere(nodes), centre.parts()[2] > 0.0)
+    out = nodes.either(out, nodes.both(nowhere, across.most(up).most(along) < NOTHING_SIZE))
+    nodes.open_frame("A branch: what of it there is, is out of it")
+    gone = nodes.both(sides["Any"], across.most(up).most(along) < CELL)
+    out = nodes.either(
+        out, nodes.switch(given["Branch"], False, nodes.both(torn, gone), "BOOLEAN", "Branch?")
+    )
+    nodes.open_frame("Too small to be divided: torn at a border of the volume, or between two of its sheets")
+    x, y, _ = away.parts()
+    moments = nodes.evaluate_on(
+        nodes.xyz(x * x, y * y, x * y, "Moments"), "CORNER", "FLOAT_VECTOR", "At Corners"
+    )
+    xx, yy, xy = moments.parts()
+    thin = (xx * yy - xy * xy) < pixel * pixel * (pixel * pixel * (THIN / 2.6) ** 2)
+    tiny = nodes.either(across.most(up) < pixel * TINY, nodes.both(there, thin))
+    leap = nodes.both(tiny, off.length() > pixel * LEAP)
+    hopeless = nodes.either(tiny, nodes.both(torn, across.most(up) < pixel))
     nodes.open_frame("Their fate")
-    few = _faces(nodes, mesh) < MOST_FACES
+    most = nodes.switch(given["Branch"], MOST_FACES, MOST_FACES_OF_BRANCH, "FLOAT", "Most Faces")
+    few = _faces(nodes, mesh) < most
     divide = nodes.both(nodes.both(wanted, few), nodes.negate(nodes.either(out, hopeless)))
-    keep = nodes.both(there, nodes.negate(nodes.either(out, divide)))
+    keep = nodes.both(nodes.both(there, nodes.negate(leap)), nodes.negate(nodes.either(out, divide)))
     lost = nodes.negate(nodes.either(out, nodes.either(divide, keep)))
     left = nodes.statistic(mesh, lost * 1.0, "Sum", "Left Out", domain="FACE")
     return nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), left
-
-
-def _all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value) -> Value:
-    """Whether all corners and the middle of a face lie beyond the same side of the viewbox."""
-    width, height = 0.5 + FRAME_MARGIN, 0.5 / given["Aspect"] + FRAME_MARGIN
-    result = None
-    for part, middle, low, high in zip(
-        box.parts(), centre.parts(), (-width, -1.0 * height, FAR_Z), (width, height, NEAR_Z), strict=True
-    ):
-        for corners, own in ((part > high, middle > high), (part < low, middle < low)):
-            every = nodes.evaluate_on(corners, "POINT", "BOOLEAN", "All Corners")
-            side = nodes.both(every, own)
-            result = side if result is None else nodes.either(result, side)
-    return result
 
 
 def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value, Value]:
@@ -320,7 +331,12 @@ def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value
     away = nodes.point(point, own, "Corner") - nodes.at_index(middle, face, "FACE", "FLOAT_VECTOR")
     square = nodes.evaluate_on(away * away, "CORNER", "FLOAT_VECTOR", "At Corners")
     root = nodes.xyz(*(nodes.combine("SQRT", part) for part in square.parts()), "Root Mean Square")
-    return root * SPREAD, middle
+    # A branch ends where inverse maps are without bounds.
+    middle_point = nodes.evaluate_on(point, "FACE", "FLOAT_VECTOR", "Middle of the Face")
+    off = point - nodes.at_index(middle_point, face, "FACE", "FLOAT_VECTOR")
+    radius = nodes.combine("SQRT", nodes.evaluate_on(off.dot(off), "CORNER", "FLOAT", "At Corners"))
+    by_scale = nodes.xyz(radius, radius, radius, "Radius") / given["Scale"]
+    return nodes.switch(given["Branch"], root, by_scale, "VECTOR", "Branch?") * SPREAD, middle
 
 
 def _straight_middles(nodes: FieldBuilder, given, before: Value, period: Value) -> Value:

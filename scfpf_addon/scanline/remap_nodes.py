@@ -9,6 +9,7 @@ its local matrix, sensor fit HORIZONTAL, ortho scale 1 and clip range 1 to 2 fra
 
 from __future__ import annotations
 
+from .branch_nodes import with_branches
 from .field_nodes import FieldBuilder, Value, node_group, remove_attributes
 from .place_nodes import BOX, store_places, view_inputs
 from .refine_nodes import refine_group
@@ -17,7 +18,7 @@ from .table_object import table_object
 __all__ = ["COUNTS", "preview_group", "remap_counts", "remap_group", "table_object"]
 
 NORMAL = "scfpf_normal"
-# The attribute of the finished mesh that says what was left out: faces without a place, folded faces.
+# The attribute of the finished mesh that says what was left out: faces without a place, folded samples.
 COUNTS = "SCFPF Left Out"
 
 REMAP_INPUTS = {
@@ -27,6 +28,8 @@ REMAP_INPUTS = {
     "Picture Width": ("Float", 1000.0, "Pixels across the picture"),
     "Rounds": ("Int", 12, "How often large faces are divided, at most"),
 }
+# Whether what is realized comes from an instance that is mirrored.
+MIRRORED = "scfpf_mirrored"
 
 
 def remap_group():
@@ -48,8 +51,14 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
     view = view_inputs(nodes, table, given["Aspect"])
     nodes.open_frame("The scene's mesh, with its shading")
-    real = nodes.out("GeometryNodeRealizeInstances", "Realize", {"Geometry": given["Geometry"]})
+    # Realizing turns what is mirrored inside out.
+    own = nodes.out("GeometryNodeInstanceTransform", "Of the Instance", {})
+    mirrored = nodes.out("FunctionNodeMatrixDeterminant", "Determinant", {0: own}) < 0.0
+    marked = nodes.store(given["Geometry"], MIRRORED, mirrored, "BOOLEAN", "INSTANCE")
+    real = nodes.out("GeometryNodeRealizeInstances", "Realize", {"Geometry": marked})
     mesh = nodes.out("GeometryNodeSeparateComponents", "Mesh", {"Geometry": real}, "Mesh")
+    is_mirrored = {"Mesh": mesh, "Selection": nodes.attribute(MIRRORED, "BOOLEAN")}
+    mesh = nodes.out("GeometryNodeFlipFaces", "Mirrored Faces", is_mirrored)
     faces = nodes.out("GeometryNodeAttributeDomainSize", "Faces", {0: mesh}, "Face Count", component="MESH")
     mesh = nodes.switch(faces > 0.5, None, mesh, "GEOMETRY", "Nothing without Faces")
     normal = nodes.out("GeometryNodeInputNormal", "Normal", {})
@@ -58,10 +67,11 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     position = nodes.out("GeometryNodeInputPosition", "Position", {})
     inverse = nodes.out("FunctionNodeInvertMatrix", "Into Camera's Space", {0: matrix})
     point = {"Point": nodes.point(position, inverse, "In Camera's Space")}
-    mesh = store_places(nodes, mesh, view | point)
+    options = {key: given[key] for key in ("Pixel Error", "Picture Width", "Rounds")} | {"Inverse": inverse}
+    placed = store_places(nodes, mesh, view | point)
     nodes.open_frame("Large faces are divided, what has no place goes")
-    options = {key: given[key] for key in ("Pixel Error", "Picture Width", "Rounds")}
-    refined = nodes.call(refine_group(), "Refine", view | options | {"Mesh": mesh, "Inverse": inverse})
+    single = nodes.call(refine_group(), "Refine", view | options | {"Mesh": placed})
+    refined = with_branches(nodes, view, options | point | {"Mesh": mesh}, single)
     nodes.open_frame("Into the viewbox, with the shading of the scene")
     place = nodes.point(nodes.attribute(BOX, "FLOAT_VECTOR"), matrix, "In Own Space")
     mesh = nodes.out(
@@ -91,7 +101,7 @@ def preview_group(camera):
         seen = nodes.out(
             "GeometryNodeCollectionInfo",
             "Scene",
-            {"Collection": given["Collection"]},
+            {"Collection": given["Collection"], "Separate Children": True},
             transform_space="RELATIVE",
         )
         options = {key: given[key] for key in REMAP_INPUTS}
@@ -104,8 +114,9 @@ def preview_group(camera):
 def remap_counts(evaluated_object) -> dict[str, int]:
     """What an evaluated object's remap left out.
 
-    Keys: ``unreachable`` (faces removed because a corner has no place in the volume), ``folded``
-    (faces that stand where the volume is turned inside out). Zero where there is no remap.
+    Keys: ``unreachable`` (faces removed because a corner has no place in the volume; not counted where the
+    volume has several branches), ``folded`` (samples of the volume, of 2,304, or of 4,608 if it is in
+    pieces, where it is turned inside out). Zero where there is no remap.
     """
     attribute = evaluated_object.data.attributes.get(COUNTS)
     if attribute is None or not len(attribute.data):

@@ -25,7 +25,15 @@ TABLE_INPUTS = {
     "Table": ("Geometry", None, "Points of the table"),
     "Size": ("Vector", None, "Columns, rows and spans of the table"),
     "Wrap": ("Vector", None, "1 where x or y is periodic, else 0"),
+    "First Cell": ("Vector", None, "Column, row and span of the first cell that is looked at"),
+    "Last Cell": ("Vector", None, "Column, row and span of the last one; beyond, these two go on"),
 }
+
+
+def whole_table(table: Value, size: Value, wrap: Value) -> dict[str, Value | tuple]:
+    """What ``TABLE_INPUTS`` ask for, to look at all cells of a table."""
+    last = size - (2.0, 2.0, 1.0)
+    return {"Table": table, "Size": size, "Wrap": wrap, "First Cell": (0.0, 0.0, 0.0), "Last Cell": last}
 
 
 def look_up_group():
@@ -36,7 +44,7 @@ def look_up_group():
         size, place = given["Size"], given["Position"]
         wrapped = place - place.floor() * given["Wrap"]
         in_cells = wrapped * (size - (1.0, 1.0, 0.0))
-        cell = in_cells.floor().most((0.0, 0.0, 0.0)).least(size - (2.0, 2.0, 1.0))
+        cell = in_cells.floor().most(given["First Cell"]).least(given["Last Cell"])
         a, b, t = (in_cells - cell).parts()
         columns, rows, spans = size.parts()
         first = cell.dot(nodes.xyz(1.0, columns, columns * rows, "Index Steps"))
@@ -110,11 +118,7 @@ def solve_group():
         def body(state: dict[str, Value]) -> dict[str, Value]:
             guess = state["Guess"]
             step = nodes.call(step_group(), "Step", table | {"Guess": guess})["Step"]
-            step = step.most((-LONGEST_STEP,) * 3).least((LONGEST_STEP,) * 3)
-            moved = guess + step
-            # A periodic x goes round; else far outside there is nothing to find.
-            inside = moved.most((-OUTSIDE,) * 3).least((1.0 + OUTSIDE,) * 3)
-            return {"Guess": nodes.mix(given["Wrap"], inside, moved)}
+            return {"Guess": bounded_step(nodes, guess, step, given["Wrap"])}
 
         state = {"Guess": ("VECTOR", given["Start"])}
         guess = nodes.repeat(given["Steps"], state, "Newton", body)["Guess"]
@@ -137,6 +141,14 @@ def solve_group():
     outputs = {"Position": "Vector", "Last Step": "Float", "Determinant": "Float"}
     text = "The (x, y, t) of a point in the viewing volume, by Newton's method"
     return node_group("SCFPF Solve", text, inputs, outputs, build)
+
+
+def bounded_step(nodes: FieldBuilder, guess: Value, step: Value, wrap: Value) -> Value:
+    """A guess after a step, neither too long nor too far out of the volume."""
+    moved = guess + step.most((-LONGEST_STEP,) * 3).least((LONGEST_STEP,) * 3)
+    # A periodic x goes round; else far outside there is nothing to find.
+    inside = moved.most((-OUTSIDE,) * 3).least((1.0 + OUTSIDE,) * 3)
+    return nodes.mix(wrap, inside, moved)
 
 
 def nearest_start(nodes: FieldBuilder, cloud: Value, point: Value) -> tuple[Value, Value, Value]:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from ..bridge.surface_nodes import PARAMETRIC_KINDS
 from ..bridge.surface_shape import KIND_ATTRIBUTE, KIND_NUMBERS, PREFIX
 from .field_nodes import FieldBuilder, Value, node_group
+from .uv_pieces import NO_PIECE, uv_pieces_group
 
 # A mesh whose vertices are off its own parameters by more than this share of its size has been
 # reshaped by other modifiers. float32 vertices are right to 1e-6 of it, a pixel is 1e-3.
@@ -105,10 +106,28 @@ def surface_point_group():
         nodes.close_frame()
         is_mesh = nodes.either(nodes.compare(kind, "LESS_THAN", 0.5), nodes.negate(is_exact))
         own = nodes.switch(is_mesh, exact["Position"], sampled, "VECTOR", "Exact or Mesh")
-        return {"Position": nodes.point(own, matrix, "Placed")}
+        nodes.open_frame("Which piece of a mesh in pieces is it?")
+        layer = nodes.attribute(given["UV Map"], "FLOAT_VECTOR")
+        pieces = nodes.call(uv_pieces_group(), "Pieces", {"Mesh": mesh, "UV": layer})
+        found = nodes.node(
+            "GeometryNodeSampleUVSurface",
+            "Piece at (u, v)",
+            {"Mesh": pieces["Mesh"], "Value": nodes.attribute("piece"), "UV Map": layer, "Sample UV": inside},
+            data_type="FLOAT",
+        )
+        number, valid = (Value(nodes, found.outputs[name]) for name in ("Value", "Is Valid"))
+        piece = nodes.switch(valid, NO_PIECE, (number + 0.5).floor(), "FLOAT", "Any?")
+        plain_mesh = nodes.both(is_mesh, nodes.compare(given["Columns"], "LESS_THAN", 3.5))
+        cut = nodes.switch(plain_mesh, False, pieces["Cut"], "BOOLEAN", "A Mesh?")
+        return {
+            "Position": nodes.point(own, matrix, "Placed"),
+            "Cut": cut,
+            "Piece": nodes.switch(cut, 0.0, piece, "FLOAT", "In Pieces?"),
+        }
 
+    outputs = {"Position": "Vector", "Cut": "Bool", "Piece": "Float"}
     text = "The point of a control surface at (u, v); exact where the surface says its parameters"
-    return node_group("SCFPF Control Surface", text, inputs, {"Position": "Vector"}, build)
+    return node_group("SCFPF Control Surface", text, inputs, outputs, build)
 
 
 def _net_point(nodes: FieldBuilder, given: dict[str, Value], mesh: Value, position: Value) -> Value:

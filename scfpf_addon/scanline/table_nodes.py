@@ -15,16 +15,26 @@ from .solve_nodes import (
     FAR_AWAY,
     PROJECTOR,
     REACH,
+    TABLE_INPUTS,
     inverse_map,
     look_up_group,
     nearest_start,
     solve_group,
+    whole_table,
 )
 from .spans import power_spans
 from .surface_point import surface_point_group
+from .table_branches import BLOCK, PIECE, block_number, cells_of_piece, store_branches, with_pieces
+from .uv_pieces import NO_PIECE
 
 # Points of the cloud across, up and along the volume.
 CLOUD = (12, 12, 16)
+# The same if the volume is in pieces, each of which needs some.
+CLOUD_OF_PIECES = (24, 24, 8)
+# Pieces that a surface may have, so that numbers of pieces of several surfaces do not meet.
+PIECES = 101.0
+# A gap between two rows that is this many times the next one is a leap.
+LEAP = 4.0
 # Points of the lattice along an axis: a guess by the nearest one leaves Newton's method few steps.
 LATTICE = 32
 # The box of the lattice is larger than the cloud by this share on each side.
@@ -58,23 +68,25 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
     powers = power_spans(basis, count, weights)
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        table, size = _projectors(nodes, given, powers)
-        wrap = _periodic(nodes, table, size)
-        whole = {"Table": table, "Size": size, "Wrap": wrap}
-        ratio = _ratio(nodes, whole)
-        cloud = _cloud(nodes, whole, ratio, given["Polar"])
+        table, size, cut = _projectors(nodes, given, powers)
+        wrap = nodes.call(_periodic_group(), "Periodic", {"Table": table, "Size": size})["Wrap"]
+        whole = whole_table(table, size, wrap)
+        ratio = nodes.call(_ratio_group(), "Near over Far", whole)["Ratio"]
+        cloud = _places(nodes, whole, cut, ratio, given["Polar"])
+        cloud = nodes.switch(cut, cloud, with_pieces(nodes, whole, cloud), "GEOMETRY", "In Pieces?")
+        whole |= cells_of_piece(nodes, whole, cut)
+        cloud = _cloud(nodes, whole, cloud, cut)
+        cloud, sign, branches = store_branches(nodes, whole, cloud, cut)
         box, low, extent = _box(nodes, cloud)
         lattice = _lattice(nodes, whole, cloud, box, extent)
         nodes.open_frame("What is true of the whole table")
-        determinant = _determinant(nodes, whole)
-        sign = nodes.statistic(cloud, determinant, "Median", "Turn of the volume")
-        cloud = nodes.store(cloud, "folded", determinant * sign < 0.0, "FLOAT")
         for name, value in (
             ("size", size),
             ("wrap", wrap),
             ("ratio, turn, polar", nodes.xyz(ratio, sign, given["Polar"], "Numbers")),
             ("low", low),
             ("extent", extent),
+            ("branches", nodes.xyz(branches, cut + 0.0, 0.0, "Branches")),
         ):
             cloud = nodes.store(cloud, name, value, "FLOAT_VECTOR")
         nodes.close_frame()
@@ -87,8 +99,8 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
     )
 
 
-def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value]:
-    """The points of the table with the coefficients of their projectors, and columns, rows and spans."""
+def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value]:
+    """The points of the table, columns, rows and spans, and whether the volume is in pieces."""
     spans, _, count = powers.shape
     nodes.open_frame("A point a projector, row by row, span by span")
     columns, rows = given["Columns"], given["Rows"]
@@ -111,7 +123,7 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value]:
         nodes.mix(part, given[f"{axis} Start"], given[f"{axis} End"]) for part, axis in ((u, "U"), (v, "V"))
     )
     nodes.open_frame("Control points of the projector")
-    controls = []
+    controls, piece, cut, none, base = [], None, None, None, 1.0
     for number in range(1, count + 1):
         along_u, along_v, closed = given[f"Net {number}"].parts()
         inputs = {
@@ -124,12 +136,53 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value]:
             "U": u,
             "V": v,
         }
-        controls.append(nodes.call(surface_point_group(), f"On Surface {number}", inputs)["Position"])
+        on_surface = nodes.call(surface_point_group(), f"On Surface {number}", inputs)
+        controls.append(on_surface["Position"])
+        own = on_surface["Piece"] * base
+        base *= PIECES
+        piece = own if piece is None else piece + own
+        cut = on_surface["Cut"] if cut is None else nodes.either(cut, on_surface["Cut"])
+        hole = on_surface["Piece"] < NO_PIECE + 0.5
+        none = hole if none is None else nodes.either(none, hole)
     nodes.open_frame("Coefficients of its powers of t")
     coefficients = [_combined(nodes, span, powers[:, power], controls) for power in range(4)]
     matrix = nodes.matrix([*coefficients[1:], coefficients[0]])
     size = nodes.xyz(columns, rows, float(spans), "Columns, Rows, Spans")
-    return nodes.store(points, PROJECTOR, matrix, "FLOAT4X4"), size
+    table = nodes.store(points, PROJECTOR, matrix, "FLOAT4X4")
+    nodes.open_frame("Does a polar picture of a part of a turn leap where it begins and ends?")
+    leap = nodes.both(polar > 0.5, nodes.call(_leap_group(), "Leap", {"Table": table, "Size": size})["Leap"])
+    piece = piece + nodes.both(leap, b < -1e-5) * 0.5
+    cut = nodes.either(cut, leap)
+    nodes.open_frame("In pieces? Their numbers")
+    pieces = nodes.store(table, PIECE, nodes.switch(none, piece, NO_PIECE, "FLOAT", "Hole?"), "FLOAT")
+    return nodes.switch(cut, table, pieces, "GEOMETRY", "In Pieces?"), size, cut
+
+
+def _leap_group():
+    """Whether the picture's middle row, right of its middle, leaps to the row below it."""
+    inputs = {key: TABLE_INPUTS[key] for key in ("Table", "Size")}
+    text = "Whether a table leaps between the middle row's right half and the row below it"
+    return node_group("SCFPF Leap", text, inputs, {"Leap": "Bool"}, _build_leap)
+
+
+def _build_leap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    table, size = given["Table"], given["Size"]
+    points = nodes.out("GeometryNodePoints", "64 Samples", {"Count": 64})
+    across = (nodes.out("GeometryNodeInputIndex", "Index", {}) + 1.0) / 128.0 + 0.5
+    row = 1.0 / (size.parts()[1] - 1.0)
+    whole = whole_table(table, size, (0.0, 0.0, 0.0))
+    result = None
+    for t in (0.25, 1.0):
+        below, middle, above = (
+            nodes.call(look_up_group(), "Place", whole | {"Position": nodes.xyz(across, y, t, "Place")})[
+                "Position"
+            ]
+            for y in (0.5 - row, 0.5 + row * 0.0, 0.5 + row)
+        )
+        down = nodes.statistic(points, (middle - below).length(), "Max", "Down")
+        up = nodes.statistic(points, (above - middle).length(), "Max", "Up")
+        result = down > up * LEAP if result is None else nodes.either(result, down > up * LEAP)
+    return {"Leap": result}
 
 
 def _combined(nodes: FieldBuilder, span: Value, weights, controls) -> Value:
@@ -152,8 +205,15 @@ def _combined(nodes: FieldBuilder, span: Value, weights, controls) -> Value:
     return nodes.xyz(0.0, 0.0, 0.0, "Nothing") if total is None else total
 
 
-def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
+def _periodic_group():
     """1 where the volume's left and right, or lower and upper, ends are one; else 0."""
+    inputs = {key: TABLE_INPUTS[key] for key in ("Table", "Size")}
+    text = "1 where the left and right, or lower and upper, ends of the volume are one"
+    return node_group("SCFPF Periodic", text, inputs, {"Wrap": "Vector"}, _build_periodic)
+
+
+def _build_periodic(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    table, size = given["Table"], given["Size"]
     nodes.open_frame("Do the ends of the picture meet?")
     index = nodes.out("GeometryNodeInputIndex", "Index", {})
     points = nodes.out("GeometryNodePoints", "65 Samples", {"Count": 65})
@@ -165,7 +225,7 @@ def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
             places = [
                 nodes.xyz(*((end, along) if axis == 0 else (along, end)), t, "End") for end in (0.0, 1.0, 0.5)
             ]
-            none = {"Table": table, "Size": size, "Wrap": (0.0, 0.0, 0.0)}
+            none = whole_table(table, size, (0.0, 0.0, 0.0))
             start, end, middle = (
                 nodes.call(look_up_group(), "At an End", none | {"Position": place})["Position"]
                 for place in places
@@ -174,11 +234,16 @@ def _periodic(nodes: FieldBuilder, table: Value, size: Value) -> Value:
             turn = nodes.statistic(points, (middle - start).length(), "Max", "Half a Turn")
             gaps.append(gap < turn * PERIODIC)
         tests.append(nodes.both(*gaps))
-    return nodes.xyz(*tests, 0.0, "Wrap")
+    return {"Wrap": nodes.xyz(*tests, 0.0, "Wrap")}
 
 
-def _ratio(nodes: FieldBuilder, whole) -> Value:
+def _ratio_group():
     """How large the near surface is beside the far one, by the square root of their areas."""
+    text = "Near surface's size over the far one's"
+    return node_group("SCFPF Near over Far", text, TABLE_INPUTS, {"Ratio": "Float"}, _build_ratio)
+
+
+def _build_ratio(nodes: FieldBuilder, whole: dict[str, Value]) -> dict:
     nodes.open_frame("Near surface's size over the far one's")
     index = nodes.out("GeometryNodeInputIndex", "Index", {})
     row = ((index + 0.5) / 16.0).floor()
@@ -190,20 +255,26 @@ def _ratio(nodes: FieldBuilder, whole) -> Value:
         points = nodes.out("GeometryNodePoints", "256 Samples", {"Count": 256})
         areas.append(nodes.statistic(points, area, "Mean", "Area"))
     ratio = nodes.combine("SQRT", areas[0] / areas[1])
-    return ratio.most(SMALLEST_RATIO).least(1 / SMALLEST_RATIO)
+    return {"Ratio": ratio.most(SMALLEST_RATIO).least(1 / SMALLEST_RATIO)}
 
 
-def _cloud(nodes: FieldBuilder, whole, ratio: Value, polar: Value) -> Value:
-    """Points all over the volume that know their (x, y, t) and the inverse map around them."""
+def _sides(nodes: FieldBuilder, cut: Value) -> tuple[Value, ...]:
+    """Points of the cloud across, up and along the volume."""
+    counts = zip(["across", "up", "along"], CLOUD, CLOUD_OF_PIECES, strict=True)
+    return tuple(nodes.switch(cut, float(one), float(other), "FLOAT", label) for label, one, other in counts)
+
+
+def _places(nodes: FieldBuilder, whole, cut: Value, ratio: Value, polar: Value) -> Value:
+    """Points that know their (x, y, t), all over the volume."""
     nodes.open_frame("Places of the cloud")
-    across, up, along = CLOUD
-    points = nodes.out("GeometryNodePoints", "Points of the Cloud", {"Count": across * up * along})
+    across, up, along = _sides(nodes, cut)
+    points = nodes.out("GeometryNodePoints", "Points of the Cloud", {"Count": across * up * along + 0.5})
     cloud = nodes.out("GeometryNodePointsToVertices", "Vertices", {"Points": points})
     index = nodes.out("GeometryNodeInputIndex", "Index", {})
-    layer = ((index + 0.5) / float(across * up)).floor()
-    within = index - layer * float(across * up)
-    row = ((within + 0.5) / float(across)).floor()
-    x, y = (within - row * float(across) + 0.5) / float(across), (row + 0.5) / float(up)
+    layer = ((index + 0.5) / (across * up)).floor()
+    within = index - layer * (across * up)
+    row = ((within + 0.5) / across).floor()
+    x, y = (within - row * across + 0.5) / across, (row + 0.5) / up
     # A square of places pressed into the disc of a polar picture.
     a, b = x * 2.0 - 1.0, y * 2.0 - 1.0
     pressed = a.absolute().most(b.absolute()) / nodes.combine("SQRT", a * a + b * b)
@@ -224,26 +295,25 @@ def _cloud(nodes: FieldBuilder, whole, ratio: Value, polar: Value) -> Value:
         for share in (part, part - 1.0 / (along - 0.5))
     )
     cloud = nodes.store(cloud, "layer", t - before, "FLOAT")
+    cloud = nodes.store(cloud, BLOCK, block_number(nodes, x, y, layer / along), "FLOAT")
     place = nodes.xyz(x, y, t, "Place")
+    return nodes.store(cloud, "place", place, "FLOAT_VECTOR")
+
+
+def _cloud(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> Value:
+    """Points that know their (x, y, t), moved to where they are, with the inverse map around them."""
     nodes.open_frame("Where they are, and the inverse map around them")
-    cloud = nodes.store(cloud, "place", place, "FLOAT_VECTOR")
+    across, up, _ = _sides(nodes, cut)
     place = nodes.attribute("place", "FLOAT_VECTOR")
     found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
     cloud = nodes.store(cloud, PROJECTOR, inverse_map(nodes, found, place), "FLOAT4X4")
     sides = (
-        found["By x"].length() * (1 / across),
-        found["By y"].length() * (1 / up),
+        found["By x"].length() / across,
+        found["By y"].length() / up,
         found["By t"].length() * nodes.attribute("layer"),
     )
     cloud = nodes.store(cloud, REACH, sides[0] + sides[1] + sides[2], "FLOAT")
     return nodes.out("GeometryNodeSetPosition", "Cloud", {"Geometry": cloud, "Position": found["Position"]})
-
-
-def _determinant(nodes: FieldBuilder, whole) -> Value:
-    found = nodes.call(
-        look_up_group(), "Q(place)", whole | {"Position": nodes.attribute("place", "FLOAT_VECTOR")}
-    )
-    return found["By x"].dot(found["By y"].cross(found["By t"]))
 
 
 def _box(nodes: FieldBuilder, cloud: Value):

@@ -42,6 +42,7 @@ def table_object(camera, key=TABLE_KEY, label="Table"):
     modifier = table.modifiers.get(MODIFIER) or table.modifiers.new(MODIFIER, "NODES")
     modifier.show_viewport = modifier.show_render = True
     if modifier.node_group != group:
+        table.animation_data_clear()  # drivers of another group's inputs
         modifier.node_group = group
     inputs = {
         item.name: item.identifier

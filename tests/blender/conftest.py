@@ -6,6 +6,7 @@ import os
 import pathlib
 import sys
 import tempfile
+from types import SimpleNamespace
 
 SCRATCH = tempfile.TemporaryDirectory(prefix="scfpf-tests-", ignore_cleanup_errors=True)
 if "bpy" not in sys.modules:  # inside a Blender, tests/run_in_blender.py has done it before Blender started
@@ -56,6 +57,48 @@ def addon():
 def empty_file(extension):
     """Every test starts from a file with one empty scene."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+@pytest.fixture
+def light_nodes(addon, monkeypatch):
+    """Nodes that pass the collection on: what is about datablocks need not invert volumes."""
+
+    def group(_camera):
+        found = bpy.data.node_groups.get("Passes On")
+        if found is not None:
+            return found
+        tree = bpy.data.node_groups.new("Passes On", "GeometryNodeTree")
+        for name, kind in (
+            ("Collection", "Collection"),
+            ("Table", "Object"),
+            ("Aspect", "Float"),
+            ("Picture Width", "Float"),
+            ("Pixel Error", "Float"),
+        ):
+            tree.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
+        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+        given, info, real, end = (
+            tree.nodes.new(kind)
+            for kind in (
+                "NodeGroupInput",
+                "GeometryNodeCollectionInfo",
+                "GeometryNodeRealizeInstances",
+                "NodeGroupOutput",
+            )
+        )
+        tree.links.new(given.outputs["Collection"], info.inputs["Collection"])
+        tree.links.new(info.outputs[0], real.inputs[0])
+        tree.links.new(real.outputs[0], end.inputs[0])
+        return tree
+
+    def table(camera):
+        name = f"{camera.name} Table"
+        found = bpy.data.objects.get(name)
+        return found or bpy.data.objects.new(name, bpy.data.meshes.new(name))
+
+    data = addon("scfpf_addon.scanline.preview_data")
+    nodes = SimpleNamespace(preview_group=group, table_object=table)
+    monkeypatch.setattr(data, "remap_nodes", nodes)
 
 
 @pytest.fixture

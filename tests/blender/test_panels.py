@@ -108,15 +108,16 @@ def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, a
     section = bpy.types.SCFPF_PT_view_preview
     differences = texts(drawn(section))
     assert "no lamps" in differences and "Rendered" in differences and "hidden" in differences
+    assert "hair" in differences and "not of the object" in differences
     bpy.ops.scfpf.preview_toggle()
     remap_nodes = addon("scfpf_addon.scanline.remap_nodes")
     for counts, told in (
         ({"unreachable": 0, "folded": 0}, []),
         ({"unreachable": 1234, "folded": 0}, ["1,234 faces left out"]),
-        ({"unreachable": 0, "folded": 7}, ["7 faces where"]),
+        ({"unreachable": 0, "folded": 7}, ["7 samples of the volume are folded"]),
     ):
         monkeypatch.setattr(remap_nodes, "remap_counts", lambda _evaluated, counts=counts: counts)
-        for phrase in ("faces left out", "faces where"):
+        for phrase in ("faces left out", "are folded"):
             assert (phrase in texts(drawn(section))) == any(phrase in text for text in told)
         assert all(text in texts(drawn(section)) for text in told)
     source = addon("scfpf_addon.scanline.preview_data").previews()[0]

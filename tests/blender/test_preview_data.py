@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview's data: what switching it on makes, what it follows, what switching it off leaves."""
 
-from types import SimpleNamespace
-
 import bpy
 import pytest
 from mathutils import Matrix
@@ -16,46 +14,6 @@ def preview(addon):
 @pytest.fixture
 def data(addon):
     return addon("scfpf_addon.scanline.preview_data")
-
-
-@pytest.fixture
-def light_nodes(data, monkeypatch):
-    """Nodes that pass the collection on: what is about datablocks need not invert volumes."""
-
-    def group(_camera):
-        found = bpy.data.node_groups.get("Passes On")
-        if found is not None:
-            return found
-        tree = bpy.data.node_groups.new("Passes On", "GeometryNodeTree")
-        for name, kind in (
-            ("Collection", "Collection"),
-            ("Table", "Object"),
-            ("Aspect", "Float"),
-            ("Picture Width", "Float"),
-            ("Pixel Error", "Float"),
-        ):
-            tree.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
-        tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-        given, info, real, end = (
-            tree.nodes.new(kind)
-            for kind in (
-                "NodeGroupInput",
-                "GeometryNodeCollectionInfo",
-                "GeometryNodeRealizeInstances",
-                "NodeGroupOutput",
-            )
-        )
-        tree.links.new(given.outputs["Collection"], info.inputs["Collection"])
-        tree.links.new(info.outputs[0], real.inputs[0])
-        tree.links.new(real.outputs[0], end.inputs[0])
-        return tree
-
-    def table(camera):
-        name = f"{camera.name} Table"
-        found = bpy.data.objects.get(name)
-        return found or bpy.data.objects.new(name, bpy.data.meshes.new(name))
-
-    monkeypatch.setattr(data, "remap_nodes", SimpleNamespace(preview_group=group, table_object=table))
 
 
 @pytest.fixture
@@ -97,7 +55,7 @@ def toggle(camera):
 def members(source):
     """Names of the objects that a preview shows, once the handlers have run."""
     source.scfpf_preview.scene.view_layers[0].update()
-    return {member.name for member in source.objects}
+    return {member.name for member in source.all_objects}
 
 
 def all_data():
@@ -110,9 +68,11 @@ def picture_points(source):
     """World positions of the preview's vertices as evaluated."""
     view_layer = source.scfpf_preview.scene.view_layers[0]
     view_layer.update()
-    depsgraph = view_layer.depsgraph
-    evaluated = source.scfpf_preview.picture.evaluated_get(depsgraph)
-    return [evaluated.matrix_world @ vertex.co for vertex in evaluated.data.vertices]
+    depsgraph, points = view_layer.depsgraph, []
+    for part in source.scfpf_preview.parts:
+        evaluated = part.picture.evaluated_get(depsgraph)
+        points += [evaluated.matrix_world @ vertex.co for vertex in evaluated.data.vertices]
+    return points
 
 
 def test_on_and_off_leave_nothing(camera, data):
@@ -136,7 +96,7 @@ def test_the_preview_is_hidden_from_everything_else(camera, data):
     layer = data.layer_of(bpy.context.view_layer, settings.shelf)
     assert layer.hide_viewport and not layer.exclude
     assert settings.shelf.hide_render and settings.shelf.hide_select
-    for part in (settings.picture, settings.view_camera):
+    for part in (settings.parts[0].picture, settings.view_camera):
         assert part.hide_render and not part.visible_get()
     assert source.name not in {c.name for c in bpy.context.scene.collection.children_recursive}
 
@@ -162,7 +122,7 @@ def test_the_view_camera_frames_the_viewbox_in_the_camera_s_place(camera, data):
     toggle(camera)
     bpy.context.view_layer.update()
     settings = data.preview_of(camera, bpy.context.scene).scfpf_preview
-    for part in (settings.picture, settings.view_camera):
+    for part in (settings.parts[0].picture, settings.view_camera):
         assert (part.matrix_world.translation - camera.matrix_world.translation).length < 1e-6
     lens = settings.view_camera.data
     frame = lens.view_frame(scene=bpy.context.scene)
@@ -233,7 +193,7 @@ def test_animated_visibility_is_followed(camera, data):
     shown = []
     for frame in (1, 2, 3):
         scene.frame_set(frame)
-        shown.append(len(source.objects))
+        shown.append(len(source.all_objects))
     assert shown == [1, 0, 1]
 
 
@@ -289,9 +249,9 @@ def test_aspect_and_width_follow_the_resolution(camera, data, addon):
 
     def inputs():
         bpy.context.view_layer.update()
-        evaluated = source.scfpf_preview.picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        evaluated = source.scfpf_preview.parts[0].picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
         modifier = evaluated.modifiers[0]
-        group = source.scfpf_preview.picture.modifiers[0].node_group
+        group = source.scfpf_preview.parts[0].picture.modifiers[0].node_group
         sockets = {
             item.name: item.identifier for item in group.interface.items_tree if item.in_out == "INPUT"
         }
@@ -319,7 +279,9 @@ def test_a_deleted_camera_takes_its_preview_along(camera, data, addon):
     assert other.name in left["objects"]
 
 
-@pytest.mark.parametrize("how", ["delete", "unlink", "ordinary", "picture", "view_camera", "table", "shelf"])
+@pytest.mark.parametrize(
+    "how", ["delete", "unlink", "ordinary", "picture", "members", "view_camera", "table", "shelf"]
+)
 @pytest.mark.usefixtures("light_nodes")
 def test_a_lost_part_ends_the_preview(camera, data, how):
     add_cube()
@@ -334,7 +296,8 @@ def test_a_lost_part_ends_the_preview(camera, data, how):
     elif how == "ordinary":
         camera.scfpf.enabled = False
     else:
-        bpy.data.batch_remove([getattr(settings, how)])
+        owner = settings.parts[0] if how in {"picture", "members"} else settings
+        bpy.data.batch_remove([getattr(owner, how)])
     bpy.context.view_layer.update()
     assert data.previews() == []
     assert not [obj.name for obj in bpy.data.objects if "Preview" in obj.name]

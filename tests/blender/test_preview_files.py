@@ -26,7 +26,7 @@ def source(data):
 def picture_points(source):
     """World positions of the preview's vertices as evaluated."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    evaluated = source.scfpf_preview.picture.evaluated_get(depsgraph)
+    evaluated = source.scfpf_preview.parts[0].picture.evaluated_get(depsgraph)
     return [evaluated.matrix_world @ vertex.co for vertex in evaluated.data.vertices]
 
 
@@ -37,7 +37,7 @@ def extent(points):
 
 def names(source):
     bpy.context.view_layer.update()
-    return {member.name for member in source.objects}
+    return {member.name for member in source.all_objects}
 
 
 def test_save_and_reload(source, data, tmp_path):
@@ -104,6 +104,30 @@ def test_linked_objects_are_shown(source, tmp_path):
     write_library(tmp_path, bpy.context.object)
     assert names(source) == {"Cube", "Linked"}
     assert len(picture_points(source)) > alone
+
+
+def test_instances_of_linked_and_of_empty_collections_are_shown(source, tmp_path):
+    alone = picture_points(source)
+    held = bpy.data.collections.new("Held")
+    bpy.ops.mesh.primitive_cube_add(location=(0, 0, 0))
+    cube = bpy.context.object
+    held.objects.link(cube)
+    path = str(tmp_path / "library.blend")
+    bpy.data.libraries.write(path, {held})
+    bpy.data.batch_remove([cube, held])
+    with bpy.data.libraries.load(path, link=True) as (_, to):
+        to.collections = ["Held"]
+    carrier = bpy.data.objects.new("Carrier", None)
+    carrier.instance_type = "COLLECTION"
+    bpy.context.scene.collection.objects.link(carrier)
+    for held in (bpy.data.collections.new("Empty"), to.collections[0]):
+        carrier.instance_collection = held
+        assert names(source) == {"Cube", "Carrier"}
+        assert (len(picture_points(source)) > len(alone)) == (held.library is not None)
+    bpy.data.objects["Cube"].hide_render = True
+    carrier.instance_collection = bpy.data.collections["Empty"]
+    names(source)
+    assert picture_points(source) == []
 
 
 def test_a_linked_camera_is_refused(data, tmp_path):

@@ -6,6 +6,7 @@ import pathlib
 import bpy
 import numpy as np
 import pytest
+from mathutils import Euler, Matrix
 
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
 # A choice: each costs seconds.
@@ -183,29 +184,161 @@ def add_things(projection, collection, count=24):
     return np.rint(np.array(colours) * 255).astype(int)
 
 
-@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
-def test_preview_and_caster_see_the_same_objects(addon, scanline, flexible_camera, seen, caster, drawn, path):
-    camera, height = flexible_camera(path)
+@pytest.fixture
+def compared(addon, scanline, seen, caster, drawn):
+    """Things seen by preview and caster: pixels that are wrong, pixels compared, what was left out."""
     read = addon("scfpf_addon.bridge.read_projection").read_projection
-    projection = read(camera, bpy.context.evaluated_depsgraph_get(), WIDTH / height)
-    colours = add_things(projection, seen)
-    projection, hits, numbers, _ = caster(camera, seen, height)
-    expected = np.where(hits.triangle >= 0, numbers, NOTHING)
-    regions = np.where(hits.mask, expected, -2).reshape(height, WIDTH)
-    picture, preview = drawn(camera, seen, height)
-    table = np.vstack([colours, BACKGROUND])
-    number = np.abs(picture[:, :, None] - table).sum(axis=-1).argmin(axis=-1)
-    number[number == len(colours)] = NOTHING
-    compared = ~near_borders(regions)
-    wrong = compared & (number != expected.reshape(height, WIDTH))
-    assert len(np.unique(number)) > 8
-    assert wrong.sum() <= FOLDED.get(path.stem, 0) * compared.sum()
-    evaluated = preview.evaluated_get(bpy.context.evaluated_depsgraph_get())
-    assert set(scanline.remap_counts(evaluated)) == {"unreachable", "folded"}
+
+    def compare(camera, height, count=24):
+        projection = read(camera, bpy.context.evaluated_depsgraph_get(), WIDTH / height)
+        colours = add_things(projection, seen, count)
+        projection, hits, numbers, _ = caster(camera, seen, height)
+        expected = np.where(hits.triangle >= 0, numbers, NOTHING)
+        regions = np.where(hits.mask, expected, -2).reshape(height, WIDTH)
+        picture, preview = drawn(camera, seen, height)
+        table = np.vstack([colours, BACKGROUND])
+        number = np.abs(picture[:, :, None] - table).sum(axis=-1).argmin(axis=-1)
+        number[number == len(colours)] = NOTHING
+        far = ~near_borders(regions)
+        wrong = far & (number != expected.reshape(height, WIDTH))
+        assert len(np.unique(number)) > 6
+        evaluated = preview.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        return wrong.sum(), far.sum(), scanline.remap_counts(evaluated)
+
+    return compare
 
 
-# Presets that fold, where one place in the scene has several in the picture: the share that may be wrong.
-FOLDED: dict[str, float] = {}
+@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+def test_preview_and_caster_see_the_same_objects(flexible_camera, compared, path):
+    wrong, _, counts = compared(*flexible_camera(path))
+    assert wrong == 0
+    assert set(counts) == {"unreachable", "folded"}
+
+
+def bare_camera():
+    made = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(made)
+    return made
+
+
+def add_plane(flexible, camera, z, width, height):
+    size = {"width": width, "height": height}
+    flexible.add_surface(camera, "PLANE", matrix=Matrix.Translation((0, 0, z)), parameters=size)
+
+
+def add_grid(flexible, camera, place, columns, rows):
+    """A surface through place(u, v) → x, y, z."""
+    u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
+    flexible.add_surface(camera, "GRID", points=np.stack(np.broadcast_arrays(*place(u, v)), axis=-1))
+
+
+def folded_volume(flexible, camera):
+    """The far surface goes back and forth along u: up to three places in the picture for one in space."""
+    add_plane(flexible, camera, -2.0, 3.0, 2.0)
+
+    def place(u, v):
+        return 18 * (u - 0.5) - 5.5 * np.sin(2 * np.pi * u), 12 * (v - 0.5), -20.0
+
+    add_grid(flexible, camera, place, 41, 2)
+
+
+def tiled_volume(flexible, camera):
+    """The far surface is six rectangles, each turned and moved for itself."""
+    generator = np.random.default_rng(1)
+    add_plane(flexible, camera, -2.0, 3.0, 2.0)
+    places, uv = [], []
+    for row, column in np.ndindex(2, 3):
+        turn = np.array(Euler(generator.uniform(-0.3, 0.3, 3)).to_matrix())
+        size = np.array([6.0, 6.0, 0.0]) * generator.uniform(0.7, 1.1)
+        centre = np.array([6 * column - 6, 6 * row - 3, -20.0]) + generator.uniform(-2, 2, 3)
+        for across, up in ((0, 0), (1, 0), (1, 1), (0, 1)):
+            places.append((centre + turn @ (size * (across - 0.5, up - 0.5, 0))).tolist())
+            uv.append(((column + across) / 3, (row + up) / 2))
+    mesh = bpy.data.meshes.new("Tiles")
+    mesh.from_pydata(places, [], np.arange(24).reshape(6, 4).tolist())
+    mesh.uv_layers.new(name="Tiles").uv.foreach_set("vector", np.array(uv, np.float32).ravel())
+    tiles = bpy.data.objects.new("Tiles", mesh)
+    bpy.context.scene.collection.objects.link(tiles)
+    tiles.parent = camera
+    flexible.attach_surface(camera, tiles)
+
+
+def part_of_a_turn(flexible, camera):
+    for z, radius in ((-2.0, 1.5), (-20.0, 9.0)):
+        matrix = Matrix.Translation((0, 0, z))
+        flexible.add_surface(camera, "DISC", matrix=matrix, parameters={"radius": radius})
+    settings = camera.scfpf
+    settings.reparameterisation, settings.u_range, settings.v_range = "POLAR", (0.1, 0.6), (0.2, 1.0)
+
+
+def closed_along_v(flexible, camera):
+    for radius, length in ((1.0, 1.5), (9.0, 12.0)):
+
+        def place(u, v, radius=radius, length=length):
+            angle = 2 * np.pi * v
+            return length * (u - 0.5), radius * np.sin(angle), -radius * np.cos(angle)
+
+        add_grid(flexible, camera, place, 9, 65)
+
+
+# Share of pixels that may be wrong: at a fold's crease, and at tiles' borders, coarse as cells.
+VOLUMES = [(folded_volume, 0.01), (tiled_volume, 1e-3), (part_of_a_turn, 1e-4), (closed_along_v, 0.0)]
+
+
+@pytest.mark.parametrize(("make", "share"), VOLUMES, ids=lambda each: getattr(each, "__name__", ""))
+def test_volumes_with_folds_pieces_and_seams(addon, compared, make, share):
+    camera = bare_camera()
+    make(addon("scfpf_addon.bridge.flexible_camera"), camera)
+    bpy.context.view_layer.update()
+    wrong, count, counts = compared(camera, 160, 16)
+    assert wrong <= share * count
+    assert counts["unreachable"] == 0
+    assert (counts["folded"] > 100) == (make is folded_volume)
+
+
+def random_surface(flexible, camera, generator, kind, index, count):
+    """One of a row of surfaces along -Z, turned, moved and bent a little."""
+    size = 2.0 + index + generator.uniform(-0.3, 0.3)
+    matrix = np.array(Euler(generator.uniform(-0.12, 0.12, 3)).to_matrix().to_4x4())
+    matrix[:3, 3] = [*generator.uniform(-0.3, 0.3, 2), -1.0 - 8.0 * index / (count - 1)]
+    if kind == "PLANE":
+        parameters = {"width": 1.5 * size, "height": size}
+        flexible.add_surface(camera, kind, matrix=matrix, parameters=parameters)
+        return
+    corners = np.linspace(0, 1, {"PATCH": 2, "GRID": 9, "NURBS": 4}[kind])
+    u, v = np.meshgrid(corners, corners)
+    bent = 0.25 * size * np.sin(generator.uniform(0, 6) + 3 * u) * np.cos(generator.uniform(0, 6) + 3 * v)
+    if kind == "PATCH":
+        bent = generator.uniform(-0.3, 0.3, u.shape)
+    points = np.stack([1.5 * size * (u - 0.5), size * (v - 0.5), 0.4 * bent], axis=-1)
+    flexible.add_surface(camera, kind, matrix=matrix, points=points)
+
+
+RANDOM = [("BEZIER", 2), ("POLYLINE", 3), ("BEZIER", 4), ("B_SPLINE", 5), ("NURBS", 4), ("BEZIER", 6)]
+
+
+def test_random_one_to_one_volumes(addon, compared):
+    """All in one file: node groups are built once."""
+    flexible = addon("scfpf_addon.bridge.flexible_camera")
+    for seed, (basis, count) in enumerate(RANDOM):
+        bpy.data.batch_remove(list(bpy.data.objects))
+        wrong, _, counts = compared(random_volume(flexible, seed, basis, count), 160, 16)
+        assert wrong == 0, (basis, count)
+        assert counts == {"unreachable": 0, "folded": 0}
+
+
+def random_volume(flexible, seed, basis, count):
+    """A camera with surfaces of several kinds."""
+    generator, camera = np.random.default_rng(seed), bare_camera()
+    kinds = generator.permutation(["PLANE", "PATCH", "GRID", "NURBS", "GRID", "PATCH"])[:count]
+    for index, kind in enumerate(kinds):
+        random_surface(flexible, camera, generator, str(kind), index, count)
+    camera.scfpf.basis = basis
+    for slot, weight in zip(camera.scfpf.surfaces, generator.uniform(0.6, 1.5, count), strict=True):
+        slot.weight = weight
+    bpy.context.view_layer.update()
+    return camera
+
 
 GROUND = [(-50, -1.7, 50), (50, -1.7, 50), (50, -1.7, -50), (-50, -1.7, -50)]
 WALL = [(-10, -6, -4), (6, -6, -24), (6, 6, -24), (-10, 6, -4)]

@@ -104,9 +104,9 @@ def preview_look(driver):
     assert picture.std() > 0.01, "the preview is empty"
     source = source_of(bpy.context.scene.camera)
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    evaluated = source.scfpf_preview.picture.evaluated_get(depsgraph)
+    evaluated = source.scfpf_preview.parts[0].picture.evaluated_get(depsgraph)
     assert evaluated.visible_in_viewport_get(space)
-    assert not source.scfpf_preview.picture.visible_get(viewport=artist_area(driver).spaces.active)
+    assert not source.scfpf_preview.parts[0].picture.visible_get(viewport=artist_area(driver).spaces.active)
     space.shading.type = "MATERIAL"
     yield SETTLE
     # EEVEE compiles its shaders first, and shows nothing until then.
@@ -144,7 +144,7 @@ def preview_stays_out(driver):
     driver.shot("on")
     assert not bpy.context.selected_objects and bpy.context.view_layer.objects.active == active
     (shown,) = preview_areas(driver)
-    picture = source_of(bpy.context.scene.camera).scfpf_preview.picture
+    picture = source_of(bpy.context.scene.camera).scfpf_preview.parts[0].picture
     evaluated = picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
     own = artist_area(driver).spaces.active
     assert own.local_view is not None and own.use_local_collections and own.region_quadviews

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live preview beside the artist's work: other workspaces, edit and sculpt mode, heavy objects."""
+
+import bpy
+import numpy as np
+from driver import DRAW, build_scene
+from scenarios_preview import SETTLE, look, prepare, preview_areas, source_of, toggle, until_shown
+
+
+def pictures(source):
+    return [part.picture for part in source.scfpf_preview.parts]
+
+
+def works(source):
+    return [modifier.show_viewport for picture in pictures(source) for modifier in picture.modifiers]
+
+
+def preview_sleeps(driver):
+    """Where no viewport shows it, it computes nothing; seen again, it has followed. Heavy objects join in."""
+    yield from prepare(driver)
+    (shown,) = preview_areas(driver)
+    source = source_of(bpy.context.scene.camera)
+    assert all(works(source))
+    before = look(driver, shown, "before")
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=300, y_subdivisions=300, size=3, location=(0, 0, 3))
+    yield 2 * SETTLE
+    heavy = look(driver, shown, "heavy")
+    assert len(pictures(source)) == 2 and np.abs(heavy - before).max() > 0.05
+    assert all(picture.local_view_get(shown.spaces.active) for picture in pictures(source))
+    own = driver.window.workspace
+    driver.window.workspace = bpy.data.workspaces["Modeling"]
+    yield SETTLE
+    bpy.data.objects["Cube"].location.z += 1.5
+    yield SETTLE
+    assert not any(works(source)), "it works while nothing shows it"
+    driver.shot("elsewhere")
+    driver.window.workspace = own
+    yield 2 * SETTLE
+    assert all(works(source))
+    (shown,) = preview_areas(driver)
+    assert np.abs(look(driver, shown, "again") - heavy).max() > 0.05
+
+
+def preview_in_other_modes(driver):
+    """It can be switched on and off in edit and sculpt mode, follows there, and undo can be trusted."""
+    build_scene()
+    driver.add_camera()
+    cube, camera = bpy.data.objects["Cube"], bpy.context.scene.camera
+    bpy.context.view_layer.objects.active = cube
+    cube.select_set(True)
+    yield DRAW
+    bpy.ops.ed.undo_push(message="ready")
+    with driver.override():
+        bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode="EDIT")
+    toggle(driver)
+    yield from until_shown(driver, 1)
+    (shown,) = preview_areas(driver)
+    before = look(driver, shown, "edit")
+    assert bpy.context.mode == "EDIT_MESH" and before.std() > 0.01
+    assert not cube.local_view_get(shown.spaces.active)
+    with driver.override():
+        bpy.ops.mesh.select_all("EXEC_DEFAULT", True, action="SELECT")
+        bpy.ops.transform.translate("EXEC_DEFAULT", True, value=(0, 0, 2))
+    yield SETTLE
+    assert np.abs(look(driver, shown, "edited") - before).max() > 0.05, "edits in edit mode do not show"
+    for _ in range(2):
+        with driver.override():
+            bpy.ops.ed.undo()
+        yield DRAW
+    with driver.override():
+        bpy.ops.ed.redo()
+    yield SETTLE
+    camera = bpy.context.scene.camera
+    if source_of(camera) is not None:
+        toggle(driver)
+    yield from until_shown(driver, 0)
+    with driver.override():
+        bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode="SCULPT")
+    toggle(driver)
+    yield from until_shown(driver, 1)
+    driver.shot("sculpt")
+    assert bpy.context.mode == "SCULPT"
+    toggle(driver)
+    yield from until_shown(driver, 0)
+    with driver.override():
+        bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode="OBJECT")
+    assert source_of(bpy.context.scene.camera) is None
+    assert not [obj.name for obj in bpy.data.objects if "Preview" in obj.name]
+
+
+SCENARIOS = (preview_sleeps, preview_in_other_modes)
