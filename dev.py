@@ -24,7 +24,6 @@ BENCHMARKS = {
     "speed": ("run", "scanline"),
     "trade": ("trade",),
     "extremes": ("extremes",),
-    "cycles": ("portals",),
 }
 
 
@@ -112,9 +111,9 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks (speed, --trade, --extremes, --cycles), print figures; --json FILE writes them."""
+    """Run the benchmarks (speed, --trade or --extremes) and print figures; --json FILE writes them too."""
     environment = environments.first()
-    kind = next((name for name in ("trade", "extremes", "cycles") if f"--{name}" in rest), "speed")
+    kind = next((name for name in ("trade", "extremes") if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]
     for script in BENCHMARKS[kind]:
         environments.run([environment.python, f"benchmarks/{script}.py", *arguments])

@@ -19,7 +19,7 @@ def facts(settings) -> list[str]:
     count = f"{settings.chords} chord{'s' * (settings.chords != 1)}"
     return [
         f"{count}, off by {settings.error:.2g} px",
-        f"At most {settings.cost:.1f} × an ordinary camera",
+        f"About {settings.cost:.1f} × an ordinary camera",
     ]
 
 
