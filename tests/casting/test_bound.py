@@ -43,7 +43,7 @@ def surroundings(scene, triangles):
 
 
 def plane_depth(scene, inside, x, y, triangle, t):
-    """Where projectors meet the planes of triangles, nearest to t, (N,); 2 where they do not or nothing is."""
+    """Where projectors meet the planes of triangles, nearest to t, (N,); 2 where they do not."""
     points, _ = inside.projectors(x, y)
     bundle = Bundle(inside.volume.spans, points)
     span = inside.volume.spans.locate(np.minimum(t, 1.0))[0]
@@ -144,7 +144,7 @@ def test_nothing_is_farther_off_than_the_pixel_error(scenes, name):
 
 
 def test_random_volumes_keep_the_bound():
-    """Any kinds of surfaces, of degrees to 5; where float32 or the number of chords ends, what is reported."""
+    """Any kinds of surfaces, of degrees to 5; where float32 ends it, what is reported."""
     generator = np.random.default_rng(11)
     scene, differing, curved, kept = CastScene(*boxes(2000)), 0, 0, 0
     while curved < 12:
