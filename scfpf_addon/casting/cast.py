@@ -9,6 +9,7 @@ import numpy as np
 
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
+from .bends import bend_groups
 from .chords import cast_chords, complete
 from .curves import Bundle
 from .exact import cast_exact
@@ -115,21 +116,27 @@ def _cast_curved(
     reach = where.reach
     if reach is None or not mask.any():
         return complete(Hits.empty(len(x))._replace(mask=mask), bundle)
-    curves = sample_curves(projection, x, y, mask, pixel_size)
     error = max(pixel_error, SMALLEST_ERROR)
-    schedule = plan(spans, curves, reach, error, 1)
-    counts.error_bound = max(counts.error_bound, schedule.error)
-    hits, doubtful = cast_chords(scene, bundle, mask, schedule, counts, where, False)
-    if len(doubtful):
-        counts.refined += len(doubtful)
-        fine = plan(spans, curves, reach, FINE_SHARE * error, 1)
-        some, there = bundle.take(doubtful), where.take(doubtful)
-        own = CastCounts()
-        again, _ = cast_chords(scene, some, mask[doubtful], fine, own, there)
-        hits.put(doubtful, again)
-        own.chords = 0
-        counts.add(own)
-    return complete(hits, bundle)
+    groups = bend_groups(points, mask)
+    answer = Hits.empty(len(x))
+    for group in groups:
+        curves = sample_curves(projection, x, y, group, pixel_size)
+        schedule = plan(spans, curves, reach, error, 1)
+        counts.error_bound = max(counts.error_bound, schedule.error)
+        hits, doubtful = cast_chords(scene, bundle, group, schedule, counts, where, False)
+        if len(doubtful):
+            counts.refined += len(doubtful)
+            fine = plan(spans, curves, reach, FINE_SHARE * error, 1)
+            own = CastCounts()
+            some, there = bundle.take(doubtful), where.take(doubtful)
+            hits.put(doubtful, cast_chords(scene, some, group[doubtful], fine, own, there)[0])
+            own.chords = 0
+            counts.add(own)
+        if len(groups) == 1:
+            return complete(hits, bundle)
+        which = np.flatnonzero(group)
+        answer.put(which, hits.take(which))
+    return complete(answer, bundle)
 
 
 def _projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:
