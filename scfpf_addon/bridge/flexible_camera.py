@@ -121,7 +121,8 @@ def _take_kind(surface) -> None:
         surface.scfpf_surface.kind = mesh_kind(surface)
 
 
-def _flexible_cameras():
+def flexible_cameras() -> list:
+    """All camera objects of the file that have control surfaces."""
     return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]
 
 
@@ -129,7 +130,7 @@ def delete_if_unused(camera, surface) -> None:
     """Delete a surface that is the camera's own child and on no camera's list."""
     if surface is None:
         return
-    listed = any(slot.object == surface for other in _flexible_cameras() for slot in other.scfpf.surfaces)
+    listed = any(slot.object == surface for other in flexible_cameras() for slot in other.scfpf.surfaces)
     if listed or surface.parent != camera or not surface.is_editable:
         edit_volume.release(surface)
         return
