@@ -24,7 +24,7 @@ BENCHMARKS = {"speed": ("run", "scanline"), "trade": ("trade", "peers"), "extrem
 
 
 def command_demo(options, rest):
-    """Render the demo through every preset into demo/output/."""
+    """Render the demo through seven presets into demo/output/."""
     environment = environments.first()
     environments.run([environment.python, "demo/render_demo.py", "--output", "demo/output", *rest])
 

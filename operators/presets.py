@@ -17,19 +17,35 @@ from .target import camera_of, poll_camera
 FOLDER = pathlib.Path(__file__).resolve().parents[1] / "presets"
 
 
+Item = tuple[str, str, str]
+# Where a preset is listed whose file names no group.
+OTHER_GROUP = "Other"
+
+
 @functools.cache
-def preset_items() -> tuple[tuple[str, str, str], ...]:
-    """(identifier, name, description) of every shipped preset, kept: Blender holds on to the strings."""
-    items = []
+def preset_groups() -> tuple[tuple[str, tuple[Item, ...]], ...]:
+    """Every shipped preset as (identifier, name, description), by the groups that the files name.
+
+    Groups and names are in alphabetical order. Kept: Blender holds on to the strings.
+    """
+    groups: dict[str, list[Item]] = {}
     for path in sorted(FOLDER.glob("*.json")):
         try:
             preset = read_preset(path)
         except PresetError as error:
             # Listed all the same: choosing it reports what is wrong with it.
-            items.append((path.stem, path.stem, str(error)))
+            group, item = OTHER_GROUP, (path.stem, path.stem, str(error))
         else:
-            items.append((path.stem, preset.name, preset.description))
-    return tuple(items)
+            group = preset.group or OTHER_GROUP
+            item = (path.stem, preset.name, preset.description)
+        groups.setdefault(group, []).append(item)
+    return tuple((group, tuple(sorted(groups[group], key=lambda item: item[1]))) for group in sorted(groups))
+
+
+@functools.cache
+def preset_items() -> tuple[Item, ...]:
+    """The shipped presets of ``preset_groups`` in one row."""
+    return tuple(item for _group, items in preset_groups() for item in items)
 
 
 def _items(_operator, _context):

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..operators.presets import preset_items
+from ..operators.presets import preset_groups
 from ..operators.surfaces import SURFACE_KINDS
 from .surface_list import KIND_ICONS
 
@@ -21,15 +21,38 @@ class SCFPF_MT_surface_add(bpy.types.Menu):
             self.layout.operator("scfpf.surface_add", text=name, icon=KIND_ICONS[kind]).kind = kind
 
 
+def _group_menu(identifier: str, group: str, items, operator: str) -> type[bpy.types.Menu]:
+    """A menu of one group of presets, whose entries call an operator."""
+
+    def draw(self, _context):
+        self.layout.operator_context = "EXEC_REGION_WIN"
+        for preset, name, _description in items:
+            self.layout.operator(operator, text=name).preset = preset
+
+    contents = {"__doc__": f"Ready-made projections: {group}", "bl_label": group, "draw": draw}
+    return type(identifier, (bpy.types.Menu,), contents)
+
+
+def _group_menus(prefix: str, operator: str) -> tuple[type[bpy.types.Menu], ...]:
+    return tuple(
+        _group_menu(f"{prefix}_{number}", group, items, operator)
+        for number, (group, items) in enumerate(preset_groups())
+    )
+
+
+APPLY_MENUS = _group_menus("SCFPF_MT_presets_group", "scfpf.preset_apply")
+ADD_MENUS = _group_menus("SCFPF_MT_camera_add_group", "scfpf.camera_add")
+
+
 class SCFPF_MT_presets(bpy.types.Menu):
     """Ready-made projections for this camera"""
 
     bl_label = "Projection Presets"
 
     def draw(self, _context):
-        for preset, name, _description in preset_items():
+        for menu in APPLY_MENUS:
             # Beside entries with icons a long name would be cut off without one.
-            self.layout.operator("scfpf.preset_apply", text=name, icon="BLANK1").preset = preset
+            self.layout.menu(menu.__name__, icon="BLANK1")
         self.layout.separator()
         self.layout.operator(
             "scfpf.camera_from_camera", text="This Camera's Own Frustum", icon="OUTLINER_OB_CAMERA"
@@ -43,9 +66,8 @@ class SCFPF_MT_camera_add_preset(bpy.types.Menu):
     bl_label = "Flexible Camera Preset"
 
     def draw(self, _context):
-        self.layout.operator_context = "EXEC_REGION_WIN"
-        for preset, name, _description in preset_items():
-            self.layout.operator("scfpf.camera_add", text=name).preset = preset
+        for menu in ADD_MENUS:
+            self.layout.menu(menu.__name__)
 
 
 class SCFPF_MT_surface_specials(bpy.types.Menu):
@@ -97,7 +119,14 @@ def _duplicate_entry(menu, context):
 
 
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
-    (SCFPF_MT_surface_add, SCFPF_MT_presets, SCFPF_MT_camera_add_preset, SCFPF_MT_surface_specials)
+    (
+        SCFPF_MT_surface_add,
+        *APPLY_MENUS,
+        SCFPF_MT_presets,
+        *ADD_MENUS,
+        SCFPF_MT_camera_add_preset,
+        SCFPF_MT_surface_specials,
+    )
 )
 
 

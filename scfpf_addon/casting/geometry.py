@@ -18,6 +18,8 @@ class Geometry:
     vertices: (V, 3) float64, world space. triangles: (T, 3) int32.
     corner_normals: (T, 3, 3) float32, unit, world space: the shading normal at
     each corner. material, object_index: (T,) int32. object_names: one name an index.
+    uv: (T, 3, 2) float32, texture coordinates of the corners, NaN where a mesh has none;
+    None where they were not asked for.
     """
 
     vertices: Array
@@ -26,6 +28,7 @@ class Geometry:
     material: NDArray[np.int32]
     object_index: NDArray[np.int32]
     object_names: tuple[str, ...] = ()
+    uv: NDArray[np.float32] | None = None
 
     def part(self, kept: BoolArray) -> Geometry:
         """The triangles ``kept`` (T,) alone, with the vertices that they use."""
@@ -40,4 +43,5 @@ class Geometry:
             self.material[kept],
             self.object_index[kept],
             self.object_names,
+            None if self.uv is None else self.uv[kept],
         )

@@ -77,10 +77,11 @@ def invert(
 
     positions: (3, N), in the volume's space. u_range, v_range: the part of the
     volume to look in, in either order. Where a folded volume passes through a
-    point several times the least t counts. A point that is reached only within
-    a part finer than the samples (24 × 24 × 16 over the ranges) may be missed;
-    none is found that Q does not pass through. Points that are not finite are
-    not found. time: as for ``ViewingVolume.evaluate``.
+    point several times the least t counts; of layers that meet at a fold nearer than
+    the coarser samples (8 × 8 × 6 over the ranges) it may be another. A point that is
+    reached only within a part finer than the finer samples (24 × 24 × 16) may be
+    missed; none is found that Q does not pass through. Points that are not finite
+    are not found. time: as for ``ViewingVolume.evaluate``.
     """
     points = np.ascontiguousarray(positions, np.float64)
     low = np.array([min(u_range), min(v_range), 0.0])

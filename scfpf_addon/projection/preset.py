@@ -209,6 +209,7 @@ class Preset:
 
     u_range, v_range: rising, within [0, 1]. aspect: width / height of the image
     that the numbers are made for. fit: what another aspect changes, see ``fitted``.
+    group: the heading that menus put it under, perhaps empty.
     """
 
     name: str
@@ -222,6 +223,7 @@ class Preset:
     fit: FitKind
     surfaces: tuple[PresetSurface, ...]
     subject: SubjectBox | None = None
+    group: str = ""
 
     def fitted(self, aspect: float) -> Preset:
         """The preset for an image of another aspect (width / height, > 0).
@@ -311,6 +313,8 @@ def preset_to_json(preset: Preset) -> str:
         "aspect": preset.aspect,
         "fit": preset.fit,
     }
+    if preset.group:
+        values["group"] = preset.group
     if preset.subject is not None:
         values["subject"] = {"centre": list(preset.subject.centre), "size": list(preset.subject.size)}
     lines = [f"  {_dumps(key)}: {_dumps(value)}" for key, value in values.items()]
@@ -387,7 +391,7 @@ def _euler_angles(rotation: Array) -> tuple[float, float, float]:
 def _preset(data: object) -> Preset:
     about = ("format", "name", "description", "source")
     settings = ("basis", "reparameterisation", "u_range", "v_range", "aspect", "fit", "surfaces")
-    values = read_object(data, "the preset", (*about, *settings), ("subject",))
+    values = read_object(data, "the preset", (*about, *settings), ("subject", "group"))
     if type(values["format"]) is not int or values["format"] != FORMAT:
         raise PresetError(f"format must be {FORMAT}, the only one that this version of SCFPF reads")
     items = values["surfaces"]
@@ -407,6 +411,7 @@ def _preset(data: object) -> Preset:
         fit=cast(FitKind, read_choice(values["fit"], "fit", FITS)),
         surfaces=tuple(_surface(item, number) for number, item in enumerate(items, 1)),
         subject=_subject(values["subject"]) if "subject" in values else None,
+        group=read_name(values["group"], "group") if "group" in values else "",
     )
     count = sum(s.points[..., 0].size for s in preset.surfaces if s.points is not None)
     if count > MAXIMUM_POINTS:

@@ -258,6 +258,27 @@ def test_a_preset_projects_as_world_to_camera_view(addon, our_passes, name):
     assert_projects_as_blender(our_passes()[2], camera)
 
 
+@pytest.mark.parametrize(
+    ("name", "lens"), [("telephoto", {"lens": 300.0}), ("off_centre", {"lens": 25.0, "shift_y": 0.3 / 0.81})]
+)
+def test_narrow_and_shifted_presets_project_as_cameras_of_such_lenses(addon, our_passes, name, lens):
+    """300 mm; 25 mm, where what is 0.3 of its distance above the axis comes to the middle of 0.81.
+
+    Other aspects keep the height of 16:9.
+    """
+    bpy.ops.mesh.primitive_cube_add()
+    for width in (320, 180):
+        camera = add_camera(width, 180)
+        camera.location, camera.rotation_euler = (0.4, -0.6, 0.3), Euler((1.2, 0.4, -2.0))
+        preset(addon, camera, name)
+        camera.data.type, camera.data.sensor_fit = "PERSP", "VERTICAL"
+        camera.data.sensor_height = 20.25
+        for key, value in lens.items():
+            setattr(camera.data, key, value)
+        bpy.context.view_layer.update()
+        assert_projects_as_blender(our_passes()[2], camera)
+
+
 def assert_projects_as_blender(projection, camera):
     generator = np.random.default_rng(0)
     x, y, t = generator.random((3, 500))
@@ -278,6 +299,17 @@ def test_fisheye_is_cycles_equidistant_fisheye(addon, our_passes, tmp_path):
     camera.data.clip_start, camera.data.clip_end = 0.1, 100.0
     bpy.context.view_layer.update()
     report("fisheye", compare(our_passes(), cycles_passes(tmp_path / "passes.exr"), 100.0))
+
+
+def test_spheres_are_cycles_equirectangular_camera(addon, our_passes, tmp_path):
+    populate(np.random.default_rng(4), 40, all_around)
+    camera = add_camera(320, 160)
+    camera.location, camera.rotation_euler = (0.2, 0.1, 0.3), Euler((1.4, 0.3, 0.5))
+    preset(addon, camera, "equirectangular")
+    camera.data.type, camera.data.panorama_type = "PANO", "EQUIRECTANGULAR"
+    camera.data.clip_start, camera.data.clip_end = 0.1, 100.0
+    bpy.context.view_layer.update()
+    report("equirectangular", compare(our_passes(), cycles_passes(tmp_path / "passes.exr"), 100.0))
 
 
 def test_cylinder_is_cycles_central_cylinder(addon, our_passes, tmp_path):

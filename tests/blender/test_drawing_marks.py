@@ -13,6 +13,8 @@ import pytest
 from mathutils import Matrix, Vector
 
 PRESETS = pathlib.Path(__file__).resolve().parents[2] / "presets"
+# The epipolar plane image has a plane for a volume, which has no orientation.
+SOLID = sorted(set(PRESETS.glob("*.json")) - {PRESETS / "epi.json"})
 SIZE = 400
 DARK, WHITE = (0.24, 0.24, 0.24), (0.95, 0.95, 0.95)
 
@@ -113,7 +115,7 @@ def test_folds_are_red_and_only_folds(drawing, addon, camera, view, background):
     assert not is_like(shoot(drawing, camera, view, background), colors["FOLD"]).any()
 
 
-@pytest.mark.parametrize("path", sorted(PRESETS.glob("*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SOLID, ids=lambda path: path.stem)
 def test_no_preset_folds_as_read_back_from_blender(drawing, addon, make, path):
     """Parameters are float32 there: a pole may lie beyond its place."""
     camera = make(path.stem)

@@ -229,6 +229,21 @@ def test_menus_draw_what_exists(camera, menu):
     assert drawn(getattr(bpy.types, menu))
 
 
+@pytest.mark.parametrize(
+    ("menu", "operator"),
+    [("SCFPF_MT_presets", "scfpf.preset_apply"), ("SCFPF_MT_camera_add_preset", "scfpf.camera_add")],
+)
+def test_every_preset_is_in_one_group_of_few(addon, menu, operator):
+    groups = addon("operators.presets").preset_groups()
+    menus = [entry[1] for entry in drawn(getattr(bpy.types, menu)) if entry[0] == "menu"]
+    assert [getattr(bpy.types, name).bl_label for name in menus] == [group for group, _items in groups]
+    for name, (_group, items) in zip(menus, groups, strict=True):
+        assert drawn(getattr(bpy.types, name)) == [("operator", operator)] * len(items)
+        assert len(items) <= 10
+    listed = [identifier for _group, items in groups for identifier, _name, _description in items]
+    assert sorted(listed) == sorted(path.stem for path in addon("operators.presets").FOLDER.glob("*.json"))
+
+
 def test_add_menus_have_our_entries(addon):
     menus = addon("panels.menus")
     for menu, entries in (

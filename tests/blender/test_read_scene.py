@@ -295,7 +295,12 @@ def test_one_mesh_is_read_once(addon, monkeypatch):
     module = addon(BRIDGE + "read_scene")
     mesh, calls = cube_mesh(), []
     read_mesh = module.read_mesh
-    monkeypatch.setattr(module, "read_mesh", lambda one: calls.append(one.name) or read_mesh(one))
+
+    def noted(one, *options):
+        calls.append(one.name)
+        return read_mesh(one, *options)
+
+    monkeypatch.setattr(module, "read_mesh", noted)
     inside = bpy.data.collections.new("Inside")
     link("Leaf", mesh, inside)
     for number in range(20):

@@ -21,7 +21,9 @@ from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import Cylinder, Disc, Grid, Plane, Point, SphereSector
 from scfpf_addon.projection.volume import Projection, ViewingVolume, determinant
 
-PRESETS = sorted((pathlib.Path(__file__).resolve().parents[2] / "presets").glob("*.json"))
+FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
+# The epipolar plane image has a plane for a volume: neither orientation nor inverse.
+PRESETS = sorted(set(FOLDER.glob("*.json")) - {FOLDER / "epi.json"})
 
 
 def placed(z):

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What holds for every shipped preset: its texts, its group, its file, that it neither folds nor mirrors."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scfpf_addon.projection.preset import PresetError, load_preset, preset_to_json, read_preset
+from scfpf_addon.projection.volume import determinant, image_derivatives
+
+FOLDER = Path(__file__).resolve().parents[2] / "presets"
+GROUPS = {
+    "Cameras": (
+        "digital_cubism",
+        "inverted_perspective",
+        "irregular_perspective",
+        "oblique",
+        "occlusion_camera",
+        "off_centre",
+        "orthographic",
+        "perspective",
+        "telephoto",
+    ),
+    "Fisheyes and Lenses": ("angular_fisheye", "barrel_lens", "magic_lens", "stereographic"),
+    "General Linear Cameras": (
+        "bilinear",
+        "cross_slit",
+        "epi",
+        "pencil",
+        "pushbroom",
+        "twisted_orthographic",
+    ),
+    "Panoramas": (
+        "cylindrical_panorama",
+        "equirectangular",
+        "street_panorama",
+        "street_panorama_curved",
+        "strip_camera",
+    ),
+    "Twists and Curves": (
+        "around_the_car",
+        "curved_convergence",
+        "deep_curvy_volume",
+        "house_of_stairs",
+        "linear_twist",
+        "nonlinear_twist",
+        "orthographic_to_perspective",
+    ),
+}
+NAMES = sorted(name for names in GROUPS.values() for name in names)
+# A plane for a volume: its determinant is 0 throughout.
+FLAT = "epi"
+# Text that fits into a tooltip.
+LONGEST_DESCRIPTION = 320
+
+
+def preset(name):
+    return read_preset(FOLDER / f"{name}.json")
+
+
+def test_the_folder_holds_these_presets_in_these_groups():
+    assert sorted(path.name for path in FOLDER.glob("*")) == [f"{name}.json" for name in NAMES]
+    found = {name: preset(name).group for name in NAMES}
+    assert found == {name: group for group, names in GROUPS.items() for name in names}
+
+
+def test_names_differ_and_texts_say_what_and_whence():
+    presets = [preset(name) for name in NAMES]
+    assert len({shown.name for shown in presets}) == len(presets)
+    for shown in presets:
+        assert 40 < len(shown.description) <= LONGEST_DESCRIPTION and shown.description.endswith(".")
+        assert shown.source
+        names = [surface.name for surface in shown.surfaces]
+        assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_text_gives_the_preset_back(name):
+    before = preset(name)
+    after = load_preset(preset_to_json(before))
+    assert after.group == before.group and after.subject == before.subject
+    for old, new in zip(before.surfaces, after.surfaces, strict=True):
+        assert np.allclose(new.matrix, old.matrix, rtol=1e-15, atol=1e-14)
+        assert new.parameters == old.parameters
+        assert new.points is None or np.array_equal(new.points, old.points)
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMES) - {FLAT}))
+def test_no_preset_folds_or_mirrors(name):
+    """det[Qx Qy Qt] < 0 before the far surface, over the image: a polar map turns the sense of (u, v)."""
+    shown = preset(name)
+    grid = (np.arange(40) + 0.5) / 40
+    x, y, t = (
+        values.ravel() for values in np.meshgrid(grid, grid, np.linspace(0, 1, 40, endpoint=False)[1:])
+    )
+    for aspect in (shown.aspect, 0.7, 2.5):
+        projection = shown.projection(aspect)
+        image = projection.parameters(x, y)
+        sample = projection.volume.evaluate(image.u, image.v, t)
+        qx, qy = image_derivatives(sample.du, sample.dv, image.jacobian)
+        assert (determinant(sample._replace(du=qx, dv=qy))[image.mask] < 0).all()
+
+
+@pytest.mark.parametrize("name", sorted(set(NAMES) - {"angular_fisheye"}))
+def test_right_is_right_and_up_is_up_at_the_picture_s_centre(name):
+    volume = preset(name).volume()
+    sample = volume.evaluate(np.array([0.5]), np.array([0.5]), np.array([0.45]))
+    assert sample.du[0, 0] > 0 and sample.dt[2, 0] < 0
+    assert sample.dv[1, 0] > 0 or name == FLAT
+
+
+def test_a_group_is_one_line_and_may_be_left_out():
+    data = json.loads((FOLDER / "perspective.json").read_text(encoding="utf-8"))
+    assert load_preset(json.dumps(data)).group == "Cameras"
+    for wrong in ("", "two\nlines", 3, "x" * 64):
+        with pytest.raises(PresetError, match="group must"):
+            load_preset(json.dumps(data | {"group": wrong}))
+    del data["group"]
+    plain = load_preset(json.dumps(data))
+    assert plain.group == "" and '"group"' not in preset_to_json(plain)
