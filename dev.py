@@ -22,7 +22,7 @@ PARTS = ("pure", "blender")
 # Scripts in benchmarks/ by what is asked for.
 BENCHMARKS = {
     "speed": ("run", "scanline"),
-    "trade": ("trade",),
+    "trade": ("trade", "peers"),
     "extremes": ("extremes",),
 }
 
@@ -116,7 +116,8 @@ def command_bench(options, rest):
     kind = next((name for name in ("trade", "extremes") if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]
     for script in BENCHMARKS[kind]:
-        environments.run([environment.python, f"benchmarks/{script}.py", *arguments])
+        given = [] if script == "peers" else arguments
+        environments.run([environment.python, f"benchmarks/{script}.py", *given])
 
 
 def parser():

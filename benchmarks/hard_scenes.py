@@ -101,7 +101,7 @@ HARD_SCENES: dict[str, Any] = {
     "fan": lambda: open_fan(40),
 } | {
     f"sheets {gap:g}": (lambda gap=gap: stacked_sheets(16, gap))
-    for gap in (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
+    for gap in (0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 }
 
 AIMS = ("vertex", "edge", "middle", "axis")

@@ -54,7 +54,7 @@ class Image:
     def cast_tile(
         self, scene: CastScene, projection: Projection, rows: slice, error: float, grid: bool = True
     ) -> tuple[Hits, CastCounts]:
-        """One tile of the image; grid: let curved projectors be compared with their neighbours."""
+        """One tile of the image; grid: let empty space be skipped for blocks of pixels."""
         counts = CastCounts()
         x, y = pixel_centres(self.width, self.height, (rows.start, rows.stop))
         size = (1 / self.width, 1 / self.height)
@@ -195,7 +195,7 @@ def report(result: dict[str, Any]) -> None:
         )
         print(
             f"      a projector: {count['chords'] / pixels:.1f} chords, {count['rays'] / pixels:.1f} rays, "
-            f"{count['compared'] / pixels:.3f} compared, {count['refined'] / pixels:.4f} refined, "
+            f"{count['refined'] / pixels:.4f} refined, "
             f"{count['unresolved'] / pixels:.0e} unresolved"
         )
 

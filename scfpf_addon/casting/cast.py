@@ -9,13 +9,14 @@ import numpy as np
 
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
+from .bends import bend_groups
 from .chords import cast_chords, complete
 from .curves import Bundle
 from .exact import cast_exact
 from .hits import CastCounts, Hits
 from .occupancy import stretches
 from .scene import CastError, CastScene
-from .schedule import Schedule, corners, plan, sample_curves, scene_reach
+from .schedule import corners, plan, sample_curves, scene_reach
 from .straight import cast_straight
 
 __all__ = ["CastCounts", "Hits", "cast"]
@@ -24,17 +25,9 @@ __all__ = ["CastCounts", "Hits", "cast"]
 # cannot be told from infinity in float32; their projectors count as not finite.
 FARTHEST = 1e15
 
-# Error in pixels of chords that are compared with their neighbours': the eight around
-# a pixel reach this far from its centre, so what its chord passes, one of theirs meets.
-NEIGHBOUR_ERROR = 1.5
-
-# But they never stray more than this many times the pixel error: a thing so thin that no
-# neighbour sees it either must come to light when the error is set lower.
-MOST_COARSER = 10.0
-
-# Doubtful hits are looked at with chords that stray this share of the pixel error:
-# they decide, so they should add little to it.
-FINE_SHARE = 0.3
+# Where a hit is in doubt a projector is followed again by chords that stray this share of the
+# pixel error: four times as many.
+FINE_SHARE = 1.0 / 16.0
 
 # Pixel errors below this are beyond float32 and count as this.
 SMALLEST_ERROR = 1e-4
@@ -64,11 +57,12 @@ def cast(
     projectors, >= 0. Straight ones and polylines have no such error, but float32's:
     their rays may pass an edge that they should meet, or the other way round. Chords are
     held to it on sampled projectors of the tile, with a margin; things thinner than it
-    may be missed, and t of what is hit is that of the curve itself. 0: the first hit in
+    may be missed, and t of what is hit is that of the curve itself, but for edges that chords
+    of a sixteenth of the error meet and the curve does not. 0: the first hit in
     float64, certified (``exact.cast_exact``); rational projectors have no certain chords
     and are cast with SMALLEST_ERROR then. counts: added to when given. columns: says that x, y
-    are whole rows of that many neighbouring pixels, from the bottom up; curved
-    projectors are then cast in a fraction of the time (``chords.cast_chords``).
+    are whole rows of that many neighbouring pixels, from the bottom up; empty space is then
+    skipped for square blocks of them.
     weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
     Raises CastError for a negative or non-finite pixel error, and for 0 where the memory
     does not suffice.
@@ -96,10 +90,11 @@ def cast(
     reach = scene_reach(spans, points, scene)
     if single:
         return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
-    schedule = None if reach is None else corners(spans, reach)
     counts.projectors += int(np.count_nonzero(mask))
     bundle = Bundle(spans, points)
-    return complete(cast_chords(scene, bundle, mask, schedule, None, counts)[0], bundle)
+    if reach is None:
+        return complete(Hits.empty(len(x))._replace(mask=mask), bundle)
+    return complete(cast_chords(scene, bundle, mask, corners(spans, reach), counts)[0], bundle)
 
 
 def _cast_curved(
@@ -113,46 +108,35 @@ def _cast_curved(
     columns: int | None,
 ) -> Hits:
     """As cast, for spans of degree 2 and more, and for rational ones."""
-    border = columns or 0
-    if columns is not None:
-        # A row more on either side, for the outer rows to be compared with.
-        x = np.concatenate([x[:columns], x, x[-columns:]])
-        y = np.concatenate([y[:columns] - pixel_size[1], y, y[-columns:] + pixel_size[1]])
     points, mask, _ = _projectors(projection, x, y)
-    if columns is not None:
-        mask[:columns] &= y[:columns] > 0.0
-        mask[-columns:] &= y[-columns:] < 1.0
     spans = projection.volume.spans
-    inner = slice(border, len(x) - border)
-    bundle, shown = Bundle(spans, points), Bundle(spans, points[:, :, inner])
-    counts.projectors += int(np.count_nonzero(mask[inner]))
+    bundle = Bundle(spans, points)
+    counts.projectors += int(np.count_nonzero(mask))
     where = stretches(scene.occupancy, spans, bundle.single, columns)
     reach = where.reach
     if reach is None or not mask.any():
-        return complete(cast_chords(scene, shown, mask[inner], None, None, counts)[0], shown)
-    curves = sample_curves(projection, x, y, mask, pixel_size)
-
-    def schedule(chord_error: float) -> Schedule:
-        fine_error = FINE_SHARE * max(pixel_error, SMALLEST_ERROR)
-        finer = math.ceil(math.sqrt(max(chord_error / fine_error, 1.0)))
-        return plan(spans, curves, reach, chord_error, finer)
-
-    if columns is not None:
-        coarse = schedule(max(pixel_error, min(NEIGHBOUR_ERROR, MOST_COARSER * pixel_error)))
-        if coarse.error > pixel_error:
-            hits, thin = cast_chords(scene, bundle, mask, coarse, columns, counts, where)
-            hits, where = hits.within(inner), where.take(inner)
-            if len(thin):
-                counts.thin += len(thin)
-                fine = schedule(pixel_error)
-                some, there = shown.take(thin), where.take(thin)
-                again = cast_chords(scene, some, hits.mask[thin], fine, None, counts, there)[0]
-                nearer = np.flatnonzero(again.t < hits.t[thin])
-                hits.put(thin[nearer], again.take(nearer))
-            return complete(hits, shown)
-    where = where.take(inner)
-    hits = cast_chords(scene, shown, mask[inner], schedule(pixel_error), None, counts, where)[0]
-    return complete(hits, shown)
+        return complete(Hits.empty(len(x))._replace(mask=mask), bundle)
+    error = max(pixel_error, SMALLEST_ERROR)
+    groups = bend_groups(points, mask)
+    answer = Hits.empty(len(x))
+    for group in groups:
+        curves = sample_curves(projection, x, y, group, pixel_size)
+        schedule = plan(spans, curves, reach, error, 1)
+        counts.error_bound = max(counts.error_bound, schedule.error)
+        hits, doubtful = cast_chords(scene, bundle, group, schedule, counts, where, False)
+        if len(doubtful):
+            counts.refined += len(doubtful)
+            fine = plan(spans, curves, reach, FINE_SHARE * error, 1)
+            own = CastCounts()
+            some, there = bundle.take(doubtful), where.take(doubtful)
+            hits.put(doubtful, cast_chords(scene, some, group[doubtful], fine, own, there)[0])
+            own.chords = 0
+            counts.add(own)
+        if len(groups) == 1:
+            return complete(hits, bundle)
+        which = np.flatnonzero(group)
+        answer.put(which, hits.take(which))
+    return complete(answer, bundle)
 
 
 def _projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:

@@ -4,26 +4,32 @@
 All projectors of a tile take the same steps in t, so a step is one batch of
 rays. A chord's hit is only recorded; afterwards the curve itself is met with the
 hit triangle's plane. Where that point lies outside the triangle the neighbours
-are tried, then finer chords over the same stretch; and where these find nothing
-the hit was false and the projector goes on behind it.
+are tried. Where these are not hit either the hit is in doubt: the projector is
+followed again from its beginning by finer chords, and what they hit counts. To go
+on behind a doubtful hit instead would lead through closed surfaces: the chords of a
+projector are one line without a gap, and only their first hit is certainly outside.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import BoolArray
-from .compare import compare, thin_things
-from .curves import Bundle
+from ..projection.typing import BoolArray, IndexArray
+from .curves import Bundle, Solutions
 from .hits import CastCounts, Hits
 from .occupancy import Stretches
 from .records import Records
-from .refine import NEIGHBOURHOOD, OVERLAP, Work, refine, solve
 from .scene import CastScene
 from .schedule import Schedule
+
+# Chords overlap by this share of their length, so that no hit falls between two.
+OVERLAP = 1e-5
+
+# A solution may lie this share of a chord before or after the chord that found it.
+NEIGHBOURHOOD = 0.25
 
 # Rays that have hit stay in their block's batch, switched off, until they are more than
 # this share of it: picking out single ones costs as much as casting some for nothing.
@@ -37,36 +43,56 @@ RUN = 64
 ROUNDING_SHARE = 0.1
 
 
+class Work(NamedTuple):
+    """What every step of one tile's cast looks at and fills in."""
+
+    scene: CastScene
+    bundle: Bundle
+    schedule: Schedule
+    hits: Hits
+    counts: CastCounts
+
+    def store(self, projector: NDArray[np.intp], found: Solutions, which: IndexArray) -> None:
+        """Write the solutions ``which`` of the projectors into the hits."""
+        where = projector[which]
+        self.hits.t[where] = found.t[which]
+        self.hits.triangle[where] = found.triangle[which]
+        self.hits.barycentric[:, where] = found.barycentric[:, which]
+
+
 def cast_chords(
     scene: CastScene,
     bundle: Bundle,
     mask: BoolArray,
-    schedule: Schedule | None,
-    columns: int | None,
+    schedule: Schedule,
     counts: CastCounts,
     where: Stretches | None = None,
+    last: bool = True,
 ) -> tuple[Hits, NDArray[np.intp]]:
     """Cast the projectors of ``bundle``, cast space; mask: (N,) says which exist.
 
-    schedule: the tile's chords, None where nothing of the scene is in reach.
-    columns: when given, the projectors are rows of this many pixels, and each is
-    compared with its neighbours. Position and tangent of the answer are not filled
-    in yet (``complete``). where: the stretches that are not empty, if known. Returns
-    the pixels, too, around which there may be things too thin for that
-    (``compare.thin_things``).
+    schedule: the tile's chords. Position and tangent of the answer are not filled
+    in yet (``complete``). where: the stretches that are not empty, if known. last: keep
+    hits that the curves do not bear out as the chords have them. Otherwise they are left
+    out, and the second answer is the projectors that have one.
     """
-    hits, thin = Hits.empty(bundle.count), np.empty(0, np.intp)
-    if schedule is not None:
-        counts.error_bound = max(counts.error_bound, schedule.error / schedule.finer**2)
-        work = Work(scene, bundle, schedule, hits, np.full(bundle.count, np.inf), counts)
-        records = _march(work, mask, where)
-        while len(records.projector):
-            records = _settle(work, records)
-        if columns:
-            compare(work, mask, columns)
-            thin = thin_things(work, columns)
-    hits.mask[:] = mask
-    return hits, thin
+    hits = Hits.empty(bundle.count)._replace(mask=mask)
+    work = Work(scene, bundle, schedule, hits, counts)
+    records = _march(work, mask, where)
+    low, high = schedule.breaks[records.chord], schedule.breaks[records.chord + 1]
+    curves = bundle.take(records.projector)
+    span = bundle.spans.locate(0.5 * (low + high))[0]
+    slack = NEIGHBOURHOOD * (high - low)
+    low, high = low - slack, high + slack
+    found = curves.solve(scene, records.triangle, span, low, high)
+    counts.walked += curves.walk(scene, span, low, high, found)
+    work.store(records.projector, found, np.flatnonzero(found.inside))
+    doubtful = np.flatnonzero(~found.inside)
+    if last:
+        counts.unresolved += len(doubtful)
+        some = records.take(doubtful)
+        work.store(some.projector, _chord_hits(work, some), np.arange(len(doubtful)))
+    return hits, records.projector[doubtful]
 
 
 def complete(hits: Hits, bundle: Bundle) -> Hits:
@@ -124,7 +150,10 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
         start = np.einsum("k,kcn->cn", weights[chord], some)
         way = np.einsum("k,kcn->cn", ways[chord], some)
         limits = np.where(casting, np.float32(1.0 + OVERLAP), np.float32(-1.0))
-        found = work.trace(start, way, limits)
+        work.counts.rays += count
+        found = work.scene.trace(
+            start.astype(np.float32, copy=False), way.astype(np.float32, copy=False), limits
+        )
         hit = np.flatnonzero(found >= 0)
         if len(hit) == 0:
             continue
@@ -136,46 +165,14 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
     return Records(members.ravel()[slot], chords[slot], triangle[slot])
 
 
-def _settle(work: Work, records: Records) -> Records:
-    """Solve recorded hits and store them; returns the hits found behind false ones."""
-    schedule = work.schedule
-    low, high = schedule.breaks[records.chord], schedule.breaks[records.chord + 1]
-    curves = work.bundle.take(records.projector)
-    found = solve(work, curves, low, high, records.triangle)
-    work.store(records.projector, found, np.flatnonzero(found.inside))
-    rest = np.flatnonzero(~found.inside)
-    if len(rest) == 0:
-        return records.take(rest)
-    work.counts.refined += len(rest)
-    again = records.take(rest)
-    hit, fine = refine(work, curves.take(rest), low[rest], high[rest])
-    work.store(again.projector[hit], fine, np.arange(len(hit)))
-    missed = np.ones(len(rest), bool)
-    missed[hit] = False
-    false = np.flatnonzero(missed)
-    t = found.t[rest[false]]
-    t = np.where(np.isnan(t), 0.5 * (low + high)[rest[false]], t)
-    projector = again.projector[false]
-    work.passed[projector] = np.minimum(work.passed[projector], t)
-    return _continue(work, again.take(false))
-
-
-def _continue(work: Work, records: Records) -> Records:
-    """The next hits of projectors whose recorded ones were false, each from its own chord on."""
-    work.counts.false_hits += len(records.chord)
-    ends, count = work.schedule.ends, work.schedule.count
-    projector, chord = records.projector, records.chord + 1
-    going = np.flatnonzero(chord < count)
-    projector, chord = projector[going], chord[going]
-    controls = work.bundle.points.take(projector, 2)
-    start = np.einsum("nk,kcn->cn", ends[chord], controls)
-    parts = [records.take(np.empty(0, np.intp))]
-    while len(chord):
-        end = np.einsum("nk,kcn->cn", ends[chord + 1], controls)
-        found = work.trace(start, end - start, np.full(len(chord), 1.0 + OVERLAP, np.float32))
-        hit = np.flatnonzero(found >= 0)
-        parts.append(Records(projector[hit], chord[hit], found[hit]))
-        going = np.flatnonzero((found < 0) & (chord + 1 < count))
-        projector, chord = projector[going], chord[going] + 1
-        controls, start = controls.take(going, 2), end.take(going, 1)
-    return Records.joined(parts)
+def _chord_hits(work: Work, records: Records) -> Solutions:
+    """Hits as the chords have them: where on the chord, and the triangle's nearest point to it."""
+    low, high = work.schedule.breaks[records.chord], work.schedule.breaks[records.chord + 1]
+    controls = work.bundle.points.take(records.projector, 2)
+    start, end = (np.einsum("nk,kcn->cn", work.schedule.ends[records.chord + k], controls) for k in (0, 1))
+    way, limits = end - start, np.full(len(low), 1.0 + OVERLAP, np.float32)
+    share = work.scene.trace_distance(start.astype(np.float32), way.astype(np.float32), limits)
+    share = np.minimum(share.astype(np.float64), 1.0)
+    weights = np.clip(work.scene.barycentric(start + way * share, records.triangle), 0.0, 1.0)
+    weights /= np.maximum(weights.sum(axis=0), 1.0)
+    return Solutions(low + share * (high - low), records.triangle, weights, np.ones(len(low), bool))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import Array
+from ..projection.typing import Array, BoolArray
 
 
 @dataclass(frozen=True)
@@ -29,3 +29,19 @@ class Geometry:
     object_index: NDArray[np.int32]
     object_names: tuple[str, ...] = ()
     uv: NDArray[np.float32] | None = None
+
+    def part(self, kept: BoolArray) -> Geometry:
+        """The triangles ``kept`` (T,) alone, with the vertices that they use."""
+        triangles = self.triangles[kept]
+        used = np.zeros(len(self.vertices), bool)
+        used[triangles] = True
+        number = np.cumsum(used, dtype=np.int32) - 1
+        return Geometry(
+            self.vertices[used],
+            number[triangles],
+            self.corner_normals[kept],
+            self.material[kept],
+            self.object_index[kept],
+            self.object_names,
+            None if self.uv is None else self.uv[kept],
+        )

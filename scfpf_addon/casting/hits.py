@@ -78,11 +78,9 @@ class CastCounts:
 
     projectors: projectors that were cast. rays: rays traced for them in all.
     chords: rays of the first march (1 a projector when straight). walked: hits
-    solved on a neighbour of the triangle that a chord hit. refined: hits looked
-    for again with finer chords. compared: projectors followed again because a
-    neighbouring pixel saw something nearer. thin: projectors cast again with chords of
-    the whole accuracy, around things too thin for that. false_hits: chord hits that the curve does not
-    have. tested: curves met with triangles in exact casting. unresolved: hits that keep
+    solved on a neighbour of the triangle that a chord hit. refined: projectors
+    followed again by finer chords, because their curve does not have what a chord hit.
+    tested: curves met with triangles in exact casting. unresolved: hits that keep
     the answer of the finest chord; in exact casting, walks that were cut short.
     error_bound: the largest distance between curve and chords met on the sampled
     projectors, in pixels; ``add`` keeps the larger.
@@ -93,9 +91,6 @@ class CastCounts:
     chords: int = 0
     walked: int = 0
     refined: int = 0
-    compared: int = 0
-    thin: int = 0
-    false_hits: int = 0
     tested: int = 0
     unresolved: int = 0
     error_bound: float = 0.0

@@ -83,7 +83,8 @@ class CastScene:
 
     vertices: (V, 3) float64, world space; triangles: (T, 3) int32. Triangles with
     a vertex that is not finite, and those without area, are never hit; indices of
-    triangles stay what they were.
+    triangles stay what they were. beyond: vertices and triangles that no projector meets
+    but that stand in the way of light: ``occluded`` builds them when it is first asked.
     Raises CastError when embreex is missing or too old, an index is out of
     range, or no triangle is left.
 
@@ -93,7 +94,12 @@ class CastScene:
     height of p over the triangle. Safe to use from several threads.
     """
 
-    def __init__(self, vertices: Array, triangles: NDArray[np.int32]) -> None:
+    def __init__(
+        self,
+        vertices: Array,
+        triangles: NDArray[np.int32],
+        beyond: tuple[Array, NDArray[np.int32]] | None = None,
+    ) -> None:
         scenes, meshes = _load_embreex()
         _keep_freed_memory()
         vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
@@ -118,6 +124,7 @@ class CastScene:
         self._neighbours: NDArray[np.int32] | None = None
         self._prisms: PrismScene | None = None
         self._usable = usable
+        self._beyond, self._beyond_scene = beyond, None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
 
@@ -233,7 +240,33 @@ class CastScene:
             start[:, dead], way[:, dead], limits[dead] = 0.0, 0.0, 0.0
         geometry: NDArray[np.int32] = self._embree.run(start.T, way.T, limits, query="OCCLUDED")
         hit: BoolArray = geometry >= 0
+        beyond = self._beyond_embree()
+        if beyond is not None:
+            free = np.flatnonzero(~hit)
+            ways = start.take(free, 1).T, way.take(free, 1).T, limits.take(free)
+            hit[free] = beyond.run(*ways, query="OCCLUDED") >= 0
         return hit
+
+    def _beyond_embree(self) -> Any:
+        """What no projector meets, in Embree; None where there is nothing."""
+        with self._lock:
+            if self._beyond is not None:
+                vertices, triangles = self._beyond
+                with np.errstate(invalid="ignore", over="ignore"):
+                    points = ((np.asarray(vertices, np.float64) - self.centre) * self.scale).astype(
+                        np.float32
+                    )
+                    finite = np.isfinite(points).all(axis=1)
+                triangles = np.ascontiguousarray(triangles[finite[triangles].all(axis=1)], np.int32)
+                self._beyond = None
+                if len(triangles):
+                    scenes, meshes = _load_embreex()
+                    embree = scenes.EmbreeScene(robust=True)
+                    mesh = meshes.TriangleMesh(embree, np.where(finite[:, None], points, 0.0), triangles)
+                    nowhere = np.zeros((1, 3), np.float32)
+                    embree.run(nowhere, nowhere, np.full(1, -1, np.float32))
+                    self._beyond_scene, self._beyond_mesh = embree, mesh
+            return self._beyond_scene
 
     def offset_origins(self, positions: Array, triangles: IndexArray, directions: Array) -> Array:
         """Origins (3, N) of secondary rays that leave ``triangles`` (N,) at ``positions`` (3, N).

@@ -68,7 +68,7 @@ SHIFT = 1.0 / 16.0
 MOST_CHORDS = 4096
 
 # Attempts to bring the measured error under the one asked for.
-ATTEMPTS = 5
+ATTEMPTS = 8
 
 
 @dataclass(frozen=True)

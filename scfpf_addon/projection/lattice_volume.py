@@ -90,6 +90,17 @@ class LatticeLayer(ControlSurface):
         row = np.clip(np.floor(up), 0, rows - 2)
         return (row * (columns - 1) + column).astype(np.int64), across - column, up - row
 
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        bezier = np.einsum("ip,jq,pqxk->ijxk", _BEZIER_OF_POWERS, _BEZIER_OF_POWERS, self._patches)
+        rest = self._rest(*(a.ravel() for a in np.meshgrid([0.0, 1.0], [0.0, 1.0])))
+        # What the points are moved by anywhere, from anywhere in the rectangle.
+        moved = bezier.transpose(2, 0, 1, 3).reshape(3, -1)
+        ends = np.stack([moved.min(axis=1), moved.max(axis=1)])
+        corners = np.stack(np.meshgrid(*ends.T)).reshape(3, -1)
+        hull: Array = (rest[:, :, None] + corners[:, None]).reshape(3, -1)
+        return hull
+
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
         position = self._rest(u, v)
         table = self._patches[: self._degree_v + 1, : self._degree_u + 1]

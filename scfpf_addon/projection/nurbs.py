@@ -235,6 +235,10 @@ class NurbsPatch(ControlSurface):
             return np.ascontiguousarray(flat[:3])
         return np.concatenate([flat[:3] * flat[3], flat[3:]])
 
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return np.asarray(self.points, np.float64)[..., :3].reshape(-1, 3).T
+
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
         basis_u, basis_v = self._bases
         width = _row_length(u, v)

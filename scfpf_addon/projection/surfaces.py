@@ -42,6 +42,11 @@ def _rows(*components: Array) -> Array:
     return np.stack(np.broadcast_arrays(*components))
 
 
+def _box(x: float, y: float, z: float) -> Array:
+    """The corners (3, 8) of a box about the origin that reaches to x, y, z."""
+    return np.stack(np.meshgrid([-x, x], [-y, y], [-z, z])).reshape(3, -1)
+
+
 def _apply(matrix: Array, vectors: Array, offset: Array | None = None) -> Array:
     """matrix (3, 3) times vectors (3, N), plus offset (3,).
 
@@ -121,6 +126,14 @@ class ControlSurface:
         moved = _apply(self.matrix[:3, :3], placement.position, self.matrix[:3, 3])
         return placement._replace(position=moved)
 
+    def local_hull(self) -> Array:
+        """Points (3, N) in the surface's own space whose convex hull holds all of it, u and v in [0, 1]."""
+        raise NotImplementedError
+
+    def hull(self) -> Array:
+        """``local_hull`` in volume space."""
+        return _apply(self.matrix[:3, :3], self.local_hull(), self.matrix[:3, 3])
+
     def transformed(self, matrix: Array) -> Self:
         """The same surface with ``matrix`` (4, 4) applied after its own."""
         return replace(self, matrix=np.asarray(matrix, np.float64) @ self.matrix)
@@ -140,6 +153,10 @@ class Point(ControlSurface):
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
         nought = np.zeros((3, len(u)))
         return self._whole(nought, nought, nought)
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return np.zeros((3, 1))
 
 
 @dataclass(frozen=True)
@@ -163,6 +180,10 @@ class Plane(ControlSurface):
             _rows(zero, self.height * one, zero),
         )
 
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return _box(0.5 * self.width, 0.5 * self.height, 0.0)
+
 
 @dataclass(frozen=True)
 class BilinearPatch(ControlSurface):
@@ -185,6 +206,10 @@ class BilinearPatch(ControlSurface):
         along = (c10 - c00) * (1 - v) + (c11 - c01) * v
         return self._whole(bottom + (top - bottom) * v, along, top - bottom)
 
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return np.asarray(self.corners, np.float64).T
+
 
 @dataclass(frozen=True)
 class Disc(ControlSurface):
@@ -202,6 +227,10 @@ class Disc(ControlSurface):
             self.arc * _rows(-r * sin, r * cos, zero),
             self.radius * _rows(cos, sin, zero),
         )
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return _box(self.radius, self.radius, 0.0)
 
 
 @dataclass(frozen=True)
@@ -233,6 +262,11 @@ class Cone(ControlSurface):
             _rows(slope * sin, self.height + zero, -slope * cos),
         )
 
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        radius = max(abs(self.radius_start), abs(self.radius_end))
+        return _box(radius, 0.5 * self.height, radius)
+
 
 @dataclass(frozen=True)
 class Cylinder(ControlSurface):
@@ -247,6 +281,10 @@ class Cylinder(ControlSurface):
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
         return Cone(self.radius, self.radius, self.arc, self.height).local(u, v, time)
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return _box(self.radius, 0.5 * self.height, self.radius)
 
 
 @dataclass(frozen=True)
@@ -273,6 +311,10 @@ class SphereSector(ControlSurface):
             self.radius * self.arc * _rows(cos_v * cos_u, np.zeros_like(u), cos_v * sin_u),
             self.radius * extent * _rows(-sin_v * sin_u, cos_v, sin_v * cos_u),
         )
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return _box(self.radius, self.radius, self.radius)
 
 
 @dataclass(frozen=True)
@@ -304,3 +346,7 @@ class Grid(ControlSurface):
         bottom, top = c00 + (c10 - c00) * a, c01 + (c11 - c01) * a
         along = (c10 - c00) * (1 - b) + (c11 - c01) * b
         return self._whole(bottom + (top - bottom) * b, (columns - 1) * along, (rows - 1) * (top - bottom))
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return np.asarray(self.points, np.float64).reshape(-1, 3).T

@@ -64,6 +64,10 @@ class UVMesh(ControlSurface):
             position[:, ~valid] = np.mean(self.points, axis=0)[:, None]
         return Placement(position, valid)
 
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return np.asarray(self.points, np.float64).T
+
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
         """See ControlSurface.local_position."""
         return self._placed_at(self.chart.find(u, v))

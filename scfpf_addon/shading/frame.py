@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
 from ..casting.cast import cast
+from ..casting.culling import within_volume
 from ..casting.hits import CastCounts, Hits
+from ..casting.memory import peak_memory
 from ..casting.scene import CastScene
 from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.folds import find_folds
@@ -148,6 +150,11 @@ def render_frame(
         counts.error_bound,
         folds.share,
         folds.mirrored,
+        settings.pixel_error == 0.0 and projection.volume.spans.point_weights is None,
+        counts.tested,
+        len(scene.geometry.triangles),
+        len(pipeline.cast_scene.triangles) if pipeline.cast_scene else 0,
+        peak_memory(),
     )
     return Frame(pixels, report, passes)
 
@@ -208,9 +215,16 @@ class Pipeline:
     def of(
         cls, projection: Projection, scene: Scene, settings: FrameSettings, cast_scene: CastScene | None
     ) -> Pipeline:
-        """Everything that is done once a frame."""
+        """Everything that is done once a frame. What the volume cannot meet is left for shadows."""
         if cast_scene is None and len(scene.geometry.triangles):
-            cast_scene = CastScene(scene.geometry.vertices, scene.geometry.triangles)
+            whole = scene.geometry
+            kept = within_volume(whole.vertices, whole.triangles, projection.volume)
+            if kept.all():
+                cast_scene = CastScene(whole.vertices, whole.triangles)
+            elif kept.any():
+                beyond = whole.vertices, whole.triangles[~kept]
+                scene = replace(scene, geometry=whole.part(kept))
+                cast_scene = CastScene(scene.geometry.vertices, scene.geometry.triangles, beyond)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
         shading = Shading.of(scene, cast_scene, settings.samples) if cast_scene else None
         return cls(

@@ -17,7 +17,9 @@ class RenderReport:
     hit_fraction: of the projectors, in [0, 1]. error_bound: pixels between a projector
     and its chords, at most. folded_share: of the volume shown, that is turned inside out, so
     that its picture is mirrored (``projection.folds``). mirrored: whether the picture of
-    the rest is.
+    the rest is. exact: whether hits are those of the curves themselves; tests: curves met with
+    triangles for that. triangles: of the scene; built: those that the volume can meet.
+    peak_memory: bytes, the most that the whole process has held so far; 0: not known.
     """
 
     width: int
@@ -32,6 +34,11 @@ class RenderReport:
     error_bound: float
     folded_share: float
     mirrored: bool = False
+    exact: bool = False
+    tests: int = 0
+    triangles: int = 0
+    built: int = 0
+    peak_memory: int = 0
 
     @property
     def chords_per_projector(self) -> float:
@@ -54,7 +61,14 @@ class RenderReport:
                 parts.append("straight projectors")
             else:
                 parts.append(f"{self.chords_per_projector:.1f} chords a projector")
+            if self.exact:
+                parts.append(f"exact, {_short(self.tests)} tests")
+            elif not self.straight:
                 parts.append(f"error ≤ {self.error_bound:.2g} px")
+        if self.built < self.triangles:
+            parts.append(f"{_short(self.built)} of {_short(self.triangles)} triangles in reach")
+        if self.peak_memory:
+            parts.append(f"memory up to {_short(self.peak_memory)}B")
         if self.mirrored:
             parts.append("mirrored")
         if self.folded:

@@ -91,7 +91,7 @@ def test_a_straight_volume_of_uneven_speed_hits_the_same_points(reference):
     other = reference.cast_image(scene, uneven, WIDTH, HEIGHT, counts=counts)
     same = np.linalg.norm(one.position - other.position, axis=0) < 1e-9
     assert same.mean() > 0.999 and 0 < counts.chords <= counts.projectors
-    assert counts.compared == 0
+    assert counts.refined == 0
 
 
 def test_near_and_far_surface_clip(reference):
@@ -225,7 +225,8 @@ def test_projectors_that_are_not_finite_miss(reference, value, count):
         assert 0.7 < hits.mask.mean() < 0.9 and finite(hits)
         assert (hits.triangle[~hits.mask] == -1).all() and np.isinf(hits.t[~hits.mask]).all()
         if basis == "BEZIER":
-            assert (hits.triangle == whole.triangle)[hits.mask].mean() > 0.999
+            # Chords of the whole volume and of the broken one differ, each within the pixel error.
+            assert (hits.triangle == whole.triangle)[hits.mask].mean() > 0.997
 
 
 def test_projectors_without_length_miss(reference):
@@ -286,12 +287,12 @@ def test_counts_are_sane(reference):
     reference.cast_image(scene, bent_projection(1, 0), WIDTH, HEIGHT, counts=straight)
     pixels = WIDTH * HEIGHT
     assert straight.projectors == straight.rays == straight.chords == pixels
-    assert straight.error_bound == 0.0 and straight.refined == straight.compared == 0
+    assert straight.error_bound == 0.0 and straight.refined == 0
     reference.cast_image(scene, bent_projection(2, 1.0), WIDTH, HEIGHT, 0.1, counts=curved)
     assert curved.projectors == pixels
     assert pixels < curved.chords < curved.rays < 100 * pixels
     assert 0 < curved.error_bound <= 0.1
-    assert curved.unresolved <= curved.false_hits <= curved.refined < pixels
+    assert curved.unresolved <= curved.refined < 0.05 * pixels
     total = CastCounts()
     total.add(straight)
     total.add(curved)

@@ -4,12 +4,19 @@
 SCFPF_FULL_TESTS=1 in the environment asks for the full number of curves and volumes.
 """
 
+import math
 import os
 import warnings
 
+import numpy as np
 import pytest
 
 from benchmarks import extremes
+from benchmarks.scenes import bent_projection, boxes
+from scfpf_addon.casting.frame import pixel_centres
+from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.projection.surfaces import Grid, Plane
+from scfpf_addon.projection.volume import Projection, ViewingVolume
 
 FULL = bool(os.environ.get("SCFPF_FULL_TESTS"))
 
@@ -75,3 +82,49 @@ def test_random_volumes():
         warnings.simplefilter("error")
         figures = extremes.random_volumes(100_000 if FULL else 400)
     assert figures["not sound"] == 0 and figures["share hit"] > 0.2
+
+
+def degenerate(kind):
+    """Surfaces that coincide, collapse or cross themselves, along a view of the boxes."""
+    near, middle, far = bent_projection(2, math.radians(60)).volume.surfaces
+    flat = np.diag([1.0, 0.0, 1.0, 1.0])
+    u, v = np.meshgrid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 5))
+    bow = Grid(np.stack([3 + 6 * u * v, 4 * v + 0.2 * u, -9 - 2 * u * u], axis=-1))
+    pleat = Grid(np.stack([5 + 4 * u + 5 * np.sin(4 * u), 4 * v, -9 - 3 * np.cos(5 * u)], axis=-1))
+    surfaces = {
+        "first two coincide": (near, near, far),
+        "last two coincide": (near, far, far),
+        "near and far coincide": (near, far, near),
+        "near is a point": (Plane(0.0, 0.0, matrix=near.matrix), middle, far),
+        "near is a line": (near.transformed(flat), middle, far),
+        "far is a line": (near, middle, Plane(far.width, 0.0, matrix=far.matrix)),
+        "middle crosses itself": (near, bow, far),
+        "middle is folded": (near, pleat, far),
+        "straight through a fold": (near, pleat),
+    }[kind]
+    return Projection(ViewingVolume(surfaces))
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        "first two coincide",
+        "last two coincide",
+        "near and far coincide",
+        "near is a point",
+        "near is a line",
+        "far is a line",
+        "middle crosses itself",
+        "middle is folded",
+        "straight through a fold",
+    ],
+)
+def test_surfaces_that_coincide_collapse_or_cross_themselves(reference, kind):
+    """No pixel of 1536 differs from all triangles in float64."""
+    vertices, triangles = boxes(1000)
+    x, y = pixel_centres(48, 32, (0, 32))
+    t, _ = reference.brute_force(vertices, triangles, degenerate(kind), x, y)
+    hits = reference.cast_image(CastScene(vertices, triangles), degenerate(kind), 48, 32, 0.0)
+    ours, true = (np.where(np.isfinite(a), a, 2.0) for a in (hits.t, t))
+    assert (np.abs(ours - true) < 1e-9).all() and np.isfinite(t).mean() > 0.05
+    assert extremes.sound(hits)

@@ -97,7 +97,7 @@ def test_errors_shrink_with_the_pixel_error(answers, reference, name):
         for e in (8.0, 1.0, 0.125)
     ]
     assert shares[0] > 40
-    assert shares[1] < shares[0] / 2 and shares[2] < shares[1] / 4 + 2
+    assert shares[1] < shares[0] and shares[2] < shares[1] / 4 + 2
 
 
 def hinged(half, distance, size):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes import bent_projection, boxes, frame_at
+from scfpf_addon.casting.bends import bend_groups, bends
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.hits import CastCounts
@@ -14,7 +15,7 @@ from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.casting.schedule import MOST_CHORDS, plan, sample_curves, scene_reach
 from scfpf_addon.projection.bezier import chord_count
 from scfpf_addon.projection.reparameterisation import Polar
-from scfpf_addon.projection.surfaces import Disc, Plane, Point, SphereSector
+from scfpf_addon.projection.surfaces import Disc, Grid, Plane, Point, SphereSector
 from scfpf_addon.projection.volume import Projection, ViewingVolume, image_derivatives
 
 WIDTH, HEIGHT = 64, 36
@@ -184,3 +185,54 @@ def test_volumes_that_pass_the_scene_by_cost_nothing():
     hits = cast(scene, projection, *pixel_centres(8, 8, (0, 8)), (1 / 8, 1 / 8), 0.1, counts)
     assert counts.rays == 0 and counts.projectors == 64
     assert (hits.triangle == -1).all() and hits.mask.all()
+
+
+def half_bent(count=9, aside=4.0):
+    """A volume whose left half is straight and whose right half bends, more and more, to the right."""
+    u, v = np.meshgrid(np.linspace(-1, 1, 2 * count + 1), np.linspace(-1, 1, 5))
+    grids = []
+    for k, z in enumerate((0.0, -8.0, -16.0)):
+        x = (8 + 2 * k) * u + (aside * np.maximum(u, 0.0) if k == 1 else 0.0)
+        grids.append(Grid(np.stack([6 + x, (4 + 2 * k) * v, np.full_like(u, z - 2.0)], axis=-1)))
+    return Projection(ViewingVolume(tuple(grids)))
+
+
+def test_straight_projectors_in_a_curved_volume_take_one_ray():
+    scene = CastScene(*boxes(3000))
+    projection = half_bent().transformed(scene.matrix)
+    x, y = pixel_centres(96, 54, (0, 54))
+    size = (1 / 96, 1 / 54)
+    left = x < 0.5
+    counts = CastCounts()
+    hits = cast(scene, projection, x[left], y[left], size, 0.1, counts, 48)
+    assert counts.chords <= counts.projectors == left.sum()
+    whole, right = CastCounts(), CastCounts()
+    together = cast(scene, projection, x, y, size, 0.1, whole, 96)
+    cast(scene, projection, x[~left], y[~left], size, 0.1, right, 48)
+    # In one tile with the bent ones too.
+    assert right.chords > 2.5 * right.projectors
+    assert whole.chords < 1.05 * (counts.chords + right.chords)
+    assert (together.triangle[left] == hits.triangle).mean() > 0.998
+
+
+def test_groups_of_equal_bend_hold_every_projector_once():
+    points, _ = half_bent().projectors(*pixel_centres(96, 54, (0, 54)))
+    mask = np.ones(points.shape[2], bool)
+    mask[::7] = False
+    groups = bend_groups(points, mask)
+    assert len(groups) == 2 and (np.sum(groups, axis=0) == mask).all()
+    assert bends(points[:, :, groups[0]]).max() < 1e-12 < bends(points[:, :, groups[1]]).max()
+    even, _ = bent_projection(2, 1.0).projectors(*pixel_centres(96, 54, (0, 54)))
+    assert len(bend_groups(even, mask)) == 1
+    assert not bend_groups(even, ~mask & mask)[0].any()
+
+
+def test_a_volume_that_telescopes_a_thousandfold_needs_a_fifteenth_of_even_chords():
+    """DESIGN's figures for another bend are 142 instead of 2310."""
+    projection, width = telescope(0.001), 1920
+    x, y = pixel_centres(WIDTH, HEIGHT, (0, HEIGHT))
+    points, mask = projection.projectors(x, y)
+    curves = sample_curves(projection, x, y, mask, (1 / width, 1 / 1080))
+    even = int(chord_count(points, 0.1 * 0.001 / width).max())
+    assert even == 1518
+    assert plan(projection.volume.spans, curves, (0.0, 1.0), 0.1, 1).count <= 105

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Things much thinner than a pixel, which coarse chords and neighbours may both pass."""
+"""Things much thinner than a pixel, which chords may pass."""
 
 import math
 
@@ -55,7 +55,7 @@ def test_wires_keep_their_thickness(reference, pixels):
     assert (seen & ~wire).sum() < 0.02 * wire.sum() + 1
 
 
-def test_one_wire_before_a_wall_is_found_at_the_price_of_a_strip(reference):
+def test_one_wire_before_a_wall_is_found(reference):
     projection = bent_projection(2, math.radians(60))
     wire, behind = wires(projection, 2, 0.25), wall(projection)
     vertices, triangles = joined([wire, behind])
@@ -69,11 +69,11 @@ def test_one_wire_before_a_wall_is_found_at_the_price_of_a_strip(reference):
     assert true.sum() > 20 and (true & ~found).sum() <= 0.15 * true.sum()
     both = np.isfinite(t) & np.isfinite(hits.t)
     assert (np.abs(hits.t[both] - t[both]) > 1e-9).mean() < 0.002
-    assert 0 < counts.thin < 0.4 * counts.projectors
+    assert counts.refined < 0.1 * counts.projectors
 
 
 def test_solid_things_are_not_cast_twice(reference):
     projection = bent_projection(2, math.radians(60))
     counts = CastCounts()
     reference.cast_image(CastScene(*wall(projection)), projection, WIDTH, HEIGHT, counts=counts)
-    assert counts.thin <= 0.1 * counts.projectors
+    assert counts.refined <= 0.1 * counts.projectors

@@ -102,4 +102,5 @@ def test_a_gap_between_islands_shows_nothing(bend, wrong):
         own_t, own_triangle, own = picture(scene, alone, 2 * WIDTH, 0.1)
         assert np.array_equal(own, mask & (u > place[0]) & (u < place[1]))
         same = agree(own_t, t) & (own_triangle == triangle)
-        assert 1 - same[own].mean() <= wrong
+        # Chords of their own, each within the pixel error.
+        assert 1 - same[own].mean() <= 1.5 * wrong

@@ -286,3 +286,48 @@ def test_summary_lines():
         "100×50 in 61.23 s · 61.0 k rays · 7.2 chords a projector · error ≤ 0.099 px"
         " · 12% of the volume folds"
     )
+
+
+def test_what_is_outside_the_volume_is_not_built_but_casts_shadows(build):
+    """A shelf over the near surface, out of the volume's reach, and eight more far aside."""
+    aside = [build.square(1, 0.5, (9.0 * k, 9.0)) for k in range(1, 9)]
+    parts = [build.square(3), build.square(0.6, 2.0, (0.0, 0.0)), *aside]
+    projection = build.looking_down(1, -1)
+    settings = FrameSettings(20, 20, samples=1)
+    pictures, reports = [], []
+    for lights in ((overhead(build),), (replace(overhead(build), casts_shadow=False),)):
+        scene = build.scene(parts, lights)
+        whole = CastScene(scene.geometry.vertices, scene.geometry.triangles)
+        all_built = render_frame(projection, scene, settings, whole)
+        done = render_frame(projection, scene, settings)
+        np.testing.assert_allclose(done.pixels, all_built.pixels, atol=1e-6)
+        pictures.append(done.pixels[..., 0])
+        reports.append(done.report)
+    shadow, plain = pictures
+    assert shadow[10, 10] < 0.1 * plain[10, 10] and shadow[1, 1] == pytest.approx(plain[1, 1])
+    assert [(r.triangles, r.built) for r in reports] == [(20, 2)] * 2
+    assert "2 of 20 triangles in reach" in reports[0].summary()
+
+
+def test_what_is_out_of_reach_is_built_only_when_light_asks_for_it(build):
+    scene = build.scene([build.square(3), build.square(0.6, 2.0, (0.0, 0.0))])
+    whole = scene.geometry
+    near = whole.part(np.array([True, True, False, False]))
+    made = CastScene(near.vertices, near.triangles, (whole.vertices, whole.triangles[2:]))
+    up, origin = np.array([[0.0], [0], [1]]), np.zeros((3, 2))
+    origin[:, 1] = made.matrix[:3, :3] @ np.array([1.2, 1.2, 0.0])
+    origin += 1e-3 * up
+    assert made._beyond_scene is None
+    hidden = made.occluded(origin, np.repeat(up, 2, axis=1), np.full(2, np.inf))
+    assert hidden.tolist() == [True, False] and made._beyond_scene is not None
+
+
+def test_an_exact_frame_says_so(build):
+    scene = build.scene([build.square(3)])
+    projection = build.looking_down(1, 0.5, -1, shifts=[0, 0.3, 0])
+    report = render_frame(projection, scene, FrameSettings(12, 12, samples=1, pixel_error=0.0)).report
+    assert report.exact and report.tests >= 144 and report.peak_memory > 0
+    assert f"exact, {report.tests} tests" in report.summary() and "memory up to" in report.summary()
+    assert "error" not in report.summary()
+    weighted = replace(projection, volume=ViewingVolume(projection.volume.surfaces, "NURBS", (1, 2, 1)))
+    assert not render_frame(weighted, scene, FrameSettings(4, 4, samples=1, pixel_error=0.0)).report.exact

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which triangles a viewing volume can meet: the others need not be built to cast at.
+
+Certain, not sampled: a projector's pieces lie in the hull of their control points, and
+all control points of one place in the list in the hull of their control surface.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..projection.typing import Array, BoolArray
+from ..projection.volume import ViewingVolume
+from .pieces import piece_bounds
+
+# Cells along each axis of the box round the volume.
+CELLS = 64
+
+# Boxes are wider than what they hold by this share of the volume, for rounding: control points are
+# often float32 values, whose places are not known any better.
+SLACK = 1e-6
+
+
+def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: ViewingVolume) -> BoolArray:
+    """Whether each triangle may meet the volume, (T,); those with a vertex that is not finite too.
+
+    vertices: (V, 3), in the volume's space. triangles: (T, 3).
+    """
+    frame = _frame(volume)
+    with np.errstate(invalid="ignore", over="ignore"):
+        hulls = [frame @ surface.hull() for surface in volume.surfaces]
+        if not all(np.isfinite(hull).all() for hull in hulls):
+            return np.ones(len(triangles), bool)
+        least = np.stack([hull.min(axis=1) for hull in hulls])[:, :, None]
+        most = np.stack([hull.max(axis=1) for hull in hulls])[:, :, None]
+        low, high = (bound[:, :, 0].T for bound in piece_bounds(volume.spans, least, most))
+    lower, upper = low.min(axis=0), high.max(axis=0)
+    slack = SLACK * float(max(np.abs(lower).max(), np.abs(upper).max(), np.finfo(np.float64).tiny))
+    lower, upper = lower - 2.0 * slack, upper + 2.0 * slack
+    scale = CELLS / (upper - lower)
+    held = np.zeros((CELLS,) * 3, bool)
+    for first, last in zip(
+        np.floor((low - slack - lower) * scale).astype(np.intp),
+        np.floor((high + slack - lower) * scale).astype(np.intp) + 1,
+        strict=True,
+    ):
+        held[tuple(slice(max(a, 0), b) for a, b in zip(first, last, strict=True))] = True
+    sums = np.zeros((CELLS + 1,) * 3, np.int32)
+    sums[1:, 1:, 1:] = held
+    for axis in range(3):
+        np.cumsum(sums, axis=axis, out=sums)
+    with np.errstate(invalid="ignore", over="ignore"):
+        places = (frame * scale[:, None]) @ np.asarray(vertices, np.float64).reshape(-1, 3).T
+        places -= (lower * scale)[:, None]
+        finite = np.isfinite(places).all(axis=0)
+        # Outside is one cell beyond on either side.
+        cells = np.clip(np.floor(np.where(finite, places, 0.0)), -1, CELLS).astype(np.int16)
+    corners = [cells.take(triangles[:, k], 1) for k in range(3)]
+    first = np.clip(np.minimum(np.minimum(*corners[:2]), corners[2]), 0, CELLS).astype(np.int32)
+    last = np.clip(np.maximum(np.maximum(*corners[:2]), corners[2]) + 1, 0, CELLS).astype(np.int32)
+    row, plane, flat = CELLS + 1, (CELLS + 1) ** 2, sums.ravel()
+    count = np.zeros(len(triangles), np.int32)
+    for z, sign in ((last[2], 1), (first[2], -1)):
+        for y, turned in ((last[1], sign), (first[1], -sign)):
+            for x, again in ((last[0], turned), (first[0], -turned)):
+                count += again * flat[x * plane + y * row + z]
+    return (count > 0) | ~finite[triangles].all(axis=1)
+
+
+def _frame(volume: ViewingVolume) -> Array:
+    """Axes (3, 3), rows, along which the volume is narrow: far surface's width and height, and depth."""
+    ends = np.array([0.0, 1.0, 0.5, 0.5, 0.5]), np.array([0.5, 0.5, 0.0, 1.0, 0.5])
+    with np.errstate(invalid="ignore", over="ignore"):
+        near, far = (volume.surfaces[k].positions(*ends).position for k in (0, -1))
+        columns = np.stack([far[:, 1] - far[:, 0], far[:, 3] - far[:, 2], far[:, 4] - near[:, 4]])
+        length = np.linalg.norm(columns, axis=1, keepdims=True)
+        columns = columns / np.maximum(length, np.finfo(np.float64).tiny)
+        if not np.isfinite(columns).all():
+            return np.eye(3)
+    # The nearest rotation; where an axis vanishes any will do.
+    left, _, right = np.linalg.svd(columns)
+    frame: Array = left @ right
+    return frame
