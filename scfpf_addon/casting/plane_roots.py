@@ -128,8 +128,11 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
         height, slope = _value(coefficients, s)
         below = (height < 0.0) == rising
         low, high = np.where(below, s, low), np.where(below, high, s)
-        step = s - height / slope
-        step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        newton = height / slope
+        step = s - newton
+        # A last step leads out of the bracket by rounding alone.
+        usable = ((step >= low) & (step <= high)) | (np.abs(newton) <= SETTLED)
+        step = np.where(usable, step, 0.5 * (low + high))
         step = np.where(height == 0.0, s, step)
         result[active] = step
         going = np.flatnonzero(np.abs(step - s) > SETTLED)
@@ -139,4 +142,5 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
         if len(going) < 0.5 * len(s):
             coefficients, active, rising = coefficients.take(going, 1), active[going], rising[going]
             s, low, high = s[going], low[going], high[going]
+    np.clip(result, 0.0, 1.0, out=result)
     return result
