@@ -97,17 +97,13 @@ def _jumps(work: Work, seen: Array, mask: BoolArray, columns: int) -> tuple[NDAr
     surface (``_connected``).
     """
     schedule = work.schedule
-    rows = seen.reshape(-1, columns)
-    least = np.minimum(np.minimum(rows[:-2], rows[2:]), rows[1:-1])
-    around = least.copy()
-    np.minimum(around[:, 1:], least[:, :-1], out=around[:, 1:])
-    np.minimum(around[:, :-1], least[:, 1:], out=around[:, :-1])
     own = np.minimum(work.hits.t, NOTHING)
     # Nothing is seen before the nearest of all, nor are pixels smaller there than behind.
-    behind = schedule.breaks[1:] >= around.min(initial=NOTHING)
+    behind = schedule.breaks[1:] >= seen.min(initial=NOTHING)
     least_size = schedule.pixel[behind].min(initial=NOTHING)
-    pixels = np.flatnonzero((around.ravel() + least_size < own[columns:-columns]) & mask[columns:-columns])
-    pixels += columns
+    rough = _bends(seen, own, columns) > np.float32(0.9 * SMOOTH * least_size)
+    rough &= mask[columns:-columns]
+    pixels = np.flatnonzero(rough) + columns
     here = own[pixels]
     column = pixels % columns
     left, right = pixels - (column > 0), pixels + (column < columns - 1)
@@ -118,7 +114,7 @@ def _jumps(work: Work, seen: Array, mask: BoolArray, columns: int) -> tuple[NDAr
     beside = np.stack([seen[n] for n in neighbours])
     opposite = beside[[1, 0, 3, 2, 5, 4, 7, 6]]
     gap = here - beside
-    size = schedule.pixel_at(around.ravel()[pixels - columns])
+    size = schedule.pixel_at(beside.min(axis=0))
     bend = np.abs(opposite - here - gap)
     jump = (gap > size) & (bend > SMOOTH * gap)
     some = np.flatnonzero(jump.any(axis=0))
@@ -131,6 +127,26 @@ def _jumps(work: Work, seen: Array, mask: BoolArray, columns: int) -> tuple[NDAr
     return pixels[some], np.where(jump, beside, np.inf)[:, some]
 
 
+def _bends(seen: Array, own: Array, columns: int) -> NDArray[np.float32]:
+    """By how much t at most bends from a neighbour over a pixel to the one across, without border rows.
+
+    seen, own: (N,) t of the neighbours and of the pixels; in float32, a roundings' width too
+    small at times. At the image's sides the pixel takes the place of the neighbour.
+    """
+    t = seen.astype(np.float32).reshape(-1, columns)
+    wide = np.concatenate([t[:, :1], t, t[:, -1:]], axis=1)
+    below, here, above = wide[:-2], wide[1:-1], wide[2:]
+    sums = [here[:, :-2] + here[:, 2:], below[:, 1:-1] + above[:, 1:-1]]
+    sums += [below[:, :-2] + above[:, 2:], below[:, 2:] + above[:, :-2]]
+    most, least = np.maximum(sums[0], sums[1]), np.minimum(sums[0], sums[1])
+    for other in sums[2:]:
+        np.maximum(most, other, out=most)
+        np.minimum(least, other, out=least)
+    twice = (2.0 * own[columns:-columns]).astype(np.float32).reshape(most.shape)
+    bends: NDArray[np.float32] = np.maximum(most - twice, twice - least).ravel()
+    return bends
+
+
 def _connected(work: Work, pixels: IndexArray, neighbours: IndexArray) -> BoolArray:
     """Whether pixels (M,) and neighbours see one surface: triangles with a common edge, from one side.
 
@@ -141,9 +157,8 @@ def _connected(work: Work, pixels: IndexArray, neighbours: IndexArray) -> BoolAr
     own, other = hits.triangle[pixels], hits.triangle[neighbours]
     result: BoolArray = own == other
     open_ones = np.flatnonzero(~result & (own >= 0) & (other >= 0))
-    mine, its = (scene.triangles[t[open_ones]] for t in (own, other))
-    common = (mine[:, :, None] == its[:, None]).sum(axis=(1, 2))
-    open_ones = open_ones[common >= 2]
+    beside = scene.neighbours.take(own[open_ones], 1) == other[open_ones]
+    open_ones = open_ones[beside.any(axis=0)]
     curves = work.bundle.take(pixels[open_ones])
     tangent = curves.at(hits.t[pixels[open_ones]])[1]
     sides = [np.einsum("cn,cn->n", scene.normals(t[open_ones]), tangent) > 0.0 for t in (own, other)]

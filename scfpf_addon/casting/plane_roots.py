@@ -43,8 +43,28 @@ def _within(roots: Array) -> Array:
 
 
 def _quadratic(coefficients: Array) -> Array:
-    """Roots without cancellation: q/a and c/q (Blinn 2006, How to Solve a Quadratic Equation)."""
+    """As unit_roots: most have ends on different sides and one root, most of the others none."""
     first, middle, last = coefficients
+    roots = np.full((2, len(first)), np.nan)
+    sides = first * last
+    np.copyto(roots[0], _crossing(first, middle, last), where=sides < 0.0)
+    turning = np.flatnonzero((sides >= 0.0) & ((first * middle <= 0.0) | (sides == 0.0)))
+    if len(turning):
+        roots[:, turning] = _turning(*coefficients.take(turning, 1))
+    return roots
+
+
+def _crossing(first: Array, middle: Array, last: Array) -> Array:
+    """The one root of quadratics whose ends lie on different sides, as s/(1-s): nothing cancels."""
+    upward = np.abs(middle) + np.sqrt(middle * middle - first * last)
+    early = first * middle < 0.0
+    start = np.where(early, np.abs(first), upward)
+    root: Array = start / (start + np.where(early, upward, np.abs(last)))
+    return root
+
+
+def _turning(first: Array, middle: Array, last: Array) -> Array:
+    """Both roots without cancellation: q/a and c/q (Blinn 2006, How to Solve a Quadratic Equation)."""
     half = middle - first
     leading = (first - middle) - (middle - last)
     # half² - leading·first, with the cancelling terms taken out by hand.
