@@ -21,12 +21,8 @@ def piece_edges(spans: SpanBasis) -> Array:
     return edges
 
 
-def piece_bounds(spans: SpanBasis, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Bounds (3, S·PIECES, B) of the pieces of projectors whose control points lie in boxes (K, 3, B).
-
-    The control points of a piece enclose it, and are weighted sums of the projector's.
-    Reckoned in the precision of the boxes; the caller makes them wider by its rounding.
-    """
+def piece_weights(spans: SpanBasis) -> Array:
+    """How the pieces' control points are made of the projector's, (S·PIECES, degree+1, K)."""
     edges = np.linspace(0.0, 1.0, PIECES + 1)
     degree = spans.degree
     identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
@@ -37,7 +33,16 @@ def piece_bounds(spans: SpanBasis, lower: Array, upper: Array) -> tuple[Array, A
         shares = np.einsum("jip,si->spji", pieces, spans.point_weights)
         shares /= shares.sum(axis=3, keepdims=True)
         weights = np.einsum("spji,sik->spjk", shares, spans.matrices)
-    weights = weights.reshape(-1, degree + 1, len(lower))
+    return weights.reshape(-1, degree + 1, weights.shape[3])
+
+
+def piece_bounds(weights: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """Bounds (3, P, B) of P pieces of projectors whose control points lie in boxes (K, 3, B).
+
+    weights: of the pieces (``piece_weights``). The control points of a piece enclose it,
+    and are weighted sums of the projector's. Reckoned in the precision of the boxes; the
+    caller makes them wider by its rounding.
+    """
     weights = weights.astype(lower.dtype, copy=False)
     positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
     low, high = np.empty((2, 3, len(weights), lower.shape[2]), lower.dtype)

@@ -8,6 +8,8 @@ coefficients, (d+1, N) float64, over the parameter interval [0, 1].
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 from ..projection.typing import Array
@@ -17,6 +19,9 @@ SPLITTER = 2.0**27 + 1.0
 
 # Newton steps and halvings until a bracket in [0, 1] is one rounding wide.
 MOST_STEPS = 64
+
+# Steps of Newton's method that nearly always settle where a polynomial is monotone.
+NEWTON_STEPS = 3
 
 # A root is final when a step moves it by less than this: what is left after a step of
 # Newton's is its square over the distance of the nearest other root, and roots nearer than
@@ -104,11 +109,39 @@ def _general(coefficients: Array) -> Array:
     # Coefficients that only rise or only fall: one piece, the usual case near a hit.
     simple = (slopes > 0.0).all(axis=0) | (slopes < 0.0).all(axis=0)
     single = np.flatnonzero(simple & (coefficients[0] * coefficients[-1] <= 0.0))
-    roots[0, single] = _bracketed(coefficients.take(single, 1), np.zeros(len(single)), np.ones(len(single)))
+    roots[0, single] = _monotone(coefficients.take(single, 1))
     several = np.flatnonzero(~simple)
     if len(several):
         roots[:, several] = _piecewise(coefficients.take(several, 1), slopes.take(several, 1))
     return roots
+
+
+def _monotone(coefficients: Array) -> Array:
+    """The one root (N,) of polynomials that rise or fall throughout and cross 0.
+
+    Newton's method from the root of the quadratic through both ends and the middle; where
+    that does not settle soon, with a bracket.
+    """
+    degree = len(coefficients) - 1
+    start, end = coefficients[0], coefficients[-1]
+    middle = _value(coefficients, np.full(1, 0.5))[0]
+    s = _crossing(start, 2.0 * middle - 0.5 * (start + end), end)
+    powers = [start]
+    differences = coefficients
+    for k in range(1, degree + 1):
+        differences = differences[1:] - differences[:-1]
+        powers.append(comb(degree, k) * differences[0])
+    for _ in range(NEWTON_STEPS):
+        height, slope = powers[-1], np.zeros_like(s)
+        for power in powers[-2::-1]:
+            slope = slope * s + height
+            height = height * s + power
+        step = height / slope
+        s = s - step
+    lost = np.flatnonzero(~((np.abs(step) <= SETTLED) & (s >= 0.0) & (s <= 1.0)))
+    if len(lost):
+        s[lost] = _bracketed(coefficients.take(lost, 1), np.zeros(len(lost)), np.ones(len(lost)))
+    return s
 
 
 def _piecewise(coefficients: Array, slopes: Array) -> Array:

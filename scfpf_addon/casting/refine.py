@@ -119,9 +119,9 @@ def _march_finely(
     triangle = np.full(curves.count, -1, np.int32)
     chord = first.copy()
     least = int(first.min())
-    start = curves.at(low + step * least)[0]
+    start = curves.place(low + step * least)
     for part in range(least, work.schedule.finer):
-        end = curves.at(low + step * (part + 1))[0]
+        end = curves.place(low + step * (part + 1))
         searching = (triangle < 0) & (first <= part)
         limits = np.where(searching, np.float32(1.0 + OVERLAP), np.float32(-1.0))
         found = work.trace(start, end - start, limits)
@@ -137,11 +137,11 @@ def _chord_hits(work: Work, curves: Bundle, found: Solutions, low: Array, step: 
     found: the curves' meetings with the triangles' planes, next to them: float32
     does not tell the difference. Where there is none, t is that of the chord.
     """
-    start, end = curves.at(low)[0], curves.at(low + step)[0]
+    start, end = curves.place(low), curves.place(low + step)
     limits = np.full(curves.count, 1.0 + OVERLAP, np.float32)
     origins, ways = start.astype(np.float32), (end - start).astype(np.float32)
     share = work.scene.trace_distance(origins, ways, limits)
     t = np.where(np.isnan(found.t), np.clip(low + share * step, 0.0, 1.0), found.t)
-    weights = np.clip(work.scene.barycentric(curves.at(t)[0], found.triangle), 0.0, 1.0)
+    weights = np.clip(work.scene.barycentric(curves.place(t), found.triangle), 0.0, 1.0)
     weights /= np.maximum(weights.sum(axis=0), 1.0)
     return Solutions(t, found.triangle, weights, np.ones(curves.count, bool))
