@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
 from ..projection.bezier import restrict
@@ -33,18 +36,21 @@ def piece_weights(spans: SpanBasis) -> Array:
         shares = np.einsum("jip,si->spji", pieces, spans.point_weights)
         shares /= shares.sum(axis=3, keepdims=True)
         weights = np.einsum("spji,sik->spjk", shares, spans.matrices)
-    return weights.reshape(-1, degree + 1, weights.shape[3])
+    result: Array = weights.reshape(-1, degree + 1, weights.shape[3])
+    return result
 
 
-def piece_bounds(weights: Array, lower: Array, upper: Array) -> tuple[Array, Array]:
+def piece_bounds(
+    weights: Array, lower: NDArray[Any], upper: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Bounds (3, P, B) of P pieces of projectors whose control points lie in boxes (K, 3, B).
 
     weights: of the pieces (``piece_weights``). The control points of a piece enclose it,
     and are weighted sums of the projector's. Reckoned in the precision of the boxes; the
     caller makes them wider by its rounding.
     """
-    weights = weights.astype(lower.dtype, copy=False)
-    positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
+    rounded = weights.astype(lower.dtype, copy=False)
+    positive, negative = np.maximum(rounded, 0.0), np.minimum(rounded, 0.0)
     low, high = np.empty((2, 3, len(weights), lower.shape[2]), lower.dtype)
     for axis in range(3):
         least, most = lower[:, axis], upper[:, axis]
