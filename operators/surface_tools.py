@@ -4,8 +4,8 @@
 import bpy
 from bpy.props import EnumProperty, IntProperty
 
-from ..scfpf_addon.bridge import lattice_object, surface_edits
-from ..scfpf_addon.bridge.render_job import picture_aspect
+from ..scfpf_addon.bridge import lattice_object, surface_edits, volume_edits
+from ..scfpf_addon.bridge.render_job import picture_aspect, picture_size
 from ..scfpf_addon.projection.respacing import EVEN
 from .surfaces import poll_slot
 from .tool import Tool, poll_two
@@ -20,9 +20,15 @@ DIRECTIONS = (
 )
 
 
-def _off(change: float, what: str) -> str | None:
+def kept_share(scene, camera) -> float:
+    """The share of its size by which a surface may change and the picture stay: the pixel error's."""
+    error = camera.scfpf.pixel_error / max(picture_size(scene))
+    return max(error, CHANGED_SHARE)
+
+
+def _off(change: float, what: str, kept: float = CHANGED_SHARE) -> str | None:
     """The line that says how far something new is off, None where it is not."""
-    if change < CHANGED_SHARE:
+    if change <= kept:
         return None
     return f"The {what} is off by up to {100 * change:.2g} % of the size: more points are nearer"
 
@@ -33,20 +39,34 @@ class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
     bl_idname = "scfpf.surface_to_grid"
     bl_label = "Convert to Grid"
 
-    columns: IntProperty(name="Columns", description="Faces along u", default=32, min=1, max=1024)
-    rows: IntProperty(name="Rows", description="Faces along v", default=16, min=1, max=1024)
+    columns: IntProperty(
+        name="Columns",
+        description="Faces along u; 0: as many as keep the picture to within the pixel error",
+        default=0,
+        min=0,
+        max=1024,
+    )
+    rows: IntProperty(
+        name="Rows",
+        description="Faces along v; 0: as many as keep the picture to within the pixel error",
+        default=0,
+        min=0,
+        max=1024,
+    )
 
     poll = classmethod(poll_slot)
 
     def edit(self, context, camera):
+        kept = kept_share(context.scene, camera)
         change = surface_edits.convert_to_grid(
             camera,
             context.evaluated_depsgraph_get(),
             camera.scfpf.active_surface,
             self.columns,
             self.rows,
+            kept,
         )
-        return _off(change, "grid")
+        return _off(change, "grid", kept)
 
 
 class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
@@ -57,23 +77,35 @@ class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
     bl_label = "Convert to Surface Patch"
 
     columns: IntProperty(
-        name="Columns", description="Control points along u; a grid keeps its own", default=8, min=4, max=64
+        name="Columns",
+        description="Control points along u, 4 at least; 0 in either: as many as keep the picture to within "
+        "the pixel error. A grid keeps its own",
+        default=0,
+        min=0,
+        max=64,
     )
     rows: IntProperty(
-        name="Rows", description="Control points along v; a grid keeps its own", default=8, min=4, max=64
+        name="Rows",
+        description="Control points along v, 4 at least; 0 in either: as many as keep the picture to within "
+        "the pixel error. A grid keeps its own",
+        default=0,
+        min=0,
+        max=64,
     )
 
     poll = classmethod(poll_slot)
 
     def edit(self, context, camera):
+        kept = kept_share(context.scene, camera)
         change = surface_edits.convert_to_patch(
             camera,
             context.evaluated_depsgraph_get(),
             camera.scfpf.active_surface,
             self.columns,
             self.rows,
+            kept,
         )
-        return _off(change, "patch")
+        return _off(change, "patch", kept)
 
 
 class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):
@@ -125,6 +157,20 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
         return f"Both directions cannot be quite even: steps still differ by up to {100 * left:.2g} %"
 
 
+class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
+    """Put the active control surface's scale into its sizes; it stays as it is.
+
+    Blender's own Apply Scale (Ctrl-A) would lose the scale, as of every shape that only a modifier makes"""
+
+    bl_idname = "scfpf.surface_apply_scale"
+    bl_label = "Apply Scale to Sizes"
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, _context, camera):
+        volume_edits.apply_scale(camera, camera.scfpf.active_surface)
+
+
 class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
     """Replace the whole volume by one lattice of the same shape at this frame, to be pulled about point by
     point; the projectors then run as the lattice's interpolation has it"""
@@ -166,6 +212,7 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_OT_surface_to_patch,
         SCFPF_OT_surface_subdivide,
         SCFPF_OT_surface_equalise,
+        SCFPF_OT_surface_apply_scale,
         SCFPF_OT_volume_to_lattice,
     )
 )

@@ -9,7 +9,7 @@ from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.picture_fit import needs_fit
 from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.result_image import result_image
-from ..scfpf_addon.bridge.surface_nodes import SurfaceError, parameter_properties
+from ..scfpf_addon.bridge.surface_nodes import PARAMETRIC_KINDS, SurfaceError, parameter_properties
 from ..scfpf_addon.bridge.volume_upkeep import sharers
 from .surface_list import is_missing
 
@@ -171,6 +171,9 @@ class _SurfacesSection(_Subsection):
                 column.prop(owner, name, text=label)
         except SurfaceError as error:
             column.label(text=str(error), icon="ERROR")
+        if slot.object.scfpf_surface.kind in PARAMETRIC_KINDS and any(abs(s) != 1 for s in slot.object.scale):
+            # Sizes are times the scale, which Blender's Ctrl-A would lose.
+            column.operator("scfpf.surface_apply_scale", icon="CON_SIZELIKE")
 
 
 class _ProjectorsSection(_Subsection):

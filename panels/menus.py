@@ -63,6 +63,7 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.surface_equalise", icon="MOD_LENGTH")
         self.layout.operator("scfpf.surface_to_patch", icon="SURFACE_NSURFACE")
         self.layout.operator("scfpf.surface_to_grid", icon="MESH_GRID")
+        self.layout.operator("scfpf.surface_apply_scale", icon="CON_SIZELIKE")
         self.layout.operator("scfpf.surface_align", icon="CON_ROTLIKE")
         self.layout.operator("scfpf.surface_snap_to_view", icon="HIDE_OFF")
         self.layout.separator()

@@ -3,10 +3,28 @@
 
 from __future__ import annotations
 
-from . import command_line, drawing, image_marks, properties, result_undo, volume_upkeep
+from . import (
+    command_line,
+    drawing,
+    image_marks,
+    properties,
+    render_engine,
+    render_passes,
+    result_undo,
+    volume_upkeep,
+)
 
 # Registered in this order, unregistered in the reverse.
-MODULES = (properties, volume_upkeep, drawing, image_marks, result_undo, command_line)
+MODULES = (
+    properties,
+    volume_upkeep,
+    drawing,
+    image_marks,
+    result_undo,
+    render_passes,
+    render_engine,
+    command_line,
+)
 
 
 def register():

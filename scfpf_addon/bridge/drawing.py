@@ -44,6 +44,9 @@ DARK_BACKGROUND = (0.24, 0.24, 0.24)
 # Lines come nearer to the viewer by as much as this many pixels are wide at their distance, so that
 # they win against faces and wires in the same place, slanted ones too.
 NEARER = 2.0
+# And by this share of the depth buffer's range: a dozen of its steps and of float32's roundings, which far
+# away are larger than pixels where clipping starts near.
+NEARER_DEPTH = 1e-6
 
 
 @dataclass
@@ -201,9 +204,11 @@ def draw_volume(
     shader.bind()
     size = gpu.state.viewport_get()[2:]
     shader.uniform_float("viewportSize", size)
-    with gpu.matrix.push_pop():
-        nearer = _nearer(gpu.matrix.get_projection_matrix(), size[1])
-        gpu.matrix.load_matrix(nearer @ gpu.matrix.get_model_view_matrix())
+    with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+        projection = gpu.matrix.get_projection_matrix()
+        gpu.matrix.load_matrix(_nearer(projection, size[1]) @ gpu.matrix.get_model_view_matrix())
+        projection[2] -= 2 * NEARER_DEPTH * projection[3]
+        gpu.matrix.load_projection_matrix(projection)
         for role, batch in drawing.batches.items():
             gpu.state.depth_test_set("NONE" if role in in_front else "LESS_EQUAL")
             shader.uniform_float("lineWidth", LINE_WIDTHS[role] * width_scale)

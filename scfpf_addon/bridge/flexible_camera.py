@@ -11,6 +11,7 @@ from mathutils import Matrix
 
 from ..projection.volume import Projection
 from . import edit_volume, lattice_object, nurbs_object, surface_nodes
+from .ordinary_camera import FrustumError, frustum
 from .slot_animation import clear_slots, move_slot, remove_slot
 from .surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
@@ -121,7 +122,8 @@ def _take_kind(surface) -> None:
         surface.scfpf_surface.kind = mesh_kind(surface)
 
 
-def _flexible_cameras():
+def flexible_cameras() -> list:
+    """All camera objects of the file that have control surfaces."""
     return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]
 
 
@@ -129,7 +131,7 @@ def delete_if_unused(camera, surface) -> None:
     """Delete a surface that is the camera's own child and on no camera's list."""
     if surface is None:
         return
-    listed = any(slot.object == surface for other in _flexible_cameras() for slot in other.scfpf.surfaces)
+    listed = any(slot.object == surface for other in flexible_cameras() for slot in other.scfpf.surfaces)
     if listed or surface.parent != camera or not surface.is_editable:
         edit_volume.release(surface)
         return
@@ -300,37 +302,24 @@ def volume_from_camera(camera, scene) -> None:
     """
     _require_camera(camera)
     lens = camera.data
-    if lens.type not in {"PERSP", "ORTHO"}:
-        raise FlexibleCameraError(
-            f"'{camera.name}' is neither a perspective nor an orthographic camera: change its lens type, "
-            "or load a panorama from the presets"
-        )
-    if lens.clip_start >= lens.clip_end:
-        raise FlexibleCameraError(
-            f"'{camera.name}' ends where it starts: its clip end must exceed its clip start"
-        )
-    # Top right, bottom right, bottom left, top left, on one plane across the view.
-    frame = np.array(lens.view_frame(scene=scene), np.float64)
-    right_top, left_bottom = frame[0], frame[2]
+    try:
+        near, far = frustum(camera, scene)
+    except FrustumError as error:
+        raise FlexibleCameraError(str(error)) from error
     sizes = np.linalg.norm(np.array(camera.matrix_world, np.float64)[:3, :3], axis=0)
     if not (np.isfinite(sizes).all() and sizes.min() > 0):
         raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
     # Children take the camera object's scale, its own view does not.
     undo_scale = np.diag([*(1 / sizes), 1.0])
-    described = []
-    for name, depth in (("Near", lens.clip_start), ("Far", lens.clip_end)):
-        spread = depth / -frame[0, 2] if lens.type == "PERSP" else 1.0
-        width, height = (right_top - left_bottom)[:2] * spread
-        matrix = np.eye(4)
-        matrix[:2, 3] = (right_top + left_bottom)[:2] / 2 * spread
-        matrix[2, 3] = -depth
-        size = {"width": width, "height": height}
-        described.append((name, "PLANE", undo_scale @ matrix, size, None))
+    described = [
+        (name, "PLANE", undo_scale @ end.matrix, {"width": end.width, "height": end.height}, None)
+        for name, end in (("Near", near), ("Far", far))
+    ]
     replace_surfaces(camera, described)
     settings = camera.scfpf
     settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
     settings.u_range = settings.v_range = (0.0, 1.0)
-    width, height = (right_top - left_bottom)[:2]
+    width, height = far.width, far.height
     # As the ordinary camera: the side that its sensor is fitted to stays.
     is_wide = lens.sensor_fit == "HORIZONTAL" or (lens.sensor_fit == "AUTO" and width >= height)
     settings.fit, settings.fitted_aspect = "HEIGHT" if is_wide else "WIDTH", width / height

@@ -36,6 +36,7 @@ class MaterialTable:
 
     def __init__(self) -> None:
         self._rows = [DEFAULT_GREY]
+        self.pass_indices = [0]
         self._numbers: dict[int, int] = {}
         self._textured: list[str] = []
 
@@ -48,6 +49,7 @@ class MaterialTable:
             constants, whole = read_material(material)
             self._numbers[key] = len(self._rows)
             self._rows.append(constants)
+            self.pass_indices.append(material.pass_index)
             if not whole:
                 self._textured.append(material.name)
         return self._numbers[key]

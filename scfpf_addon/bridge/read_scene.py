@@ -24,6 +24,8 @@ LARGEST_COORDINATE = 1e18
 # What has no faces to show but is seen in Blender's own renders.
 FACELESS = {"CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
+NOTHING = "There is nothing to render: add an object with faces that is visible in renders"
+
 
 class SceneError(ValueError):
     """The scene cannot be read; the message says what to do."""
@@ -35,7 +37,8 @@ class MeshArrays:
 
     vertices: (V, 3) float32. triangles: (T, 3) int32. normals: (T, 3, 3) float32,
     the shading normal at each corner. slot: (T,) int32, material slot numbers.
-    finite: False if triangles were left out because of non-finite vertices.
+    finite: False if triangles were left out because of non-finite vertices. uv: (T, 3, 2)
+    float32 texture coordinates of the corners, None if there are none or they are not wanted.
     """
 
     vertices: NDArray[np.float32]
@@ -43,6 +46,7 @@ class MeshArrays:
     normals: NDArray[np.float32]
     slot: NDArray[np.int32]
     finite: bool = True
+    uv: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,7 @@ class Instances:
     look_material: NDArray[np.int32]
 
 
-def read_scene(depsgraph) -> Scene:
+def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> Scene:
     """Everything that a picture of the depsgraph's view layer shows.
 
     Objects come as F12 shows them if the depsgraph is a render one
@@ -69,30 +73,41 @@ def read_scene(depsgraph) -> Scene:
     has the viewport's subdivision levels. Left out in both: what is hidden in
     renders, excluded collections, objects invisible to the camera, control surfaces.
     A hidden object is shown where it is instanced by nodes or on vertices, as by F12.
-    Raises SceneError if nothing is left or memory cannot hold it.
+    may_be_empty: a scene without anything to show is one of no triangles, with a warning.
+    with_uv: read the texture coordinates that renders use, too.
+    Raises SceneError if nothing is left otherwise, or memory cannot hold it.
     """
-    reader = _SceneReader(depsgraph)
+    reader = _SceneReader(depsgraph, with_uv)
     for instance in depsgraph.object_instances:
         reader.add(instance)
-    geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers))
+    geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
+    if not len(geometry.triangles) and not may_be_empty:
+        raise SceneError(NOTHING)
     world_color, world_warnings = read_world(depsgraph.scene_eval)
     return Scene(
         geometry,
         reader.materials.materials(),
         tuple(reader.lights),
         world_color,
-        warnings=reader.warnings() + reader.materials.warnings() + world_warnings,
+        warnings=(() if len(geometry.triangles) else (NOTHING,))
+        + reader.warnings()
+        + reader.materials.warnings()
+        + world_warnings,
+        object_index=tuple(reader.pass_indices),
+        material_index=tuple(reader.materials.pass_indices),
     )
 
 
 class _SceneReader:
     """Gathers instances; every mesh, material and visibility is looked at once."""
 
-    def __init__(self, depsgraph) -> None:
+    def __init__(self, depsgraph, with_uv: bool) -> None:
         self.meshes: list[MeshArrays] = []
         self.object_numbers: dict[str, int] = {}
+        self.pass_indices: list[int] = []
         self.lights: list[Light] = []
         self.materials = MaterialTable()
+        self._with_uv = with_uv
         self._view_layer = depsgraph.view_layer
         self._left_out = control_objects()
         self._rendered = None if depsgraph.mode == "RENDER" else _rendered_objects(depsgraph.view_layer)
@@ -159,12 +174,14 @@ class _SceneReader:
         mesh = self._mesh_numbers.get(mesh_pointer)
         if mesh is None:
             mesh = self._mesh_numbers[mesh_pointer] = len(self.meshes)
-            self.meshes.append(_read_object_mesh(thing))
+            self.meshes.append(_read_object_mesh(thing, self._with_uv))
         look = self._look_numbers.get((pointer, mesh_pointer))
         if look is None:
             look = self._look_numbers[pointer, mesh_pointer] = len(self._looks)
             name = thing.original.name_full
             number = self.object_numbers.setdefault(name, len(self.object_numbers))
+            if number == len(self.pass_indices):
+                self.pass_indices.append(thing.pass_index)
             slots = [self.materials.number(slot.material) for slot in thing.material_slots]
             self._looks.append((number, slots or [0]))
             if not self.meshes[mesh].finite:
@@ -212,18 +229,18 @@ def _rendered_objects(view_layer) -> set[str]:
     return names
 
 
-def _read_object_mesh(thing) -> MeshArrays:
+def _read_object_mesh(thing, with_uv: bool) -> MeshArrays:
     if not thing.data.is_editmode:
-        return read_mesh(thing.data)
+        return read_mesh(thing.data, with_uv)
     # The evaluated mesh of an object in Edit Mode has no arrays yet: to_mesh() makes them.
     try:
-        return read_mesh(thing.to_mesh())
+        return read_mesh(thing.to_mesh(), with_uv)
     finally:
         thing.to_mesh_clear()
 
 
-def read_mesh(mesh) -> MeshArrays:
-    """The arrays of an evaluated bpy.types.Mesh."""
+def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
+    """The arrays of an evaluated bpy.types.Mesh. with_uv: the texture coordinates, too."""
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
     vertices = np.empty((len(mesh.vertices), 3), np.float32)
@@ -244,12 +261,19 @@ def read_mesh(mesh) -> MeshArrays:
         face_slot = np.empty(len(mesh.polygons), np.int32)
         mesh.attributes["material_index"].data.foreach_get("value", face_slot)
         slot = face_slot.take(face)
+    uv = None
+    layer = next((each for each in mesh.uv_layers if each.active_render), None) if with_uv else None
+    if layer is not None:
+        corner_uv = np.empty((len(mesh.loops), 2), np.float32)
+        layer.uv.foreach_get("vector", corner_uv.reshape(-1))
+        uv = corner_uv.take(corners, axis=0).reshape(-1, 3, 2)
     return _finite(
         MeshArrays(
             vertices,
             corner_vertex.take(corners).reshape(-1, 3),
             corner_normal.take(corners, axis=0).reshape(-1, 3, 3),
             slot,
+            uv=uv,
         )
     )
 
@@ -267,17 +291,18 @@ def _finite(mesh: MeshArrays) -> MeshArrays:
         mesh.normals[keep],
         mesh.slot[keep],
         finite=False,
+        uv=None if mesh.uv is None else mesh.uv[keep],
     )
 
 
-def join(meshes: list[MeshArrays], instances: Instances, object_names: tuple[str, ...]) -> Geometry:
-    """One triangle soup of all instances in world space. Raises SceneError if it is empty or too large."""
+def join(
+    meshes: list[MeshArrays], instances: Instances, object_names: tuple[str, ...], with_uv: bool = False
+) -> Geometry:
+    """One triangle soup of all instances in world space. Raises SceneError if it is too large."""
     order = np.argsort(instances.mesh, kind="stable")
     counts = np.bincount(instances.mesh, minlength=len(meshes))
     triangles = sum(int(count) * len(mesh.triangles) for count, mesh in zip(counts, meshes, strict=True))
     vertices = sum(int(count) * len(mesh.vertices) for count, mesh in zip(counts, meshes, strict=True))
-    if not triangles:
-        raise SceneError("There is nothing to render: add an object with faces that is visible in renders")
     if max(triangles, vertices) > MAXIMUM_TRIANGLES:
         raise SceneError(
             f"The scene has {triangles:,} triangles once every instance is counted, more than "
@@ -290,6 +315,7 @@ def join(meshes: list[MeshArrays], instances: Instances, object_names: tuple[str
         np.empty(triangles, np.int32),
         np.empty(triangles, np.int32),
         object_names,
+        np.full((triangles, 3, 2), np.nan, np.float32) if with_uv else None,
     )
     normal_matrix, mirrored = normal_transforms(instances.matrix[:, :3, :3])
     triangle = vertex = done = 0
@@ -329,6 +355,8 @@ def _place(
     slot = mesh.slot.clip(0, slots.shape[1] - 1)
     into.material[own].reshape(count, many)[:] = slots[:, slot]
     into.object_index[own].reshape(count, many)[:] = instances.look_object[look][:, None]
+    if into.uv is not None and mesh.uv is not None:
+        into.uv[own].reshape(count, many, 3, 2)[:] = mesh.uv
 
 
 def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many: int) -> None:
@@ -337,6 +365,8 @@ def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many:
         own = slice(start, start + many)
         into.triangles[own] = into.triangles[own][:, [0, 2, 1]]
         into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
+        if into.uv is not None:
+            into.uv[own] = into.uv[own][:, [0, 2, 1]]
 
 
 def normal_transforms(linear: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from ..casting.scene import CastError
 from ..projection.volume import Projection
-from ..shading.frame import Frame, FrameSettings, render_frame
+from ..shading.frame import Border, Frame, FrameSettings, render_frame
+from ..shading.passes import DataPasses
 from ..shading.scene import Scene
+from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_projection import ProjectionError, read_projection
 from .read_scene import SceneError, read_scene
 from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
@@ -30,6 +32,7 @@ class RenderError(ValueError):
 # All that ``prepare`` and a job's ``result`` raise for bad input; anything else is a bug.
 RENDER_ERRORS = (
     CastError,
+    FrustumError,
     MemoryError,
     ProjectionError,
     RenderDepsgraphError,
@@ -55,19 +58,27 @@ def picture_size(scene) -> tuple[int, int]:
     render = scene.render
     width = max(render.resolution_x * render.resolution_percentage // 100, 1)
     height = max(render.resolution_y * render.resolution_percentage // 100, 1)
+    require_size(width, height)
+    return width, height
+
+
+def require_size(width: int, height: int) -> None:
+    """Raise RenderError for a picture that no memory holds."""
     if width * height > MAXIMUM_PIXELS:
         gigabytes = width * height * BYTES_PER_PIXEL / 1e9
         raise RenderError(
             f"A picture of {width} × {height} pixels would need about {gigabytes:.0f} GB of memory; "
             "lower the resolution or its percentage in Output Properties"
         )
-    return width, height
 
 
 def picture_aspect(scene) -> float:
     """Width / height of the picture as it is shown, pixel aspect included."""
-    render = scene.render
-    width, height = picture_size(scene)
+    return shown_aspect(scene.render, *picture_size(scene))
+
+
+def shown_aspect(render, width: int, height: int) -> float:
+    """Width / height of a picture of width × height pixels as it is shown."""
     return width * render.pixel_aspect_x / (height * render.pixel_aspect_y)
 
 
@@ -76,8 +87,7 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
 
     pixel_error: overrides the camera's own. Raises one of RENDER_ERRORS.
     """
-    width, height = picture_size(scene)
-    aspect = picture_aspect(scene)
+    size = picture_size(scene)
     name = camera.name
     if not holds(scene.objects, camera):
         raise RenderError(
@@ -86,21 +96,53 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     # Restores what keeps hidden surfaces evaluated, should it have been deleted.
     sync_volume_object(camera)
 
-    def read(depsgraph) -> RenderInputs:
-        options = camera.evaluated_get(depsgraph).scfpf
-        return RenderInputs(
-            read_projection(camera, depsgraph, aspect),
-            read_scene(depsgraph),
-            FrameSettings(
-                width,
-                height,
-                samples=options.samples,
-                pixel_error=options.pixel_error if pixel_error is None else pixel_error,
-                transparent=scene.render.film_transparent,
-            ),
-        )
+    return with_render_depsgraph(
+        scene, view_layer, lambda depsgraph: read_inputs(depsgraph, camera, size, pixel_error)
+    )
 
-    return with_render_depsgraph(scene, view_layer, read)
+
+def read_inputs(
+    depsgraph,
+    camera,
+    size: tuple[int, int],
+    pixel_error: float | None = None,
+    border: Border | None = None,
+    passes: tuple[str, ...] = (),
+    may_be_empty: bool = False,
+    scene: Scene | None = None,
+    aspect: float | None = None,
+) -> RenderInputs:
+    """Read all that a picture of a depsgraph through a camera, flexible or not, needs.
+
+    size: of the whole picture in pixels. pixel_error: overrides the camera's own. border:
+    the part that is made. passes: names of ``shading.passes.PASSES``. may_be_empty: as in
+    ``read_scene``. scene: read from the depsgraph before. aspect: of the picture as it is shown,
+    by its size and the scene's pixel aspect if not given. Raises one of RENDER_ERRORS.
+    """
+    width, height = size
+    render = depsgraph.scene_eval.render
+    if aspect is None:
+        aspect = shown_aspect(render, width, height)
+    evaluated = camera.evaluated_get(depsgraph)
+    options = evaluated.scfpf
+    if options.enabled:
+        projection, plane = read_projection(camera, depsgraph, aspect), None
+    else:
+        projection, plane = frustum_projection(evaluated, depsgraph, aspect), depth_plane(evaluated)
+    return RenderInputs(
+        projection,
+        read_scene(depsgraph, may_be_empty, with_uv="UV" in passes) if scene is None else scene,
+        FrameSettings(
+            width,
+            height,
+            samples=options.samples,
+            pixel_error=options.pixel_error if pixel_error is None else pixel_error,
+            transparent=render.film_transparent,
+            threads=render.threads if render.threads_mode == "FIXED" else 0,
+            border=border,
+            passes=DataPasses(passes, plane),
+        ),
+    )
 
 
 class RenderJob:
@@ -134,7 +176,7 @@ class RenderJob:
     def _note_progress(self, fraction: float) -> None:
         self._progress = fraction
 
-    def _note_tile(self, rows: slice, pixels: NDArray[np.float32]) -> None:
+    def _note_tile(self, rows: slice, pixels: NDArray[np.float32], _passes: dict) -> None:
         self._tiles[rows] = pixels
         self._has_new_tiles.set()
 

@@ -8,15 +8,16 @@ import numpy as np
 
 from ..projection.editing import EditingError, lattice, sampled
 from ..projection.lattice_volume import Lattice
-from ..projection.nurbs_edits import patch_near, refined
+from ..projection.nurbs_edits import CUBIC, patch_near, refined
 from ..projection.preset import surface_from_parameters
+from ..projection.resolution import change, grid_within, patch_within
 from ..projection.respacing import equalised
 from ..projection.surfaces import ControlSurface, Grid
-from . import lattice_object, nurbs_object, surface_nodes
+from . import edit_volume, lattice_object, nurbs_object, surface_nodes
 from .flexible_camera import (
     FlexibleCameraError,
     approximate_lens,
-    delete_if_unused,
+    flexible_cameras,
     make_flexible,
     replace_surfaces,
 )
@@ -27,6 +28,8 @@ from .uv_mesh import read_uv_mesh
 
 # A grid is not made finer than this many faces along an axis.
 MOST_FACES = 1024
+# A surface is looked at for islands in so many places along u and along v.
+ISLAND_SAMPLES = 65
 # What stands for an object's place, as copied to the object that takes its stead.
 PLACEMENT = (
     "parent",
@@ -93,20 +96,14 @@ def _evaluated_shape(camera, surface, depsgraph) -> ControlSurface:
     return read.transformed(np.linalg.inv(world))
 
 
-def _change(before: ControlSurface, after: ControlSurface, columns: int, rows: int) -> float:
-    """The greatest distance between two surfaces at equal (u, v), as a share of the size."""
-    u, v = lattice(4 * columns + 1, 4 * rows + 1)
-    exact, now = before.evaluate(u, v).position, after.evaluate(u, v).position
-    size = float(np.ptp(exact, axis=1).max())
-    return float(np.linalg.norm(now - exact, axis=0).max()) / size if size > 0 else 0.0
-
-
-def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int) -> float:
+def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, share: float) -> float:
     """Make a surface a mesh grid of columns × rows faces, of the same shape at this frame.
 
-    Returns the greatest change of the surface as a share of its size: 0 (float32) for planes and patches,
-    falling as the square of the resolution for curved kinds. Further modifiers stay and act on the grid;
-    those of a surface patch are applied. Raises FlexibleCameraError, and EditingError for holes.
+    columns, rows: 0 for as many as keep the change below a share of the surface's size, see
+    ``projection.resolution.grid_within``. Returns the greatest change of the surface as a share of its size:
+    0 (float32) for planes and patches, falling as the square of the resolution for curved kinds. Further
+    modifiers stay and act on the grid; those of a surface patch are applied. Raises FlexibleCameraError, and
+    EditingError for holes.
     """
     surface = _editable(camera, index)
     kind = surface.scfpf_surface.kind
@@ -121,14 +118,17 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int) -> f
     else:
         _require_plain_points(surface)
         shape = own_shape(surface)
-        _require_one_island(surface, shape, columns, rows)
+        _require_one_island(surface, shape)
+    if not (columns and rows):
+        found = grid_within(shape, share)
+        columns, rows = columns or found[0], rows or found[1]
     points = sampled(shape, columns + 1, rows + 1)
     _become_grid(camera, surface, points)
-    return _change(shape, Grid(points), columns, rows)
+    return change(shape, Grid(points), columns, rows)
 
 
-def _require_one_island(surface, shape: ControlSurface, columns: int, rows: int) -> None:
-    if len(np.unique(shape.evaluate(*lattice(columns + 1, rows + 1)).tile)) > 1:
+def _require_one_island(surface, shape: ControlSurface) -> None:
+    if len(np.unique(shape.evaluate(*lattice(ISLAND_SAMPLES, ISLAND_SAMPLES)).tile)) > 1:
         raise FlexibleCameraError(
             f"'{surface.name}' has several islands in its UV map, and a grid is one: "
             "stitch them, or keep the UV mesh"
@@ -153,7 +153,11 @@ def _is_animated(owner) -> bool:
 
 
 def _put_in_place(camera, surface, kind: str, points, parameters=None):
-    """Replace a surface on the camera's list by a new object of another type, at the same place."""
+    """Replace a surface on the camera's list by a new object of another type, at the same place.
+
+    What refers to the surface, children, constraints and drivers of others, refers to the new one then; a
+    surface that another camera has stays for that one, and so does what refers to it.
+    """
     owners = (surface, surface.data, surface.data.shape_keys)
     if surface.constraints or any(_is_animated(owner) for owner in owners if owner is not None):
         raise FlexibleCameraError(
@@ -170,34 +174,50 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
     for slot in camera.scfpf.surfaces:
         if slot.object == surface:
             slot.object = new
-    active = bpy.context.view_layer.objects.active == surface
-    delete_if_unused(camera, surface)
+    layer = bpy.context.view_layer
+    active, selected = layer.objects.active == surface, surface.select_get(view_layer=layer)
+    if any(surface == slot.object for other in flexible_cameras() for slot in other.scfpf.surfaces):
+        edit_volume.release(surface)
+    else:
+        for collection in surface.users_collection:  # or else the new one would come to be there twice
+            if collection.is_editable and not collection.override_library:
+                collection.objects.unlink(surface)
+        surface.user_remap(new)
+        surface_nodes.delete_surface(surface)
     new.name = name
-    if active and new.name in bpy.context.view_layer.objects:
-        bpy.context.view_layer.objects.active = new
+    if new.name in layer.objects:
+        new.select_set(selected, view_layer=layer)
+        if active:
+            layer.objects.active = new
     return new
 
 
-def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int) -> float:
+def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, share: float) -> float:
     """Make a surface a Surface Patch with the same Q(u, v) at this frame, modifiers applied.
 
-    columns, rows: control points, at least 4 each; a grid keeps its own points. Returns the greatest change
-    as a share of the size: 0 (float32) for planes, patches and grids, falling as the fourth power of the
-    number of points for the others. Raises FlexibleCameraError, and EditingError for holes.
+    columns, rows: control points, at least 4 each, a grid keeps its own; 0 in either for as many as keep
+    the change below a share of the surface's size. Returns the greatest change as a share of the size:
+    0 (float32) for planes, patches and grids, falling as the fourth power of the number of points for the
+    others. Raises FlexibleCameraError, and EditingError for holes.
     """
     surface = _editable(camera, index)
     kind = surface.scfpf_surface.kind
     if kind == nurbs_object.KIND:
         raise FlexibleCameraError(f"'{surface.name}' is a {nurbs_object.TITLE} already")
-    if kind == "POINT" or (kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS):
-        raise FlexibleCameraError(f"'{surface.name}' cannot be converted: choose a surface that has a size")
+    if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS:
+        raise FlexibleCameraError(
+            f"'{surface.name}' cannot be converted: a surface patch comes of any kind but a lattice"
+        )
     shape = _evaluated_shape(camera, surface, depsgraph)
-    _require_one_island(surface, shape, columns, rows)
-    patch = patch_near(shape, columns, rows)
+    _require_one_island(surface, shape)
+    if columns and rows:
+        patch = patch_near(shape, max(columns, CUBIC), max(rows, CUBIC))
+    else:
+        patch = patch_within(shape, share)
     points = np.asarray(patch.points)
     orders = {"order_u": patch.along_u.order, "order_v": patch.along_v.order}
     _put_in_place(camera, surface, nurbs_object.KIND, points, orders)
-    return _change(shape, patch, points.shape[1], points.shape[0])
+    return change(shape, patch, points.shape[1], points.shape[0])
 
 
 def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, int]:
@@ -249,7 +269,7 @@ def equalise(camera, depsgraph, index: int, columns: int, rows: int, along_u: bo
     else:
         _require_plain_points(surface)
         shape = own_shape(surface)
-        _require_one_island(surface, shape, columns, rows)
+        _require_one_island(surface, shape)
     points, left = equalised(shape, columns + 1, rows + 1, along_u, along_v)
     _become_grid(camera, surface, points)
     return left

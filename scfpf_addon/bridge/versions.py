@@ -55,6 +55,12 @@ def image_format_properties() -> tuple[str, ...]:
     return ("media_type", *names) if bpy.app.version >= (5, 0, 0) else names
 
 
+def index_pass_names() -> tuple[str, str]:
+    """What Blender's own engines call the passes of object and material indices."""
+    since_5 = bpy.app.version >= (5, 0, 0)
+    return ("Object Index", "Material Index") if since_5 else ("IndexOB", "IndexMA")
+
+
 def set_node_menu(node, socket: str, setting: str, value: str) -> None:
     """Choose from a menu of a node: a setting of the node up to 4.5, a socket with titles from 5.0.
 

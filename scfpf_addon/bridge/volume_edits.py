@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..projection.editing import EditingError, inserted, mirrored
+from ..projection.editing import EditingError, inserted, mirrored, scaled
 from ..projection.inverse import invert
 from ..projection.volume import Projection
 from . import lattice_object, nurbs_object
@@ -250,6 +250,34 @@ def align_surface(camera, index: int, target, location: bool, rotation: bool) ->
     surface.matrix_world = Matrix.LocRotScale(
         other_place if location else place, other_turn if rotation else turn, scale
     )
+
+
+def apply_scale(camera, index: int) -> None:
+    """Put a parametric surface's scale into its parameters; only signs are left of it. Nothing moves.
+
+    Blender's own Apply Scale loses it, as the surface's mesh without its modifier is empty.
+    Raises FlexibleCameraError, before anything is changed.
+    """
+    (surface,) = _surfaces(camera, [index])
+    kind = surface.scfpf_surface.kind
+    if kind not in PARAMETRIC_KINDS:
+        raise FlexibleCameraError(f"'{surface.name}' has points: apply its scale with Object > Apply > Scale")
+    if is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER") or _is_animated(surface):
+        raise FlexibleCameraError(
+            f"'{surface.name}' has modifiers or animation, which another scale would change: "
+            "convert it to a grid first"
+        )
+    before = surface.scale.copy()
+    after = Vector(math.copysign(1.0, factor) for factor in before)
+    try:
+        parameters = scaled(kind, surface_parameters(surface), before)
+    except EditingError as error:
+        raise FlexibleCameraError(f"'{surface.name}': {error}") from error
+    set_surface_parameters(surface, parameters)
+    surface.scale = after
+    kept = Matrix.Diagonal((*(b / a for b, a in zip(before, after, strict=True)), 1.0))
+    for child in surface.children:
+        child.matrix_parent_inverse = kept @ child.matrix_parent_inverse
 
 
 def make_single_user(camera) -> int:

@@ -102,6 +102,14 @@ def _evaluated(_scene, depsgraph):
 
 
 @persistent
+def _render_begins(*_):
+    # A script may duplicate a camera and render before anything was evaluated. In a
+    # window the render is a job, and what precedes it was evaluated.
+    if not bpy.app.is_job_running("RENDER"):
+        tend()
+
+
+@persistent
 def _undone(*_):
     forget()
 
@@ -115,6 +123,7 @@ def _loaded(*_):
 
 HANDLERS = {
     "depsgraph_update_post": _evaluated,
+    "render_init": _render_begins,
     "undo_post": _undone,
     "redo_post": _undone,
     "load_post": _loaded,

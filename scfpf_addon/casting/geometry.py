@@ -18,6 +18,8 @@ class Geometry:
     vertices: (V, 3) float64, world space. triangles: (T, 3) int32.
     corner_normals: (T, 3, 3) float32, unit, world space: the shading normal at
     each corner. material, object_index: (T,) int32. object_names: one name an index.
+    uv: (T, 3, 2) float32, texture coordinates of the corners, NaN where a mesh has none;
+    None where they were not asked for.
     """
 
     vertices: Array
@@ -26,3 +28,4 @@ class Geometry:
     material: NDArray[np.int32]
     object_index: NDArray[np.int32]
     object_names: tuple[str, ...] = ()
+    uv: NDArray[np.float32] | None = None

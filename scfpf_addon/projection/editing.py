@@ -244,6 +244,37 @@ def mirrored(kind: str, parameters: Mapping[str, float], axis: Axis) -> tuple[Ar
     return matrix, changed
 
 
+# Which axes of a kind's own space its lengths run along; an axis in none does not matter.
+_LENGTHS: dict[str, dict[str, tuple[str, ...]]] = {
+    "POINT": {},
+    "PLANE": {"X": ("width",), "Y": ("height",)},
+    "DISC": {"XY": ("radius",)},
+    "CYLINDER": {"XZ": ("radius",), "Y": ("height",)},
+    "CONE": {"XZ": ("radius_start", "radius_end"), "Y": ("height",)},
+    "SPHERE": {"XYZ": ("radius",)},
+}
+
+
+def scaled(kind: str, parameters: Mapping[str, float], scale: Sequence[float]) -> dict[str, float]:
+    """The parameters of a parametric surface whose lengths are those of one scaled by ``scale`` (3,).
+
+    Signs do not count: they stay for the object to have. Raises EditingError for a scale of 0 and where
+    axes of one radius are scaled differently, and for kinds without parameters.
+    """
+    if kind not in _LENGTHS:
+        raise EditingError(f"a surface of kind {kind} has no sizes to put a scale into")
+    changed = dict(parameters)
+    for axes, names in _LENGTHS[kind].items():
+        factors = [abs(scale["XYZ".index(axis)]) for axis in axes]
+        if min(factors) == 0.0:
+            raise EditingError("its scale is 0, and no size is")
+        if max(factors) - min(factors) > SAME_SHARE * max(factors):
+            raise EditingError("it is scaled unevenly and no longer round: convert it to a grid first")
+        for name in names:
+            changed[name] = parameters[name] * factors[0]
+    return changed
+
+
 def framing(pan: float, tilt: float, roll: float, dolly: float, zoom: float) -> Array:
     """The (4, 4) matrix in camera space that frames a volume anew.
 

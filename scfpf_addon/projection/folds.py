@@ -173,7 +173,7 @@ def _evaluate(volume: ViewingVolume, controls: ControlSample, t: Array) -> Volum
     weights, slopes = volume.spans.weights(t)
 
     def along(values: Array, by: Array) -> Array:
-        found: Array = np.einsum("ks,kcn->cns", by, values).reshape(3, -1)
+        found: Array = (np.moveaxis(values, 0, -1) @ by).reshape(3, -1)
         return found
 
     return VolumeSample(

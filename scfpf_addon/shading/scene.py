@@ -51,7 +51,8 @@ class Scene:
     """Everything that a frame shows.
 
     world_color: (3,) radiance of the background. warnings: what the reader had to
-    leave out, a line each.
+    leave out, a line each. object_index, material_index: the number that the user gave
+    each object of ``geometry.object_names`` and each of the materials.
     """
 
     geometry: Geometry
@@ -59,3 +60,5 @@ class Scene:
     lights: tuple[Light, ...] = ()
     world_color: Array = field(default_factory=lambda: np.zeros(3))
     warnings: tuple[str, ...] = ()
+    object_index: tuple[int, ...] = ()
+    material_index: tuple[int, ...] = ()

@@ -12,6 +12,9 @@ if "bpy" not in sys.modules:  # inside a Blender, tests/run_in_blender.py has do
     os.environ["BLENDER_USER_RESOURCES"] = os.path.join(SCRATCH.name, "profile")
     os.mkdir(os.environ["BLENDER_USER_RESOURCES"])  # Blender passes over a folder that is not there
 
+# For modules that several tests share.
+sys.path.append(os.path.dirname(os.path.abspath(__file__)))
+
 import bpy
 import pytest
 
@@ -53,3 +56,20 @@ def addon():
 def empty_file(extension):
     """Every test starts from a file with one empty scene."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+@pytest.fixture
+def engine_scene(tmp_path):
+    """A lit cube and a flexible camera, small, to be rendered by SCFPF into a multilayer EXR."""
+    from engine_pictures import write_multilayer
+
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.object.light_add(type="SUN", rotation=(0.4, 0.3, 0))
+    bpy.context.object.data.energy = 3
+    scene = bpy.context.scene
+    scene.render.engine = "SCFPF"
+    scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 64, 36, 100
+    bpy.ops.scfpf.camera_add()
+    bpy.context.object.scfpf.samples = 2
+    write_multilayer(scene, tmp_path / "out")
+    return scene

@@ -191,10 +191,24 @@ def test_lines_hide_behind_what_is_nearer(gpu_context, drawing, camera, view):
     assert is_blue(colours_at(picture, view, projector(camera, 1.0, 0.5, np.array([0.8, 0.9])))).all()
 
 
-@pytest.mark.parametrize("orthographic", [False, True])
-def test_lines_win_against_a_face_in_the_same_place(gpu_context, addon, drawing, camera, view, orthographic):
-    if orthographic:
+@pytest.mark.parametrize("seen", ["perspective", "orthographic", "far away", "orthographic from far away"])
+def test_lines_win_against_a_face_in_the_same_place(gpu_context, addon, drawing, camera, view, seen):
+    """In a town of kilometres, too, where steps of the depth buffer are larger than pixels."""
+    if seen == "orthographic":
         view = (view[0], Matrix(((0.06, 0, 0, 0), (0, 0.06, 0, 0), (0, 0, -0.01, 0), (0, 0, 0, 1))))
+    if seen.endswith("far away"):
+        eye = view[0].inverted()
+        eye.translation = camera.matrix_world.translation + 100 * (
+            eye.translation - camera.matrix_world.translation
+        )
+        camera.matrix_world = camera.matrix_world @ Matrix.Scale(100, 4)
+        bpy.context.view_layer.update()
+        near, far = 0.01, 1e4
+        depth = (far + near) / (near - far), 2 * far * near / (near - far)
+        view = (eye.inverted(), Matrix(((2.2, 0, 0, 0), (0, 2.2, 0, 0), (0, 0, *depth), (0, 0, -1, 0))))
+    if seen == "orthographic from far away":
+        # Blender's own have the same depth before and behind.
+        view = (view[0], Matrix(((6e-4, 0, 0, 0), (0, 6e-4, 0, 0), (0, 0, -1 / 5e6, 0), (0, 0, 0, 1))))
     corners = in_world(camera, np.array([-2.0, 2, -2, 2]), np.array([-2.0, -2, 2, 2]), -22.0)
     face = np.ascontiguousarray(corners.T, np.float32)
 

@@ -227,7 +227,7 @@ def test_apply_scale_of_a_mesh_surface(camera, add, shown):
 
 
 def test_apply_scale_of_a_parametric_surface(camera, shown):
-    """Its own mesh is empty, so that Blender's Apply changes what is seen; undo mends it."""
+    """Its own mesh is empty, so that Blender's Apply changes what is seen; undo mends it. Ours keeps it."""
     far = camera.scfpf.surfaces[2].object
     far.scale = 2, 2, 2
     for obj in bpy.context.selected_objects:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is read of a scene: every kind of object, where it stands, its normals and slots, what is left out."""
+"""What is read of a scene: every kind of object, where it stands, its normals and slots."""
 
 import math
 
@@ -46,12 +46,6 @@ def triangle_mesh(points=((0, 0, 0), (1, 0, 0), (0, 1, 0))):
     mesh = bpy.data.meshes.new("Triangle")
     mesh.from_pydata(points, [], [(0, 1, 2)])
     return mesh
-
-
-def collection(name, parent=None):
-    made = bpy.data.collections.new(name)
-    (parent or bpy.context.scene.collection).children.link(made)
-    return made
 
 
 def triangles_of(scene, name):
@@ -301,7 +295,12 @@ def test_one_mesh_is_read_once(addon, monkeypatch):
     module = addon(BRIDGE + "read_scene")
     mesh, calls = cube_mesh(), []
     read_mesh = module.read_mesh
-    monkeypatch.setattr(module, "read_mesh", lambda one: calls.append(one.name) or read_mesh(one))
+
+    def noted(one, *options):
+        calls.append(one.name)
+        return read_mesh(one, *options)
+
+    monkeypatch.setattr(module, "read_mesh", noted)
     inside = bpy.data.collections.new("Inside")
     link("Leaf", mesh, inside)
     for number in range(20):
@@ -343,34 +342,6 @@ def test_every_face_has_the_material_of_its_slot(read):
             assert shown_colors[on_face] == pytest.approx(np.broadcast_to(wanted, (2, 3)))
 
 
-def test_what_renders_leave_out_is_left_out(read, read_render):
-    mesh = triangle_mesh()
-    link("Shown", mesh)
-    link("Hidden", mesh).hide_render = True
-    link("Unseen", mesh).visible_camera = False
-    link("In excluded", mesh, collection("Excluded"))
-    link("In hidden", mesh, collection("Hidden"))
-    link("Deep in hidden", mesh, collection("Deep", bpy.data.collections["Hidden"]))
-    link("In indirect", mesh, collection("Indirect"))
-    link("In both", mesh, bpy.data.collections["Excluded"])
-    bpy.context.scene.collection.objects.link(bpy.data.objects["In both"])
-    layers = bpy.context.view_layer.layer_collection.children
-    layers["Excluded"].exclude = True
-    layers["Indirect"].indirect_only = True
-    bpy.data.collections["Hidden"].hide_render = True
-    instanced = bpy.data.collections.new("Instanced")
-    link("Leaf", mesh, instanced)
-    link("Hidden leaf", mesh, instanced).hide_render = True
-    for name in ("Empty", "Hidden empty"):
-        empty = link(name, None)
-        empty.instance_type, empty.instance_collection = "COLLECTION", instanced
-    empty.hide_render = True
-    expected = {"Shown", "In both", "Leaf"}
-    for scene in (read(), read_render()):
-        assert shown(scene) == expected
-        assert len(scene.geometry.triangles) == 3
-
-
 def test_hidden_objects_are_shown_where_they_are_instanced(read, read_render):
     """The usual way to scatter: the source is hidden, its instances are not. F12 does the same."""
     source = link("Source", triangle_mesh())
@@ -384,31 +355,6 @@ def test_hidden_objects_are_shown_where_they_are_instanced(read, read_render):
     tree.links.new(info.outputs["Geometry"], instance.inputs["Instance"])
     for scene in (read(), read_render()):
         assert shown(scene) == {"Source"} and len(scene.geometry.triangles) == 3
-
-
-def test_a_render_depsgraph_shows_what_is_hidden_in_the_viewport_only(read, read_render):
-    mesh = triangle_mesh()
-    link("Shown", mesh)
-    link("Eye", mesh).hide_set(True)
-    link("Monitor", mesh).hide_viewport = True
-    link("In eye", mesh, collection("Eye"))
-    link("In monitor", mesh, collection("Monitor"))
-    bpy.context.view_layer.layer_collection.children["Eye"].hide_viewport = True
-    bpy.data.collections["Monitor"].hide_viewport = True
-    assert shown(read_render()) == {"Shown", "Eye", "Monitor", "In eye", "In monitor"}
-    assert "Shown" in shown(read())
-
-
-def test_control_surfaces_are_left_out(addon, read_render):
-    camera = link("Camera", bpy.data.cameras.new("Camera"))
-    flexible = addon(BRIDGE + "flexible_camera")
-    for z in (-1.0, -5.0):
-        flexible.add_surface(camera, "PLANE", matrix=np.diag([1, 1, 1, 1.0]) + np.eye(4, k=3) * z)
-    flexible.make_flexible(camera)
-    link("Shown", triangle_mesh())
-    for obj in bpy.data.objects:
-        obj.hide_render = False
-    assert shown(read_render()) == {"Shown"}
 
 
 def test_edit_mode_shows_the_edited_mesh(read, read_render):
@@ -442,50 +388,6 @@ def test_animation_is_read_at_the_frame(read, read_render):
             assert scene.geometry.vertices[:, 0].min() == pytest.approx(frame - 1, abs=1e-5)
     bpy.context.scene.frame_set(6, subframe=0.5)
     assert read_render().geometry.vertices[:, 0].min() == pytest.approx(5.5, abs=1e-5)
-
-
-def test_what_is_not_finite_is_left_out_with_a_warning(read):
-    link("Good", triangle_mesh())
-    mesh = cube_mesh("Broken")
-    mesh.vertices[0].co = (math.nan, 0, 0)
-    # Blender stores this as the largest float32.
-    mesh.vertices[1].co = (math.inf, 0, 0)
-    link("Broken", mesh)
-    lost = link("Lost", triangle_mesh())
-    lost.location.x = math.nan
-    scene = read()
-    assert shown(scene) == {"Good", "Broken"}
-    assert np.isfinite(scene.geometry.vertices).all()
-    assert np.isfinite(scene.geometry.corner_normals).all()
-    whole = sum(not {0, 1} & set(face.vertices) for face in mesh.polygons)
-    assert 2 * whole <= len(triangles_of(scene, "Broken")) < 12
-    assert np.abs(corners(scene, triangles_of(scene, "Broken"))).max() == 1
-    assert len(scene.warnings) == 2
-    assert any("Lost" in line for line in scene.warnings) and any("Broken" in line for line in scene.warnings)
-
-
-def test_kinds_without_faces_are_named_in_a_warning(read):
-    link("Shown", triangle_mesh())
-    link("Cloud", bpy.data.volumes.new("Cloud"))
-    assert any("Cloud" in line for line in read().warnings)
-
-
-def test_an_empty_scene_is_one_clear_error(addon):
-    module = addon(BRIDGE + "read_scene")
-    link("Lamp", bpy.data.lights.new("Lamp", "POINT"))
-    link("No faces", bpy.data.meshes.new("No faces"))
-    with pytest.raises(module.SceneError, match="nothing to render"):
-        module.read_scene(bpy.context.evaluated_depsgraph_get())
-
-
-def test_too_many_instances_are_one_clear_error(addon, monkeypatch):
-    module = addon(BRIDGE + "read_scene")
-    monkeypatch.setattr(module, "MAXIMUM_TRIANGLES", 100)
-    mesh = cube_mesh()
-    for _ in range(9):
-        link("Cube", mesh)
-    with pytest.raises(module.SceneError, match="108 triangles"):
-        module.read_scene(bpy.context.evaluated_depsgraph_get())
 
 
 def test_lights_and_world_come_along(read_render):

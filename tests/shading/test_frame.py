@@ -181,7 +181,7 @@ def test_callbacks_come_from_the_calling_thread_and_cover_the_image(build):
     projection, scene = busy(build)
     seen, shares, callers = np.full((50, 70, 4), np.nan, np.float32), [], set()
 
-    def on_tile(rows, pixels):
+    def on_tile(rows, pixels, _passes):
         assert pixels.shape[1:] == (70, 4) and np.isnan(seen[rows]).all()
         seen[rows] = pixels
         callers.add(threading.get_ident())

@@ -137,6 +137,8 @@ def main() -> None:
         sys.stderr.flush()
         os._exit(1)
     bpy.context.preferences.view.show_splash = False
+    # A tooltip that opens by itself would lie over what a picture shows.
+    bpy.context.preferences.view.show_tooltips = False
     bpy.context.preferences.edit.undo_steps = 128
     steps = run(Driver(folder), scenarios, output)
     bpy.app.timers.register(lambda: next(steps, None), first_interval=DRAW, persistent=True)

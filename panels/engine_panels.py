@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the Properties editor shows while the render engine is SCFPF: its own panels, and Blender's."""
+
+import bpy
+
+from ..scfpf_addon.bridge.render_engine import ENGINE
+
+# Blender's panels that every engine may show come with BLENDER_RENDER; these would promise what is not there,
+# or are the bare siblings of those below.
+LEFT_OUT = ("DATA_PT_light", "DATA_PT_spot", "NODE_DATA_PT_light", "MATERIAL_PT_freestyle_line")
+LEFT_OUT_FAMILIES = ("RENDER_PT_freestyle", "VIEWLAYER_PT_freestyle", "RENDER_PT_stereoscopy")
+# EEVEE's own that draw what materials, worlds and lights are made of.
+TAKEN = (
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "EEVEE_WORLD_PT_surface",
+    "DATA_PT_EEVEE_light",
+    "DATA_PT_EEVEE_light_shadow",
+    "NODE_DATA_PT_EEVEE_light",
+)
+
+
+def _blenders_panels():
+    """Blender's panels that are shown for this engine too."""
+    for panel in bpy.types.Panel.__subclasses__():
+        name = panel.__name__
+        shared = "BLENDER_RENDER" in getattr(panel, "COMPAT_ENGINES", ())
+        if name in TAKEN or (shared and name not in LEFT_OUT and not name.startswith(LEFT_OUT_FAMILIES)):
+            yield panel
+
+
+class _EnginePanel:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    COMPAT_ENGINES = {ENGINE}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+
+class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
+    """Through what F12 looks, and how exactly"""
+
+    bl_label = "Sampling"
+    bl_context = "render"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        scene = context.scene
+        layout.prop(scene, "camera")
+        camera = scene.camera
+        if camera is None:
+            layout.operator("scfpf.camera_add", icon="ADD")
+            return
+        column = layout.column()
+        column.prop(camera.scfpf, "samples")
+        row = column.row()
+        # Straight projectors have no such error.
+        row.active = camera.scfpf.enabled
+        row.prop(camera.scfpf, "pixel_error")
+        if not camera.scfpf.enabled:
+            layout.label(text="An ordinary camera: its own view is rendered", icon="INFO")
+
+
+class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
+    """What the picture shows where nothing is"""
+
+    bl_label = "Film"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.prop(context.scene.render, "film_transparent", text="Transparent")
+
+
+class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
+    """How many cores a render takes; its pixels do not depend on that"""
+
+    bl_label = "Performance"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        render = context.scene.render
+        layout.prop(render, "threads_mode")
+        column = layout.column()
+        column.enabled = render.threads_mode == "FIXED"
+        column.prop(render, "threads")
+        layout.prop(render, "use_persistent_data", text="Keep Scene in Memory")
+
+
+class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
+    """Which passes F12 makes beside the picture"""
+
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        view_layer = context.view_layer
+        column = layout.column(heading="Data", align=True)
+        column.prop(view_layer, "use_pass_z")
+        column.prop(view_layer, "use_pass_position")
+        column.prop(view_layer, "use_pass_normal")
+        column.prop(view_layer, "use_pass_uv")
+        column = layout.column(heading="Projectors", align=True)
+        column.prop(view_layer.scfpf, "use_pass_parameters")
+        column.prop(view_layer.scfpf, "use_pass_perspective_depth")
+        column.prop(view_layer.scfpf, "use_pass_tangent")
+        column = layout.column(heading="Indices", align=True)
+        column.prop(view_layer, "use_pass_object_index")
+        column.prop(view_layer, "use_pass_material_index")
+        if view_layer.use_pass_z:
+            layout.label(text="Depth: length along the projector from the near surface", icon="INFO")
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(
+    (
+        SCFPF_PT_engine_camera,
+        SCFPF_PT_engine_film,
+        SCFPF_PT_engine_performance,
+        SCFPF_PT_engine_passes,
+    )
+)
+
+
+def register():
+    _register_classes()
+    for panel in _blenders_panels():
+        panel.COMPAT_ENGINES.add(ENGINE)
+
+
+def unregister():
+    for panel in _blenders_panels():
+        panel.COMPAT_ENGINES.discard(ENGINE)
+    _unregister_classes()

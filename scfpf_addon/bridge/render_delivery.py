@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From finished tiles to Blender's render result, and what the header says meanwhile."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from ..shading.typing import Single
+from .render_job import RenderInputs
+from .render_passes import list_render_passes
+
+# Seconds between two updates of the result and of the header.
+TICK = 0.25
+MEBIBYTE = 2**20
+# An extent beyond every picture: Blender cuts a result off at the render region.
+WHOLE = 2**20
+
+
+class Delivery:
+    """Tiles of one view layer on their way to Blender. Used in the thread that renders only."""
+
+    def __init__(self, engine, view_layer) -> None:
+        """Announce the passes of the view layer."""
+        self._engine = engine
+        self.layer = view_layer.name
+        self._view = engine.active_view_get()
+        self._passes = list(list_render_passes(view_layer))
+        self._waiting: list[tuple[slice, Single, dict[str, Single]]] = []
+        self._has_delivered = False
+        self._memory = 0.0
+        self._started = self._updated = perf_counter()
+        for each in self._passes:
+            if each.source:
+                engine.add_pass(each.name, len(each.channels), each.channels, layer=self.layer)
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """The data passes to be made, as ``shading.passes`` names them."""
+        return tuple(each.source for each in self._passes if each.source)
+
+    def begin(self, inputs: RenderInputs) -> None:
+        """Say what memory the arrays of a picture take; from now on progress is made."""
+        geometry, region = inputs.scene.geometry, inputs.settings.region
+        channels = sum(len(each.channels) for each in self._passes)
+        arrays = (
+            geometry.vertices,
+            geometry.triangles,
+            geometry.corner_normals,
+            geometry.material,
+            geometry.object_index,
+            *([] if geometry.uv is None else [geometry.uv]),
+        )
+        pixels = (region.right - region.left) * (region.top - region.bottom)
+        self._memory = (sum(each.nbytes for each in arrays) + 4 * channels * pixels) / MEBIBYTE
+        self._engine.update_memory_stats(memory_used=self._memory, memory_peak=self._memory)
+        self._started = perf_counter()
+
+    def add(self, rows: slice, pixels: Single, passes: dict[str, Single]) -> None:
+        """Take a finished tile, see ``render_frame``; the arrays stay as they are until delivered."""
+        self._waiting.append((rows, pixels, passes))
+
+    def progress(self, share: float) -> None:
+        """Note how much is done, and every TICK show it."""
+        now = perf_counter()
+        if now - self._updated < TICK:
+            return
+        self._updated = now
+        self._engine.update_progress(share)
+        text = f"Rendering {share:.0%}"
+        if share > 0.0:
+            left = (now - self._started) * (1.0 - share) / share
+            text = f"Remaining {int(left // 60):02d}:{int(left % 60):02d} | {text}"
+        self._engine.update_stats("", text)
+        self.flush()
+
+    def flush(self) -> None:
+        """Hand over the tiles that wait."""
+        waiting, self._waiting = self._waiting, []
+        for rows, pixels, passes in waiting:
+            self._deliver(rows.start, {"": pixels, **passes})
+
+    def show(self, pixels: Single) -> None:
+        """A picture (H, W, 4) for the time being."""
+        self._deliver(0, {"": pixels})
+
+    def _deliver(self, bottom: int, made: dict[str, Single]) -> None:
+        """Hand over rows from ``bottom`` up. made: by the passes' source, each (rows, W, channels)."""
+        height, width = made[""].shape[:2]
+        result = self._engine.begin_result(0, bottom, width, height, layer=self.layer, view=self._view)
+        target = result.layers[0].passes
+        for each in self._passes:
+            if each.source in made:
+                # Flat: Blender takes nothing else.
+                values = np.ravel(made[each.source])
+                target.find_by_name(each.name, self._view).rect.foreach_set(values)
+        self._engine.end_result(result)
+        self._has_delivered = True
+
+    def close(self) -> None:
+        """What is left goes to Blender, or where nothing was made an empty picture."""
+        self.flush()
+        if not self._has_delivered:
+            result = self._engine.begin_result(0, 0, WHOLE, WHOLE, layer=self.layer, view=self._view)
+            self._engine.end_result(result)

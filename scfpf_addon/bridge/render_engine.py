@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine SCFPF: F12, animations and ``blender -b -E SCFPF``, by what the Render button uses."""
+
+from __future__ import annotations
+
+import atexit
+import traceback
+from collections.abc import Callable
+from dataclasses import replace
+
+import bpy
+import numpy as np
+
+from ..casting.geometry import Geometry
+from ..casting.scene import CastScene
+from ..shading.frame import Border, render_frame
+from ..shading.passes import DataPasses
+from ..shading.typing import Single
+from .kept_scene import KeptScene
+from .render_delivery import Delivery
+from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size
+from .render_passes import list_render_passes
+from .render_viewport import ViewportRender, stop_all
+
+ENGINE = "SCFPF"
+# Pixels across a square of the coarse picture that a window shows at first: it costs a
+# sixty-fourth of one sample.
+COARSE = 8
+
+
+class SCFPF_RenderEngine(bpy.types.RenderEngine):
+    """Pictures through flexible cameras, and through ordinary ones too."""
+
+    bl_idname = ENGINE
+    bl_label = "SCFPF"
+    bl_use_postprocess = True
+    bl_use_eevee_viewport = True
+    # Materials and worlds are made of the nodes that Cycles and EEVEE have.
+    bl_use_shading_nodes_custom = False
+
+    def update_render_passes(self, scene=None, renderlayer=None):
+        """Tell the compositor which passes there are."""
+        for each in list_render_passes(renderlayer):
+            self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.type)
+
+    def render(self, depsgraph):
+        """Make the picture of one view layer at one frame.
+
+        However this ends, Blender has pixels (without, it crashes when it saves them) and
+        an error is a report, which stops animations and keeps it from writing files.
+        """
+        delivery = Delivery(self, depsgraph.view_layer_eval)
+        try:
+            inputs = self._read(depsgraph, delivery)
+            self._make(inputs, delivery)
+        except RENDER_ERRORS as error:
+            self._fail(str(error) or "There is not enough memory for this picture")
+        except Exception as error:  # What leaves here Blender prints and takes for success.
+            traceback.print_exc()
+            self._fail(f"SCFPF has failed, the console says where ({type(error).__name__}: {error})")
+        finally:
+            delivery.close()
+
+    def view_update(self, context, depsgraph):
+        """A viewport in Rendered shading: the scene has changed."""
+        self._viewport().update()
+        self.tag_redraw()
+
+    def view_draw(self, context, depsgraph):
+        """A viewport in Rendered shading is drawn."""
+        self._viewport().draw(context, depsgraph, self)
+
+    def _viewport(self) -> ViewportRender:
+        # Not made in __init__: renders have no viewport.
+        if not hasattr(self, "viewport"):
+            self.viewport = ViewportRender()
+        return self.viewport
+
+    def _read(self, depsgraph, delivery: Delivery) -> RenderInputs:
+        size = self.resolution_x, self.resolution_y
+        require_size(*size)
+        camera = self.camera_override or depsgraph.scene.camera
+        if camera is None:
+            raise RenderError("The scene has no camera: add one with Add > Camera > Flexible Camera")
+        self.update_stats("", "Reading the scene")
+        inputs = read_inputs(
+            depsgraph,
+            camera.original,
+            size,
+            border=render_border(self.render, *size),
+            passes=delivery.sources,
+            may_be_empty=True,
+        )
+        for warning in inputs.scene.warnings:
+            self.report({"WARNING"}, warning)
+        return inputs
+
+    def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
+        if self.test_break():
+            return
+        delivery.begin(inputs)
+        self.update_stats("", "Building the acceleration structure, which cannot be cancelled")
+        cast_scene = self._build(inputs.scene.geometry, delivery.layer)
+        if not bpy.app.background:
+            coarse = coarse_picture(inputs, cast_scene, self.test_break)
+            if coarse is not None:
+                delivery.show(coarse)
+        frame = render_frame(
+            inputs.projection,
+            inputs.scene,
+            inputs.settings,
+            cast_scene,
+            progress=delivery.progress,
+            cancelled=self.test_break,
+            on_tile=delivery.add,
+        )
+        if frame is not None:
+            delivery.flush()
+            self.update_stats("", frame.report.summary())
+
+    def _build(self, geometry: Geometry, layer: str) -> CastScene | None:
+        """What projectors are cast at; with persistent data that of the last picture, if nothing moved."""
+        # Blender keeps the engine with persistent data, and makes one for each picture without.
+        kept = getattr(self, "kept_scenes", {})
+        made = KeptScene.of(geometry, kept.get(layer))
+        self.kept_scenes = {**kept, layer: made} if self.render.use_persistent_data else {}
+        return made.cast_scene
+
+    def _fail(self, message: str) -> None:
+        self.report({"ERROR"}, message)
+        if not bpy.app.background:
+            # Image Editors show this one over the picture.
+            self.error_set(message)
+
+
+def coarse_picture(
+    inputs: RenderInputs, cast_scene: CastScene | None, cancelled: Callable[[], bool]
+) -> Single | None:
+    """What the picture will be, (H, W, 4), in squares of COARSE pixels; None when cancelled."""
+    whole = inputs.settings
+    width, height = -(-whole.width // COARSE), -(-whole.height // COARSE)
+    settings = replace(
+        whole,
+        width=width,
+        height=height,
+        samples=1,
+        pixel_error=max(whole.pixel_error, 1.0),
+        border=None,
+        passes=DataPasses(),
+    )
+    frame = render_frame(inputs.projection, inputs.scene, settings, cast_scene, cancelled=cancelled)
+    if frame is None:
+        return None
+    left, bottom, right, top = whole.region
+    rows = np.arange(bottom, top) * height // whole.height
+    columns = np.arange(left, right) * width // whole.width
+    return frame.pixels[rows[:, None], columns]
+
+
+def render_border(render, width: int, height: int) -> Border | None:
+    """The pixels of a scene's render region, just as Blender counts them; None without one.
+
+    render: bpy.types.RenderSettings.
+    """
+    if not render.use_border:
+        return None
+    # Blender multiplies in float32 and cuts off.
+    size = {"x": np.float32(width), "y": np.float32(height)}
+    left, bottom, right, top = (
+        int(np.float32(getattr(render, f"border_{end}_{axis}")) * size[axis])
+        for end in ("min", "max")
+        for axis in ("x", "y")
+    )
+    return Border(left, bottom, right, top)
+
+
+def _leave():
+    """As a module Blender 4.5 hangs when Python ends while an engine that has rendered is registered."""
+    bpy.utils.unregister_class(SCFPF_RenderEngine)
+
+
+def register():
+    bpy.utils.register_class(SCFPF_RenderEngine)
+    if bpy.app.module:
+        atexit.register(_leave)
+
+
+def unregister():
+    stop_all()
+    atexit.unregister(_leave)
+    # Blender switches add-ons off after Python's exit functions have run.
+    if SCFPF_RenderEngine.is_registered:
+        bpy.utils.unregister_class(SCFPF_RenderEngine)

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Data passes: what the projector through a pixel's centre hits, as numbers and without a filter."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..casting.hits import Hits
+from ..casting.scene import CastScene
+from ..projection.basis import SpanBasis
+from ..projection.typing import Array, IndexArray
+from ..projection.volume import Projection, ViewingVolume
+from .scene import Scene
+from .surface import SurfaceTable
+from .typing import Single
+
+# Depth where nothing is hit, as in Blender's own engines.
+FARTHEST_DEPTH = 1e10
+# Nodes of the Gauss quadrature of a projector's length, a span: 1e-6 for a half turn.
+LENGTH_NODES = 12
+
+
+@dataclass(frozen=True)
+class DataPasses:
+    """Which data passes a frame has.
+
+    names: of PASSES. depth_plane: (4,) (a, b, c, d), depth is a·x + b·y + c·z + d in world
+    space, the distance from an ordinary camera along its axis; None for the
+    length of the projector from the near surface.
+    """
+
+    names: tuple[str, ...] = ()
+    depth_plane: Array | None = None
+
+
+class Seen(NamedTuple):
+    """The n projectors of a tile that hit, in cast space.
+
+    x, y: (n,) where in the image. hits: of all the same.
+    """
+
+    x: Array
+    y: Array
+    hits: Hits
+
+
+@dataclass(frozen=True)
+class PassSource:
+    """All that data passes are made of. projection: in cast space, that of ``cast_scene``."""
+
+    wanted: DataPasses
+    projection: Projection
+    scene: Scene
+    cast_scene: CastScene
+    surface: SurfaceTable
+
+    def position(self, seen: Seen) -> Array:
+        """World position, (3, n)."""
+        position: Array = seen.hits.position / self.cast_scene.scale + np.reshape(
+            self.cast_scene.centre, (3, 1)
+        )
+        return position
+
+    def depth(self, seen: Seen) -> Array:
+        """See ``DataPasses.depth_plane``, (1, n)."""
+        plane = self.wanted.depth_plane
+        if plane is not None:
+            # Not a matrix product, whose rounding may depend on how many there are.
+            x, y, z = self.position(seen)
+            depth: Array = plane[0] * x + plane[1] * y + plane[2] * z + plane[3]
+            return depth[None]
+        points = self.projection.projectors(seen.x, seen.y).points
+        length = projector_length(self.projection.volume.spans, points, seen.hits.t)
+        return length[None] / self.cast_scene.scale
+
+    def normal(self, seen: Seen) -> Array:
+        """Shading normal on the side of the viewer, unit, world axes, (3, n)."""
+        hits = seen.hits
+        points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
+        return points.normal.astype(np.float64)
+
+    def uv(self, seen: Seen) -> Array:
+        """Texture coordinates and 1, as Cycles has it, or 0 where a mesh has none, (3, n)."""
+        corners = self.scene.geometry.uv
+        if corners is None:
+            raise ValueError("the scene was read without texture coordinates")
+        first, second, third = corners[seen.hits.triangle].astype(np.float64).transpose(1, 2, 0)
+        weight = seen.hits.barycentric
+        u, v = first + (second - first) * weight[0] + (third - first) * weight[1]
+        there = ~np.isnan(u)
+        return np.where(there, np.stack([u, v, np.ones_like(u)]), 0.0)
+
+    def parameters(self, seen: Seen) -> Array:
+        """(u, v, t) of the hit, (3, n)."""
+        image = self.projection.parameters(seen.x, seen.y)
+        return np.stack([image.u, image.v, seen.hits.t])
+
+    def perspective_depth(self, seen: Seen) -> Array:
+        """See ``perspective_depth``, (1, n)."""
+        image = self.projection.parameters(seen.x, seen.y)
+        return perspective_depth(self.projection.volume, image.u, image.v, seen.hits.t)[None]
+
+    def tangent(self, seen: Seen) -> Array:
+        """The projector's direction at the hit, away from the viewer, unit, world axes, (3, n)."""
+        tangent = seen.hits.tangent
+        length = np.sqrt(np.einsum("cn,cn->n", tangent, tangent))
+        return tangent / np.where(length > 0.0, length, 1.0)
+
+    def object_index(self, seen: Seen) -> Array:
+        """The user's number of the object, (1, n); the scene must know them."""
+        number = self.scene.geometry.object_index.take(seen.hits.triangle)
+        return np.array(self.scene.object_index, np.float64).take(number)[None]
+
+    def material_index(self, seen: Seen) -> Array:
+        """The user's number of the material, (1, n); the scene must know them."""
+        number = self.scene.geometry.material.take(seen.hits.triangle)
+        return np.array(self.scene.material_index, np.float64).take(number)[None]
+
+
+class PassKind(NamedTuple):
+    """channels: how many; miss: their value where nothing is hit; values: (channels, n) of what is."""
+
+    channels: int
+    miss: float
+    values: Callable[[PassSource, Seen], Array]
+
+
+PASSES = {
+    "DEPTH": PassKind(1, FARTHEST_DEPTH, PassSource.depth),
+    "POSITION": PassKind(3, 0.0, PassSource.position),
+    "NORMAL": PassKind(3, 0.0, PassSource.normal),
+    "UV": PassKind(3, 0.0, PassSource.uv),
+    "PARAMETERS": PassKind(3, 0.0, PassSource.parameters),
+    "PERSPECTIVE_DEPTH": PassKind(1, 1.0, PassSource.perspective_depth),
+    "TANGENT": PassKind(3, 0.0, PassSource.tangent),
+    "OBJECT_INDEX": PassKind(1, 0.0, PassSource.object_index),
+    "MATERIAL_INDEX": PassKind(1, 0.0, PassSource.material_index),
+}
+
+
+def empty_passes(wanted: DataPasses, height: int, width: int) -> dict[str, Single]:
+    """The passes of a picture in which nothing is hit, each (height, width, channels)."""
+    return {
+        name: np.full((height, width, PASSES[name].channels), PASSES[name].miss, np.float32)
+        for name in wanted.names
+    }
+
+
+def fill_passes(source: PassSource, seen: Seen, where: IndexArray, into: dict[str, Single]) -> None:
+    """Write what is seen at the pixels ``where`` (n,) into the passes of a tile, each (pixels, channels)."""
+    for name, pixels in into.items():
+        pixels[where] = PASSES[name].values(source, seen).T
+
+
+def projector_length(spans: SpanBasis, points: Array, t: Array) -> Array:
+    """Length of projectors with control points (K, 3, n) from the near surface to t (n,), (n,)."""
+    nodes, shares = np.polynomial.legendre.leggauss(LENGTH_NODES if spans.degree > 1 else 1)
+    length = np.zeros(len(t))
+    for start, end in pairwise(spans.breaks):
+        half = (np.clip(t, start, end) - start) / 2
+        for node, share in zip(nodes, shares, strict=True):
+            _, slopes = spans.weights(start + half * (1 + node))
+            velocity = np.einsum("kn,kcn->cn", slopes, points)
+            length += share * half * np.sqrt(np.einsum("cn,cn->n", velocity, velocity))
+    return length
+
+
+def perspective_depth(volume: ViewingVolume, u: Array, v: Array, t: Array) -> Array:
+    """The depth of linear perspective in place of t, both (n,) in [0, 1] (paper §3.2, after Watt 2000).
+
+    f (1 - d/z) / (f - d), where d, f and z are the distances from the centre of projection to the
+    near and far plane and to the point. A volume at large has no centre; what stands for f/d
+    is how much farther apart its projectors are at the far end, √(|Qu × Qv| far / near). That is
+    f/d for every frustum and 1, which leaves t as it is, for parallel projectors.
+    """
+    near, far = (volume.evaluate(u, v, np.full_like(t, end)) for end in (0.0, 1.0))
+    spread_near, spread_far = (
+        np.sqrt(np.linalg.norm(np.cross(q.du, q.dv, axis=0), axis=0)) for q in (near, far)
+    )
+    # t f / ((1 - t) d + t f), with f and d up to a common factor.
+    whole = (1.0 - t) * spread_near + t * spread_far
+    return np.divide(t * spread_far, whole, out=t.copy(), where=whole > 0.0)

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A parametric surface's scale becomes its sizes, and nothing moves."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Matrix
+
+U, V, T = np.random.default_rng(7).random((3, 100))
+FLOAT32 = 3e-6
+
+
+@pytest.fixture
+def shown(addon):
+    def positions(camera):
+        read = addon("scfpf_addon.bridge.read_projection").read_projection
+        bpy.context.view_layer.update()
+        return read(camera, bpy.context.evaluated_depsgraph_get(), 1.5).volume.evaluate(U, V, T).position
+
+    return positions
+
+
+@pytest.fixture
+def camera_with(addon):
+    def make(kind):
+        """A flexible camera with a plane and a surface of ``kind``, the active one."""
+        add = addon("scfpf_addon.bridge.flexible_camera").add_surface
+        bpy.ops.object.camera_add(location=(3, -2, 1), rotation=(1.2, 0.1, 0.4))
+        camera = bpy.context.object
+        camera.scfpf.enabled = True
+        add(camera, "PLANE", "Near", Matrix.Translation((0, 0, -1)))
+        add(camera, kind, "Far", Matrix.Translation((1, 0, -9)) @ Matrix.Rotation(0.5, 4, "Y"))
+        camera.scfpf.active_surface = 1
+        bpy.context.view_layer.update()
+        return camera
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("kind", "scale"),
+    [
+        ("POINT", (2, 3, -4)),
+        ("PLANE", (2, -3, 4)),
+        ("DISC", (-3, 3, 4)),
+        ("CYLINDER", (2, 3, -2)),
+        ("CONE", (-2, 0.5, 2)),
+        ("SPHERE", (2, 2, -2)),
+    ],
+)
+def test_a_scale_becomes_sizes(camera_with, shown, kind, scale):
+    camera = camera_with(kind)
+    surface = camera.scfpf.surfaces[1].object
+    surface.scale = scale
+    surface.delta_scale = (1.5, 1, 1)
+    child = bpy.data.objects.new("Child", None)
+    bpy.context.scene.collection.objects.link(child)
+    child.parent, child.location = surface, (1, 2, 3)
+    bpy.context.view_layer.update()
+    before, place = shown(camera), np.array(child.matrix_world)
+    assert bpy.ops.scfpf.surface_apply_scale() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert np.abs(shown(camera) - before).max() < FLOAT32 * np.abs(before).max()
+    assert tuple(surface.scale) == tuple(np.sign(scale)) and surface.scfpf_surface.kind == kind
+    # Between scale and location nothing is turned, so the child's own axes are stretched as they were.
+    assert np.allclose(np.array(child.matrix_world), place, atol=1e-5)
+
+
+def test_a_scale_that_no_size_can_have_is_refused_before_anything_changes(camera_with, shown):
+    for kind, scale, message in (
+        ("CYLINDER", (2, 1, 3), "unevenly"),
+        ("PLANE", (0, 1, 1), "scale is 0"),
+        ("GRID", (2, 2, 2), "Apply > Scale"),
+    ):
+        camera = camera_with(kind)
+        surface = camera.scfpf.surfaces[1].object
+        surface.scale = scale
+        with pytest.raises(RuntimeError, match=message):
+            bpy.ops.scfpf.surface_apply_scale()
+        assert tuple(surface.scale) == scale
+    camera = camera_with("SPHERE")
+    camera.scfpf.surfaces[1].object.keyframe_insert("scale", frame=1)
+    with pytest.raises(RuntimeError, match="animation"):
+        bpy.ops.scfpf.surface_apply_scale()

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What of a scene is not read: hidden, excluded, broken, without faces, too much; and what is said of it."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+
+BRIDGE = "scfpf_addon.bridge."
+
+
+@pytest.fixture
+def read(addon):
+    """Read the scene as the viewport has it."""
+    module = addon(BRIDGE + "read_scene")
+    return lambda: module.read_scene(bpy.context.evaluated_depsgraph_get())
+
+
+@pytest.fixture
+def read_render(addon):
+    """Read the scene as F12 has it."""
+    scene, depsgraph = addon(BRIDGE + "read_scene"), addon(BRIDGE + "render_depsgraph")
+    return lambda: depsgraph.with_render_depsgraph(
+        bpy.context.scene, bpy.context.view_layer, scene.read_scene
+    )
+
+
+def link(name, data, collection=None):
+    obj = bpy.data.objects.new(name, data)
+    (collection or bpy.context.scene.collection).objects.link(obj)
+    return obj
+
+
+def cube_mesh(name="Cube"):
+    bpy.ops.mesh.primitive_cube_add()
+    obj = bpy.context.object
+    mesh = obj.data
+    mesh.name = name
+    bpy.data.objects.remove(obj)
+    return mesh
+
+
+def triangle_mesh(points=((0, 0, 0), (1, 0, 0), (0, 1, 0))):
+    mesh = bpy.data.meshes.new("Triangle")
+    mesh.from_pydata(points, [], [(0, 1, 2)])
+    return mesh
+
+
+def collection(name, parent=None):
+    made = bpy.data.collections.new(name)
+    (parent or bpy.context.scene.collection).children.link(made)
+    return made
+
+
+def triangles_of(scene, name):
+    geometry = scene.geometry
+    return np.flatnonzero(geometry.object_index == geometry.object_names.index(name))
+
+
+def corners(scene, which):
+    """Positions (T, 3, 3) of triangles' corners."""
+    return scene.geometry.vertices[scene.geometry.triangles[which]]
+
+
+def shown(scene):
+    return set(np.array(scene.geometry.object_names)[np.unique(scene.geometry.object_index)])
+
+
+def test_what_renders_leave_out_is_left_out(read, read_render):
+    mesh = triangle_mesh()
+    link("Shown", mesh)
+    link("Hidden", mesh).hide_render = True
+    link("Unseen", mesh).visible_camera = False
+    link("In excluded", mesh, collection("Excluded"))
+    link("In hidden", mesh, collection("Hidden"))
+    link("Deep in hidden", mesh, collection("Deep", bpy.data.collections["Hidden"]))
+    link("In indirect", mesh, collection("Indirect"))
+    link("In both", mesh, bpy.data.collections["Excluded"])
+    bpy.context.scene.collection.objects.link(bpy.data.objects["In both"])
+    layers = bpy.context.view_layer.layer_collection.children
+    layers["Excluded"].exclude = True
+    layers["Indirect"].indirect_only = True
+    bpy.data.collections["Hidden"].hide_render = True
+    instanced = bpy.data.collections.new("Instanced")
+    link("Leaf", mesh, instanced)
+    link("Hidden leaf", mesh, instanced).hide_render = True
+    for name in ("Empty", "Hidden empty"):
+        empty = link(name, None)
+        empty.instance_type, empty.instance_collection = "COLLECTION", instanced
+    empty.hide_render = True
+    expected = {"Shown", "In both", "Leaf"}
+    for scene in (read(), read_render()):
+        assert shown(scene) == expected
+        assert len(scene.geometry.triangles) == 3
+
+
+def test_a_render_depsgraph_shows_what_is_hidden_in_the_viewport_only(read, read_render):
+    mesh = triangle_mesh()
+    link("Shown", mesh)
+    link("Eye", mesh).hide_set(True)
+    link("Monitor", mesh).hide_viewport = True
+    link("In eye", mesh, collection("Eye"))
+    link("In monitor", mesh, collection("Monitor"))
+    bpy.context.view_layer.layer_collection.children["Eye"].hide_viewport = True
+    bpy.data.collections["Monitor"].hide_viewport = True
+    assert shown(read_render()) == {"Shown", "Eye", "Monitor", "In eye", "In monitor"}
+    assert "Shown" in shown(read())
+
+
+def test_control_surfaces_are_left_out(addon, read_render):
+    camera = link("Camera", bpy.data.cameras.new("Camera"))
+    flexible = addon(BRIDGE + "flexible_camera")
+    for z in (-1.0, -5.0):
+        flexible.add_surface(camera, "PLANE", matrix=np.diag([1, 1, 1, 1.0]) + np.eye(4, k=3) * z)
+    flexible.make_flexible(camera)
+    link("Shown", triangle_mesh())
+    for obj in bpy.data.objects:
+        obj.hide_render = False
+    assert shown(read_render()) == {"Shown"}
+
+
+def test_what_is_not_finite_is_left_out_with_a_warning(read):
+    link("Good", triangle_mesh())
+    mesh = cube_mesh("Broken")
+    mesh.vertices[0].co = (math.nan, 0, 0)
+    # Blender stores this as the largest float32.
+    mesh.vertices[1].co = (math.inf, 0, 0)
+    link("Broken", mesh)
+    lost = link("Lost", triangle_mesh())
+    lost.location.x = math.nan
+    scene = read()
+    assert shown(scene) == {"Good", "Broken"}
+    assert np.isfinite(scene.geometry.vertices).all()
+    assert np.isfinite(scene.geometry.corner_normals).all()
+    whole = sum(not {0, 1} & set(face.vertices) for face in mesh.polygons)
+    assert 2 * whole <= len(triangles_of(scene, "Broken")) < 12
+    assert np.abs(corners(scene, triangles_of(scene, "Broken"))).max() == 1
+    assert len(scene.warnings) == 2
+    assert any("Lost" in line for line in scene.warnings) and any("Broken" in line for line in scene.warnings)
+
+
+def test_kinds_without_faces_are_named_in_a_warning(read):
+    link("Shown", triangle_mesh())
+    link("Cloud", bpy.data.volumes.new("Cloud"))
+    assert any("Cloud" in line for line in read().warnings)
+
+
+def test_an_empty_scene_is_one_clear_error(addon):
+    module = addon(BRIDGE + "read_scene")
+    link("Lamp", bpy.data.lights.new("Lamp", "POINT"))
+    link("No faces", bpy.data.meshes.new("No faces"))
+    with pytest.raises(module.SceneError, match="nothing to render"):
+        module.read_scene(bpy.context.evaluated_depsgraph_get())
+
+
+def test_too_many_instances_are_one_clear_error(addon, monkeypatch):
+    module = addon(BRIDGE + "read_scene")
+    monkeypatch.setattr(module, "MAXIMUM_TRIANGLES", 100)
+    mesh = cube_mesh()
+    for _ in range(9):
+        link("Cube", mesh)
+    with pytest.raises(module.SceneError, match="108 triangles"):
+        module.read_scene(bpy.context.evaluated_depsgraph_get())

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What goes wrong while the engine renders is a message: no crash, no file, the button's picture intact."""
+
+import os
+
+import bpy
+import numpy as np
+import pytest
+from engine_pictures import button, f12
+
+COMBINED = "ViewLayer.Combined"
+
+
+def image():
+    pixels = bpy.data.images["SCFPF Render"].pixels
+    values = np.empty(len(pixels), np.float32)
+    pixels.foreach_get(values)
+    return values
+
+
+def no_surfaces(scene):
+    scene.camera.scfpf.surfaces.clear()
+
+
+def deleted_surface(scene):
+    bpy.data.objects.remove(scene.camera.scfpf.surfaces[0].object)
+
+
+def zero_size_surface(scene):
+    scene.camera.scfpf.surfaces[1].object.scale = (0, 0, 0)
+
+
+def not_a_number(scene):
+    scene.camera.rotation_euler.x = float("nan")
+
+
+def no_camera(scene):
+    scene.camera = None
+
+
+def panoramic_camera(scene):
+    scene.camera.scfpf.enabled = False
+    scene.camera.data.type = "PANO"
+
+
+def ordinary_without_size(scene):
+    scene.camera.scfpf.enabled = False
+    scene.camera.scale = (0, 0, 0)
+
+
+FAULTS = {
+    no_surfaces: "needs at least two",
+    deleted_surface: "empty",
+    zero_size_surface: "no size",
+    not_a_number: "not finite",
+    no_camera: "camera",
+    panoramic_camera: "neither a perspective nor an orthographic",
+    ordinary_without_size: "scale of 0",
+}
+
+
+def refused(scene, message):
+    """Press F12; the one message of its failure, after making sure that nothing was written."""
+    path = f"{scene.render.filepath}.exr"
+    if os.path.exists(path):
+        os.remove(path)
+    with pytest.raises(RuntimeError, match=message) as caught:
+        bpy.ops.render.render(write_still=True)
+    assert not os.path.exists(path), "a picture of a failure was written"
+    return str(caught.value).strip()
+
+
+@pytest.mark.parametrize("spoil", FAULTS, ids=lambda spoil: spoil.__name__)
+def test_bad_input_is_a_message_and_nothing_is_lost(engine_scene, spoil, capfd):
+    button()
+    before = image()
+    spoil(engine_scene)
+    assert refused(engine_scene, FAULTS[spoil]).count("\n") == 0
+    assert "Traceback" not in "".join(capfd.readouterr())
+    assert np.array_equal(image(), before)
+
+
+def test_the_next_render_after_a_failure_is_whole(engine_scene):
+    expected = f12(engine_scene)[COMBINED]
+    surface = engine_scene.camera.scfpf.surfaces[1].object
+    surface.scale = (0, 0, 0)
+    refused(engine_scene, "no size")
+    surface.scale = (1, 1, 1)
+    assert np.array_equal(f12(engine_scene)[COMBINED], expected)
+
+
+def test_empty_scene_is_its_background_and_a_warning(engine_scene, capfd):
+    bpy.data.objects.remove(bpy.data.objects["Cube"])
+    engine_scene.view_layers[0].use_pass_z = engine_scene.view_layers[0].use_pass_position = True
+    made = f12(engine_scene)
+    assert np.ptp(made[COMBINED][..., :3]) == 0 and (made[COMBINED][..., 3] == 1).all()
+    assert (made["ViewLayer.Depth"] == 1e10).all() and (made["ViewLayer.Position"] == 0).all()
+    assert "nothing to render" in "".join(capfd.readouterr())
+
+
+def test_missing_embreex_says_so(addon, engine_scene, monkeypatch):
+    casting = addon("scfpf_addon.casting.scene")
+
+    def missing():
+        raise casting.CastError("embreex is missing")
+
+    monkeypatch.setattr(casting, "_load_embreex", missing)
+    refused(engine_scene, "embreex is missing")
+
+
+@pytest.mark.parametrize("error", [MemoryError(), ZeroDivisionError("in the core"), KeyError("x")])
+@pytest.mark.parametrize("where", ["read_inputs", "render_frame"])
+def test_exception_in_the_core_is_a_message(addon, engine_scene, monkeypatch, error, where):
+    expected = f12(engine_scene)[COMBINED]
+
+    def fail(*_arguments, **_options):
+        raise error
+
+    with monkeypatch.context() as patch:
+        patch.setattr(addon("scfpf_addon.bridge.render_engine"), where, fail)
+        refused(engine_scene, "not enough memory" if isinstance(error, MemoryError) else type(error).__name__)
+    assert np.array_equal(f12(engine_scene)[COMBINED], expected)
+
+
+def test_exception_in_a_tile_after_others_are_delivered(addon, engine_scene, monkeypatch):
+    """Half of the picture is with Blender when a tile fails."""
+    frame = addon("scfpf_addon.shading.frame")
+    whole = frame.Pipeline.render_tile
+
+    def fail(self, job, *arguments):
+        if job.rows.start > 20:
+            raise FloatingPointError("in a tile")
+        return whole(self, job, *arguments)
+
+    monkeypatch.setattr(frame.Pipeline, "render_tile", fail)
+    monkeypatch.setattr(addon("scfpf_addon.bridge.render_delivery"), "TICK", 0.0)
+    refused(engine_scene, "FloatingPointError: in a tile")
+
+
+def test_absurd_size_is_refused(addon, engine_scene):
+    """Without allocating it: Blender has its own result by then, so the engine's check alone is asked."""
+    job = addon("scfpf_addon.bridge.render_job")
+    with pytest.raises(job.RenderError, match="GB of memory"):
+        job.require_size(65536, 65536)
+
+
+def test_cancelled_render_delivers_what_is_done(addon, engine_scene, monkeypatch):
+    """Blender asks an engine to stop through test_break(); the operator still ends in order."""
+    engine = addon("scfpf_addon.bridge.render_engine")
+    asked = []
+
+    class Stopped:
+        """The engine, with a test_break that answers True from the third time on."""
+
+        def __init__(self, real):
+            self._real = real
+
+        def __getattr__(self, name):
+            return getattr(self._real, name)
+
+        def test_break(self):
+            asked.append(1)
+            return len(asked) > 2
+
+    real = engine.SCFPF_RenderEngine._make
+    monkeypatch.setattr(engine.SCFPF_RenderEngine, "_make", lambda self, *rest: real(Stopped(self), *rest))
+    engine_scene.camera.scfpf.samples = 64
+    engine_scene.render.resolution_x = engine_scene.render.resolution_y = 1024
+    picture = f12(engine_scene)[COMBINED]
+    assert 3 <= len(asked) < 20
+    assert picture.shape == (1024, 1024, 4) and (picture[..., 3] == 0).any()

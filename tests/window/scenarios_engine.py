@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine in a window: F12, a cancelled render, an animation, its panels, Rendered shading."""
+
+import sys
+import time
+
+import bpy
+from driver import DRAW, PATIENCE, build_scene
+
+# Seconds from Esc to the end of the job: 0.5 with the machine to itself, which tests have not.
+ESC_SECONDS = 2.0
+# The cross beside the progress bar, in the window of these scenarios.
+CROSS = {"x": 918, "y": 11}
+
+
+def prepare(driver, preset="nonlinear_twist"):
+    """A scene for the engine, whose result is shown in the 3D viewport's place."""
+    build_scene()
+    driver.add_camera(preset)
+    bpy.context.scene.render.engine = "SCFPF"
+    bpy.context.preferences.view.render_display_type = "AREA"
+
+
+def running():
+    return bpy.app.is_job_running("RENDER")
+
+
+def ended(job_name="render"):
+    """Generator: wait for the render job."""
+    end = time.monotonic() + PATIENCE
+    while running():
+        assert time.monotonic() < end, f"the {job_name} does not end"
+        yield 0.05
+    yield DRAW
+
+
+def show(driver, tab):
+    driver.area("PROPERTIES").spaces.active.context = tab
+
+
+def f12(driver):
+    """F12: progress, tiles, the picture; the panels of the engine beside it."""
+    prepare(driver)
+    scene = bpy.context.scene
+    view_layer = scene.view_layers[0]
+    view_layer.use_pass_z = view_layer.scfpf.use_pass_parameters = True
+    scene.camera.scfpf.samples = 8
+    show(driver, "RENDER")
+    yield DRAW
+    driver.key("F12")
+    end = time.monotonic() + PATIENCE
+    while not running():
+        assert time.monotonic() < end, "F12 renders nothing"
+        yield 0.05
+    yield 1.0
+    driver.shot("progress")
+    yield from ended()
+    driver.shot("done")
+    assert driver.region_pixels("IMAGE_EDITOR").std() > 10, "the Image Editor shows nothing"
+    for tab in ("OUTPUT", "VIEW_LAYER", "WORLD"):
+        show(driver, tab)
+        yield DRAW
+        driver.shot(f"tab-{tab.lower()}")
+
+
+def cancelled(driver):
+    """The cross beside the progress bar, which does what Esc does, ends the job; F12 works again.
+
+    Blender notes an Esc where real keys come in, which it does not look at while events are simulated.
+    """
+    prepare(driver)
+    scene = bpy.context.scene
+    scene.camera.scfpf.samples = 256
+    driver.key("F12")
+    end = time.monotonic() + PATIENCE
+    while not running():
+        assert time.monotonic() < end, "F12 renders nothing"
+        yield 0.05
+    yield 2.0
+    assert running(), "the render is too quick to be cancelled"
+    driver.shot("rendering")
+    for kind, value in (("MOUSEMOVE", "NOTHING"), ("LEFTMOUSE", "PRESS"), ("LEFTMOUSE", "RELEASE")):
+        driver.window.event_simulate(kind, value, **CROSS)
+        yield 0.2
+    pressed = time.monotonic()
+    while running():
+        assert time.monotonic() - pressed < PATIENCE, "the render does not end"
+        yield 0.02
+    took = time.monotonic() - pressed
+    print(f"cancelled in {took:.2f} s", flush=True)
+    assert took < ESC_SECONDS, f"that took {took:.2f} s"
+    yield DRAW
+    driver.shot("cancelled")
+    scene.camera.scfpf.samples = 1
+    driver.key("F12", "IMAGE_EDITOR")
+    yield 0.5
+    yield from ended()
+    driver.shot("again")
+    assert driver.region_pixels("IMAGE_EDITOR").std() > 10, "the Image Editor shows nothing"
+
+
+def animation(driver):
+    """Ctrl-F12 writes every frame while the window lives; a broken volume stops it with a message."""
+    prepare(driver)
+    scene = bpy.context.scene
+    surface = scene.camera.scfpf.surfaces[1].object
+    for frame, angle in ((1, 0.0), (3, 0.6)):
+        surface.rotation_euler.z = angle
+        surface.keyframe_insert("rotation_euler", frame=frame)
+    scene.camera.scfpf.samples = 1
+    scene.frame_start, scene.frame_end = 1, 3
+    scene.render.filepath = str(driver.folder / "frame_")
+    driver.key("F12", ctrl=True)
+    yield 0.5
+    yield from ended("animation")
+    made = sorted(driver.folder.glob("frame_*.png"))
+    assert len(made) == 3, made
+    assert len({path.read_bytes() for path in made}) == 3, "frames are equal"
+    driver.shot("done")
+    for path in made:
+        path.unlink()
+    scene.camera.scfpf.surfaces.clear()
+    driver.key("F12", "IMAGE_EDITOR", ctrl=True)
+    yield 0.5
+    yield from ended("animation")
+    driver.shot("refused")
+    # In a window Blender sometimes loses the break of the very first frame and writes its empty picture.
+    left = sorted(driver.folder.glob("frame_*.png"))
+    assert len(left) < 2, f"the animation went on after a failure: {left}"
+
+
+def painted():
+    """Generator: wait until every viewport shows what it is to show."""
+    module = next(name for name in sys.modules if name.endswith("scfpf_addon.bridge.render_viewport"))
+    yield DRAW
+    end = time.monotonic() + PATIENCE
+    while sys.modules[module].is_painting():
+        assert time.monotonic() < end, "the viewport is not painted"
+        yield 0.1
+    yield 2 * DRAW
+
+
+def rendered(driver):
+    """Rendered shading: the flexible camera's picture in its frame, refined, following edits and the view."""
+    prepare(driver)
+    scene = bpy.context.scene
+    space = driver.area("VIEW_3D").spaces.active
+    space.overlay.show_overlays = False
+    space.region_3d.view_perspective = "CAMERA"
+    space.shading.type = "RENDERED"
+    yield 0.3
+    driver.shot("first")
+    yield from painted()
+    driver.shot("camera")
+    through = driver.region_pixels()
+    assert through.std() > 10, "nothing is shown"
+    bpy.data.objects["Cube"].location.z += 1.0
+    yield from painted()
+    driver.shot("moved")
+    assert (driver.region_pixels() != through).any(axis=2).mean() > 0.005, "an edit is not shown"
+    space.overlay.show_overlays = True
+    scene.camera.scfpf.surfaces[0].object.scale = (0, 0, 0)
+    yield 2 * DRAW
+    driver.shot("message")
+    scene.camera.scfpf.surfaces[0].object.scale = (1, 1, 1)
+    space.overlay.show_overlays = False
+    space.region_3d.view_perspective = "PERSP"
+    yield from painted()
+    driver.shot("free")
+    assert driver.region_pixels().std() > 10, "a view that is no camera's is empty"
+    space.shading.type = "SOLID"
+    yield DRAW
+    driver.shot("solid")
+
+
+SCENARIOS = (f12, cancelled, animation, rendered)
