@@ -16,6 +16,9 @@ NOTHING = 2.0
 # it by less than this share is smooth there.
 SMOOTH = 0.5
 
+# Sums of t in float32 are off by less than this: eight of its roundings.
+BEND_ROUNDING = 2.0**-21
+
 # Nearer things of neighbouring pixels that are looked for one behind the other.
 LAYERS = 3
 
@@ -101,7 +104,7 @@ def _jumps(work: Work, seen: Array, mask: BoolArray, columns: int) -> tuple[NDAr
     # Nothing is seen before the nearest of all, nor are pixels smaller there than behind.
     behind = schedule.breaks[1:] >= seen.min(initial=NOTHING)
     least_size = schedule.pixel[behind].min(initial=NOTHING)
-    rough = _bends(seen, own, columns) > np.float32(0.9 * SMOOTH * least_size)
+    rough = _bends(seen, own, columns) > SMOOTH * least_size - BEND_ROUNDING
     rough &= mask[columns:-columns]
     pixels = np.flatnonzero(rough) + columns
     here = own[pixels]
@@ -130,8 +133,8 @@ def _jumps(work: Work, seen: Array, mask: BoolArray, columns: int) -> tuple[NDAr
 def _bends(seen: Array, own: Array, columns: int) -> NDArray[np.float32]:
     """By how much t at most bends from a neighbour over a pixel to the one across, without border rows.
 
-    seen, own: (N,) t of the neighbours and of the pixels; in float32, a roundings' width too
-    small at times. At the image's sides the pixel takes the place of the neighbour.
+    seen, own: (N,) t of the neighbours and of the pixels. The answer is off by BEND_ROUNDING
+    at most. At the image's sides the pixel takes the place of the neighbour.
     """
     t = seen.astype(np.float32).reshape(-1, columns)
     wide = np.concatenate([t[:, :1], t, t[:, -1:]], axis=1)
