@@ -123,25 +123,27 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
     size = members.shape[1]
     controls = source.take(members.ravel(), 2)
     searching = mask[members] & (members >= 0)
+    # Of each ray, negative where none is cast, and how many of a block are.
+    limits = np.where(searching, np.float32(1.0 + OVERLAP), np.float32(-1.0))
+    left = searching.sum(axis=1)
     slack = NEIGHBOURHOOD * np.diff(schedule.breaks)
     held = where.within(schedule.breaks[:-1] - slack, schedule.breaks[1:] + slack)
     weights = schedule.ends.astype(source.dtype)
     ways = np.diff(schedule.ends, axis=0).astype(source.dtype)
     triangle = np.full(members.size, -1, np.int32)
     chords = np.zeros(members.size, np.intp)
-    busy = np.flatnonzero(searching.any(axis=1))
     for chord in range(schedule.count):
-        blocks = busy[held[chord, busy]]
-        if len(blocks) == 0:
+        blocks = np.flatnonzero(held[chord] & (left > 0))
+        count = int(left[blocks].sum())
+        if count == 0:
             continue
-        casting = searching[blocks].ravel()
-        count = int(np.count_nonzero(casting))
         work.counts.chords += count
-        sparse = count < (1.0 - MOST_DEAD) * len(casting)
+        now = limits.take(blocks, 0).ravel()
+        sparse = count < (1.0 - MOST_DEAD) * len(now)
         if sparse:
-            slots = np.flatnonzero(casting)
-            slots = blocks[slots // size] * size + slots % size
-            some, casting = controls.take(slots, 2), np.ones(count, bool)
+            rays = np.flatnonzero(now > 0.0)
+            slots = blocks[rays // size] * size + rays % size
+            some, now = controls.take(slots, 2), now.take(rays)
         elif len(blocks) < len(members):
             some = controls.reshape(*source.shape[:2], *members.shape).take(blocks, 2)
             some = some.reshape(*source.shape[:2], -1)
@@ -149,18 +151,17 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
             some = controls
         start = np.einsum("k,kcn->cn", weights[chord], some)
         way = np.einsum("k,kcn->cn", ways[chord], some)
-        limits = np.where(casting, np.float32(1.0 + OVERLAP), np.float32(-1.0))
         work.counts.rays += count
         found = work.scene.trace(
-            start.astype(np.float32, copy=False), way.astype(np.float32, copy=False), limits
+            start.astype(np.float32, copy=False), way.astype(np.float32, copy=False), now
         )
         hit = np.flatnonzero(found >= 0)
         if len(hit) == 0:
             continue
         slot = slots[hit] if sparse else blocks[hit // size] * size + hit % size
         triangle[slot], chords[slot] = found[hit], chord
-        searching.ravel()[slot] = False
-        busy = busy[searching[busy].any(axis=1)]
+        limits.ravel()[slot] = -1.0
+        left -= np.bincount(slot // size, minlength=len(left))
     slot = np.flatnonzero(triangle >= 0)
     return Records(members.ravel()[slot], chords[slot], triangle[slot])
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import ViewingVolume
-from .pieces import piece_bounds
+from .pieces import piece_bounds, piece_weights
 
 # Cells along each axis of the box round the volume.
 CELLS = 64
@@ -34,7 +34,7 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
             return np.ones(len(triangles), bool)
         least = np.stack([hull.min(axis=1) for hull in hulls])[:, :, None]
         most = np.stack([hull.max(axis=1) for hull in hulls])[:, :, None]
-        low, high = (bound[:, :, 0].T for bound in piece_bounds(volume.spans, least, most))
+        low, high = (bound[:, :, 0].T for bound in piece_bounds(piece_weights(volume.spans), least, most))
     lower, upper = low.min(axis=0), high.max(axis=0)
     slack = SLACK * float(max(np.abs(lower).max(), np.abs(upper).max(), np.finfo(np.float64).tiny))
     lower, upper = lower - 2.0 * slack, upper + 2.0 * slack

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
-from ..projection.bezier import bernstein, evaluate, restrict
+from ..projection.bezier import bernstein, bernstein_derivative, evaluate, restrict
 from ..projection.typing import Array, BoolArray, IndexArray
 from .plane_roots import unit_roots
 from .scene import CastScene
@@ -79,12 +79,22 @@ class Bundle:
     def at(self, t: Array) -> tuple[Array, Array]:
         """Position and tangent dQ/dt at t (N,), each (3, N)."""
         if self.spans.direct and self.spans.point_weights is None:
-            return evaluate(self.points, t)
-        weights, slopes = self.spans.weights(t)
+            weights, slopes = bernstein(self.spans.degree, t), bernstein_derivative(self.spans.degree, t)
+        else:
+            weights, slopes = self.spans.weights(t)
         return (
             np.einsum("kn,kcn->cn", weights, self.points),
             np.einsum("kn,kcn->cn", slopes, self.points),
         )
+
+    def place(self, t: Array) -> Array:
+        """The position at t (N,), (3, N)."""
+        if self.spans.direct and self.spans.point_weights is None:
+            weights = bernstein(self.spans.degree, t)
+        else:
+            weights = self.spans.weights(t)[0]
+        position: Array = np.einsum("kn,kcn->cn", weights, self.points)
+        return position
 
     def steer(self, t: Array, tangent: Array) -> None:
         """Where ``tangent`` (3, N), at t (N,), vanishes, put the first derivative that does not.
@@ -204,7 +214,7 @@ class Bundle:
     def _inside(self, scene: CastScene, triangle: IndexArray, t: Array) -> Solutions:
         """Solutions at t (N,), NaN allowed."""
         known = ~np.isnan(t)
-        position = self.at(np.where(known, t, 0.0))[0]
+        position = self.place(np.where(known, t, 0.0))
         barycentric = scene.barycentric(position, triangle)
         second, third = barycentric
         inside = known & (second >= -INSIDE) & (third >= -INSIDE) & (second + third <= 1.0 + INSIDE)

@@ -333,10 +333,10 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
     start_t = np.minimum(met_t, before)
     walk.looked[projector] = end_t
     curves = walk.bundle.take(projector)
-    start = curves.at(start_t)[0]
+    start = curves.place(start_t)
     span = walk.chords.span[rays.chord]
     for _ in range(LAYERS):
-        end = curves.at(np.minimum(walk.hits.t.take(projector), end_t))[0]
+        end = curves.place(np.minimum(walk.hits.t.take(projector), end_t))
         way = end - start
         slack = way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST))
         walk.counts.rays += len(projector)

@@ -43,17 +43,6 @@ class Hits(NamedTuple):
             np.zeros(count, bool),
         )
 
-    def within(self, where: slice) -> Hits:
-        """Views of the hits ``where``."""
-        return Hits(
-            self.t[where],
-            self.triangle[where],
-            self.barycentric[:, where],
-            self.position[:, where],
-            self.tangent[:, where],
-            self.mask[where],
-        )
-
     def take(self, index: IndexArray) -> Hits:
         """Copies of the hits at ``index``."""
         return Hits(

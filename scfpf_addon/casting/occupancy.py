@@ -8,6 +8,7 @@ projectors are looked for by boxes around the control points of their pieces.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
 from ..projection.typing import Array, BoolArray, IndexArray
-from .pieces import piece_bounds, piece_edges
+from .pieces import piece_bounds, piece_edges, piece_weights
 
 Float32Array = NDArray[np.float32]
 
@@ -33,6 +34,9 @@ MOST_PIECES = 4_000_000
 # Boxes are wider than what they hold by this share of the scene: sixteen roundings of float32,
 # for the boxes' own and for what Embree makes of both.
 SLACK = 2.0**-20
+
+# Groups of columns of blocks that are looked at together first.
+GROUPS = 8
 
 # Side in pixels, about, of the blocks of projectors that are looked at together.
 BLOCK = 8
@@ -167,23 +171,30 @@ def stretches(occupancy: Occupancy, spans: SpanBasis, points: Float32Array, colu
     are rows of so many pixels; otherwise runs of them are blocks.
     """
     if columns is None:
-        starts = np.arange(0, points.shape[2], BLOCK * BLOCK)
-        lower, upper = (f.reduceat(points, starts, axis=2) for f in (np.minimum, np.maximum))
-        block = np.arange(points.shape[2]) // (BLOCK * BLOCK)
+        rows, height, width = points[:, :, None], 1, BLOCK * BLOCK
     else:
         rows = points.reshape(*points.shape[:2], -1, columns)
         # As high as makes them all of one height, so that none is left nearly empty.
-        height = -(-rows.shape[2] // max(1, round(rows.shape[2] / BLOCK)))
-        lower, upper = (
-            _reduced(_reduced(rows, f, 2, height), f, 3, BLOCK).reshape(*points.shape[:2], -1)
-            for f in (np.minimum, np.maximum)
-        )
-        row, column = np.arange(rows.shape[2]) // height, np.arange(columns) // BLOCK
-        block = (row[:, None] * (column[-1] + 1) + column).ravel()
-    low, high = piece_bounds(spans, lower, upper)
+        height, width = -(-rows.shape[2] // max(1, round(rows.shape[2] / BLOCK))), BLOCK
+    lower, upper = (_reduced(_reduced(rows, f, 2, height), f, 3, width) for f in (np.minimum, np.maximum))
+    row, column = np.arange(rows.shape[2]) // height, np.arange(rows.shape[3]) // width
+    block = (row[:, None] * (column[-1] + 1) + column).ravel()
+    weights = piece_weights(spans)
     slack = np.float32(SLACK * (1.0 + max(float(upper.max()), -float(lower.min()))))
-    held = occupancy.holds(low - slack, high + slack)
-    return Stretches(piece_edges(spans), held, block)
+    held = np.zeros((len(weights), *lower.shape[2:]), bool)
+    # Groups of blocks are looked at first: where they meet nothing, their blocks need not be.
+    starts = range(0, held.shape[2], -(-held.shape[2] // GROUPS))
+    for start, end in pairwise((*starts, held.shape[2])):
+        least, most = lower[..., start:end], upper[..., start:end]
+        around = least.min(axis=(2, 3))[:, :, None], most.max(axis=(2, 3))[:, :, None]
+        low, high = piece_bounds(weights, *around)
+        some = np.flatnonzero(occupancy.holds(low - slack, high + slack))
+        if len(some):
+            boxes = (a.reshape(*a.shape[:2], -1) for a in (least, most))
+            low, high = piece_bounds(weights[some], *boxes)
+            inside = occupancy.holds(low - slack, high + slack)
+            held[some, :, start:end] = inside.reshape(len(some), *least.shape[2:])
+    return Stretches(piece_edges(spans), held.reshape(len(held), -1), block)
 
 
 def _reduced(values: Float32Array, least: np.ufunc, axis: int, length: int) -> Float32Array:

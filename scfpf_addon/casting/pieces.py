@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
 from ..projection.bezier import restrict
@@ -21,12 +24,8 @@ def piece_edges(spans: SpanBasis) -> Array:
     return edges
 
 
-def piece_bounds(spans: SpanBasis, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Bounds (3, S·PIECES, B) of the pieces of projectors whose control points lie in boxes (K, 3, B).
-
-    The control points of a piece enclose it, and are weighted sums of the projector's.
-    Reckoned in the precision of the boxes; the caller makes them wider by its rounding.
-    """
+def piece_weights(spans: SpanBasis) -> Array:
+    """How the pieces' control points are made of the projector's, (S·PIECES, degree+1, K)."""
     edges = np.linspace(0.0, 1.0, PIECES + 1)
     degree = spans.degree
     identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
@@ -37,9 +36,21 @@ def piece_bounds(spans: SpanBasis, lower: Array, upper: Array) -> tuple[Array, A
         shares = np.einsum("jip,si->spji", pieces, spans.point_weights)
         shares /= shares.sum(axis=3, keepdims=True)
         weights = np.einsum("spji,sik->spjk", shares, spans.matrices)
-    weights = weights.reshape(-1, degree + 1, len(lower))
-    weights = weights.astype(lower.dtype, copy=False)
-    positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
+    result: Array = weights.reshape(-1, degree + 1, weights.shape[3])
+    return result
+
+
+def piece_bounds(
+    weights: Array, lower: NDArray[Any], upper: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Bounds (3, P, B) of P pieces of projectors whose control points lie in boxes (K, 3, B).
+
+    weights: of the pieces (``piece_weights``). The control points of a piece enclose it,
+    and are weighted sums of the projector's. Reckoned in the precision of the boxes; the
+    caller makes them wider by its rounding.
+    """
+    rounded = weights.astype(lower.dtype, copy=False)
+    positive, negative = np.maximum(rounded, 0.0), np.minimum(rounded, 0.0)
     low, high = np.empty((2, 3, len(weights), lower.shape[2]), lower.dtype)
     for axis in range(3):
         least, most = lower[:, axis], upper[:, axis]

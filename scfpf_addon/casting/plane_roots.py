@@ -8,6 +8,8 @@ coefficients, (d+1, N) float64, over the parameter interval [0, 1].
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 from ..projection.typing import Array
@@ -17,6 +19,9 @@ SPLITTER = 2.0**27 + 1.0
 
 # Newton steps and halvings until a bracket in [0, 1] is one rounding wide.
 MOST_STEPS = 64
+
+# Steps of Newton's method that nearly always settle where a polynomial is monotone.
+NEWTON_STEPS = 3
 
 # A root is final when a step moves it by less than this: what is left after a step of
 # Newton's is its square over the distance of the nearest other root, and roots nearer than
@@ -43,8 +48,28 @@ def _within(roots: Array) -> Array:
 
 
 def _quadratic(coefficients: Array) -> Array:
-    """Roots without cancellation: q/a and c/q (Blinn 2006, How to Solve a Quadratic Equation)."""
+    """As unit_roots: most have ends on different sides and one root, most of the others none."""
     first, middle, last = coefficients
+    roots = np.full((2, len(first)), np.nan)
+    sides = first * last
+    np.copyto(roots[0], _crossing(first, middle, last), where=sides < 0.0)
+    turning = np.flatnonzero((sides >= 0.0) & ((first * middle <= 0.0) | (sides == 0.0)))
+    if len(turning):
+        roots[:, turning] = _turning(*coefficients.take(turning, 1))
+    return roots
+
+
+def _crossing(first: Array, middle: Array, last: Array) -> Array:
+    """The one root of quadratics whose ends lie on different sides, as s/(1-s): nothing cancels."""
+    upward = np.abs(middle) + np.sqrt(middle * middle - first * last)
+    early = first * middle < 0.0
+    start = np.where(early, np.abs(first), upward)
+    root: Array = start / (start + np.where(early, upward, np.abs(last)))
+    return root
+
+
+def _turning(first: Array, middle: Array, last: Array) -> Array:
+    """Both roots without cancellation: q/a and c/q (Blinn 2006, How to Solve a Quadratic Equation)."""
     half = middle - first
     leading = (first - middle) - (middle - last)
     # half² - leading·first, with the cancelling terms taken out by hand.
@@ -84,11 +109,39 @@ def _general(coefficients: Array) -> Array:
     # Coefficients that only rise or only fall: one piece, the usual case near a hit.
     simple = (slopes > 0.0).all(axis=0) | (slopes < 0.0).all(axis=0)
     single = np.flatnonzero(simple & (coefficients[0] * coefficients[-1] <= 0.0))
-    roots[0, single] = _bracketed(coefficients.take(single, 1), np.zeros(len(single)), np.ones(len(single)))
+    roots[0, single] = _monotone(coefficients.take(single, 1))
     several = np.flatnonzero(~simple)
     if len(several):
         roots[:, several] = _piecewise(coefficients.take(several, 1), slopes.take(several, 1))
     return roots
+
+
+def _monotone(coefficients: Array) -> Array:
+    """The one root (N,) of polynomials that rise or fall throughout and cross 0.
+
+    Newton's method from the root of the quadratic through both ends and the middle; where
+    that does not settle soon, with a bracket.
+    """
+    degree = len(coefficients) - 1
+    start, end = coefficients[0], coefficients[-1]
+    middle = _value(coefficients, np.full(1, 0.5))[0]
+    s = _crossing(start, 2.0 * middle - 0.5 * (start + end), end)
+    powers = [start]
+    differences = coefficients
+    for k in range(1, degree + 1):
+        differences = differences[1:] - differences[:-1]
+        powers.append(comb(degree, k) * differences[0])
+    for _ in range(NEWTON_STEPS):
+        height, slope = powers[-1], np.zeros_like(s)
+        for power in powers[-2::-1]:
+            slope = slope * s + height
+            height = height * s + power
+        step = height / slope
+        s = s - step
+    lost = np.flatnonzero(~((np.abs(step) <= SETTLED) & (s >= 0.0) & (s <= 1.0)))
+    if len(lost):
+        s[lost] = _bracketed(coefficients.take(lost, 1), np.zeros(len(lost)), np.ones(len(lost)))
+    return s
 
 
 def _piecewise(coefficients: Array, slopes: Array) -> Array:
@@ -128,8 +181,11 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
         height, slope = _value(coefficients, s)
         below = (height < 0.0) == rising
         low, high = np.where(below, s, low), np.where(below, high, s)
-        step = s - height / slope
-        step = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        newton = height / slope
+        step = s - newton
+        # A last step leads out of the bracket by rounding alone.
+        usable = ((step >= low) & (step <= high)) | (np.abs(newton) <= SETTLED)
+        step = np.where(usable, step, 0.5 * (low + high))
         step = np.where(height == 0.0, s, step)
         result[active] = step
         going = np.flatnonzero(np.abs(step - s) > SETTLED)
@@ -139,4 +195,5 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
         if len(going) < 0.5 * len(s):
             coefficients, active, rising = coefficients.take(going, 1), active[going], rising[going]
             s, low, high = s[going], low[going], high[going]
+    np.clip(result, 0.0, 1.0, out=result)
     return result

@@ -26,7 +26,7 @@ from ..projection.basis import SpanBasis
 from ..projection.bezier import restrict
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection, image_derivatives
-from .pieces import piece_bounds, piece_edges
+from .pieces import piece_bounds, piece_edges, piece_weights
 from .scene import LARGEST_COORDINATE, CastScene
 
 # Projectors of a tile that its schedule looks at, besides its corners.
@@ -129,7 +129,9 @@ def scene_reach(spans: SpanBasis, points: Array, scene: CastScene) -> tuple[floa
     points: (K, 3, N). None where they all pass it by. Certain, not sampled: the
     control points of a piece enclose it, and those of all projectors lie in a box.
     """
-    low, high = piece_bounds(spans, points.min(axis=2)[:, :, None], points.max(axis=2)[:, :, None])
+    low, high = piece_bounds(
+        piece_weights(spans), points.min(axis=2)[:, :, None], points.max(axis=2)[:, :, None]
+    )
     slack = FINEST * (1.0 + np.abs(points).max(initial=0.0))
     touching = (scene.upper + slack >= low[:, :, 0].T) & (scene.lower - slack <= high[:, :, 0].T)
     some, edges = np.flatnonzero(touching.all(axis=1)), piece_edges(spans)

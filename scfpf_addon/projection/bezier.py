@@ -22,7 +22,15 @@ def bernstein(degree: int, t: Array) -> Array:
     """
     t = np.asarray(t, np.float64)
     rest = 1.0 - t
-    return np.stack([comb(degree, i) * t**i * rest ** (degree - i) for i in range(degree + 1)])
+    values = np.empty((degree + 1, *t.shape))
+    values[0] = 1.0
+    for i in range(1, degree + 1):
+        np.multiply(values[i - 1], t, out=values[i, ...])
+    falling = rest
+    for i in range(degree - 1, -1, -1):
+        values[i, ...] *= falling if i == 0 else comb(degree, i) * falling
+        falling = falling * rest
+    return values
 
 
 def bernstein_derivative(degree: int, t: Array) -> Array:
@@ -75,14 +83,13 @@ def restrict(controls: Array, start: Array, end: Array) -> Array:
     start, end: scalar or (N,). Blossoming: control point j of the result is the
     blossom at (start × (d-j), end × j). Farin, Curves and Surfaces for CAGD, §4.
     """
-    degree = len(controls) - 1
-    result = []
-    for j in range(degree + 1):
-        points = np.asarray(controls, np.float64)
-        for argument in [start] * (degree - j) + [end] * j:
-            points = points[:-1] + (points[1:] - points[:-1]) * argument
-        result.append(points[0])
-    return np.stack(result)
+    # After r rounds the j-th holds those blossoms of r arguments of which j are the end.
+    blossoms = [np.asarray(controls, np.float64)]
+    for _ in range(len(controls) - 1):
+        last = blossoms[-1]
+        blossoms = [points[:-1] + (points[1:] - points[:-1]) * start for points in blossoms]
+        blossoms.append(last[:-1] + (last[1:] - last[:-1]) * end)
+    return np.stack([points[0] for points in blossoms])
 
 
 def second_difference(controls: Array) -> Array:
