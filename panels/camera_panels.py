@@ -123,7 +123,7 @@ class _MainSection:
 
 
 class _Subsection:
-    bl_order = 1  # below the live preview
+    """A part of the panel. bl_order: what is edited most comes first."""
 
     @classmethod
     def poll(cls, context):
@@ -137,6 +137,7 @@ class _Subsection:
 
 class _SurfacesSection(_Subsection):
     bl_label = "Control Surfaces"
+    bl_order = 0
 
     def draw_settings(self, context, _camera, settings):
         layout = self.layout
@@ -178,6 +179,7 @@ class _SurfacesSection(_Subsection):
 
 class _ProjectorsSection(_Subsection):
     bl_label = "Projectors"
+    bl_order = 1
 
     def draw_settings(self, _context, _camera, settings):
         layout = self.layout
@@ -197,6 +199,7 @@ class _ProjectorsSection(_Subsection):
 
 class _QualitySection(_Subsection):
     bl_label = "Quality"
+    bl_order = 3
 
     def draw_settings(self, _context, _camera, settings):
         self.layout.prop(settings, "pixel_error")
@@ -205,6 +208,7 @@ class _QualitySection(_Subsection):
 
 class _DisplaySection(_Subsection):
     bl_label = "Viewport Display"
+    bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, _context, _camera, settings):

@@ -25,7 +25,8 @@ def facts(settings) -> list[str]:
 
 class _CyclesSection(_Subsection):
     bl_label = "Cycles"
-    bl_order = 0
+    bl_order = 4
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw_settings(self, context, camera, _settings):
         layout = self.layout

@@ -28,7 +28,7 @@ def reported(counts) -> list[str]:
 
 class _PreviewSection(_Subsection):
     bl_label = "Live Preview"
-    bl_order = 0
+    bl_order = 2
 
     def draw_settings(self, context, camera, _settings):
         layout = self.layout
