@@ -60,6 +60,22 @@ def empty_file(extension):
 
 
 @pytest.fixture
+def read(addon):
+    """Read the scene as the viewport has it."""
+    module = addon("scfpf_addon.bridge.read_scene")
+    return lambda: module.read_scene(bpy.context.evaluated_depsgraph_get())
+
+
+@pytest.fixture
+def read_render(addon):
+    """Read the scene as F12 has it."""
+    scene, depsgraph = addon("scfpf_addon.bridge.read_scene"), addon("scfpf_addon.bridge.render_depsgraph")
+    return lambda: depsgraph.with_render_depsgraph(
+        bpy.context.scene, bpy.context.view_layer, scene.read_scene
+    )
+
+
+@pytest.fixture
 def light_nodes(addon, monkeypatch):
     """Nodes that pass the collection on: what is about datablocks need not invert volumes."""
 

@@ -6,65 +6,15 @@ import math
 import bpy
 import numpy as np
 import pytest
+from small_scenes import corners, cube_mesh, link, shown, triangle_mesh, triangles_of
 
 BRIDGE = "scfpf_addon.bridge."
-
-
-@pytest.fixture
-def read(addon):
-    """Read the scene as the viewport has it."""
-    module = addon(BRIDGE + "read_scene")
-    return lambda: module.read_scene(bpy.context.evaluated_depsgraph_get())
-
-
-@pytest.fixture
-def read_render(addon):
-    """Read the scene as F12 has it."""
-    scene, depsgraph = addon(BRIDGE + "read_scene"), addon(BRIDGE + "render_depsgraph")
-    return lambda: depsgraph.with_render_depsgraph(
-        bpy.context.scene, bpy.context.view_layer, scene.read_scene
-    )
-
-
-def link(name, data, collection=None):
-    obj = bpy.data.objects.new(name, data)
-    (collection or bpy.context.scene.collection).objects.link(obj)
-    return obj
-
-
-def cube_mesh(name="Cube"):
-    bpy.ops.mesh.primitive_cube_add()
-    obj = bpy.context.object
-    mesh = obj.data
-    mesh.name = name
-    bpy.data.objects.remove(obj)
-    return mesh
-
-
-def triangle_mesh(points=((0, 0, 0), (1, 0, 0), (0, 1, 0))):
-    mesh = bpy.data.meshes.new("Triangle")
-    mesh.from_pydata(points, [], [(0, 1, 2)])
-    return mesh
 
 
 def collection(name, parent=None):
     made = bpy.data.collections.new(name)
     (parent or bpy.context.scene.collection).children.link(made)
     return made
-
-
-def triangles_of(scene, name):
-    geometry = scene.geometry
-    return np.flatnonzero(geometry.object_index == geometry.object_names.index(name))
-
-
-def corners(scene, which):
-    """Positions (T, 3, 3) of triangles' corners."""
-    return scene.geometry.vertices[scene.geometry.triangles[which]]
-
-
-def shown(scene):
-    return set(np.array(scene.geometry.object_names)[np.unique(scene.geometry.object_index)])
 
 
 def test_what_renders_leave_out_is_left_out(read, read_render):

@@ -1,27 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures of the live preview, drawn by Workbench, against the exact caster."""
 
-import pathlib
-
 import bpy
 import numpy as np
 import pytest
+from chosen_presets import PRESETS
 from mathutils import Euler, Matrix
 
-FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
-# A choice: each costs seconds.
-PRESETS = [
-    FOLDER / f"{stem}.json"
-    for stem in (
-        "angular_fisheye",
-        "around_the_car",
-        "cylindrical_panorama",
-        "inverted_perspective",
-        "nonlinear_twist",
-        "orthographic",
-        "perspective",
-    )
-]
 WIDTH = 240
 # Pixels nearer than this to a silhouette are not compared.
 SILHOUETTE = 1.5

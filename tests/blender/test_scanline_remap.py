@@ -2,27 +2,13 @@
 """The node groups of the live preview against the viewing volume in float64."""
 
 import json
-import pathlib
 
 import bpy
 import numpy as np
 import pytest
+from chosen_presets import PRESETS
 from mathutils import Euler
 
-FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
-# A choice: each costs seconds.
-PRESETS = [
-    FOLDER / f"{stem}.json"
-    for stem in (
-        "angular_fisheye",
-        "around_the_car",
-        "cylindrical_panorama",
-        "inverted_perspective",
-        "nonlinear_twist",
-        "orthographic",
-        "perspective",
-    )
-]
 ASPECT = 1.5
 POINTS = 1500
 # Share of the picture's width: a tenth of a pixel of a thousand. The table's cells make most of it.
