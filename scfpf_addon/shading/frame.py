@@ -150,7 +150,7 @@ def render_frame(
         counts.error_bound,
         folds.share,
         folds.mirrored,
-        settings.pixel_error == 0.0 and projection.volume.spans.point_weights is None,
+        settings.pixel_error == 0.0,
         counts.tested,
         len(scene.geometry.triangles),
         len(pipeline.cast_scene.triangles) if pipeline.cast_scene else 0,
