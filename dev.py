@@ -116,8 +116,7 @@ def command_bench(options, rest):
     kind = next((name for name in ("trade", "extremes") if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]
     for script in BENCHMARKS[kind]:
-        given = [] if script == "peers" else arguments
-        environments.run([environment.python, f"benchmarks/{script}.py", *given])
+        environments.run([environment.python, f"benchmarks/{script}.py", *arguments])
 
 
 def parser():
