@@ -31,8 +31,8 @@ class Light:
 
     color: (3,) colour times power: watts for POINT, SPOT and AREA, W/m² for SUN.
     matrix: (4, 4), the lamp shines along its local -Z. radius: soft size of POINT
-    and SPOT; angle: that a SUN fills in the sky, radians. size: (2,) extents of AREA along local X and Y; ellipse: AREA is an
-    ellipse. spot_angle: full cone angle, radians; spot_blend in [0, 1].
+    and SPOT; angle: that a SUN fills in the sky, radians. size: (2,) extents of AREA along
+    local X and Y; ellipse: AREA is an ellipse. spot_angle: full cone angle, radians; spot_blend in [0, 1].
     """
 
     kind: LightKind
