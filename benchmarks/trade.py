@@ -152,8 +152,10 @@ def draw_volume(panel: Any, rows: list[dict[str, Any]], style: str, volume: str)
     line = panel.plot(time[:-1], height[:-1], style, linewidth=1.2, label=volume)[0]
     for x, y, best, row in zip(time, height, frontier(rows), rows, strict=True):
         color = line.get_color()
-        marker, size = ("*", 70) if row["pixel error"] == 0.0 else ("o", 16)
-        panel.scatter(x, y, size, color if best else "white", marker, edgecolors=color, zorder=3)
+        exact = row["pixel error"] == 0.0
+        marker, size = ("*", 70) if exact else ("o", 16)
+        face = color if best or exact else "white"
+        panel.scatter(x, y, size, marker=marker, facecolors=[face], edgecolors=[color], zorder=3)
     for row, x, y in zip(rows, time, height, strict=True):
         if row["pixel error"] in (1.0, 0.1, 0.01) and volume == "degree 3, 180°":
             text = f"{row['pixel error']:g} px"
@@ -174,10 +176,10 @@ def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
             where, volume = title.split(": ")
             if where == scene:
                 draw_volume(panel, rows, "-" if volume in BENDS or volume in BASES else "--", volume)
-        panel.set(xscale="log", yscale="log", ylim=(EXACT / 2, 3e-2), title=f"{scene}, 100,000 triangles")
+        panel.set(xscale="log", yscale="log", ylim=(EXACT / 2, 1e-1), title=scene)
         panel.set_xlabel("time, multiples of raw Embree's for the straight picture")
         panel.axhspan(EXACT / 2, NONE * 2, color="0.95", zorder=0)
-        panel.xaxis.set_minor_formatter(ticker.NullFormatter())
+        panel.xaxis.set_minor_locator(ticker.NullLocator())
         panel.set_xticks([1, 2, 5, 10, 20, 50, 100], labels=["1", "2", "5", "10", "20", "50", "100"])
         panel.set_yticks(
             [EXACT, NONE, 1e-5, 1e-4, 1e-3, 1e-2],
