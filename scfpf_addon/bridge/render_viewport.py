@@ -18,7 +18,9 @@ from mathutils import Matrix
 from ..projection.surfaces import BilinearPatch
 from ..projection.volume import Projection, ViewingVolume
 from ..shading.frame import Border, FrameSettings
+from ..shading.materials.image import ImageData
 from ..shading.scene import Scene
+from .read_images import with_images
 from .read_scene import read_scene
 from .render_job import RENDER_ERRORS, RenderInputs, read_inputs
 from .view_painter import Commission, Painting, ViewPainter
@@ -55,15 +57,18 @@ class ViewportRender:
         # With its engine Blender drops this object, but for the engine there is no last word.
         weakref.finalize(self, self._painter.stop)
         self._scene: Scene | None = None
+        self._images: dict[str, ImageData] = {}
         self._view: tuple | None = None
         self._drawn = -1
         self._texture = None
         self._place = (0.0, 0.0, 0.0, 0.0)
         self._message = ""
 
-    def update(self) -> None:
+    def update(self, images_changed: bool) -> None:
         """Something in the scene has changed: the next drawing reads it again."""
         self._scene = self._view = None
+        if images_changed:
+            self._images.clear()
 
     def draw(self, context, depsgraph, engine) -> None:
         """Draw the newest painting, after asking for another one if the view or the scene is another."""
@@ -88,7 +93,7 @@ class ViewportRender:
     def _ask(self, context, depsgraph) -> None:
         try:
             if self._scene is None:
-                self._scene = read_scene(depsgraph, may_be_empty=True)
+                self._scene = with_images(read_scene(depsgraph, may_be_empty=True), known=self._images)
             commission = read_commission(context, depsgraph, self._scene)
         except RENDER_ERRORS as error:
             self._message = str(error) or "There is not enough memory for this picture"

@@ -18,7 +18,8 @@ def resolve(socket, groups: tuple = ()) -> Place:
     """What feeds an input socket, through reroutes and node groups.
 
     Returns the output socket of a node, or the unlinked input socket whose own
-    value counts. Muted and invalid links count as none.
+    value counts. Muted and invalid links count as none; a muted node passes on what its
+    internal links say, or nothing.
     """
     while not socket.is_output:
         link = next((one for one in socket.links if one.is_valid and not one.is_muted), None)
@@ -26,7 +27,12 @@ def resolve(socket, groups: tuple = ()) -> Place:
             break
         node, output = link.from_node, link.from_socket
         inside = _group_output(node) if node.type == "GROUP" else None
-        if node.type == "REROUTE":
+        if node.mute:
+            passed = next((one.from_socket for one in node.internal_links if one.to_socket == output), None)
+            if passed is None:
+                break
+            socket = passed
+        elif node.type == "REROUTE":
             socket = node.inputs[0]
         elif inside is not None:
             socket = _by_identifier(inside.inputs, output.identifier)

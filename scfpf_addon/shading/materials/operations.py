@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All operations of material graphs by name."""
+
+from __future__ import annotations
+
+from . import colors, inputs, numbers, textures
+from .graph import Evaluator
+
+OPERATIONS: dict[str, Evaluator] = {
+    **colors.OPERATIONS,
+    **inputs.OPERATIONS,
+    **numbers.OPERATIONS,
+    **textures.OPERATIONS,
+}
