@@ -12,6 +12,7 @@ from ..casting.geometry import Geometry
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
+from .light_paths import read_bounces
 from .read_layers import join_layers, read_layer
 from .read_lights import read_light, read_world
 from .read_materials import MaterialTable, listing
@@ -101,6 +102,7 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
         + world_warnings,
         object_index=tuple(reader.pass_indices),
         material_index=tuple(reader.materials.pass_indices),
+        bounces=read_bounces(depsgraph.scene_eval),
     )
 
 

@@ -22,14 +22,15 @@ def resolve(socket, groups: tuple = ()) -> Place:
     internal links say, or nothing.
     """
     while not socket.is_output:
-        link = next((one for one in socket.links if one.is_valid and not one.is_muted), None)
+        link = _link(socket)
         if link is None:
             break
         node, output = link.from_node, link.from_socket
         inside = _group_output(node) if node.type == "GROUP" else None
         if node.mute:
             passed = next((one.from_socket for one in node.internal_links if one.to_socket == output), None)
-            if passed is None:
+            # As in Cycles an input without a link is not passed on.
+            if passed is None or _link(passed) is None:
                 break
             socket = passed
         elif node.type == "REROUTE":
@@ -43,6 +44,11 @@ def resolve(socket, groups: tuple = ()) -> Place:
         else:
             socket = output
     return socket, groups
+
+
+def _link(socket):
+    """The link that feeds an input, if any."""
+    return next((one for one in socket.links if one.is_valid and not one.is_muted), None)
 
 
 def _group_output(node):

@@ -25,6 +25,9 @@ from .straight import cast_straight
 # A projector goes on off the triangle that it passed, but not farther than this in t where it grazes it.
 LARGEST_STEP = 1e-4
 
+# Chords whose ends are on their curves stray twice as far as those that are shifted.
+UNSHIFTED = 0.5
+
 # From any point of the scene, which lies in [-1, 1]³, to beyond all of it.
 BEYOND = 4.0
 
@@ -100,7 +103,7 @@ class Onward:
         if spans.degree == 1 and spans.point_weights is None:
             return corners(spans, reach)
         curves = sample_curves(self.projection, self.x, self.y, self.mask, self.pixel_size)
-        return plan(spans, curves, reach, max(self.pixel_error, SMALLEST_ERROR), 1)
+        return plan(spans, curves, reach, UNSHIFTED * max(self.pixel_error, SMALLEST_ERROR), 1)
 
     def _march(self, bundle: Bundle, first: Array, going: BoolArray) -> Hits:
         """The first chord behind ``first`` (n,) that hits, met by the curve in float64."""
@@ -109,6 +112,8 @@ class Onward:
         if schedule is None:
             return hits
         begin = bundle.at(first)[0]
+        # On the curves, unlike the schedule's own, which are shifted: those might lie before what was passed.
+        ends = bundle.spans.weights(schedule.breaks)[0].T
         chord_of = np.full(bundle.count, -1)
         triangle = np.full(bundle.count, -1, np.int32)
         share = np.zeros(bundle.count)
@@ -118,7 +123,7 @@ class Onward:
             if len(rays) == 0:
                 continue
             some = bundle.points.take(rays, 2)
-            start, end = (np.einsum("k,kcn->cn", schedule.ends[chord + k], some) for k in (0, 1))
+            start, end = (np.einsum("k,kcn->cn", ends[chord + k], some) for k in (0, 1))
             inside = first[rays] > low
             start = np.where(inside, begin[:, rays], start)
             origins, ways = start.astype(np.float32), (end - start).astype(np.float32)

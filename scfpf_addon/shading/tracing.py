@@ -28,6 +28,9 @@ from .typing import Single
 # What gets a smaller share of a pixel than this is not followed: a tenth of a step of 8 bits.
 LEAST_SHARE = 1.0 / 2560.0
 
+# Hits of which a material is reckoned at once: a large graph keeps a hundred arrays of them.
+MOST_AT_ONCE = 1 << 14
+
 # Rows of ``Wave.depth``.
 TOTAL, GLOSSY, TRANSMISSION, TRANSPARENT = range(4)
 
@@ -134,12 +137,15 @@ class Tracer:
         for number in np.unique(points.material):
             if not self.has_graph[number]:
                 continue
-            which = np.flatnonzero(points.material == number)
-            for lobe in lobes(self.scene.materials.graphs[int(number)], self.place(hits, points, which)):
-                if isinstance(lobe, Body):
-                    bodies.append((which, lobe))
-                else:
-                    onward.append((which, lobe))
+            everywhere = np.flatnonzero(points.material == number)
+            for first in range(0, len(everywhere), MOST_AT_ONCE):
+                which = everywhere[first : first + MOST_AT_ONCE]
+                place = self.place(hits, points, which)
+                for lobe in lobes(self.scene.materials.graphs[int(number)], place):
+                    if isinstance(lobe, Body):
+                        bodies.append((which, lobe))
+                    else:
+                        onward.append((which, lobe))
         if bodies:
             self._light(wave, points, bodies, sample, film)
         return onward

@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, TypeAlias
 
+import numpy as np
+
 from ...projection.typing import Array
 from .place import Place
 
@@ -64,7 +66,9 @@ class MaterialGraph:
 def registers(graph: MaterialGraph, place: Place, table: Mapping[str, Evaluator]) -> list[tuple[Array, ...]]:
     """The outputs of all operations at the hits."""
     results: list[tuple[Array, ...]] = []
-    for operation in graph.operations:
-        inputs = [results[ref.operation][ref.output] for ref in operation.inputs]
-        results.append(table[operation.kind](inputs, operation.settings, place))
+    # Numbers that are none may come of any input; what shades takes them for 0.
+    with np.errstate(all="ignore"):
+        for operation in graph.operations:
+            inputs = [results[ref.operation][ref.output] for ref in operation.inputs]
+            results.append(table[operation.kind](inputs, operation.settings, place))
     return results

@@ -150,7 +150,8 @@ def _principled(reader: _Reader) -> Iterator[Body | Sent]:
     if coat.any():
         yield reader.sent("MIRROR", np.repeat(weight * coat, 3, axis=0))
     if glass.any():
-        yield from _boundary(reader, weight * glass, 1.0, base)
+        # What goes in and out again is coloured twice.
+        yield from _boundary(reader, weight * glass, 1.0, np.sqrt(base))
     # Highlights of lamps stay whole; what the world lights is what no mirror shows.
     lit = base * np.maximum(1.0 - glass - coat, 0.0)
     yield reader.body(weight, lit, metallic, roughness, f0, emission, 1.0 - polished)
@@ -199,7 +200,10 @@ def _glass(reader: _Reader) -> Iterator[Body | Sent]:
 
 
 def _refraction(reader: _Reader) -> Iterator[Body | Sent]:
-    yield reader.sent("REFRACTED", reader.weight * reader.color("color"), reader.relative_ior())
+    ior = reader.relative_ior()
+    # Nothing where all would be reflected.
+    let_in = fresnel_dielectric(reader.facing, ior) < 1.0
+    yield reader.sent("REFRACTED", reader.weight * let_in * reader.color("color"), ior)
 
 
 READERS = {
