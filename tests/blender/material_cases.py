@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colours by supported shader nodes: by name, a function of a tree that gives an output socket.
 
-Each glows on a sheet of ``shown_materials.wavy_sheet``; vectors are spread over ranges in which the nodes do something.
+Each glows on a sheet of ``shown_materials.wavy_sheet``; vectors are spread over where the nodes do something.
 """
 
 from functools import partial
@@ -11,6 +11,9 @@ import numpy as np
 from shown_materials import add
 
 CASES = {}
+COLORS = ("BYTE_COLOR POINT", "BYTE_COLOR CORNER", "FLOAT_COLOR POINT", "FLOAT_COLOR CORNER")
+ATTRIBUTES = ("Height", "Face", "FLOAT_COLOR POINT", "none")
+RANGES = ("LINEAR", "STEPPED", "SMOOTHSTEP", "SMOOTHERSTEP")
 # What is infinite somewhere: pixels there differ by more.
 STEEP = {"Math TANGENT", "Vector TANGENT", "Vector DIVIDE", "Mix DIVIDE", "Math DIVIDE", "Math POWER"}
 

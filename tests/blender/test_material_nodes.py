@@ -7,8 +7,8 @@ import pytest
 from material_cases import CASES, STEEP
 from shown_materials import add, both, emit, new_material, picture, scene_with_camera, show, wavy_sheet
 
-# A cell of the contact sheet in pixels, and of these, how many may differ by more than a step of 8 bits: steps
-# and borders pass through pixel centres.
+# A cell of the contact sheet in pixels, and of these, how many may differ by more than a step of 8 bits:
+# steps and borders pass through pixel centres.
 CELL, MOST_PIXELS = 14, 2
 STEP = 1 / 255
 # Where a colour is steep, float32 against float64 shows.
@@ -218,7 +218,7 @@ def image_material(image):
 
 
 def test_images_that_nothing_shows_are_not_loaded(addon):
-    """Of six images one is seen: the others are on no face, hidden, unlinked, muted, or outside the volume."""
+    """One of six is seen: the others are on no face, hidden, unlinked, muted, or outside the volume."""
     scene = scene_with_camera()
     images = {
         name: bpy.data.images.new(name, 4, 4) for name in ("seen", "slot", "hidden", "loose", "muted", "far")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Alpha, mirrors and glass, against Cycles; alpha through a curved volume, against a picture without what hides."""
+"""Alpha, mirrors and glass, against Cycles; alpha through a curved volume, against a picture without it."""
 
 import bpy
 import numpy as np
