@@ -278,6 +278,23 @@ def _gradient(inputs: NodeInputs) -> Outputs:
     return {"Color": refs[0], "Fac": refs[1]}
 
 
+def _noise(inputs: NodeInputs) -> Outputs:
+    node = inputs.node
+    if node.noise_type != "FBM" or node.noise_dimensions not in {"2D", "3D"}:
+        inputs.note(f": {node.noise_type.replace('_', ' ').title()} in {node.noise_dimensions}")
+    names = ("Scale", "Detail", "Roughness", "Lacunarity", "Distortion")
+    refs = inputs.builder.add(
+        "NOISE",
+        inputs.coordinates("GENERATED"),
+        *(inputs.value(name) for name in names),
+        outputs=2,
+        dimensions=2 if node.noise_dimensions == "2D" else 3,
+        normalise=node.normalize,
+        colored=any(one.identifier == "Color" and one.is_linked for one in node.outputs),
+    )
+    return {"Fac": refs[0], "Color": refs[1]}
+
+
 def _layer_weight(inputs: NodeInputs) -> Outputs:
     refs = inputs.builder.add("LAYER_WEIGHT", inputs.value("Blend"), inputs.normal(), outputs=2)
     return {"Fresnel": refs[0], "Facing": refs[1]}
@@ -343,6 +360,7 @@ NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "TEX_COORD": _texture_coordinates,
     "TEX_GRADIENT": _gradient,
     "TEX_IMAGE": _image,
+    "TEX_NOISE": _noise,
     "UVMAP": _uv_map,
     "VALTORGB": _ramp,
     "VALUE": _value,

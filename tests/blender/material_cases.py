@@ -339,6 +339,18 @@ def _checker(tree, value):
     return add(tree, "ShaderNodeTexChecker", **links, **colors, _3=4.3).outputs[0]
 
 
+@each("Noise", [("Fac", {}), ("Color", {}), ("Fac", {"normalize": False}), ("Color", {"noise_dimensions": "2D"})])
+def _noise(tree, value):
+    output, settings = value
+    inputs = {"Scale": 3.0, "Detail": 2.4, "Roughness": 0.6, "Lacunarity": 2.2, "Distortion": 0.5}
+    return add(tree, "ShaderNodeTexNoise", settings, _0=spread(tree)[0], **inputs).outputs[output]
+
+
+@case("Noise without a link")
+def _plain_noise(tree):
+    return add(tree, "ShaderNodeTexNoise").outputs["Color"]
+
+
 @each("Gradient", items("ShaderNodeTexGradient", "gradient_type"))
 def _gradient(tree, value):
     return add(tree, "ShaderNodeTexGradient", {"gradient_type": value}, _0=spread(tree, -1, 1)[0]).outputs[0]

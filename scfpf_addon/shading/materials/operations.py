@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from . import colors, inputs, numbers, textures
+from . import colors, inputs, noise, numbers, textures
 from .graph import Evaluator
 
 OPERATIONS: dict[str, Evaluator] = {
     **colors.OPERATIONS,
     **inputs.OPERATIONS,
+    **noise.OPERATIONS,
     **numbers.OPERATIONS,
     **textures.OPERATIONS,
 }
