@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..projection.typing import Array
@@ -84,6 +86,13 @@ class GraphBuilder:
         """A layer: vector, mean, alpha, whether it is there."""
         return self.add("LAYER", outputs=4, name=name, channels=channels)
 
+    def apart(self, ref: Ref) -> tuple[MaterialGraph, Ref]:
+        """What an output is made of, as a graph without a surface, and the output in it."""
+        self.closures.append(Closure("EMISSION", ref, {}))
+        graph = self.graph(False)
+        self.closures.pop()
+        return replace(graph, closures=()), graph.closures[-1].weight
+
     def graph(self, reflects: bool) -> MaterialGraph:
         """All of it, without what feeds nothing."""
         wanted = [ref for closure in self.closures for ref in (closure.weight, *closure.inputs.values())]
@@ -109,15 +118,19 @@ class GraphBuilder:
                 )
                 for each in self.closures
             ),
-            frozenset(each["image"] for each in settings if "image" in each),
-            frozenset(
-                name
-                for each in settings
-                for name in (each.get("name"), each.get("layer"))
-                if name is not None
-            ),
+            frozenset(_names(settings, "image")),
+            frozenset(_names(settings, "name", "layer")),
             reflects,
         )
+
+
+def _names(settings: list, *keys: str) -> set[str]:
+    """What operations look up, those of graphs within them too."""
+    found = {each[key] for each in settings for key in keys if each.get(key) is not None}
+    for each in settings:
+        if "height" in each:
+            found |= each["height"].images if "image" in keys else each["height"].layers
+    return found
 
 
 def _moved(ref: Ref, place: dict[int, int]) -> Ref:

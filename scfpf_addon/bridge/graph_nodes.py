@@ -210,6 +210,16 @@ def _normal_map(inputs: NodeInputs) -> Outputs:
     return {"Normal": ref}
 
 
+def _bump(inputs: NodeInputs) -> Outputs:
+    height = inputs.apart("Height")
+    if height is None:
+        return {"Normal": inputs.normal()}
+    graph, output = height
+    sign = -1.0 if inputs.node.invert else 1.0
+    refs = inputs.value("Strength"), inputs.value("Distance"), inputs.normal()
+    return {"Normal": inputs.builder.one("BUMP", *refs, height=graph, output=output, sign=sign)}
+
+
 def _separate_color(inputs: NodeInputs) -> Outputs:
     refs = inputs.builder.add("SEPARATE_COLOR", inputs.color("Color"), outputs=3, mode=inputs.node.mode)
     return dict(zip(("Red", "Green", "Blue"), refs, strict=True))
@@ -334,6 +344,7 @@ def _simple(kind: str, result: str, *names: str) -> Callable[[NodeInputs], Outpu
 NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "ATTRIBUTE": _attribute,
     "BRIGHTCONTRAST": _simple("BRIGHT_CONTRAST", "Color", "#Color", "Bright", "Contrast"),
+    "BUMP": _bump,
     "CLAMP": _clamp,
     "COMBINE_COLOR": _combine_color,
     "COMBXYZ": _combine("XYZ", "Vector"),

@@ -152,22 +152,46 @@ class GraphReader:
 
     def _outputs(self, node, groups: tuple) -> dict[str, Ref]:
         """All outputs of a node by identifier."""
-        key = (node.as_pointer(), *(group.as_pointer() for group in groups))
-        if key not in self._known:
-            inputs = NodeInputs(self, node, groups)
-            read = NODES.get(node.type)
-            found = read(inputs) if read else {}
-            for output in node.outputs:
-                if output.identifier not in found and output.type != "SHADER":
-                    found[output.identifier] = self._stand_in(inputs, output, bool(read))
-            self._known[key] = found
-        return self._known[key]
+        # What feeds a node is read before it, by a list of our own: trees may be deeper than Python's stack.
+        waiting, opened = [(node, groups)], set()
+        while waiting:
+            here, around = waiting[-1]
+            key = _key(here, around)
+            if key in self._known:
+                waiting.pop()
+            elif key in opened:
+                self._known[key] = self._read(here, around)
+            else:
+                opened.add(key)
+                waiting.extend(self._sources(here, around, opened))
+        return self._known[_key(node, groups)]
+
+    def _sources(self, node, groups: tuple, opened: set) -> list[tuple]:
+        """The nodes that feed a node, and that were not looked at before."""
+        places = (resolve(socket, groups) for socket in node.inputs if socket.is_linked)
+        return [
+            (socket.node, around)
+            for socket, around in places
+            if socket.is_output and socket.type != "SHADER" and _key(socket.node, around) not in opened
+        ]
+
+    def _read(self, node, groups: tuple) -> dict[str, Ref]:
+        inputs = NodeInputs(self, node, groups)
+        read = NODES.get(node.type)
+        found = read(inputs) if read else {}
+        for output in node.outputs:
+            if output.identifier not in found and output.type != "SHADER":
+                found[output.identifier] = self._stand_in(inputs, output, bool(read))
+        return found
 
     def _stand_in(self, inputs: NodeInputs, output, partly: bool) -> Ref:
-        """What an output that is not supported gives; noted when it is asked for, which is always
-        for nodes that are not supported at all.
-        """
+        """What an output gives that its node's reader does not know; partly: because nothing asks for it."""
         return self.builder.constant(0.0) if partly else inputs.passed(output)
+
+
+def _key(node, groups: tuple) -> tuple:
+    """A node within groups."""
+    return (node.as_pointer(), *(group.as_pointer() for group in groups))
 
 
 class NodeInputs:
@@ -211,6 +235,13 @@ class NodeInputs:
         found = None if socket is None else self._reader.value(socket, self._groups, "VECTOR")
         # A group's input without a link is 0, which is no direction.
         return self.builder.normal() if found is None or self.builder.is_always(found, 0.0) else found
+
+    def apart(self, name: str) -> tuple[MaterialGraph, Ref] | None:
+        """What is linked to a number, as a graph of its own and an output in it; None without a link."""
+        reader = GraphReader()
+        found = reader.value(self._socket(name), self._groups, "VALUE")
+        self.builder.notes.update(reader.builder.notes)
+        return None if found is None else reader.builder.apart(found)
 
     def note(self, text: str = "") -> None:
         """The node is not shown as it is."""

@@ -114,7 +114,7 @@ def new_image(data=False, float_buffer=False, alpha=False):
     return image
 
 
-def _image(tree, image, vector=None, **settings):
+def image_node(tree, image, vector=None, **settings):
     turned = add(
         tree,
         "ShaderNodeMapping",
@@ -136,22 +136,22 @@ def _image(tree, image, vector=None, **settings):
 )
 def _extension(tree, value):
     extension, interpolation = value
-    return _image(tree, new_image(), extension=extension, interpolation=interpolation).outputs[0]
+    return image_node(tree, new_image(), extension=extension, interpolation=interpolation).outputs[0]
 
 
 @each("Image of", ("data", "floats", "colours"))
 def _space(tree, value):
-    return _image(tree, new_image(data=value == "data", float_buffer=value == "floats")).outputs[0]
+    return image_node(tree, new_image(data=value == "data", float_buffer=value == "floats")).outputs[0]
 
 
 @case("Image with alpha, unused")
 def _alpha_unused(tree):
-    return _image(tree, new_image(alpha=True)).outputs[0]
+    return image_node(tree, new_image(alpha=True)).outputs[0]
 
 
 @case("Image with alpha, used")
 def _alpha_used(tree):
-    node = _image(tree, new_image(alpha=True))
+    node = image_node(tree, new_image(alpha=True))
     return add(
         tree, "ShaderNodeMix", {"data_type": "RGBA"}, _0=node.outputs[1], _6=(0, 0, 1), _7=node.outputs[0]
     ).outputs[2]
@@ -160,7 +160,7 @@ def _alpha_used(tree):
 @each("Image on a", ("SPHERE", "TUBE"))
 def _projected(tree, value):
     vector = add(tree, "ShaderNodeTexCoord").outputs["Generated"]
-    return _image(tree, new_image(), vector, projection=value).outputs[0]
+    return image_node(tree, new_image(), vector, projection=value).outputs[0]
 
 
 @case("Image without a link")
@@ -339,7 +339,10 @@ def _checker(tree, value):
     return add(tree, "ShaderNodeTexChecker", **links, **colors, _3=4.3).outputs[0]
 
 
-@each("Noise", [("Fac", {}), ("Color", {}), ("Fac", {"normalize": False}), ("Color", {"noise_dimensions": "2D"})])
+NOISES = [("Fac", {}), ("Color", {}), ("Fac", {"normalize": False}), ("Color", {"noise_dimensions": "2D"})]
+
+
+@each("Noise", NOISES)
 def _noise(tree, value):
     output, settings = value
     inputs = {"Scale": 3.0, "Detail": 2.4, "Roughness": 0.6, "Lacunarity": 2.2, "Distortion": 0.5}

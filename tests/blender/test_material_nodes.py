@@ -4,8 +4,18 @@
 import bpy
 import numpy as np
 import pytest
-from material_cases import CASES, STEEP
-from shown_materials import add, both, emit, new_material, picture, scene_with_camera, show, wavy_sheet
+from material_cases import CASES, STEEP, half, image_node, new_image, spread
+from shown_materials import (
+    add,
+    both,
+    differing,
+    emit,
+    new_material,
+    picture,
+    scene_with_camera,
+    show,
+    wavy_sheet,
+)
 
 # A cell of the contact sheet in pixels, and of these, how many may differ by more than a step of 8 bits:
 # steps and borders pass through pixel centres.
@@ -66,6 +76,32 @@ def test_every_supported_node_is_as_in_cycles(tmp_path):
         assert a.shape == (CELL, CELL, 4)
     assert not wrong
     assert len(places) > 150
+
+
+@pytest.mark.parametrize("kind", ["noise", "image", "inverted", "weak"])
+def test_bump_is_as_in_cycles(kind, tmp_path):
+    """Nearly: Cycles takes the slope over a tenth of a pixel, of which there are more here."""
+    scene = scene_with_camera(96)
+    material = new_material()
+    tree = material.node_tree
+    if kind == "image":
+        height = image_node(tree, new_image(), interpolation="Cubic").outputs[0]
+    else:
+        height = add(tree, "ShaderNodeTexNoise", _0=spread(tree)[0], Scale=0.7, Detail=0.0).outputs[0]
+    inputs = {"Strength": 0.3 if kind == "weak" else 1.0, "Distance": 0.3, "Height": height}
+    node = add(tree, "ShaderNodeBump", {"invert": kind == "inverted"}, **inputs)
+    emit(tree, half(tree, node.outputs[0]))
+    wavy_sheet().data.materials.append(material)
+    ours, cycles = both(scene, tmp_path)
+    print(
+        "DIFF",
+        kind,
+        differing(ours, cycles, STEP),
+        differing(ours, cycles, 6 * STEP),
+        abs(ours - cycles).max(),
+    )
+    assert differing(ours, cycles, STEP) < (0.2 if kind == "image" else 0.01)
+    assert differing(ours, cycles, 6 * STEP) < 0.01
 
 
 def color_group():
@@ -147,13 +183,13 @@ def test_what_is_not_supported_is_listed_once_and_never_black(read):
             tree, add(tree, "ShaderNodeTexVoronoi", _2=add(tree, "ShaderNodeValue").outputs[0]).outputs[0]
         ),
         "shader": lambda tree: show(tree, add(tree, "ShaderNodeBsdfToon", Color=(0.3, 0.2, 0.1)).outputs[0]),
-        "bump": lambda tree: show(
+        "bevel": lambda tree: show(
             tree,
             add(
                 tree,
                 "ShaderNodeBsdfDiffuse",
                 Color=(0.4, 0.5, 0.6),
-                Normal=add(tree, "ShaderNodeBump").outputs[0],
+                Normal=add(tree, "ShaderNodeBevel").outputs[0],
             ).outputs[0],
         ),
     }
@@ -162,7 +198,7 @@ def test_what_is_not_supported_is_listed_once_and_never_black(read):
     (voronoi,) = [line for line in scene.warnings if "Voronoi" in line]
     assert all(name in voronoi for name in ("texture", "same", "passing"))
     assert len([line for line in scene.warnings if "Toon" in line]) == 1
-    assert len([line for line in scene.warnings if "Bump" in line]) == 1
+    assert len([line for line in scene.warnings if "Bevel" in line]) == 1
     assert len(scene.warnings) == 3
 
 
@@ -171,6 +207,18 @@ def test_unsupported_nodes_are_grey_in_the_picture(tmp_path):
     scene, _ = contact_sheet(makers)
     seen = picture(scene, "SCFPF", tmp_path)
     assert seen[CELL // 2, CELL // 2, :3] == pytest.approx(0.5)
+
+
+def test_a_tree_may_be_deeper_than_pythons_stack(tmp_path):
+    scene = scene_with_camera(8)
+    material = new_material()
+    tree = material.node_tree
+    value = add(tree, "ShaderNodeNewGeometry").outputs["Backfacing"]
+    for _ in range(600):
+        value = add(tree, "ShaderNodeMath", _0=value, _1=0.001).outputs[0]
+    emit(tree, value)
+    wavy_sheet().data.materials.append(material)
+    assert picture(scene, "SCFPF", tmp_path)[4, 4, 0] == pytest.approx(0.6)
 
 
 def test_layers_are_read_only_where_a_material_asks_for_one(read):

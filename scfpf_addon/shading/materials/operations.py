@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from . import colors, inputs, noise, numbers, textures
+from .bump import bump
 from .graph import Evaluator
 
 OPERATIONS: dict[str, Evaluator] = {
@@ -13,3 +16,4 @@ OPERATIONS: dict[str, Evaluator] = {
     **numbers.OPERATIONS,
     **textures.OPERATIONS,
 }
+OPERATIONS["BUMP"] = partial(bump, OPERATIONS)

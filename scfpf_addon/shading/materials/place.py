@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,6 +56,30 @@ class Place:
             value = np.where(there, value, 0.0)
         return fit(value, channels), there[None].astype(np.float64)
 
+    def corners(self) -> tuple[Array, Array, Array]:
+        """The triangles' corners in world space, (3, n) each."""
+        vertex = self.geometry.triangles.take(self.triangle, axis=0)
+        first, second, third = (self.geometry.vertices.take(vertex[:, k], axis=0).T for k in range(3))
+        return first, second, third
+
+    def edge(self) -> Array:
+        """Length of the longer of the triangles' edges at their first corner, (1, n)."""
+        first, second, third = self.corners()
+        along, across = second - first, third - first
+        length: Array = np.sqrt(np.maximum(dot(along, along), dot(across, across)))
+        return length
+
+    def beside(self, step: Array) -> Place:
+        """The places ``step`` (3, n) away in the triangles' planes, with the same normals."""
+        first, second, third = self.corners()
+        along, across = second - first, third - first
+        aa, ab, bb = dot(along, along), dot(along, across), dot(across, across)
+        sa, sb = dot(step, along), dot(step, across)
+        area = aa * bb - ab * ab
+        inverse = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0.0)
+        moved = np.concatenate([bb * sa - ab * sb, aa * sb - ab * sa]) * inverse
+        return replace(self, position=self.position + step, barycentric=self.barycentric + moved)
+
     def tangent(self, name: str) -> tuple[Array, Array]:
         """Where the first texture coordinate grows, (3, n), and on which side the second does, (1, n) ±1.
 
@@ -68,8 +92,7 @@ class Place:
         row = found.row.take(self.triangle)
         there = (row >= 0)[None].astype(np.float64)
         corners = found.values.take(row, axis=0, mode="clip").astype(np.float64)
-        vertex = self.geometry.triangles.take(self.triangle, axis=0)
-        first, second, third = (self.geometry.vertices.take(vertex[:, k], axis=0).T for k in range(3))
+        first, second, third = self.corners()
         along, across = second - first, third - first
         up = np.cross(along, across, axis=0)
         # As long as the root of its length, to grow as edges do.
