@@ -48,6 +48,9 @@ def resolve(socket, groups: tuple = ()) -> Place:
 
 def _link(socket):
     """The link that feeds an input, if any."""
+    # Blender goes through all links of the tree for a socket's.
+    if not socket.is_linked:
+        return None
     return next((one for one in socket.links if one.is_valid and not one.is_muted), None)
 
 
