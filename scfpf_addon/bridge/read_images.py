@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -19,13 +20,18 @@ from .read_materials import listing
 LINEAR_SPACES = {"Linear", "Linear Rec.709", "scene_linear", "Raw", "Non-Color"}
 
 
+# Images read before, by name, each with what it was made of.
+KnownImages = dict[str, tuple[tuple, ImageData]]
+
+
 def with_images(
-    scene: Scene, projection: Projection | None = None, known: dict[str, ImageData] | None = None
+    scene: Scene, projection: Projection | None = None, known: KnownImages | None = None
 ) -> Scene:
     """The scene with the images that its materials look up, and warnings about them.
 
     projection: images of materials that only stand outside its volume are left out, unless something
-    reflects. known: images read before, which are taken as they are; those read now are put in.
+    reflects. known: images read before, which are taken if nothing of them has changed; what is
+    read now is put in.
     """
     graphs = scene.materials.graphs
     if not any(graph.images for graph in graphs.values()):
@@ -41,7 +47,7 @@ def with_images(
 
 
 def read_images(
-    names: Iterable[str], known: dict[str, ImageData] | None = None
+    names: Iterable[str], known: KnownImages | None = None
 ) -> tuple[dict[str, ImageData], tuple[str, ...]]:
     """Images by their full names, without those that are missing, and a line for each kind of trouble."""
     found: dict[str, ImageData] = {}
@@ -53,19 +59,20 @@ def read_images(
             if name not in wanted:
                 continue
             wanted.discard(name)
-            if known is not None and name in known and not image.is_dirty:
-                found[name] = known[name]
-                continue
-            data = read_image(image)
+            state = image_state(image)
+            before = known.get(name) if known is not None else None
+            # What is painted on changes without a sign.
+            kept = before is not None and before[0] == state and not image.is_dirty
+            data = before[1] if kept else read_image(image)
             if data is None:
                 trouble.setdefault(MISSING, []).append(name)
                 continue
             found[name] = data
+            if known is not None:
+                known[name] = state, data
             for text in _oddities(image):
                 trouble.setdefault(text, []).append(name)
     trouble.setdefault(MISSING, []).extend(sorted(wanted))
-    if known is not None:
-        known.update(found)
     return found, tuple(text + listing(sorted(which)) for text, which in trouble.items() if which)
 
 
@@ -80,6 +87,17 @@ def _oddities(image) -> Iterable[str]:
     space = image.colorspace_settings.name
     if not (image.is_float or space == "sRGB" or space in LINEAR_SPACES):
         yield f"The colour space {space} is taken for sRGB: "
+
+
+def image_state(image) -> tuple:
+    """What an image's pixels are made of: if it is the same they are, unless someone paints."""
+    try:
+        file = os.stat(bpy.path.abspath(image.filepath, library=image.library))
+        written = file.st_mtime_ns, file.st_size
+    except (OSError, ValueError):
+        written = ()
+    space = image.colorspace_settings.name
+    return image.filepath, written, tuple(image.size), space, image.alpha_mode, image.source
 
 
 def read_image(image) -> ImageData | None:

@@ -64,7 +64,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
 
     def view_update(self, context, depsgraph):
         """A viewport in Rendered shading: the scene has changed."""
-        self._viewport().update(depsgraph.id_type_updated("IMAGE"))
+        self._viewport().update()
         self.tag_redraw()
 
     def view_draw(self, context, depsgraph):

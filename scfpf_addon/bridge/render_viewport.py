@@ -18,9 +18,8 @@ from mathutils import Matrix
 from ..projection.surfaces import BilinearPatch
 from ..projection.volume import Projection, ViewingVolume
 from ..shading.frame import Border, FrameSettings
-from ..shading.materials.image import ImageData
 from ..shading.scene import Scene
-from .read_images import with_images
+from .read_images import KnownImages, with_images
 from .read_scene import read_scene
 from .render_job import RENDER_ERRORS, RenderInputs, read_inputs
 from .view_painter import Commission, Painting, ViewPainter
@@ -57,18 +56,16 @@ class ViewportRender:
         # With its engine Blender drops this object, but for the engine there is no last word.
         weakref.finalize(self, self._painter.stop)
         self._scene: Scene | None = None
-        self._images: dict[str, ImageData] = {}
+        self._images: KnownImages = {}
         self._view: tuple | None = None
         self._drawn = -1
         self._texture = None
         self._place = (0.0, 0.0, 0.0, 0.0)
         self._message = ""
 
-    def update(self, images_changed: bool) -> None:
+    def update(self) -> None:
         """Something in the scene has changed: the next drawing reads it again."""
         self._scene = self._view = None
-        if images_changed:
-            self._images.clear()
 
     def draw(self, context, depsgraph, engine) -> None:
         """Draw the newest painting, after asking for another one if the view or the scene is another."""

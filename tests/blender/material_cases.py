@@ -4,6 +4,7 @@
 Each glows on a sheet of ``shown_materials.wavy_sheet``; vectors are spread over where the nodes do something.
 """
 
+import os
 from functools import partial
 
 import bpy
@@ -142,6 +143,15 @@ def _extension(tree, value):
 @each("Image of", ("data", "floats", "colours"))
 def _space(tree, value):
     return image_node(tree, new_image(data=value == "data", float_buffer=value == "floats")).outputs[0]
+
+
+@each("Image from a file", ("png", "exr"))
+def _file(tree, value):
+    image = new_image(float_buffer=value == "exr", alpha=True)
+    image.filepath_raw = os.path.join(bpy.app.tempdir, f"image.{value}")
+    image.file_format = {"png": "PNG", "exr": "OPEN_EXR"}[value]
+    image.save()
+    return image_node(tree, bpy.data.images.load(image.filepath_raw)).outputs[0]
 
 
 @case("Image with alpha, unused")

@@ -288,6 +288,27 @@ def test_images_that_nothing_shows_are_not_loaded(addon):
     assert set(inputs.scene.images) == {"seen"}
 
 
+def test_a_viewport_keeps_images_until_they_change(addon, tmp_path):
+    read = addon("scfpf_addon.bridge.read_images").read_images
+    image = bpy.data.images.new("Painted", 4, 4)
+    image.filepath_raw, image.file_format = str(tmp_path / "painted.png"), "PNG"
+    image.save()
+    image = bpy.data.images.load(image.filepath_raw)
+    known = {}
+    first = read([image.name], known)[0][image.name]
+    assert read([image.name], known)[0][image.name] is first
+    image.pixels.foreach_set(np.full(64, 0.5, np.float32))
+    painted = read([image.name], known)[0][image.name]
+    assert (painted.pixels[:, :, 3] == 128).all() and painted is not first
+    image.save()
+    assert read([image.name], known)[0][image.name] is not first
+    image.colorspace_settings.name = "Non-Color"
+    assert not read([image.name], known)[0][image.name].encoded
+    bpy.data.images.remove(image)
+    found, warnings = read(["painted.png"], known)
+    assert not found and "painted.png" in warnings[0]
+
+
 def test_many_material_slots_cost_what_they_are(read):
     """Slots are kept one after the other: a table of all objects' would be as wide as the widest."""
     sheet = wavy_sheet()
