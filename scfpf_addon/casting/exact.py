@@ -174,6 +174,8 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
     near = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points)
     hull = walk.prisms.hull
     alive = alive[hull.contains(near.take(alive, 1), hull.holding)]
+    if len(alive) == 0:
+        return
     length = 2.0 * np.sqrt(3.0) * (walk.prisms.thickness + RESTART)
     for axis in np.eye(3):
         projector = alive
