@@ -3,6 +3,7 @@
 
 from ..scfpf_addon.bridge.edit_volume import EditVolumeError
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
+from ..scfpf_addon.bridge.mapping_edits import MappingError
 from ..scfpf_addon.bridge.render_job import RENDER_ERRORS
 from ..scfpf_addon.bridge.result_image import ResultError
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError
@@ -16,6 +17,7 @@ BAD_INPUT = (
     EditVolumeError,
     EditingError,
     FlexibleCameraError,
+    MappingError,
     PresetError,
     PreviewError,
     ResultError,

@@ -21,6 +21,7 @@ from bpy.props import (
 
 from ..projection.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
 from . import edit_volume, flexible_camera, surface_nodes
+from .mapping_properties import SCFPF_ImageMapping
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
@@ -196,6 +197,21 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         description="How positions in the picture become the surfaces' parameters u and v",
         items=REPARAMETERISATIONS,
         default="RECTANGLE",
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    mappings: CollectionProperty(
+        name="Image Mappings",
+        description="Mappings of the picture, the first one nearest to it",
+        type=SCFPF_ImageMapping,
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+    )
+    active_mapping: IntProperty(
+        name="Active Image Mapping",
+        description="The mapping that is selected in the list",
+        default=0,
+        min=0,
+        options=set(),
         update=_changed,
         override=OVERRIDABLE,
     )
