@@ -172,9 +172,9 @@ def _image_number(mapping, depsgraph) -> int:
         raise MappingError(f"The ST map '{mapping.name}' has no image: open or choose one")
     key = (tuple(image.size), image.filepath, _images.edits)
     known = _images.present.get(image.session_uid)
-    if known is not None and depsgraph.mode == "VIEWPORT" and known[1] in _images.maps:
-        if known[0] == key and time.monotonic() - known[2] < READ_AFTER:
-            return known[1]
+    is_known = known is not None and known[0] == key and known[1] in _images.maps
+    if is_known and depsgraph.mode == "VIEWPORT" and time.monotonic() - known[2] < READ_AFTER:
+        return known[1]
     read = _read_image(image)
     # The same pixels keep their number, and with it what has been worked out for them.
     before = _images.maps.get(known[1]) if known is not None else None

@@ -40,7 +40,7 @@ def clear_slots(settings, name: str = SURFACES) -> None:
 
 def _renumber(camera, name: str, places: Mapping[int, int]) -> None:
     """Give the F-curves and drivers of a list their items' new places; those without one are removed."""
-    for curves in _curve_collections(camera):
+    for curves in curve_collections(camera):
         for curve in list(curves):
             found = SLOT_PATH.match(curve.data_path)
             if found is None or found[1] != name:
@@ -52,7 +52,7 @@ def _renumber(camera, name: str, places: Mapping[int, int]) -> None:
                 curve.data_path = f"scfpf.{name}[{places[old]}]" + curve.data_path[found.end() :]
 
 
-def _curve_collections(camera) -> Iterator:
+def curve_collections(camera) -> Iterator:
     """The collections of F-curves, drivers among them, that animate a camera."""
     data = camera.animation_data
     if data is None:

@@ -4,7 +4,7 @@
 import bpy
 import pytest
 
-SECTIONS = ("", "_preview", "_cycles", "_surfaces", "_projectors", "_quality", "_display")
+SECTIONS = ("", "_preview", "_cycles", "_surfaces", "_projectors", "_mappings", "_quality", "_display")
 
 
 class RecordingLayout:
@@ -146,6 +146,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
         names |= {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_CameraSettings"}
     hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object", "report"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
+    hidden |= {"mappings", "active_mapping"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden
 
 
