@@ -27,7 +27,6 @@ PRESETS = (
     "orthographic",
     "perspective",
     "polynomial_fisheye",
-    "sample_rate_lens",
 )
 # The pixel error of the rig, and so its number of chords. Edges are given 1.5 pixels.
 PIXEL_ERROR = 0.3
