@@ -9,6 +9,7 @@ from . import (
     find,
     framing,
     mappings,
+    own_presets,
     pick,
     picture_fit,
     presets,
@@ -23,6 +24,7 @@ from . import (
 MODULES = (
     camera,
     presets,
+    own_presets,
     surfaces,
     edit_volume,
     volume_tools,

@@ -54,6 +54,7 @@ class SCFPF_MT_presets(bpy.types.Menu):
             # Beside entries with icons a long name would be cut off without one.
             self.layout.menu(menu.__name__, icon="BLANK1")
         self.layout.separator()
+        self.layout.menu("SCFPF_MT_presets_own", icon="USER")
         self.layout.operator(
             "scfpf.camera_from_camera", text="This Camera's Own Frustum", icon="OUTLINER_OB_CAMERA"
         )
