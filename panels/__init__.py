@@ -10,10 +10,12 @@ from . import (
     own_preset_menus,
     preview,
     surface_list,
+    thumbnails,
 )
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
+    thumbnails,
     surface_list,
     mapping_stack,
     own_preset_menus,

@@ -72,9 +72,20 @@ def preset(name):
 
 
 def test_the_folder_holds_these_presets_in_these_groups():
-    assert sorted(path.name for path in FOLDER.glob("*")) == [f"{name}.json" for name in NAMES]
+    files = [f"{name}.json" for name in NAMES]
+    assert sorted(path.name for path in FOLDER.glob("*")) == sorted([*files, "thumbnails"])
     found = {name: preset(name).group for name in NAMES}
     assert found == {name: group for group, names in GROUPS.items() for name in names}
+
+
+def test_every_preset_has_a_small_picture_for_the_menus():
+    pictures = sorted((FOLDER / "thumbnails").glob("*"))
+    assert [path.name for path in pictures] == [f"{name}.png" for name in NAMES]
+    for path in pictures:
+        data = path.read_bytes()
+        width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
+        assert data[:8] == b"\x89PNG\r\n\x1a\n" and (width, height) == (96, 72)
+        assert len(data) < 20_000
 
 
 def test_names_differ_and_texts_say_what_and_whence():
