@@ -2,6 +2,7 @@
 """What the user can do: ``bpy.ops.scfpf``. One module a family."""
 
 from . import (
+    blend,
     camera,
     cycles,
     duplicate,
@@ -31,6 +32,7 @@ MODULES = (
     surface_tools,
     framing,
     duplicate,
+    blend,
     render,
     pick,
     find,

@@ -42,6 +42,7 @@ def _group_menus(prefix: str, operator: str) -> tuple[type[bpy.types.Menu], ...]
 
 
 APPLY_MENUS = _group_menus("SCFPF_MT_presets_group", "scfpf.preset_apply")
+BLEND_MENUS = _group_menus("SCFPF_MT_blend_group", "scfpf.camera_blend_preset")
 ADD_MENUS = _group_menus("SCFPF_MT_camera_add_group", "scfpf.camera_add")
 
 
@@ -72,6 +73,16 @@ class SCFPF_MT_camera_add_preset(bpy.types.Menu):
             self.layout.menu(menu.__name__)
 
 
+class SCFPF_MT_blend_presets(bpy.types.Menu):
+    """Ready-made projections that this camera can be blended with"""
+
+    bl_label = "Blend with Preset"
+
+    def draw(self, _context):
+        for menu in BLEND_MENUS:
+            self.layout.menu(menu.__name__)
+
+
 class SCFPF_MT_surface_specials(bpy.types.Menu):
     """More about control surfaces"""
 
@@ -99,6 +110,8 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.volume_to_lattice", icon="MOD_LATTICE")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
         self.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
+        self.layout.operator("scfpf.camera_blend", icon="IPO_EASE_IN_OUT")
+        self.layout.menu("SCFPF_MT_blend_presets", icon="IPO_EASE_IN_OUT")
 
 
 def _camera_entries(menu, _context):
@@ -126,6 +139,8 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
         *APPLY_MENUS,
         SCFPF_MT_presets,
         *ADD_MENUS,
+        *BLEND_MENUS,
+        SCFPF_MT_blend_presets,
         SCFPF_MT_camera_add_preset,
         SCFPF_MT_surface_specials,
     )

@@ -21,6 +21,7 @@ from bpy.props import (
 
 from ..projection.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
 from . import edit_volume, flexible_camera, surface_nodes
+from .camera_blend import LARGEST_BLEND, SMALLEST_BLEND
 from .mapping_properties import SCFPF_ImageMapping
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
@@ -232,6 +233,21 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=(0.0, 1.0),
         min=0.0,
         max=1.0,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    blend_factor: FloatProperty(
+        name="Blend",
+        description="Of a camera made by Blend Cameras: 0 is the first one's picture, 1 the second's; "
+        "less and more go on beyond them",
+        default=0.0,
+        min=SMALLEST_BLEND,
+        max=LARGEST_BLEND,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
+        options={"ANIMATABLE"},
         update=_changed,
         override=OVERRIDABLE,
     )

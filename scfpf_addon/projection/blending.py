@@ -23,6 +23,8 @@ FEWEST_PIECES, MOST_PIECES = 12, 36
 # Faces along an axis that are tried until a grid is within GRID_ERROR of the size of what it holds.
 FACES = (1, 8, 16, 32, 64, 128)
 GRID_ERROR = 2e-4
+# Places that are looked at along each side of a face.
+STEPS = 4
 
 
 class BlendError(ValueError):
@@ -56,8 +58,8 @@ def blended(first: Projection, second: Projection) -> Blend:
         off = [_bend(p) for p in points]
         if max(off) <= GRID_ERROR:
             break
-    # Every other line: those between have told how far the grid is off.
-    layers = tuple(np.stack([p[k, ::2, ::2] for p in points]) for k in range(len(points[0])))
+    # The lines between have told how far the grid is off.
+    layers = tuple(np.stack([p[k, ::STEPS, ::STEPS] for p in points]) for k in range(len(points[0])))
     return Blend(basis, layers, polar, max(off))
 
 
@@ -90,8 +92,8 @@ def _elevation(degree: int, wanted: int) -> Array:
 
 
 def _points(projection: Projection, matrix: Array | None, times: Array, faces: int, polar: bool) -> Array:
-    """Layers (K, R, C, 3) over 2 · faces + 1 places along each axis."""
-    count = 2 * faces + 1
+    """Layers (K, R, C, 3) over STEPS · faces + 1 places along each axis."""
+    count = STEPS * faces + 1
     x, y = lattice(count, count)
     if polar:
         (u0, u1), (v0, v1) = projection.u_range, projection.v_range
@@ -99,20 +101,26 @@ def _points(projection: Projection, matrix: Array | None, times: Array, faces: i
         shown = np.ones(len(x), bool)
     else:
         u, v, _, shown = projection.parameters(x, y)
+        # Beyond the rim of a polar picture its surfaces go on, as far as they do.
+        shown = shown | isinstance(projection.reparameterisation, Polar)
     controls = projection.volume.controls(u, v)
     if not (controls.valid & shown).all() or not np.isfinite(controls.points).all():
         raise BlendError("The picture of one camera has empty parts, which have nothing to be blended with")
     if matrix is None:
         weights, _ = projection.volume.spans.weights(times)
         matrix = weights.T
-    layers = np.einsum("kc,cdn->knd", matrix, controls.points)
-    return layers.reshape(len(matrix), count, count, 3)
+    layers: Array = np.einsum("kc,cdn->knd", matrix, controls.points)
+    placed: Array = layers.reshape(len(matrix), count, count, 3)
+    return placed
 
 
 def _bend(layers: Array) -> float:
-    """How far points half way between others are from their middle, as a share of the size of all."""
+    """How far points are from those that a grid of every STEPS-th line has, as a share of the size."""
     size = float(np.ptp(layers.reshape(-1, 3), axis=0).max())
-    across = layers[:, :, 1::2] - 0.5 * (layers[:, :, :-2:2] + layers[:, :, 2::2])
-    up = layers[:, 1::2] - 0.5 * (layers[:, :-2:2] + layers[:, 2::2])
-    worst = max(float(np.linalg.norm(part, axis=-1).max()) for part in (across, up))
+    worst = 0.0
+    for lines in (layers[:, ::STEPS], layers[:, :, ::STEPS].swapaxes(1, 2)):
+        for step in range(1, STEPS):
+            share = step / STEPS
+            chord = (1.0 - share) * lines[:, :, :-1:STEPS] + share * lines[:, :, STEPS::STEPS]
+            worst = max(worst, float(np.linalg.norm(lines[:, :, step::STEPS] - chord, axis=-1).max()))
     return worst / size if size > 0.0 else 0.0
