@@ -14,8 +14,9 @@ from .image_grids import found_by_search, inverse_jacobian
 from .reparameterisation import ImageMap, ImagePoints, Polar, Reparameterisation
 from .typing import Array, BoolArray
 
-# What is seen this far outside of the picture still counts as on its border: roundings of several mappings.
-BORDER = 1e-9
+# What is seen this far outside of the picture still counts as on its border: a hundredth of a pixel of a
+# thousand, since curves and images are float32.
+BORDER = 1e-5
 # A disc's rim is looked at this far inside and outside of it, at so many places.
 RIM_GAP, RIM_PLACES = 1e-3, 64
 

@@ -16,7 +16,7 @@ from ..bridge.mapping_edits import MappingError
 from ..bridge.read_mappings import mapping_signature, read_mappings
 from ..bridge.render_job import picture_aspect
 from ..bridge.surface_nodes import PARAMETRIC_KINDS, SurfaceError, surface_parameters
-from ..projection.image_stack import is_disc, mapped_places, seen_through
+from ..projection.image_stack import BORDER, is_disc, mapped_places, seen_through
 from ..projection.reparameterisation import Polar, reparameterisation
 
 # A twentieth of a pixel of a thousand.
@@ -75,7 +75,7 @@ def store_picture(table, camera, scene, least_cells: tuple[int, int]) -> dict[st
     seen = mapped_places(mappings, x, y, aspect)
     shown, polar = seen.mask.copy(), isinstance(base, Polar)
     if not polar:
-        inside = np.maximum(np.abs(seen.u - 0.5), np.abs(seen.v - 0.5)) <= 0.5 + 1e-6
+        inside = np.maximum(np.abs(seen.u - 0.5), np.abs(seen.v - 0.5)) <= 0.5 + BORDER
         shown &= inside
         seen = seen._replace(u=np.clip(seen.u, 0.0, 1.0), v=np.clip(seen.v, 0.0, 1.0))
     image = base.points(seen.u, seen.v, aspect)
