@@ -43,6 +43,8 @@ class SCFPF_UL_mappings(bpy.types.UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index):
         row = layout.row(align=True)
         row.active = item.enabled
+        # The panel splits its properties into name and value, for which there is no room here.
+        row.use_property_split = row.use_property_decorate = False
         row.prop(item, "name", text="", emboss=False, icon=MAPPING_ICONS[item.kind])
         row.prop(
             item, "enabled", text="", emboss=False, icon="CHECKBOX_HLT" if item.enabled else "CHECKBOX_DEHLT"

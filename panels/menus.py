@@ -6,7 +6,7 @@ import bpy
 from ..operators.presets import preset_groups
 from ..operators.surfaces import SURFACE_KINDS
 from .surface_list import KIND_ICONS
-from .thumbnails import draw_entry
+from .thumbnails import draw_entries
 
 # Blender's menus that duplicate objects.
 OBJECT_MENUS = ("VIEW3D_MT_object", "VIEW3D_MT_object_context_menu")
@@ -27,8 +27,7 @@ def _group_menu(identifier: str, group: str, items, operator: str) -> type[bpy.t
 
     def draw(self, _context):
         self.layout.operator_context = "EXEC_REGION_WIN"
-        for preset, name, _description in items:
-            draw_entry(self.layout, operator, preset, name)
+        draw_entries(self.layout, operator, items)
 
     contents = {"__doc__": f"Ready-made projections: {group}", "bl_label": group, "draw": draw}
     return type(identifier, (bpy.types.Menu,), contents)

@@ -6,7 +6,7 @@ import bpy.utils.previews
 from ..operators.presets import FOLDER
 
 # How much larger than an icon they are drawn.
-SCALE = 2.6
+SCALE = 2.4
 
 _loaded = []
 
@@ -20,17 +20,21 @@ def thumbnail(preset: str) -> int:
     if preset not in pictures:
         if not path.is_file():
             return 0
-        pictures.load(preset, str(path), "IMAGE")
+        # Asking for its size reads the file at once; else the first menu would show that it waits.
+        pictures.load(preset, str(path), "IMAGE").image_size[:]
     return pictures[preset].icon_id
 
 
-def draw_entry(layout, operator: str, preset: str, name: str) -> None:
-    """A preset's picture and the operator beside it that takes its name."""
-    icon = thumbnail(preset)
-    row = layout.row()
-    if icon:
-        row.template_icon(icon_value=icon, scale=SCALE)
-    row.operator(operator, text=name).preset = preset
+def draw_entries(layout, operator: str, items) -> None:
+    """Presets (identifier, name, description): each its picture, below it an operator that takes the identifier.
+
+    One column: in menus rows and grids do not stand below one another.
+    """
+    for preset, name, _description in items:
+        icon = thumbnail(preset)
+        if icon:
+            layout.template_icon(icon_value=icon, scale=SCALE)
+        layout.operator(operator, text=name).preset = preset
 
 
 def register():
