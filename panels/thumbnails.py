@@ -26,7 +26,7 @@ def thumbnail(preset: str) -> int:
 
 
 def draw_entries(layout, operator: str, items) -> None:
-    """Presets (identifier, name, description): each its picture, below it an operator that takes the identifier.
+    """Presets (identifier, name, description): each its picture, and an operator that takes the identifier.
 
     One column: in menus rows and grids do not stand below one another.
     """
