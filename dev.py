@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything a developer types: `python3 dev.py demo`, `gallery`, `test`, `build`, `lint`, `bench`, and others.
+"""Everything a developer types: `python3 dev.py demo`, `gallery`, `test`, `build`, `lint`, `bench`, others.
 
 Nothing has to be installed or done before: it finds a Python for which there is a Blender, makes its own
 virtual environments in .venvs/ and goes on from there. It starts with any Python from 3.9 on.

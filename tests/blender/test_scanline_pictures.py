@@ -398,7 +398,7 @@ def rim_stays(camera):
 
 @pytest.mark.parametrize(
     ("preset", "make", "share"),
-    [("perspective", lenses, 1e-4), ("angular_fisheye", rim_stays, 0.0)],
+    [("perspective", lenses, 5e-4), ("angular_fisheye", rim_stays, 0.0)],
 )
 def test_preview_and_caster_see_the_same_through_image_mappings(addon, compared, preset, make, share):
     render = bpy.context.scene.render
