@@ -199,3 +199,37 @@ def test_presets_replace_the_stack(camera):
     assert bpy.ops.scfpf.preset_apply(preset="perspective") == {"FINISHED"}
     assert not camera.scfpf.mappings
     assert not [obj for obj in bpy.data.objects if "Grid" in obj.name]
+
+
+def test_the_live_preview_s_table_follows_edits_frames_and_the_resolution(addon, camera):
+    """Its mesh has u and v of the table's corners as the stack is; without a stack it is empty."""
+    table_data = addon("scfpf_addon.scanline.preview_data")
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.preview_toggle() == {"FINISHED"}
+    source = table_data.preview_of(camera, bpy.context.scene)
+
+    def corners():
+        bpy.context.view_layer.update()
+        mesh = source.scfpf_preview.table.data
+        found = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", found)
+        return found.reshape(-1, 3)
+
+    assert len(corners()) == 0
+    lens = add("LENS", radius=1.0, falloff=1.0)
+    seen = [corners()]
+    lens.magnification = 3.0
+    seen.append(corners())
+    bpy.context.scene.render.resolution_x = 90
+    seen.append(corners())
+    for frame, value in ((1, 1.5), (11, 4.0)):
+        lens.magnification = value
+        camera.keyframe_insert("scfpf.mappings[0].magnification", frame=frame)
+    for frame in (1, 11):
+        bpy.context.scene.frame_set(frame)
+        seen.append(corners())
+    middle = [rows[len(rows) // 2 + 1, 0] - rows[len(rows) // 2, 0] for rows in seen]
+    assert all(abs(a - b) > 1e-6 for a, b in zip(middle, middle[1:], strict=False)), middle
+    lens.enabled = False
+    assert len(corners()) == 0
