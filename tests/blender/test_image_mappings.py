@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The stack of image mappings in Blender: edited, animated, read, saved, written as an ST map."""
 
+from itertools import pairwise
+
 import bpy
 import numpy as np
 import pytest
@@ -230,6 +232,6 @@ def test_the_live_preview_s_table_follows_edits_frames_and_the_resolution(addon,
         bpy.context.scene.frame_set(frame)
         seen.append(corners())
     middle = [rows[len(rows) // 2 + 1, 0] - rows[len(rows) // 2, 0] for rows in seen]
-    assert all(abs(a - b) > 1e-6 for a, b in zip(middle, middle[1:], strict=False)), middle
+    assert all(abs(a - b) > 1e-6 for a, b in pairwise(middle)), middle
     lens.enabled = False
     assert len(corners()) == 0
