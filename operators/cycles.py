@@ -58,4 +58,23 @@ class SCFPF_OT_cycles_rig_update(bpy.types.Operator):
         return {"FINISHED"}
 
 
-register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_cycles_rig, SCFPF_OT_cycles_rig_update))
+class SCFPF_OT_cycles_passes(bpy.types.Operator):
+    """Give the compositor passes of t, depth along the projectors, and (u, v, t); again to remove them"""
+
+    bl_idname = "scfpf.cycles_passes"
+    bl_label = "t, Depth, (u, v, t) Passes"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = SCFPF_OT_cycles_rig_update.poll
+
+    def execute(self, context):
+        rig = rig_of(context.scene)
+        rigs.set_passes(rig, not rig.scfpf_rig.passes)
+        if rig.scfpf_rig.passes:
+            self.report({"INFO"}, "Link the outputs of the compositor's node SCFPF Passes")
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (SCFPF_OT_cycles_rig, SCFPF_OT_cycles_rig_update, SCFPF_OT_cycles_passes)
+)

@@ -16,7 +16,7 @@ from ..bridge.render_job import RenderError, picture_aspect, picture_size
 from ..bridge.volume_object import sync_volume_object
 from ..projection.volume import Projection
 from ..scanline.table_object import grid_cells
-from . import portal_nodes
+from . import passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
 from .rig_data import (
     RigError,
@@ -75,6 +75,13 @@ def update(context, rig) -> None:
     rig.scfpf_rig.problem = ""
     write_sheets(rig, chords)
     _note(rig, context.evaluated_depsgraph_get())
+
+
+def set_passes(rig, on: bool) -> None:
+    """Let a rig's scene have passes of t, depth, u and v, or no longer."""
+    rig.scfpf_rig.passes = on
+    (passes.add if on else passes.remove)(rig.scfpf_rig.scene)
+    update_nodes(rig)
 
 
 def switch_off(rig) -> None:
@@ -243,7 +250,8 @@ def _look(rig, depsgraph) -> tuple[Projection, tuple]:
     surfaces = tuple(
         (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
     )
-    structure = (surfaces, own.basis, own.reparameterisation)
+    focus = camera.data.dof.focus_object
+    structure = (surfaces, own.basis, own.reparameterisation, focus and focus.session_uid)
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
     points = projection.projectors(x, y).points.astype(np.float32).tobytes()
     return projection, (structure, points, picture_size(settings.scene), own.pixel_error)

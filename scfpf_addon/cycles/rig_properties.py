@@ -118,6 +118,12 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         default="",
         update=_changed,
     )
+    passes: BoolProperty(
+        name="t, Depth, (u, v)",
+        description="The sheets write what the compositor makes passes of t, depth, u and v from",
+        default=False,
+        update=_changed,
+    )
     engine_before: StringProperty(
         name="Engine Before",
         description="The scene's render engine before the rig was made",

@@ -28,15 +28,16 @@ class Portals(NamedTuple):
 
     places: (3, N): x and y in the table of projectors, and the number of the sheet: 0 the screen, n
     the far sheet, -1 the surround. start, end: (3, N): t and shift of the chord that begins at the
-    vertex (on the far sheet: ends), and on start 1 for the far sheet. triangles: (T, 3).
-    gates: (T,) bool, screen and far sheet, whose rays go elsewhere. surround: (T,) bool.
+    vertex (on the far sheet: ends), and on start 1 for the far sheet, on end how many vertices a sheet has.
+    triangles: (T, 3). screen, far, surround: (T,) bool, the others are of sheets.
     """
 
     places: Array
     start: Array
     end: Array
     triangles: IndexArray
-    gates: BoolArray
+    screen: BoolArray
+    far: BoolArray
     surround: BoolArray
 
 
@@ -71,22 +72,21 @@ def portals(
     places = np.stack([np.tile(x, count + 1), np.tile(y, count + 1), number])
     far = (number == count).astype(np.float64)
     start = np.stack([breaks[chord], shifts[chord], far])
-    end = np.stack([breaks[chord + 1], shifts[chord + 1], 0.0 * far])
+    end = np.stack([breaks[chord + 1], shifts[chord + 1], np.full(len(number), float(size))])
     faces = (triangles[None] + (np.arange(count + 1) * size)[:, None, None]).reshape(-1, 3)
-    gates = np.zeros((count + 1, len(triangles)), bool)
-    gates[[0, -1]] = True
+    owner = np.repeat(np.arange(count + 1), len(triangles))
     around = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) * SURROUND + [[0.5], [0.5], [-1.0]]
     corner = places.shape[1]
     faces = np.concatenate([faces, [[corner, corner + 1, corner + 2], [corner, corner + 2, corner + 3]]])
-    surround = np.zeros(len(faces), bool)
-    surround[-2:] = True
+    owner = np.concatenate([owner, [-1, -1]])
     return Portals(
         np.concatenate([places, around], axis=1),
         np.concatenate([start, np.zeros((3, SURROUND_CORNERS))], axis=1),
-        np.concatenate([end, np.zeros((3, SURROUND_CORNERS))], axis=1),
+        np.concatenate([end, np.ones((3, SURROUND_CORNERS))], axis=1),
         faces.astype(np.int32),
-        np.concatenate([gates.ravel(), [False, False]]),
-        surround,
+        owner == 0,
+        owner == count,
+        owner < 0,
     )
 
 

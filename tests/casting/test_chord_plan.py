@@ -104,8 +104,8 @@ def test_sheets_cover_the_picture_once(polar):
     for sheet in range(4):
         covered = area[number[:, 0] == sheet].sum()
         assert covered == pytest.approx(np.pi / 4 if polar else padded, rel=1e-3)
-    gates = np.unique(number[arrays.gates[~arrays.surround]])
-    assert gates.tolist() == [0, 3]
+    ends = [np.unique(number[which[~arrays.surround]]).tolist() for which in (arrays.screen, arrays.far)]
+    assert ends == [[0], [3]]
 
 
 def test_polar_pictures_have_round_sheets():
