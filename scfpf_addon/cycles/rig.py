@@ -41,6 +41,7 @@ NOTICED = 7
 CROSSING = 9
 # The rig of a volume that stands still is made smaller again when this share of its chords is enough.
 ENOUGH = 0.7
+CROSSES = "The volume crosses itself: Blender 5.0 is needed"
 STALE = "The animated volume has changed: update the chords"
 
 # What was seen at the last look, by session_uid of the rig: numbers and bytes only.
@@ -178,10 +179,13 @@ def cautions(scene, view_layer, rig) -> list[str]:
         found.append("Too few transparent bounces for the chords")
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
         found.append("Camera culling would leave all objects out")
+    if settings.camera.data.dof.use_dof and settings.chords > 1:
+        found.append("No depth of field: the projectors are bent")
     if _has_volume(scene.world):
         found.append("The world's volume is not right beyond the screen")
     if settings.crosses:
-        found.append("The volume crosses itself: Blender 5.0 is needed")
+        gated = portal_nodes.can_gate()
+        found.append("The volume folds: rays turn too early" if gated else CROSSES)
     if settings.missing > 0.0:
         found.append("Holes of a surface are filled in")
     return found
@@ -271,16 +275,15 @@ def plan_of(rig, projection: Projection) -> ChordPlan:
 
 
 def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
-    """Only where rays cannot tell the sheets apart does it matter."""
-    crosses = False
-    if not portal_nodes.can_gate():
-        polar = rig.scfpf_rig.camera.scfpf.reparameterisation == "POLAR"
-        x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, CROSSING),) * 2))
-        x, y = picture_places(x, y, polar, projection.aspect)
-        points = projection.projectors(x, y).points
-        weights, _ = projection.volume.spans.weights(chords.breaks)
-        layers = np.einsum("kn,kcs->ncs", weights, points)
-        crosses = crosses_itself(layers.reshape(*layers.shape[:2], CROSSING, CROSSING))
+    """Note whether rays would be turned by sheets that are not theirs."""
+    polar = rig.scfpf_rig.camera.scfpf.reparameterisation == "POLAR"
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, CROSSING),) * 2))
+    x, y = picture_places(x, y, polar, projection.aspect)
+    points = projection.projectors(x, y).points
+    weights, _ = projection.volume.spans.weights(chords.breaks)
+    layers = np.einsum("kn,kcs->ncs", weights, points)
+    layers = layers.reshape(*layers.shape[:2], CROSSING, CROSSING)
+    crosses = crosses_itself(layers, portal_nodes.can_gate())
     if rig.scfpf_rig.crosses != crosses:
         rig.scfpf_rig.crosses = crosses
 

@@ -108,7 +108,7 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
     )
     crosses: BoolProperty(
         name="Crosses Itself",
-        description="The volume meets itself, which this Blender's Cycles cannot tell apart",
+        description="Rays meet sheets elsewhere than where they are due: the volume folds or crosses itself",
         default=False,
         update=_changed,
     )

@@ -17,6 +17,9 @@ from ..projection.typing import Array, BoolArray, IndexArray
 # Pixels that sheets reach beyond a rectangular picture: Cycles' filter looks over its borders.
 PADDING = 2.0
 
+# Ends of chords, as a share of them, that may touch a sheet without being turned too early.
+TOUCHED = 1e-3
+
 # The surround covers pictures this many times as wide as high, and the other way round.
 SURROUND = 60.0
 # Its vertices are the last ones.
@@ -113,31 +116,33 @@ def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[A
     return *pressed(x, y), triangles
 
 
-def crosses_itself(layers: Array) -> bool:
-    """Whether chords between consecutive layers of a volume meet sheets that are not their own ends.
+def crosses_itself(layers: Array, gated: bool) -> bool:
+    """Whether chords between consecutive layers of a volume meet sheets elsewhere than at their own ends.
 
-    layers: (n+1, 3, R, C) ends of the chords of R × C projectors. Sampled, not certain.
+    layers: (n+1, 3, R, C) ends of the chords of R × C projectors. gated: a sheet lets rays through that do
+    not come from the one before, so that only a fold between two sheets does harm. Sampled, not certain.
     """
     count = len(layers) - 1
-    if count < 2:
-        return False
     a, b = layers[:, :, :-1, :-1], layers[:, :, :-1, 1:]
     c, d = layers[:, :, 1:, 1:], layers[:, :, 1:, :-1]
     corners = [np.stack(pair, axis=-1).reshape(count + 1, 3, -1) for pair in ((a, a), (b, c), (c, d))]
     # Chords of the cells' middles: those of the vertices would run along edges.
     middle = 0.25 * (a + b + c + d)
     middle = middle.reshape(count + 1, 3, -1)
+    cells = np.arange(middle.shape[2])
+    # Each cell has two triangles, one after the other.
+    elsewhere = cells[:, None] != np.repeat(cells, 2)
     for chord in range(count):
         start, end = middle[chord], middle[chord + 1]
-        others = [sheet for sheet in range(count + 1) if sheet not in (chord, chord + 1)]
-        faces = [np.concatenate([part[sheet] for sheet in others], axis=1) for part in corners]
-        if _any_hit(start, end - start, *faces):
-            return True
+        for sheet in (chord + 1,) if gated else range(count + 1):
+            hits = _hits(start, end - start, *(part[sheet] for part in corners))
+            if (hits & elsewhere).any() or (sheet not in (chord, chord + 1) and hits.any()):
+                return True
     return False
 
 
-def _any_hit(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> bool:
-    """Whether any of N segments meets any of M triangles (Möller and Trumbore 1997)."""
+def _hits(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> BoolArray:
+    """Which of N segments meet which of M triangles, (N, M) (Möller and Trumbore 1997)."""
     first, second = b - a, c - a
     normal = np.cross(direction[:, :, None], second[:, None], axis=0)
     determinant = np.einsum("cnm,cm->nm", normal, first)
@@ -148,4 +153,6 @@ def _any_hit(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> b
         turned = np.cross(offset, first[:, None], axis=0)
         v = np.einsum("cn,cnm->nm", direction, turned) * inverse
         t = np.einsum("cm,cnm->nm", second, turned) * inverse
-        return bool(((u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= 0.0) & (t <= 1.0)).any())
+        # A little less than to its end: neighbours of the own cell may be no more than touched.
+        met: BoolArray = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= TOUCHED) & (t <= 1.0 - TOUCHED)
+    return met

@@ -29,13 +29,21 @@ def grid(height, shift):
     return "GRID", Matrix(), None, points
 
 
+def tilted(y, z, turn):
+    """A plane turned about the x axis, in the middle between left and right."""
+    matrix = Matrix.Translation((0, y, z)) @ Euler((turn, 0, 0)).to_matrix().to_4x4()
+    return "PLANE", matrix, {"width": 3.0, "height": 2.0}, None
+
+
+# Forward, up and back, and down through where it came from: only Blender 5.0's rays can tell the sheets apart.
+LOOP = "loop"
 # Volumes made here, by basis and surfaces from near to far.
 VOLUMES = {
-    "curved convergence": ("BEZIER", [(1, 0.75, 1), (2, 7, 20), (10, 7.5, 40)]),
     "bent cubic": ("BEZIER", [(1, 0.7, 1), (3, 2, 6, 2.0), (5, 3, 14, -6.0, 0.6), (8, 5, 24, 4.0)]),
     "polyline": ("POLYLINE", [(1, 0.7, 1), (3, 2, 6, 2.0), (5, 3, 14, -4.0)]),
     "B-spline": ("B_SPLINE", [(1, 0.7, 1), (2, 1.4, 4), (4, 3, 9, 3.0), (5, 3, 15, -2.0), (8, 5, 24)]),
     "NURBS": ("NURBS", [(1, 0.7, 1), (3, 2, 6, 3.0), (5, 3, 14, -4.0, 0.4), (8, 5, 24, 2.0)]),
+    LOOP: ("BEZIER", [tilted(0, 0, 0.0), tilted(0, -30, 1.7), tilted(22, 2, 3.4), tilted(-18, -14, 5.1)]),
     "grids": ("BEZIER", [(1, 0.7, 1), grid(-10.0, 3.0), grid(-20.0, 0.0)]),
 }
 
@@ -70,20 +78,23 @@ def fill_volume(addon, camera, count=24):
     """Objects on projectors of the camera, as large as their place."""
     projection = project(addon, camera)
     sample = projection.volume.evaluate(np.full(9, 0.5), np.full(9, 0.5), np.linspace(0, 1, 9)).position
-    size = np.ptp(sample, axis=1).max() / 20
+    largest, sizes = np.ptp(sample, axis=1).max() / 20, []
 
     def place(generator):
         while True:
             x, y, t = generator.random((3, 1))
             image = projection.parameters(x, y)
             if image.mask[0]:
-                return projection.volume.evaluate(image.u, image.v, 0.15 + 0.8 * t).position[:, 0]
+                t = 0.15 + 0.8 * t
+                ends = projection.volume.evaluate(np.array([0.25, 0.75]), np.full(2, 0.5), t.repeat(2)).position
+                sizes.append(min(largest, 0.15 * np.linalg.norm(ends[:, 1] - ends[:, 0])))
+                return projection.volume.evaluate(image.u, image.v, t).position[:, 0]
 
     reference.populate(np.random.default_rng(5), count, place)
     bpy.data.objects.remove(bpy.data.objects["Ground"])
     for obj in bpy.context.scene.objects:
         if obj.pass_index:
-            obj.scale *= size
+            obj.scale *= sizes[obj.pass_index - 1]
     bpy.context.view_layer.update()
 
 
