@@ -54,7 +54,7 @@ ROUND_CELLS = 64
 SMALLEST_ERROR = 0.01
 
 # Time a chord costs, as a share of what a plain camera needs in a simple scene, and the rig itself.
-COST_CHORD, COST_RIG = 0.2, 0.1
+COST_CHORD, COST_RIG = 0.25, 0.3
 
 
 @dataclass(frozen=True)

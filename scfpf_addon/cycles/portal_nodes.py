@@ -29,6 +29,8 @@ TO_SCREEN = 1e4
 TO_SURROUND = 1.1e4
 # Rays that have left the volume go on from so far away that only the world is left to see.
 TELEPORT = 1e8
+# A ray that has come less far, in chords, is still where it was turned.
+SAME_PLACE = 1e-3
 # How far a portal's depth may be off what its attribute says: half of one, but for rounding.
 DEPTH_SLACK = 0.4
 
@@ -177,6 +179,10 @@ def _portal(name: str, gated: bool, slot: int, follow):
         inputs = {"Position": Value(nodes, ray["Position"]) + onward * TELEPORT, "Direction": onward}
     else:
         inputs = {"Direction": attribute(DIRECTION)}
+    if not gated:
+        # Before 5.0 Cycles takes it as it is: rays of another length than 1 see no smoke and reflect too little.
+        unit = {0: inputs["Direction"]}
+        inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
     nodes.open_frame("The portal")
     shader, due = nodes.node("ShaderNodeBsdfRayPortal", "Ray Portal", inputs).outputs[0], None
     if gated:
@@ -186,6 +192,10 @@ def _portal(name: str, gated: bool, slot: int, follow):
         through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
+    if due is None:
+        # Exactly on an edge a ray may be turned by both triangles, which changes nothing but must not count twice.
+        way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
+        due = nodes.combine("GREATER_THAN", way, attribute(DIRECTION).length() * SAME_PLACE).socket
     pass_nodes.add_to_aovs(nodes, due, {SCREEN: 1.0, FAR: -1.0}.get(slot, 0.0), follow)
     return material
 

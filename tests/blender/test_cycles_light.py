@@ -13,7 +13,7 @@ from rig_scenes import reference, switch
 SIZE, SEEDS = 24, 3
 SAMPLES = 32
 # Two pictures whose pixels differ by noise alone differ by its mean square; so much more is allowed.
-MORE_THAN_NOISE = 1.25
+MORE_THAN_NOISE = 1.5
 # The mean of a picture is off by at most so many times what noise makes likely.
 LIKELY = 5.0
 
