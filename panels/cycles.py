@@ -41,9 +41,7 @@ class _CyclesSection(_Subsection):
             ).use_viewport = False
             for text in cautions(context.scene, context.view_layer, rig):
                 layout.label(text=text, icon="ERROR")
-            layout.operator(
-                "scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes
-            )
+            layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
         column = layout.column(align=True)
         column.scale_y = 0.8
         column.active = False

@@ -106,7 +106,7 @@ def aimed(nodes: FieldBuilder, position: Value, direction: Value, distance: floa
 
 
 def follow_lens(modifier, group, camera, lens, distance: float) -> None:
-    """Drive a rig by a camera's depth of field. lens: the rig camera's data; distance: from it to the screen."""
+    """Drive a rig by a camera's depth of field. lens: the rig camera's data; distance: to the screen."""
     owner, name = versions.modifier_input_property(modifier, group_input(group, "Lens Radius"))
     driver = owner.driver_add(name).driver
     driver.expression = RADIUS_EXPRESSION

@@ -13,7 +13,7 @@ from ..scanline.field_nodes import FieldBuilder, Value
 # u, v, and 1 where anything is met.
 AOV_START, AOV_RATE, AOV_ALONG, AOV_PLACE = "SCFPF Start", "SCFPF Rate", "SCFPF Along", "SCFPF UV"
 AOVS = (AOV_START, AOV_RATE, AOV_ALONG, AOV_PLACE)
-# Attributes of the sheets: what each adds to the first three, and x, y in the table and whether it is polar.
+# Attributes of the sheets: what each adds to the first three; x, y in the table and whether it is polar.
 ADDED = {AOV_START: "scfpf_add_start", AOV_RATE: "scfpf_add_rate", AOV_ALONG: "scfpf_add_along"}
 PLACE = "scfpf_place"
 TURN = 6.283185307179586

@@ -73,7 +73,11 @@ def remove(scene) -> None:
 
 def _group():
     existing = bpy.data.node_groups.get((GROUP, None))
-    if existing is not None and existing.bl_idname == "CompositorNodeTree" and existing.get(BUILD_KEY) == BUILD:
+    if (
+        existing is not None
+        and existing.bl_idname == "CompositorNodeTree"
+        and existing.get(BUILD_KEY) == BUILD
+    ):
         return existing
     tree = bpy.data.node_groups.new(GROUP, "CompositorNodeTree")
     tree.description = "t, depth, u and v of what each pixel shows through the Cycles rig"

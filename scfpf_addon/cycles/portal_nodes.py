@@ -15,8 +15,8 @@ from ..scanline.place_nodes import view_inputs
 from ..scanline.solve_nodes import PROJECTOR, TABLE_INPUTS
 from . import lens_nodes, pass_nodes
 
-# Attributes of the sheets. Before the nodes: t and shift of the ends of a vertex' chord, then 1 on the far sheet,
-# and how many vertices a sheet has.
+# Attributes of the sheets. Before the nodes: t and shift of the ends of a vertex' chord, then 1 on the far
+# sheet, and how many vertices a sheet has.
 START, END = "scfpf_start", "scfpf_end"
 # After them: where rays go on and along what, world space; how many portals they have passed before.
 POSITION, DIRECTION, DEPTH = "scfpf_position", "scfpf_direction", "scfpf_depth"
@@ -180,7 +180,7 @@ def _portal(name: str, gated: bool, slot: int, follow):
     else:
         inputs = {"Direction": attribute(DIRECTION)}
     if not gated:
-        # Before 5.0 Cycles takes it as it is: rays of another length than 1 see no smoke and reflect too little.
+        # Before 5.0 Cycles takes it as it is: rays not of length 1 see no smoke and reflect too little.
         unit = {0: inputs["Direction"]}
         inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
     nodes.open_frame("The portal")
@@ -193,7 +193,7 @@ def _portal(name: str, gated: bool, slot: int, follow):
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
     if due is None:
-        # Exactly on an edge a ray may be turned by both triangles, which changes nothing but must not count twice.
+        # On an edge a ray may be turned by both triangles: no harm, but it must not count twice.
         way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
         due = nodes.combine("GREATER_THAN", way, attribute(DIRECTION).length() * SAME_PLACE).socket
     pass_nodes.add_to_aovs(nodes, due, {SCREEN: 1.0, FAR: -1.0}.get(slot, 0.0), follow)

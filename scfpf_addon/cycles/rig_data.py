@@ -195,9 +195,9 @@ def adopt(rig) -> None:
     update_nodes(rig)
     for curve in portal_object.animation_data.drivers:
         for variable in curve.driver.variables:
-            if variable.type == "SINGLE_PROP":
-                if variable.targets[0].id_type == "SCENE":
-                    variable.targets[0].id = scene
+            target = variable.targets[0]
+            if variable.type == "SINGLE_PROP" and target.id_type == "SCENE":
+                target.id = scene
 
 
 def update_nodes(rig) -> None:

@@ -69,14 +69,14 @@ def portals(
     breaks, shifts: (n+1,), as in ChordPlan. cells: of each sheet, across and up. size: of the picture.
     """
     x, y, triangles = _grid(cells, size, polar)
-    count, size = len(breaks) - 1, len(x)
-    number = np.repeat(np.arange(count + 1), size)
+    count, many = len(breaks) - 1, len(x)
+    number = np.repeat(np.arange(count + 1), many)
     chord = np.minimum(number, count - 1)
     places = np.stack([np.tile(x, count + 1), np.tile(y, count + 1), number])
     far = (number == count).astype(np.float64)
     start = np.stack([breaks[chord], shifts[chord], far])
-    end = np.stack([breaks[chord + 1], shifts[chord + 1], np.full(len(number), float(size))])
-    faces = (triangles[None] + (np.arange(count + 1) * size)[:, None, None]).reshape(-1, 3)
+    end = np.stack([breaks[chord + 1], shifts[chord + 1], np.full(len(number), float(many))])
+    faces = (triangles[None] + (np.arange(count + 1) * many)[:, None, None]).reshape(-1, 3)
     owner = np.repeat(np.arange(count + 1), len(triangles))
     around = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) * SURROUND + [[0.5], [0.5], [-1.0]]
     corner = places.shape[1]

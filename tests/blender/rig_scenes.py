@@ -35,7 +35,7 @@ def tilted(y, z, turn):
     return "PLANE", matrix, {"width": 3.0, "height": 2.0}, None
 
 
-# Forward, up and back, and down through where it came from: only Blender 5.0's rays can tell the sheets apart.
+# Forward, up, back, and down through where it came from: only Blender 5.0's rays can tell the sheets apart.
 LOOP = "loop"
 # Volumes made here, by basis and surfaces from near to far.
 VOLUMES = {
@@ -86,7 +86,9 @@ def fill_volume(addon, camera, count=24):
             image = projection.parameters(x, y)
             if image.mask[0]:
                 t = 0.15 + 0.8 * t
-                ends = projection.volume.evaluate(np.array([0.25, 0.75]), np.full(2, 0.5), t.repeat(2)).position
+                ends = projection.volume.evaluate(
+                    np.array([0.25, 0.75]), np.full(2, 0.5), t.repeat(2)
+                ).position
                 sizes.append(min(largest, 0.15 * np.linalg.norm(ends[:, 1] - ends[:, 0])))
                 return projection.volume.evaluate(image.u, image.v, t).position[:, 0]
 
@@ -101,6 +103,25 @@ def fill_volume(addon, camera, count=24):
 def switch(camera):
     bpy.context.view_layer.objects.active = camera
     return bpy.ops.scfpf.cycles_rig()
+
+
+def start_anew():
+    """An empty scene, as in an empty file, but for the node groups: building them takes longer than most tests."""
+    if "SCFPF Portals" not in bpy.data.node_groups:
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        return
+    kept = [group for group in bpy.data.node_groups if group.bl_idname == "GeometryNodeTree"]
+    before = bpy.data.scenes[:]
+    bpy.ops.scene.new(type="EMPTY")
+    bpy.data.batch_remove([*before, *bpy.data.collections, *bpy.data.worlds, *bpy.data.lights])
+    clear_scene()
+    bpy.data.batch_remove([*bpy.data.materials, *(g for g in bpy.data.node_groups if g not in kept)])
+
+
+def keep_groups():
+    """Let node groups stay when nothing uses them."""
+    for group in bpy.data.node_groups:
+        group.use_fake_user = group.bl_idname == "GeometryNodeTree"
 
 
 def clear_scene():
@@ -143,7 +164,11 @@ def render_passes(path, samples=1):
     scene, layer = bpy.context.scene, bpy.context.view_layer
     layer.use_pass_position = layer.use_pass_object_index = True
     scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = samples, False, False
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = (
+        samples,
+        False,
+        False,
+    )
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", reference.JITTER
     write_multilayer(scene, path)
     found = f12(scene)

@@ -129,7 +129,12 @@ def test_it_is_removed_without_a_trace(camera, rig_of):
 
 
 # Nodes that some of Cycles' devices lack: Open Shading Language runs on CPUs, and on OptiX in part.
-NOT_ON_ALL_DEVICES = {"ShaderNodeScript", "ShaderNodeBevel", "ShaderNodeAmbientOcclusion", "ShaderNodeRaycast"}
+NOT_ON_ALL_DEVICES = {
+    "ShaderNodeScript",
+    "ShaderNodeBevel",
+    "ShaderNodeAmbientOcclusion",
+    "ShaderNodeRaycast",
+}
 
 
 def test_nothing_in_it_needs_a_cpu(camera, rig_of):

@@ -93,7 +93,10 @@ def check_passes(name, ours, theirs, edge, chords):
     u, v, t = np.abs(made[..., :3] - ours["PARAMETERS"])[inside].T
     # u of a turn may be just before its end or just behind its beginning.
     assert np.minimum(u, 1.0 - u).max() < 1e-6 and v.max() < 1e-6, name
-    assert (t <= (T_STRAIGHT if chords == 1 else T_SHARE / chords)).mean() > 0.95, (name, np.quantile(t, 0.95))
+    assert (t <= (T_STRAIGHT if chords == 1 else T_SHARE / chords)).mean() > 0.95, (
+        name,
+        np.quantile(t, 0.95),
+    )
     depth = ours["DEPTH"][..., 0]
     assert (np.abs(made[..., 3] - depth)[inside] <= 0.02 * depth[inside]).mean() > 0.95, name
     assert (made[empty, :3] == 0).all() and (made[empty, 3] > 9e9).all(), name
