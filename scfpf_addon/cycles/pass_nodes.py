@@ -22,8 +22,8 @@ TURN = 6.283185307179586
 def store_added(nodes: FieldBuilder, geometry: Value, given: dict[str, Value]) -> Value:
     """Store what each vertex' portal adds.
 
-    given: Start and Chord, attributes already stored; t, Step (of the chord, in t), Far, Number (of the sheet),
-    Sheet (vertices of one), Place (x, y, polar).
+    given: Start and Chord, attributes already stored; t, Step (of the chord, in t), Far, Number (of the
+    sheet), Sheet (vertices of one), Place (x, y, polar).
     """
     nodes.open_frame("The sheet before")
     number, far = given["Number"], given["Far"]

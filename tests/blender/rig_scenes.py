@@ -106,7 +106,7 @@ def switch(camera):
 
 
 def start_anew():
-    """An empty scene, as in an empty file, but for the node groups: building them takes longer than most tests."""
+    """An empty scene, as in an empty file, but with the node groups, which take long to build."""
     if "SCFPF Portals" not in bpy.data.node_groups:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         return
