@@ -28,11 +28,9 @@ PRESETS = (
     "deep_curvy_volume",
     "equirectangular",
     "house_of_stairs",
-    "nonlinear_twist",
     "occlusion_camera",
     "stereographic",
     "street_panorama_curved",
-    "strip_camera",
 )
 # The pixel error of the rig, and so its number of chords. Edges are given 1.5 pixels.
 PIXEL_ERROR = 0.3
