@@ -79,9 +79,8 @@ def _level(nodes: FieldBuilder, geometry: Value, every: bool = False) -> Value:
 
 def _while_any(nodes: FieldBuilder, state, after, kinds: dict[str, str]) -> dict[str, Value]:
     """The next state as long as there are instances; a Switch evaluates only the side that is asked for."""
-    count = nodes.out(
-        "GeometryNodeAttributeDomainSize", "Instances", {0: state["Rest"]}, "Instance Count", component="INSTANCES"
-    )  # fmt: skip
+    size = nodes.node("GeometryNodeAttributeDomainSize", "Size", {0: state["Rest"]}, component="INSTANCES")
+    count = Value(nodes, size.outputs["Instance Count"])
     return {
         name: nodes.switch(count > 0.5, state[name], after[name], kind, "Any Left?")
         for name, kind in kinds.items()
@@ -93,7 +92,7 @@ def _mesh_of(nodes: FieldBuilder, geometry: Value) -> Value:
 
 
 def _with_normals(nodes: FieldBuilder, geometry: Value) -> Value:
-    """Corners know their shading normals; a geometry without faces has no corners, so that nothing is left."""
+    """A mesh whose corners know their shading normals; without faces it has no corners: nothing is left."""
     faces = nodes.out(
         "GeometryNodeAttributeDomainSize", "Faces", {0: geometry}, "Face Count", component="MESH"
     )
