@@ -161,7 +161,7 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value
 
 
 def _border(nodes: FieldBuilder, given, borders, leap: Value, several: Value) -> Value:
-    """All pieces of surfaces, flat over the picture, as one instance; where the polar picture leaps, its halves.
+    """All pieces of surfaces, flat over the picture, as one instance; the halves of a polar one that leaps.
 
     0 to 1 across and up are the picture's; of a polar one a whole turn and its radius.
     """
