@@ -76,10 +76,13 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     square = nodes.evaluate_on(box.dot(box), "POINT", "FLOAT", "At Vertices")
     limit = SMALL / given["Picture Width"]
     spread = limit * limit * given["Pixel Error"] * (1 / 3)
-    small = nodes.both(square - box.dot(box) < spread, box.parts()[2] < 0.0)
-    # Not the maximum: Blender sorts for it.
-    large = nodes.statistic(given["Mesh"], nodes.negate(small) + 0.0, "Sum", "Large Faces", domain="FACE")
-    large = large + given["Branch"]
+    there = box.parts()[2] < 0.0
+    variance = square - box.dot(box)
+    small = nodes.both(variance < spread, there)
+    # Not the maximum: Blender sorts for it. Of faces only what must be: there are most of them.
+    large = nodes.statistic(given["Mesh"], variance > spread, "Sum", "Large Faces", domain="FACE")
+    nowhere = nodes.statistic(given["Mesh"], box.parts()[2] > 0.0, "Sum", "Vertices without a Place")
+    large = large + nowhere + given["Branch"]
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
     _, shown = nodes.separate(small_part, all_on_one_side(nodes, given, box)["Corners"], "Out of the Branch")
     small_part = nodes.switch(given["Branch"], small_part, shown, "GEOMETRY", "Branch?")
