@@ -328,3 +328,21 @@ def test_the_remap_works_in_a_modifier_stack_by_hand(addon, scanline, flexible, 
     in_camera = (np.linalg.inv(np.array(camera.matrix_world)) @ np.array(thing.matrix_world) @ seen)[:3]
     assert in_camera.shape == expected.shape
     assert np.abs(in_camera - expected).max() < PICTURE
+
+
+def test_node_groups_can_be_read(scanline, flexible, camera):
+    """Every node is named, those of the groups that artists open stand in frames, and none covers another."""
+    flexible.add_surface(camera, "PLANE", parameters={"width": 1.5, "height": 1.0})
+    flexible.add_surface(camera, "PLANE", matrix=np.diag([1.0, 1.0, 1.0, 1.0]))
+    scanline.table_object(camera)
+    scanline.preview_group(camera)
+    groups = [tree for tree in bpy.data.node_groups if tree.name.startswith("SCFPF")]
+    assert len(groups) > 20
+    for tree in groups:
+        assert tree.description, tree.name
+        places = [tuple(node.location) for node in tree.nodes if node.bl_idname != "NodeFrame"]
+        assert all(node.label for node in tree.nodes), tree.name
+        assert len(places) - len(set(places)) <= 2, tree.name
+    ends = {"NodeFrame", "NodeGroupInput", "NodeGroupOutput"}
+    for node in bpy.data.node_groups["SCFPF Remap"].nodes:
+        assert node.bl_idname in ends or node.parent is not None, node.name
