@@ -20,7 +20,7 @@ def piece_table_group():
     """A table in which all points but a piece's own go on from that piece."""
     inputs = {key: TABLE_INPUTS[key] for key in ("Table", "Size")} | {"Piece": ("Float", 0.0, "")}
     text = "The table of a volume in pieces, extended from one of them"
-    return node_group("SCFPF Table of a Piece", text, inputs, {"Table": "Geometry"}, _build)
+    return node_group("SCFPF Piece of the Table", text, inputs, {"Table": "Geometry"}, _build)
 
 
 def _build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
