@@ -7,7 +7,7 @@ from math import pi
 
 from .field_nodes import FieldBuilder, Value, node_group
 from .place_nodes import VIEW_INPUTS, on_screen
-from .table_branches import PIECE
+from .table_branches import PIECE, piece_at
 from .uv_pieces import NO_PIECE, OF_SURFACE, PIECES
 
 # Faces that lie farther out of the picture than this share of it are left out.
@@ -71,7 +71,7 @@ def beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
     return nodes.mix(polar, -1.0 + polar * 0.0, off)
 
 
-BORDER_INPUTS = ("Numbers", "Aspect", "Piece", "Border")
+BORDER_INPUTS = ("Table", "Size", "Numbers", "Aspect", "Piece", "Border")
 
 
 def past_border(nodes: FieldBuilder, given, place: Value) -> Value:
@@ -98,7 +98,19 @@ def beyond_group():
         place, _ = _over_picture(nodes, given, given["Place"])
         own = {key: given[key] for key in ("Border", "Piece")} | {"Place": place}
         away = nodes.call(piece_distance_group(), "How Far from Its Piece", own)["Away"]
-        off_piece = nodes.switch(away > ON_PIECE, rim, 1.0, "FLOAT", "Off Its Piece?")
+        nodes.open_frame("By the nearest point of the table, where there are no borders")
+        x, y, _ = given["Place"].parts()
+        polar, aspect = given["Numbers"].parts()[2], given["Aspect"]
+        disc = 1.0 / aspect.most(1.0)
+        across, up = x / nodes.mix(polar, 1.0, disc) + 0.5, y / nodes.mix(polar, 1.0 / aspect, disc) + 0.5
+        nearest = piece_at(nodes, given["Table"], given["Size"], nodes.xyz(across, up, 0.0, "Place"))
+        off_nearest = (nearest - given["Piece"]).absolute() > 0.25
+        size = nodes.node(
+            "GeometryNodeAttributeDomainSize", "Borders", {0: given["Border"]}, component="MESH"
+        )
+        any_border = Value(nodes, size.outputs["Face Count"]) > 0.5
+        off = nodes.switch(any_border, off_nearest, away > ON_PIECE, "BOOLEAN", "Borders?")
+        off_piece = nodes.switch(off, rim, 1.0, "FLOAT", "Off Its Piece?")
         in_pieces = given["Piece"] > NO_PIECE + 0.5
         return {"Beyond": nodes.switch(in_pieces, rim, off_piece, "FLOAT", "In Pieces?")}
 
