@@ -10,6 +10,7 @@ from .camera_panels import _DataTab, _Sidebar, _Subsection
 # What a picture by Render shows otherwise, a line each.
 DIFFERENCES = (
     "Solid and Material Preview, no lamps",
+    "All lit as seen from the camera's front",
     "For Rendered shading press Render",
     "Shows all that renders, hidden or not",
     "No hair, points, particles, Grease Pencil",

@@ -9,10 +9,12 @@ import bpy
 class NodeBuilder:
     """Builds a node group: each call adds one node, laid out by depth, inside the open frame.
 
-    row: height of a row, in the node editor's units.
+    row: height of a row, in the node editor's units; what is taller takes as many as it needs.
     """
 
     COLUMN = 190
+    # Heights of a node's title with its settings, of a socket, and of a vector's three values.
+    TITLE, SOCKET, VALUES = 80, 22, 66
 
     def __init__(self, tree, row: int = 170):
         self.tree = tree
@@ -48,9 +50,16 @@ class NodeBuilder:
                 node.inputs[key].default_value = value
         self._columns[node.name] = column
         row = self._filled.get(column, 0)
-        self._filled[column] = row + 1
+        self._filled[column] = row + self._rows(node)
         node.location = (self.COLUMN * column, -self._row * row)
         return node
+
+    def _rows(self, node) -> int:
+        """How many rows a node takes; Blender knows sizes of nodes only once it has drawn them."""
+        visible = [socket for socket in (*node.outputs, *node.inputs) if socket.enabled]
+        open_vectors = [s for s in node.inputs if s.enabled and s.type == "VECTOR" and not s.is_linked]
+        height = self.TITLE + self.SOCKET * len(visible) + self.VALUES * len(open_vectors)
+        return max(1, -(-height // self._row))
 
     def math(self, operation: str, a, b=0.0, label: str = ""):
         name = label or operation.replace("_", " ").title()

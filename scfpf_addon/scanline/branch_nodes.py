@@ -7,6 +7,7 @@ The nearest t then is in front, as everything is.
 from __future__ import annotations
 
 from .field_nodes import FieldBuilder, Value, node_group
+from .piece_table_nodes import piece_table_group
 from .place_nodes import VIEW_INPUTS, store_places
 from .refine_nodes import refine_group
 from .table_branches import BRANCH, FIRST_CELL, LAST_CELL, LENGTHS
@@ -82,6 +83,10 @@ def branch_group():
             view[label] = nodes.switch(cut, given[label], own, "VECTOR", label)
         own = nodes.sample(cloud, nodes.attribute("own piece"), 0, "FLOAT", "Piece") * 0.5
         view["Piece"] = nodes.switch(cut, NO_PIECE, own, "FLOAT", "Piece")
+        extended = nodes.call(
+            piece_table_group(), "Its Table", {"Table": given["Table"], "Size": given["Size"], "Piece": own}
+        )
+        view["Table"] = nodes.switch(cut, given["Table"], extended["Table"], "GEOMETRY", "Table")
         nodes.open_frame("The mesh as it sees it")
         mesh = store_places(nodes, given["Mesh"], view | {"Point": given["Point"]})
         options = {key: given[key] for key in OPTIONS}

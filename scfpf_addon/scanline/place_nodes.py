@@ -41,6 +41,7 @@ VIEW_INPUTS = TABLE_INPUTS | {
     "Branch": ("Bool", False, "Is it one of several branches of the inverse?"),
     "Piece": ("Float", NO_PIECE, "Of a volume in pieces, the one that is shown"),
     "Scale": ("Vector", (1.0, 1.0, 1.0), "Of a branch: how long its samples' derivatives are"),
+    "Border": ("Geometry", None, "Of a volume in pieces: all pieces of its surfaces, flat over the picture"),
 }
 PLACED = {"Position": "Vector"}
 
@@ -49,7 +50,10 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
     """What ``VIEW_INPUTS`` ask for, from a table's geometry."""
     parts = nodes.node("GeometryNodeSeparateComponents", "Cloud and Table", {"Geometry": table})
     cloud, points = Value(nodes, parts.outputs["Mesh"]), Value(nodes, parts.outputs["Point Cloud"])
-    given = {"Table": points, "Cloud": cloud, "Aspect": aspect}
+    border = nodes.out(
+        "GeometryNodeRealizeInstances", "Borders", {0: Value(nodes, parts.outputs["Instances"])}
+    )
+    given = {"Table": points, "Cloud": cloud, "Aspect": aspect, "Border": border}
     given |= {
         "From": (0.0, 0.0, 0.0),
         "To": (1.0, 1.0, 1.0),

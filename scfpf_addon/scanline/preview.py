@@ -2,7 +2,8 @@
 """The live preview of a flexible camera: switched on, kept in step with the scene, switched off.
 
 Nodes do all computation. Python only keeps the source's membership, notices a camera's new list of
-surfaces, lets a preview sleep that no viewport shows, and removes one whose camera is gone.
+surfaces and strokes of brushes, lets a preview sleep that no viewport shows, and removes one whose
+camera is gone.
 """
 
 from __future__ import annotations
@@ -157,6 +158,24 @@ def _follow(source, structure_changed: bool, depsgraph) -> None:
         _settle_sleep()
 
 
+def _follow_strokes(depsgraph) -> None:
+    """Have what is sculpted evaluated, as strokes go on.
+
+    Where a viewport draws the mesh straight from the brush, Blender tells only that it shades anew, and the
+    evaluated mesh, which all else sees, stays as it was until the mode is left.
+    """
+    for update in depsgraph.updates:
+        if not isinstance(update.id, bpy.types.Object) or update.id.mode != "SCULPT":
+            continue
+        if update.is_updated_shading and not update.is_updated_geometry:
+            sculpted = update.id.original
+            shown = [
+                source for source in previews() if sculpted.session_uid in _faces.get(source.session_uid, ())
+            ]
+            if any(not is_asleep(source) for source in shown):
+                sculpted.update_tag(refresh={"DATA"})
+
+
 def _has_grown(uid: int, depsgraph) -> bool:
     """Whether something that a preview shows has become so heavy that it may need a picture of its own."""
     faces = _faces.get(uid, {})
@@ -241,6 +260,7 @@ def _scene_updated(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT":
         changed = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
         tend(scene, changed, depsgraph)
+        _follow_strokes(depsgraph)
 
 
 @persistent

@@ -15,7 +15,7 @@ from .field_nodes import FieldBuilder, Value, node_group
 from .place_nodes import BOX, VIEW_INPUTS, store_places
 from .solve_nodes import PROJECTOR
 from .uv_pieces import NO_PIECE
-from .visible_nodes import all_on_one_side, beyond_rim, past_border
+from .visible_nodes import across_border, all_on_one_side, beyond_rim, past_border
 
 # Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
 # square root of others, since what a straight edge is off by grows with the square of its length.
@@ -24,6 +24,8 @@ SMALL = 16.0
 SHORTEST = 2.0
 # Across the rim of a polar picture they are; what stands out beyond it is pushed in by as much.
 SHORTEST_AT_RIM = 0.75
+# So are faces across a border whose corners are farther from their middle than this, in pixels, at least.
+SMALLEST_ACROSS = 1.0
 # A divided face overlaps one that is not by this, in pixels: more than Workbench rounds places to.
 OVERLAP = 0.02
 # What depth counts beside the picture: it decides only which of two faces is in front.
@@ -74,14 +76,20 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     square = nodes.evaluate_on(box.dot(box), "POINT", "FLOAT", "At Vertices")
     limit = SMALL / given["Picture Width"]
     spread = limit * limit * given["Pixel Error"] * (1 / 3)
-    small = nodes.both(square - box.dot(box) < spread, box.parts()[2] < 0.0)
-    # Not the maximum: Blender sorts for it.
-    large = nodes.statistic(given["Mesh"], nodes.negate(small) + 0.0, "Sum", "Large Faces", domain="FACE")
-    large = large + given["Branch"]
+    there = box.parts()[2] < 0.0
+    variance = square - box.dot(box)
+    small = nodes.both(variance < spread, there)
+    # Not the maximum: Blender sorts for it. Of faces only what must be: there are most of them.
+    large = nodes.statistic(given["Mesh"], variance > spread, "Sum", "Large Faces", domain="FACE")
+    nowhere = nodes.statistic(given["Mesh"], box.parts()[2] > 0.0, "Sum", "Vertices without a Place")
+    large = large + nowhere + given["Branch"]
     small_part, rest = nodes.separate(given["Mesh"], small, "Small Faces")
     _, shown = nodes.separate(small_part, all_on_one_side(nodes, given, box)["Corners"], "Out of the Branch")
     small_part = nodes.switch(given["Branch"], small_part, shown, "GEOMETRY", "Branch?")
-    at_rim, within = nodes.separate(small_part, _across_rim(nodes, given), "At the Rim")
+    middle = nodes.evaluate_on(box, "FACE", "FLOAT_VECTOR", "Middle")
+    radius = nodes.combine("SQRT", (square - middle.dot(middle)).most(0.0)) * SPREAD
+    crossing = across_border(nodes, given, middle, radius)
+    at_rim, within = nodes.separate(small_part, crossing, "At the Rim")
     is_polar = nodes.either(given["Numbers"].parts()[2] > 0.5, given["Piece"] > NO_PIECE + 0.5)
     large = large + is_polar
     rest = nodes.switch(is_polar, rest, nodes.join(rest, at_rim), "GEOMETRY", "Polar?")
@@ -203,15 +211,6 @@ def round_group():
     return node_group("SCFPF Divide Once", text, inputs, outputs, build)
 
 
-def _across_rim(nodes: FieldBuilder, given) -> Value:
-    """Whether some corners of a face are beyond the rim and some are not."""
-    beyond = past_border(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"))
-    sides = [
-        nodes.evaluate_on(side, "POINT", "BOOLEAN", "All Corners") for side in (beyond > 0.0, beyond < 0.0)
-    ]
-    return nodes.negate(nodes.either(*sides))
-
-
 def _trimmed(nodes: FieldBuilder, given, mesh: Value) -> Value:
     """Faces beyond the rim of a polar picture left out, the corners of those across it moved onto it."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
@@ -276,6 +275,14 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
         nodes.either(nodes.attribute(NEED) > 0.0, off.length() > pixel * given["Pixel Error"]),
         nodes.negate(there),
     )
+    nodes.open_frame("Across the rim of a polar picture, or the border of a piece?")
+    flat = away * (1.0, 1.0, 0.0)
+    spread = nodes.evaluate_on(flat.dot(flat), "CORNER", "FLOAT", "At Corners")
+    radius = nodes.combine("SQRT", spread) * SPREAD
+    across = across_border(nodes, given, centre, radius)
+    across = nodes.both(nodes.both(there, across), radius > pixel * SMALLEST_ACROSS)
+    has_border = nodes.either(given["Numbers"].parts()[2] > 0.5, given["Piece"] > NO_PIECE + 0.5)
+    wanted = nodes.either(wanted, nodes.switch(has_border, False, across, "BOOLEAN", "Any Border?"))
     nodes.open_frame("Out of the picture?")
     sides = all_on_one_side(nodes, given, box, centre)
     out = nodes.both(there, sides["Face"])

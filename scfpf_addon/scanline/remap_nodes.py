@@ -12,12 +12,12 @@ from __future__ import annotations
 from .branch_nodes import with_branches
 from .field_nodes import FieldBuilder, Value, node_group, remove_attributes
 from .place_nodes import BOX, store_places, view_inputs
+from .realize_nodes import NORMAL, realize_group
 from .refine_nodes import refine_group
 from .table_object import table_object
 
 __all__ = ["COUNTS", "preview_group", "remap_counts", "remap_group", "table_object"]
 
-NORMAL = "scfpf_normal"
 # The attribute of the finished mesh that says what was left out: faces without a place, folded samples.
 COUNTS = "SCFPF Left Out"
 
@@ -28,8 +28,6 @@ REMAP_INPUTS = {
     "Picture Width": ("Float", 1000.0, "Pixels across the picture"),
     "Rounds": ("Int", 12, "How often large faces are divided, at most"),
 }
-# Whether what is realized comes from an instance that is mirrored.
-MIRRORED = "scfpf_mirrored"
 
 
 def remap_group():
@@ -51,18 +49,7 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
     view = view_inputs(nodes, table, given["Aspect"])
     nodes.open_frame("The scene's mesh, with its shading")
-    # Realizing turns what is mirrored inside out.
-    own = nodes.out("GeometryNodeInstanceTransform", "Of the Instance", {})
-    mirrored = nodes.out("FunctionNodeMatrixDeterminant", "Determinant", {0: own}) < 0.0
-    marked = nodes.store(given["Geometry"], MIRRORED, mirrored, "BOOLEAN", "INSTANCE")
-    real = nodes.out("GeometryNodeRealizeInstances", "Realize", {"Geometry": marked})
-    mesh = nodes.out("GeometryNodeSeparateComponents", "Mesh", {"Geometry": real}, "Mesh")
-    is_mirrored = {"Mesh": mesh, "Selection": nodes.attribute(MIRRORED, "BOOLEAN")}
-    mesh = nodes.out("GeometryNodeFlipFaces", "Mirrored Faces", is_mirrored)
-    faces = nodes.out("GeometryNodeAttributeDomainSize", "Faces", {0: mesh}, "Face Count", component="MESH")
-    mesh = nodes.switch(faces > 0.5, None, mesh, "GEOMETRY", "Nothing without Faces")
-    normal = nodes.out("GeometryNodeInputNormal", "Normal", {})
-    mesh = nodes.store(mesh, NORMAL, normal, "FLOAT_VECTOR", "CORNER")
+    mesh = nodes.call(realize_group(), "Realize", {"Geometry": given["Geometry"]})["Mesh"]
     nodes.open_frame("Where its vertices are in the viewbox")
     position = nodes.out("GeometryNodeInputPosition", "Position", {})
     inverse = nodes.out("FunctionNodeInvertMatrix", "Into Camera's Space", {0: matrix})

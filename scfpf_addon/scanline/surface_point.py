@@ -119,13 +119,17 @@ def surface_point_group():
         piece = nodes.switch(valid, NO_PIECE, (number + 0.5).floor(), "FLOAT", "Any?")
         plain_mesh = nodes.both(is_mesh, nodes.compare(given["Columns"], "LESS_THAN", 3.5))
         cut = nodes.switch(plain_mesh, False, pieces["Cut"], "BOOLEAN", "A Mesh?")
+        flat = nodes.out(
+            "GeometryNodeSetPosition", "Flat, at (u, v)", {"Geometry": pieces["Mesh"], "Position": layer}
+        )
         return {
             "Position": nodes.point(own, matrix, "Placed"),
             "Cut": cut,
+            "Border": nodes.switch(cut, None, flat, "GEOMETRY", "In Pieces?"),
             "Piece": nodes.switch(cut, 0.0, piece, "FLOAT", "In Pieces?"),
         }
 
-    outputs = {"Position": "Vector", "Cut": "Bool", "Piece": "Float"}
+    outputs = {"Position": "Vector", "Cut": "Bool", "Piece": "Float", "Border": "Geometry"}
     text = "The point of a control surface at (u, v); exact where the surface says its parameters"
     return node_group("SCFPF Control Surface", text, inputs, outputs, build)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from .field_nodes import FieldBuilder, Value, node_group
 from .solve_nodes import TABLE_INPUTS, look_up_group, nearest_start, solve_group
+from .uv_pieces import NO_PIECE
 
 # Blocks across, up and along a volume that is not one-to-one.
 BLOCKS = (2, 2, 3)
@@ -49,6 +50,23 @@ def piece_at(nodes: FieldBuilder, table: Value, size: Value, place: Value) -> Va
     return nodes.sample(table, nodes.attribute(PIECE), x + y * size.parts()[0], "FLOAT", "Its Piece")
 
 
+def pieces_of_cell(nodes: FieldBuilder, table: Value, size: Value, place: Value) -> tuple[Value, Value]:
+    """The least and the greatest number of a piece at the corners of the cell that a place is in."""
+    cell = (place * (size - (1.0, 1.0, 0.0))).floor().most((0.0, 0.0, 0.0)).least(size - (2.0, 2.0, 0.0))
+    x, y, _ = cell.parts()
+    columns = size.parts()[0]
+    # Half more: whole numbers must not fall short by rounding.
+    first = x + y * columns + 0.5
+    found = [
+        nodes.sample(table, nodes.attribute(PIECE), (first + step).floor(), "FLOAT", "Piece of a Corner")
+        for step in (0.0, 1.0, columns, columns + 1.0)
+    ]
+    low, high = found[0], found[0]
+    for other in found[1:]:
+        low, high = low.least(other), high.most(other)
+    return low, high
+
+
 def with_pieces(nodes: FieldBuilder, whole, cloud: Value) -> Value:
     """Of a cloud, what is on a piece of the volume, with its number and its cells."""
     inputs = {key: whole[key] for key in ("Table", "Size")} | {"Cloud": cloud}
@@ -63,10 +81,13 @@ def pieces_group():
 
 
 def _build_pieces(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-    nodes.open_frame("Pieces of the volume")
+    nodes.open_frame("Pieces of the volume; a cell of the table that is on two of them says nothing")
     table, size, cloud = given["Table"], given["Size"], given["Cloud"]
-    key = piece_at(nodes, table, size, nodes.attribute("place", "FLOAT_VECTOR")) * 2.0
-    cloud = nodes.store(cloud, "own piece", key, "FLOAT")
+    least, most = pieces_of_cell(nodes, table, size, nodes.attribute("place", "FLOAT_VECTOR"))
+    one = nodes.both(most - least < 0.25, least > NO_PIECE + 0.25)
+    cloud = nodes.store(
+        cloud, "own piece", nodes.switch(one, NO_PIECE, least * 2.0, "FLOAT", "One?"), "FLOAT"
+    )
     cloud, _ = nodes.separate(cloud, nodes.attribute("own piece") > -0.5, "On a Piece", "POINT")
     cloud = numbered(nodes, cloud, nodes.attribute("own piece"), PIECE)
     last = nodes.statistic(cloud, nodes.attribute(PIECE), "Max", "Last Piece")

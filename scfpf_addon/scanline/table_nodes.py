@@ -25,14 +25,12 @@ from .solve_nodes import (
 from .spans import power_spans
 from .surface_point import surface_point_group
 from .table_branches import BLOCK, PIECE, block_number, cells_of_piece, store_branches, with_pieces
-from .uv_pieces import NO_PIECE
+from .uv_pieces import NO_PIECE, OF_SURFACE, PIECES
 
 # Points of the cloud across, up and along the volume.
 CLOUD = (12, 12, 16)
 # The same if the volume is in pieces, each of which needs some.
 CLOUD_OF_PIECES = (24, 24, 8)
-# Pieces that a surface may have, so that numbers of pieces of several surfaces do not meet.
-PIECES = 101.0
 # A gap between two rows that is this many times the next one is a leap.
 LEAP = 4.0
 # Points of the lattice along an axis: a guess by the nearest one leaves Newton's method few steps.
@@ -71,7 +69,7 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         polar = given["Polar"] * given["Disc"]
-        table, size, cut = _projectors(nodes, given, powers, polar)
+        table, size, cut, border = _projectors(nodes, given, powers, polar)
         wrap = nodes.call(_periodic_group(), "Periodic", {"Table": table, "Size": size})["Wrap"]
         whole = whole_table(table, size, wrap)
         ratio = nodes.call(_ratio_group(), "Near over Far", whole)["Ratio"]
@@ -93,7 +91,7 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
         ):
             cloud = nodes.store(cloud, name, value, "FLOAT_VECTOR")
         nodes.close_frame()
-        return {"Table": nodes.join(table, lattice, cloud)}
+        return {"Table": nodes.join(table, lattice, cloud, border)}
 
     weighted = "" if weights is None else " " + ":".join(f"{weight:.4g}" for weight in weights)
     text = f"The projectors of a flexible camera: {count} surfaces, {basis.replace('_', '-').title()}"
@@ -102,8 +100,8 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
     )
 
 
-def _projectors(nodes: FieldBuilder, given, powers, polar: Value) -> tuple[Value, Value, Value]:
-    """The points of the table, columns, rows and spans, and whether the volume is in pieces."""
+def _projectors(nodes: FieldBuilder, given, powers, polar: Value) -> tuple[Value, Value, Value, Value]:
+    """The table's points and size, whether the volume is in pieces, and these, flat, as an instance."""
     spans, _, count = powers.shape
     nodes.open_frame("A point a projector, row by row, span by span")
     columns, rows = given["Columns"], given["Rows"]
@@ -130,7 +128,9 @@ def _projectors(nodes: FieldBuilder, given, powers, polar: Value) -> tuple[Value
     own = nodes.sample(given["Picture"], here, within, "FLOAT_VECTOR", "The Picture's")
     u, v, shown = nodes.switch(pictured, nodes.xyz(u, v, 1.0, "Plain"), own, "VECTOR", "Mapped?").parts()
     nodes.open_frame("Control points of the projector")
-    controls, piece, cut, none, base = [], None, None, None, 1.0
+    controls, borders, piece, cut, none = [], [], 0.0, False, False
+    # Of the surfaces in pieces: how many there are so far, and what the next one's numbers count.
+    several, base = 0.0, 1.0
     for number in range(1, count + 1):
         along_u, along_v, closed = given[f"Net {number}"].parts()
         inputs = {
@@ -145,12 +145,12 @@ def _projectors(nodes: FieldBuilder, given, powers, polar: Value) -> tuple[Value
         }
         on_surface = nodes.call(surface_point_group(), f"On Surface {number}", inputs)
         controls.append(on_surface["Position"])
-        own = on_surface["Piece"] * base
-        base *= PIECES
-        piece = own if piece is None else piece + own
-        cut = on_surface["Cut"] if cut is None else nodes.either(cut, on_surface["Cut"])
-        hole = on_surface["Piece"] < NO_PIECE + 0.5
-        none = hole if none is None else nodes.either(none, hole)
+        borders.append(nodes.store(on_surface["Border"], OF_SURFACE, several, "FLOAT"))
+        piece = on_surface["Piece"] * base + piece
+        several = on_surface["Cut"] + several
+        base = nodes.switch(on_surface["Cut"], 1.0, PIECES, "FLOAT", "In Pieces?") * base
+        cut = nodes.either(on_surface["Cut"], cut)
+        none = nodes.either(on_surface["Piece"] < NO_PIECE + 0.5, none)
     nodes.open_frame("Holes and the seam of the picture's points")
     holed = given["Pictured"] > 1.5
     cut = nodes.either(cut, holed)
@@ -164,11 +164,39 @@ def _projectors(nodes: FieldBuilder, given, powers, polar: Value) -> tuple[Value
     nodes.open_frame("Does a polar picture of a part of a turn leap where it begins and ends?")
     plain = nodes.both(polar > 0.5, nodes.negate(pictured))
     leap = nodes.both(plain, nodes.call(_leap_group(), "Leap", {"Table": table, "Size": size})["Leap"])
-    piece = piece + nodes.both(leap, b < -1e-5) * 0.5
+    piece = nodes.both(leap, b < -1e-5) * base + piece
     cut = nodes.either(cut, leap)
+    border = _border(nodes, given, borders, leap, several)
     nodes.open_frame("In pieces? Their numbers")
     pieces = nodes.store(table, PIECE, nodes.switch(none, piece, NO_PIECE, "FLOAT", "Hole?"), "FLOAT")
-    return nodes.switch(cut, table, pieces, "GEOMETRY", "In Pieces?"), size, cut
+    table = nodes.switch(cut, table, pieces, "GEOMETRY", "In Pieces?")
+    # Through image mappings borders run as nothing but the table's points can tell.
+    flat = nodes.both(cut, nodes.negate(pictured))
+    return table, size, cut, nodes.switch(flat, None, border, "GEOMETRY", "In Pieces?")
+
+
+def _border(nodes: FieldBuilder, given, borders, leap: Value, several: Value) -> Value:
+    """All pieces of surfaces, flat over the picture, as one instance; the halves of a polar one that leaps.
+
+    0 to 1 across and up are the picture's; of a polar one a whole turn and its radius.
+    """
+    nodes.open_frame("Their borders, flat over the picture")
+    starts, ends = (nodes.xyz(given[f"U {end}"], given[f"V {end}"], 0.0, end) for end in ("Start", "End"))
+    position = nodes.out("GeometryNodeInputPosition", "Position", {})
+    place = (position - starts) / (ends - starts + (0.0, 0.0, 1.0))
+    flat = nodes.out(
+        "GeometryNodeSetPosition", "Over the Picture", {"Geometry": nodes.join(*borders), "Position": place}
+    )
+    halves = []
+    for number in range(2):
+        size = {"Size X": 0.5, "Size Y": 1.0, "Vertices X": 2, "Vertices Y": 2}
+        half = nodes.out("GeometryNodeMeshGrid", "Half a Turn", size)
+        moved = {"Geometry": half, "Translation": (0.25 + 0.5 * number, 0.5, 0.0)}
+        half = nodes.out("GeometryNodeTransform", "In Its Place", moved)
+        half = nodes.store(half, PIECE, float(number), "FLOAT")
+        halves.append(nodes.store(half, OF_SURFACE, several, "FLOAT"))
+    both = nodes.switch(leap, None, nodes.join(*halves), "GEOMETRY", "Leaps?")
+    return nodes.out("GeometryNodeGeometryToInstance", "Borders", {"Geometry": nodes.join(flat, both)})
 
 
 def _leap_group():

@@ -11,6 +11,11 @@ SAME_UV = 4e-7
 WHOLE = 0.999
 # The number of a piece where there is none.
 NO_PIECE = -1.0
+# Pieces that a surface may have, so that numbers of pieces of several surfaces do not meet; float32 holds
+# those of three surfaces.
+PIECES = 101.0
+# Of the pieces of surfaces, flat over the picture: which of the surfaces in pieces they are of.
+OF_SURFACE = "surface"
 
 
 def uv_pieces_group():

@@ -226,8 +226,73 @@ def node_instances():
     carrier.modifiers.new("Instances", "NODES").node_group = tree
 
 
+def uneven():
+    ball = add_ball()
+    ball.scale, ball.rotation_euler = (2.0, 0.5, 1.0), (0.3, 0.8, 0.1)
+
+
+def uneven_with_custom_normals():
+    custom_normals()
+    ball = bpy.context.object
+    ball.scale, ball.rotation_euler = (0.4, 1.0, 2.0), (0.3, 0.8, 0.1)
+
+
+def sheared():
+    """Turned within a parent that is scaled unevenly: no scale of its own says so."""
+    ball, parent = add_ball(), link("Parent", None)
+    parent.scale = (2.0, 0.6, 1.0)
+    ball.parent, ball.location, ball.rotation_euler = parent, (0.2, 0.0, 0.0), (0.5, 0.4, 0.8)
+
+
+def mirrored_twice():
+    ball, parent = add_ball(), link("Parent", None)
+    parent.scale = (-1.0, 0.7, 1.2)
+    ball.parent, ball.location, ball.scale = parent, (0.0, 0.0, 0.0), (1.0, -1.0, 1.0)
+
+
+def instance(held, parent=None):
+    """An empty that instances a collection."""
+    carrier = link("Carrier", None)
+    carrier.instance_type, carrier.instance_collection, carrier.parent = "COLLECTION", held, parent
+    return carrier
+
+
+def held(name, *things):
+    """A collection of things that the scene does not have otherwise."""
+    made = bpy.data.collections.new(name)
+    for thing in things:
+        bpy.context.scene.collection.objects.unlink(thing)
+        made.objects.link(thing)
+    return made
+
+
+def nested_mirrors():
+    """Mirrored in an instance that is mirrored in one that is not even."""
+    ball = add_ball()
+    ball.location, ball.scale = (0.2, 0.1, 0.0), (-1.0, 1.0, 1.0)
+    inner = instance(held("Inner", ball))
+    inner.location, inner.scale, inner.rotation_euler = (0.3, 0.0, 0.0), (1.0, -1.0, 1.0), (0.2, 0.4, 0.0)
+    outer = instance(held("Outer", inner))
+    outer.scale, outer.rotation_euler = (1.5, 0.5, -1.0), (0.0, 0.3, 0.7)
+
+
+def uneven_within_even():
+    """Only the innermost of three is not even: outside nothing tells."""
+    ball = add_ball()
+    ball.location, ball.scale = (0.0, 0.0, 0.0), (1.5, 1.0, 0.3)
+    inner = instance(held("Innermost", ball))
+    inner.location, inner.rotation_euler = (0.3, 0.0, 0.0), (0.2, 0.4, 0.0)
+    instance(held("Around", inner)).rotation_euler = (0.0, 0.0, 0.7)
+
+
 CASES = (
     add_ball,
+    uneven,
+    uneven_with_custom_normals,
+    sheared,
+    mirrored_twice,
+    nested_mirrors,
+    uneven_within_even,
     flat,
     modified,
     custom_normals,

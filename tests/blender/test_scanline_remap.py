@@ -278,3 +278,71 @@ def test_a_reshaped_parametric_surface_is_the_mesh_that_it_became(
     bend = far.modifiers.new("Bend", "SIMPLE_DEFORM")
     bend.deform_method, bend.deform_axis, bend.angle = "BEND", "Y", 0.8
     check_volume(addon, scanline, camera, remapped, 7)
+
+
+def test_the_remap_works_in_a_modifier_stack_by_hand(addon, scanline, flexible, camera, remapped):
+    """On an object of its own place, turn and uneven scale, after another modifier."""
+    plane_generator = np.random.default_rng(8)
+    for index in range(3):
+        plane(flexible, camera, plane_generator, index, 3)
+    bpy.context.view_layer.update()
+    read = addon("scfpf_addon.bridge.read_projection").read_projection
+    projection = read(camera, bpy.context.evaluated_depsgraph_get(), ASPECT)
+    x, y, t = random_places(9)
+    image = projection.parameters(x, y)
+    points = projection.volume.evaluate(image.u, image.v, t).position
+    preview = remapped(camera, points.T)
+    expected = placed(preview)[1]
+    thing = bpy.data.objects.new("Thing", bpy.data.meshes.new("Thing"))
+    bpy.context.scene.collection.objects.link(thing)
+    thing.location, thing.rotation_euler, thing.scale = (3.0, -1.0, 2.0), (0.4, 0.1, 2.0), (2.0, 0.5, 1.5)
+    bpy.context.view_layer.update()
+    own = np.linalg.inv(np.array(thing.matrix_world)) @ np.vstack([points, np.ones(points.shape[1])])
+    faces = np.arange(3 * points.shape[1]).reshape(-1, 3)
+    # Half as far out as it belongs: the first modifier doubles it.
+    thing.data.from_pydata(np.repeat(own[:3].T / 2, 3, 0).tolist(), [], faces.tolist())
+    double = bpy.data.node_groups.new("Double", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        double.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    kinds = ("NodeGroupInput", "GeometryNodeTransform", "NodeGroupOutput")
+    start, scale, end = (double.nodes.new(kind) for kind in kinds)
+    scale.inputs["Scale"].default_value = (2.0, 2.0, 2.0)
+    double.links.new(start.outputs[0], scale.inputs["Geometry"])
+    double.links.new(scale.outputs[0], end.inputs[0])
+    thing.modifiers.new("Double", "NODES").node_group = double
+    # As an artist finds it: by its name, among the groups that modifiers may have.
+    group = bpy.data.node_groups["SCFPF Remap"]
+    assert group.is_modifier
+    by_hand = thing.modifiers.new("Seen", "NODES")
+    by_hand.node_group = group
+    inputs = {item.name: item for item in group.interface.items_tree if item.in_out == "INPUT"}
+    assert all(item.description for item in inputs.values())
+    versions = addon("scfpf_addon.bridge.versions")
+    for name, value in {"Table": scanline.table_object(camera), "Aspect": ASPECT}.items():
+        versions.set_modifier_input(by_hand, inputs[name].identifier, value)
+    by_hand.node_group = group
+    evaluated = thing.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    seen = np.empty(3 * len(evaluated.data.vertices), np.float32)
+    evaluated.data.vertices.foreach_get("co", seen)
+    seen = np.vstack([seen.reshape(-1, 3).T, np.ones(len(seen) // 3)])
+    in_camera = (np.linalg.inv(np.array(camera.matrix_world)) @ np.array(thing.matrix_world) @ seen)[:3]
+    assert in_camera.shape == expected.shape
+    assert np.abs(in_camera - expected).max() < PICTURE
+
+
+def test_node_groups_can_be_read(scanline, flexible, camera):
+    """Every node is named, those of the groups that artists open stand in frames, and none covers another."""
+    flexible.add_surface(camera, "PLANE", parameters={"width": 1.5, "height": 1.0})
+    flexible.add_surface(camera, "PLANE", matrix=np.diag([1.0, 1.0, 1.0, 1.0]))
+    scanline.table_object(camera)
+    scanline.preview_group(camera)
+    groups = [tree for tree in bpy.data.node_groups if tree.name.startswith("SCFPF")]
+    assert len(groups) > 20
+    for tree in groups:
+        assert tree.description, tree.name
+        places = [tuple(node.location) for node in tree.nodes if node.bl_idname != "NodeFrame"]
+        assert all(node.label for node in tree.nodes), tree.name
+        assert len(places) - len(set(places)) <= 2, tree.name
+    ends = {"NodeFrame", "NodeGroupInput", "NodeGroupOutput"}
+    for node in bpy.data.node_groups["SCFPF Remap"].nodes:
+        assert node.bl_idname in ends or node.parent is not None, node.name

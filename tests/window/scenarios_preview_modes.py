@@ -4,7 +4,18 @@
 import bpy
 import numpy as np
 from driver import DRAW, build_scene
-from scenarios_preview import SETTLE, look, prepare, preview_areas, source_of, toggle, until_shown
+from scenarios_preview import (
+    SAME,
+    SETTLE,
+    artist_area,
+    look,
+    middle,
+    prepare,
+    preview_areas,
+    source_of,
+    toggle,
+    until_shown,
+)
 
 
 def pictures(source):
@@ -88,4 +99,53 @@ def preview_in_other_modes(driver):
     assert not [obj.name for obj in bpy.data.objects if "Preview" in obj.name]
 
 
-SCENARIOS = (preview_sleeps, preview_in_other_modes)
+def stroke(driver, area):
+    """Generator: draw with the brush across the middle of a viewport, the button held for some events."""
+    x, y = area.x + area.width // 2, area.y + area.height // 2
+    driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x - 60, y=y)
+    yield 0.2
+    driver.window.event_simulate("LEFTMOUSE", "PRESS", x=x - 60, y=y)
+    for step in range(7):
+        driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x - 60 + 20 * step, y=y)
+        yield 0.1
+
+
+def preview_follows_sculpting(driver):
+    """What is sculpted shows while the brush is still down, and again as before when that is undone."""
+    build_scene()
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, radius=3, location=(0, -3, 2))
+    ball = bpy.context.object
+    driver.add_camera()
+    bpy.context.view_layer.objects.active = ball
+    toggle(driver)
+    yield from until_shown(driver, 1)
+    with driver.override():
+        bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode="SCULPT")
+    bpy.context.scene.tool_settings.sculpt.brush.strength = 1.0
+    (shown,) = preview_areas(driver)
+    area = artist_area(driver)
+    x, y = area.x + area.width // 2, area.y + area.height // 2
+    yield SETTLE
+    before = middle(look(driver, shown, "before"))
+    driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x - 60, y=y)
+    yield 0.2
+    driver.window.event_simulate("LEFTMOUSE", "PRESS", x=x - 60, y=y)
+    for step in range(7):
+        driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x - 60 + 20 * step, y=y)
+        yield 0.1
+    yield SETTLE
+    during = middle(look(driver, shown, "during"))
+    driver.window.event_simulate("LEFTMOUSE", "RELEASE", x=x + 60, y=y)
+    yield SETTLE
+    after = middle(look(driver, shown, "after"))
+    assert np.abs(during - before).max() > 0.05, "a stroke does not show before its end"
+    assert np.abs(after - before).max() > 0.05, "a stroke does not show"
+    with driver.override():
+        bpy.ops.ed.undo()
+    yield SETTLE
+    assert np.abs(middle(look(driver, shown, "undone")) - before).mean() < SAME, "an undone stroke shows"
+    with driver.override():
+        bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode="OBJECT")
+
+
+SCENARIOS = (preview_sleeps, preview_in_other_modes, preview_follows_sculpting)
