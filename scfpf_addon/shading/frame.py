@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import NamedTuple
@@ -19,10 +19,15 @@ from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.folds import find_folds
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
-from .film import Film, pixel_positions
+from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
+from .film import Film
+from .lens import Lens, through
 from .lighting import Lamp, radiance
+from .motion import Moment, moment_of_samples
 from .passes import DataPasses, PassSource, Seen, empty_passes, fill_passes
+from .pixel_filter import PixelFilter
 from .report import RenderReport
+from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .surface import PhongTable, SurfaceTable
 from .typing import Single
@@ -42,8 +47,10 @@ class FrameSettings:
     """width, height: pixels. samples: a pixel. pixel_error: by which a chord may leave its
     projector, in pixels, 0 for none. transparent: what hits nothing is see-through.
     threads: 0 for all cores. border: the part of the image that is made; its pixels are those
-    that the whole image would have. passes: besides the picture. Raises ValueError for what
-    makes no picture.
+    that the whole image would have. passes: besides the picture. pixel_filter: by which
+    samples lie about the pixel's centre. scrambled: each pixel has places of its own for
+    them. adaptive: which pixels get fewer, and that they are scrambled. lens: in world space, for
+    straight projectors only. Raises ValueError for what makes no picture.
     """
 
     width: int
@@ -54,6 +61,10 @@ class FrameSettings:
     threads: int = 0
     border: Border | None = None
     passes: DataPasses = field(default_factory=DataPasses)
+    pixel_filter: PixelFilter = field(default_factory=PixelFilter)
+    scrambled: bool = False
+    adaptive: Adaptive | None = None
+    lens: Lens | None = None
 
     def __post_init__(self) -> None:
         if min(self.width, self.height) < 1:
@@ -89,6 +100,7 @@ def render_frame(
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
     on_tile: Callable[[slice, Single, dict[str, Single]], None] | None = None,
+    moments: tuple[Moment, ...] = (),
 ) -> Frame | None:
     """The picture that a projection makes of a scene, or None when cancelled.
 
@@ -96,12 +108,13 @@ def render_frame(
     save building it again. progress(share in [0, 1]), cancelled() and on_tile(rows,
     pixels (rows, W, 4), passes) are called from the calling thread, the last as tiles are
     finished, in any order; rows count from the border's bottom. What a tile raises is raised
-    here, after all threads have ended.
+    here, after all threads have ended. moments: what the samples see while the shutter is open,
+    instead of the projection and the scene, which data passes are made of.
     CastError when the scene's triangles cannot be cast at; a scene without any
     shows its background.
     """
     started = perf_counter()
-    pipeline = Pipeline.of(projection, scene, settings, cast_scene)
+    pipeline = Pipeline.of(projection, scene, settings, cast_scene).with_moments(moments)
     build_seconds = perf_counter() - started
     region = settings.region
     height, width = region.top - region.bottom, region.right - region.left
@@ -185,7 +198,7 @@ class Shading:
             tuple(Lamp.of(light, cast_scene.matrix, samples) for light in lights),
         )
 
-    def color(self, hits: Hits, where: IndexArray, sample: int) -> Single:
+    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n)."""
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
@@ -199,17 +212,20 @@ class Shading:
 class Pipeline:
     """What the threads share while a frame is made.
 
-    projection: in cast space. offsets: (2, samples), where in a pixel. cast_scene and
-    shading are None where there is nothing to hit.
+    projection: in cast space. places: where samples are. cast_scene and
+    shading are None where there is nothing to hit. lens: in cast space. moments: what takes
+    the place of this one for the picture, while the shutter is open.
     """
 
     projection: Projection
     settings: FrameSettings
     background: Array
-    offsets: Array
+    places: SamplePlaces
     cast_scene: CastScene | None
     shading: Shading | None
     passes: PassSource | None
+    lens: Lens | None
+    moments: tuple[Pipeline, ...] = ()
 
     @classmethod
     def of(
@@ -231,13 +247,42 @@ class Pipeline:
             inside,
             settings,
             np.asarray(scene.world_color, np.float64),
-            pixel_positions(settings.samples),
+            SamplePlaces(
+                settings.width,
+                settings.height,
+                settings.samples,
+                settings.pixel_filter,
+                settings.scrambled or settings.adaptive is not None,
+            ),
             cast_scene,
             shading,
             PassSource(settings.passes, inside, scene, cast_scene, shading.surface)
             if cast_scene and shading and settings.passes.names
             else None,
+            settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
         )
+
+    def with_moments(self, moments: tuple[Moment, ...]) -> Pipeline:
+        """The pipeline of a picture that is exposed while things move; of moments as they follow in time."""
+        made: list[Pipeline] = []
+        bare = replace(self.settings, passes=DataPasses())
+        for moment in moments:
+            settings = replace(bare, lens=moment.lens)
+            before = made[-1] if made else None
+            if before and before.cast_scene and moment.scene is moments[len(made) - 1].scene:
+                # The scene stands still: all but the projection is there.
+                matrix = before.cast_scene.matrix
+                lens = moment.lens.transformed(matrix) if moment.lens else None
+                made.append(replace(before, projection=moment.projection.transformed(matrix), lens=lens))
+            else:
+                made.append(Pipeline.of(moment.projection, moment.scene, settings, moment.cast_scene))
+        return replace(self, moments=tuple(made))
+
+    def at(self, sample: int) -> Pipeline:
+        """What a sample sees."""
+        if not self.moments:
+            return self
+        return self.moments[moment_of_samples(self.settings.samples, len(self.moments))[sample]]
 
     def render_tile(self, job: TileJob, pixels: Single, passes: dict[str, Single]) -> TileCounts:
         """Samples → projectors → hits → colours → film, into pixels (n, 4) and passes (n, channels).
@@ -246,18 +291,24 @@ class Pipeline:
         """
         counts, hit_count = CastCounts(), 0
         inside = self.inside(job.rows)
+        if self.settings.adaptive and self.settings.samples > self.settings.adaptive.least:
+            return self.render_adaptively(self.settings.adaptive, job, inside, pixels, passes)
+        mine = row_pixels(job.rows, self.settings.width)
+        if inside is not None:
+            mine = mine[inside]
         film = Film(len(pixels), self.background, self.settings.transparent)
         for sample in range(self.settings.samples):
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
-            hits = self.cast(*self.image_positions(job.rows, self.offsets[:, sample]), counts)
+            now = self.at(sample)
+            hits = now.cast_sample(job.rows, sample, counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             if inside is not None:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
-            color = self.shading.color(hits, where, sample) if self.shading else np.zeros((3, 0), np.float32)
+            color = now.color(hits, where, sample, mine)
             film.add(hits.mask, where, color)
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
@@ -265,11 +316,50 @@ class Pipeline:
             self.fill_passes(self.passes, job.rows, inside, passes)
         return TileCounts(counts, hit_count)
 
+    def render_adaptively(
+        self,
+        adaptive: Adaptive,
+        job: TileJob,
+        inside: IndexArray | None,
+        pixels: Single,
+        passes: dict[str, Single],
+    ) -> TileCounts:
+        """As ``render_tile``, with more samples for pixels that differ."""
+        counts, hit_count = CastCounts(), 0
+        width = self.settings.width
+        rows = margin(job.rows, self.settings.height)
+        block = row_pixels(rows, width)
+        film = AdaptiveFilm(len(block), self.background, self.settings.transparent)
+
+        def take(some: IndexArray | None, samples: range) -> None:
+            nonlocal hit_count
+            which = np.arange(len(block)) if some is None else some
+            for sample, hits in self.cast_samples(rows, samples, counts, some):
+                where = np.flatnonzero(hits.triangle >= 0)
+                hit_count += len(where)
+                color = self.at(sample).color(hits, where, sample, block[which])
+                film.add(which, hits.mask, where, color)
+
+        def stopped(done: float) -> bool:
+            job.done = done
+            return job.stop.is_set()
+
+        own = slice(job.rows.start - rows.start, job.rows.stop - rows.start)
+        shape = rows.stop - rows.start, width
+        sample_adaptively(take, film, adaptive, shape, own, self.settings.samples, stopped)
+        if job.stop.is_set():
+            return TileCounts(counts, hit_count)
+        mine = np.arange(own.start * width, own.stop * width)
+        film.develop(mine if inside is None else mine[inside], pixels)
+        if self.passes:
+            self.fill_passes(self.passes, job.rows, inside, passes)
+        return TileCounts(counts, hit_count)
+
     def fill_passes(
         self, source: PassSource, rows: slice, inside: IndexArray | None, into: dict[str, Single]
     ) -> None:
         """The data passes of a tile, from one projector a pixel, which the report does not count."""
-        x, y = self.image_positions(rows, np.array([0.5, 0.5]))
+        x, y = self.pixel_centres(rows)
         hits = self.cast(x, y, CastCounts(), "UV" in self.settings.passes.names)
         if inside is not None:
             hits, x, y = hits.take(inside), x[inside], y[inside]
@@ -287,16 +377,62 @@ class Pipeline:
         columns = np.arange(left, right)
         return (lines[:, None] * width + columns).reshape(-1)
 
-    def image_positions(self, rows: slice, offset: Array) -> tuple[Array, Array]:
-        """Image positions (x, y) of the place ``offset`` (2,) in each pixel of the rows, each (n,)."""
-        x = (np.arange(self.settings.width) + offset[0]) / self.settings.width
-        y = (np.arange(rows.start, rows.stop) + offset[1]) / self.settings.height
+    def pixel_centres(self, rows: slice) -> tuple[Array, Array]:
+        """Image positions (x, y) of the middle of each pixel of the rows, each (n,)."""
+        x = (np.arange(self.settings.width) + 0.5) / self.settings.width
+        y = (np.arange(rows.start, rows.stop) + 0.5) / self.settings.height
         return np.tile(x, len(y)), np.repeat(y, len(x))
 
-    def cast(self, x: Array, y: Array, counts: CastCounts, weighted: bool = False) -> Hits:
+    def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> Hits:
+        """What a sample of the pixels of whole rows hits."""
+        if self.lens is None:
+            return self.cast(*self.places.of_rows(rows, sample), counts)
+        pixel = row_pixels(rows, self.settings.width)
+        x, y = self.places.of_pixels(pixel, sample)
+        return self.through_lens(self.places.on_lens(pixel, sample)).cast(x, y, counts)
+
+    def cast_samples(
+        self, rows: slice, samples: range, counts: CastCounts, some: IndexArray | None
+    ) -> Iterator[tuple[int, Hits]]:
+        """What each of several samples of the pixels of whole rows hits, or of ``some`` (n,) of these alone.
+
+        Samples that see the same moment are cast together, a pixel's one after the other: they
+        are as near as neighbours.
+        """
+        if some is None:
+            for sample in samples:
+                yield sample, self.at(sample).cast_sample(rows, sample, counts)
+            return
+        pixel = row_pixels(rows, self.settings.width)[some]
+        for together in [samples] if not self.moments else [range(s, s + 1) for s in samples]:
+            now, many = self.at(together[0]), len(together)
+            places = [self.places.of_pixels(pixel, sample) for sample in together]
+            x, y = (np.stack(axis, axis=1).ravel() for axis in zip(*places, strict=True))
+            if now.lens is not None:
+                share = np.stack([self.places.on_lens(pixel, sample) for sample in together], axis=2)
+                now = now.through_lens(share.reshape(2, -1))
+            hits = now.cast(x, y, counts, in_rows=False)
+            for number, sample in enumerate(together):
+                yield sample, hits if many == 1 else hits.take(np.arange(number, len(x), many))
+
+    def through_lens(self, share: Array) -> Pipeline:
+        """The pipeline for projectors that each pass the lens at a place of its own, shares (2, n)."""
+        return replace(self, projection=through(self.projection, self.lens, share)) if self.lens else self
+
+    def color(self, hits: Hits, where: IndexArray, sample: int, pixel: IndexArray) -> Single:
+        """As ``Shading.color``, of nothing where nothing is there. pixel: (n,) the image's, of the hits."""
+        if self.shading is None:
+            return np.zeros((3, 0), np.float32)
+        own = self.places.on_lamps(pixel[where], sample) if self.places.scrambled else sample
+        return self.shading.color(hits, where, own)
+
+    def cast(
+        self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
+    ) -> Hits:
         """The hits of the projectors at image positions (n,); nothing is hit where nothing is there.
 
-        weighted: barycentric weights are wanted though nothing is smooth.
+        weighted: barycentric weights are wanted though nothing is smooth. in_rows: the positions
+        are whole rows.
         """
         if self.cast_scene is None:
             return Hits.empty(len(x))._replace(mask=self.projection.projectors(x, y).valid)
@@ -309,6 +445,6 @@ class Pipeline:
             pixel_size,
             self.settings.pixel_error,
             counts,
-            self.settings.width,
+            self.settings.width if in_rows else None,
             weighted or self.shading is None or self.shading.surface.weighted,
         )
