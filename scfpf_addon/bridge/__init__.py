@@ -11,12 +11,14 @@ from . import (
     render_engine,
     render_passes,
     result_undo,
+    sampling,
     volume_upkeep,
 )
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
     properties,
+    sampling,
     volume_upkeep,
     drawing,
     image_marks,

@@ -18,7 +18,7 @@ from ..shading.passes import DataPasses
 from ..shading.typing import Single
 from .kept_scene import KeptScene
 from .render_delivery import Delivery
-from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size
+from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size, with_motion
 from .render_passes import list_render_passes
 from .render_viewport import ViewportRender, stop_all
 from .rig_mark import camera_behind
@@ -84,9 +84,10 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         if camera is None:
             raise RenderError("The scene has no camera: add one with Add > Camera > Flexible Camera")
         self.update_stats("", "Reading the scene")
+        camera = camera_behind(camera.original)
         inputs = read_inputs(
             depsgraph,
-            camera_behind(camera.original),
+            camera,
             size,
             border=render_border(self.render, *size),
             passes=delivery.sources,
@@ -94,7 +95,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         )
         for warning in inputs.scene.warnings:
             self.report({"WARNING"}, warning)
-        return inputs
+        return with_motion(depsgraph, camera, inputs, self.frame_set)
 
     def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
         if self.test_break():
@@ -114,6 +115,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             progress=delivery.progress,
             cancelled=self.test_break,
             on_tile=delivery.add,
+            moments=inputs.moments,
         )
         if frame is not None:
             delivery.flush()
@@ -148,6 +150,9 @@ def coarse_picture(
         pixel_error=max(whole.pixel_error, 1.0),
         border=None,
         passes=DataPasses(),
+        scrambled=False,
+        adaptive=None,
+        lens=None,
     )
     frame = render_frame(inputs.projection, inputs.scene, settings, cast_scene, cancelled=cancelled)
     if frame is None:

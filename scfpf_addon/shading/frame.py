@@ -114,7 +114,9 @@ def render_frame(
     shows its background.
     """
     started = perf_counter()
-    pipeline = Pipeline.of(projection, scene, settings, cast_scene).with_moments(moments)
+    pipeline = Pipeline.of(projection, scene, settings, cast_scene, not moments)
+    if moments:
+        pipeline = pipeline.with_moments(scene, moments)
     build_seconds = perf_counter() - started
     region = settings.region
     height, width = region.top - region.bottom, region.right - region.left
@@ -229,12 +231,24 @@ class Pipeline:
 
     @classmethod
     def of(
-        cls, projection: Projection, scene: Scene, settings: FrameSettings, cast_scene: CastScene | None
+        cls,
+        projection: Projection,
+        scene: Scene,
+        settings: FrameSettings,
+        cast_scene: CastScene | None,
+        alone: bool = True,
     ) -> Pipeline:
-        """Everything that is done once a frame. What the volume cannot meet is left for shadows."""
+        """Everything that is done once a frame. What the volume cannot meet is left for shadows.
+
+        alone: no other projection will see the same scene.
+        """
         if cast_scene is None and len(scene.geometry.triangles):
             whole = scene.geometry
-            kept = within_volume(whole.vertices, whole.triangles, projection.volume)
+            kept = (
+                within_volume(whole.vertices, whole.triangles, projection.volume)
+                if alone
+                else np.ones(len(whole.triangles), bool)
+            )
             if kept.all():
                 cast_scene = CastScene(whole.vertices, whole.triangles)
             elif kept.any():
@@ -262,21 +276,22 @@ class Pipeline:
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
         )
 
-    def with_moments(self, moments: tuple[Moment, ...]) -> Pipeline:
-        """The pipeline of a picture that is exposed while things move; of moments as they follow in time."""
-        made: list[Pipeline] = []
+    def with_moments(self, scene: Scene, moments: tuple[Moment, ...]) -> Pipeline:
+        """The pipeline, of ``scene``, of a picture that is exposed while things move."""
+        made: list[tuple[Scene, Pipeline]] = [(scene, self)]
         bare = replace(self.settings, passes=DataPasses())
         for moment in moments:
             settings = replace(bare, lens=moment.lens)
-            before = made[-1] if made else None
-            if before and before.cast_scene and moment.scene is moments[len(made) - 1].scene:
-                # The scene stands still: all but the projection is there.
-                matrix = before.cast_scene.matrix
-                lens = moment.lens.transformed(matrix) if moment.lens else None
-                made.append(replace(before, projection=moment.projection.transformed(matrix), lens=lens))
+            same = next((known for seen, known in made if seen is moment.scene), None)
+            if same is None:
+                each = Pipeline.of(moment.projection, moment.scene, settings, None, False)
             else:
-                made.append(Pipeline.of(moment.projection, moment.scene, settings, moment.cast_scene))
-        return replace(self, moments=tuple(made))
+                # All but the projection is there.
+                matrix = same.cast_scene.matrix if same.cast_scene else np.eye(4)
+                lens = moment.lens.transformed(matrix) if moment.lens else None
+                each = replace(same, projection=moment.projection.transformed(matrix), lens=lens)
+            made.append((moment.scene, each))
+        return replace(self, moments=tuple(each for _, each in made[1:]))
 
     def at(self, sample: int) -> Pipeline:
         """What a sample sees."""

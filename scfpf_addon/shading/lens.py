@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..projection.surfaces import BilinearPatch, Plane
 from ..projection.typing import Array
 from ..projection.volume import Projection, Projectors, ViewingVolume
 
@@ -75,6 +74,10 @@ class Lens:
             ),
             centre=matrix[:3, :3] @ self.centre + matrix[:3, 3],
         )
+
+    def focused(self, distance: float) -> Lens:
+        """The lens with things sharp at another distance."""
+        return replace(self, aperture=replace(self.aperture, focus=distance))
 
     def moved(self, points: Array, share: Array) -> Array:
         """Ends of projectors (2, 3, n) through the lens' places for ``share`` (2, n)."""
@@ -158,9 +161,7 @@ def lens_of(projection: Projection, aperture: Aperture, axes: Array) -> Lens | N
 
 def _is_flat(volume: ViewingVolume, centre: Array, forwards: Array) -> bool:
     """Whether the far surface is a plane across ``forwards``, as a perspective camera's is."""
-    surface = volume.surfaces[-1]
-    if not isinstance(surface, (Plane, BilinearPatch)):
-        return False
-    u, v = np.array([0.0, 1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0, 1.0])
-    depth = forwards @ (surface.evaluate(u, v).position - centre[:, None])
+    edge = np.linspace(0.0, 1.0, LOOKED_AT)
+    far = volume.surfaces[-1].evaluate(np.tile(edge, LOOKED_AT), np.repeat(edge, LOOKED_AT)).position
+    depth = np.einsum("c,cn->n", forwards, far - centre[:, None])
     return bool(np.ptp(depth) <= CENTRAL_SHARE * np.abs(depth).max())

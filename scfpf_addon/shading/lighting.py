@@ -88,7 +88,7 @@ class Lamp:
         )
 
     def incidence(self, position: Single, sample: int | IndexArray) -> Incidence:
-        """What arrives at position (3, N) from the lamp's place of this sample, or of each point's own (N,)."""
+        """What arrives at position (3, N) from the lamp's place of this sample, or from each point's own."""
         if self.light.kind == "SUN":
             return Incidence(-self.axis[:, None], np.ones(1, np.float32), np.full(1, np.inf, np.float32))
         direction = self.places.take(np.atleast_1d(sample), axis=1) - position

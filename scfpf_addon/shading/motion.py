@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..casting.scene import CastScene
 from ..projection.typing import Array
 from ..projection.volume import Projection
 from .film import THIRD, shuffled
@@ -20,13 +19,13 @@ NODES = 257
 
 
 class Moment(NamedTuple):
-    """A projection, in world space, and a scene at one time. cast_scene: of the scene's triangles, if
-    it is built; moments that share a scene share it. lens: in world space.
+    """A projection, in world space, and a scene at one time. lens: in world space.
+
+    What stands still is one scene: the same object in all moments, and in the frame.
     """
 
     projection: Projection
     scene: Scene
-    cast_scene: CastScene | None = None
     lens: Lens | None = None
 
 
