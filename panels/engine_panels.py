@@ -64,6 +64,53 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
             layout.label(text="An ordinary camera: its own view is rendered", icon="INFO")
 
 
+class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
+    """Where samples are taken; the Render button follows it too"""
+
+    bl_label = "Pattern and Adaptive Sampling"
+    bl_parent_id = "SCFPF_PT_engine_camera"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        options = context.scene.scfpf_sampling
+        row = layout.row()
+        row.active = not options.use_adaptive
+        row.prop(options, "pattern")
+        layout.prop(options, "use_adaptive")
+        column = layout.column()
+        column.active = options.use_adaptive
+        column.prop(options, "adaptive_threshold")
+        column.prop(options, "adaptive_least")
+        camera = context.scene.camera
+        if options.use_adaptive and camera and camera.scfpf.samples <= options.adaptive_least:
+            layout.label(text="Raise Samples: all pixels get Min Samples anyway", icon="INFO")
+
+
+class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
+    """What moves while the shutter is open: objects, lights, cameras and control surfaces"""
+
+    bl_label = "Motion Blur"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        scene = context.scene
+        layout.active = scene.render.use_motion_blur
+        layout.prop(scene.render, "motion_blur_position")
+        layout.prop(scene.render, "motion_blur_shutter")
+        layout.prop(scene.scfpf_sampling, "motion_steps")
+        if scene.camera and scene.camera.scfpf.samples < scene.scfpf_sampling.motion_steps:
+            layout.label(text="Raise Samples: there are fewer than steps", icon="INFO")
+
+
 class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
     """What the picture shows where nothing is"""
 
@@ -75,7 +122,13 @@ class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.prop(context.scene.render, "film_transparent", text="Transparent")
+        scene = context.scene
+        layout.prop(scene.render, "film_transparent", text="Transparent")
+        layout.use_property_decorate = True
+        layout.prop(scene.scfpf_sampling, "pixel_filter")
+        row = layout.row()
+        row.active = scene.scfpf_sampling.pixel_filter != "BOX"
+        row.prop(scene.render, "filter_size")
 
 
 class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
@@ -127,6 +180,8 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
         SCFPF_PT_engine_camera,
+        SCFPF_PT_engine_pattern,
+        SCFPF_PT_engine_motion_blur,
         SCFPF_PT_engine_film,
         SCFPF_PT_engine_performance,
         SCFPF_PT_engine_passes,
