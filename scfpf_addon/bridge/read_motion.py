@@ -15,6 +15,7 @@ from ..projection.volume import Projection
 from ..shading.lens import Lens
 from ..shading.motion import Moment, shutter_times
 from ..shading.scene import Scene
+from ..shading.vectors import Neighbour
 
 # Where the shutter's curve is looked at.
 CURVE_STEPS = 65
@@ -83,6 +84,20 @@ def _between(views, known: Array, wanted: Array):
                 axes=lens.axes if share < 0.5 else lens_after.axes,
             )
         yield (one if same(one, other) else projection_between(one, other, share)), lens
+
+
+def read_neighbours(frame: float, still: Scene, set_frame: SetFrame, read: ReadAll):
+    """The frames before and after, for motion vectors; see ``read_moments``."""
+    found = []
+    try:
+        for step in (-1.0, 1.0):
+            _go_to(set_frame, frame + step)
+            projection, there, _lens = read()
+            alike = np.array_equal(there.geometry.triangles, still.geometry.triangles)
+            found.append(Neighbour(projection, there.geometry.vertices if alike else None))
+    finally:
+        _go_to(set_frame, frame)
+    return found[0], found[1]
 
 
 def shutter(render, frame: float) -> tuple[float, float]:

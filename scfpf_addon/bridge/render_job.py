@@ -17,7 +17,7 @@ from ..shading.passes import DataPasses
 from ..shading.scene import Scene
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_lens import read_lens
-from .read_motion import read_moments
+from .read_motion import read_moments, read_neighbours
 from .read_projection import ProjectionError, read_projection
 from .read_scene import SceneError, read_scene
 from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
@@ -185,10 +185,13 @@ def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame) -> RenderInp
         # Of the frame itself there is one warning more, and once is enough.
         return projection, replace(there, warnings=inputs.scene.warnings), lens
 
-    moments = read_moments(
-        depsgraph.scene_eval, inputs.settings.samples, inputs.scene, set_frame, everything, view
-    )
-    return replace(inputs, moments=moments)
+    scene, settings = depsgraph.scene_eval, inputs.settings
+    if "VECTOR" in settings.passes.names:
+        frame = scene.frame_current + scene.frame_subframe
+        neighbours = read_neighbours(frame, inputs.scene, set_frame, everything)
+        settings = replace(settings, passes=replace(settings.passes, neighbours=neighbours))
+    moments = read_moments(scene, settings.samples, inputs.scene, set_frame, everything, view)
+    return replace(inputs, settings=settings, moments=moments)
 
 
 class RenderJob:

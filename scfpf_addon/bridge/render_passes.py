@@ -32,6 +32,7 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
         (view_layer.use_pass_z, RenderPass("Depth", "Z", "VALUE", "DEPTH")),
         (view_layer.use_pass_position, RenderPass("Position", "XYZ", "VECTOR", "POSITION")),
         (view_layer.use_pass_normal, RenderPass("Normal", "XYZ", "VECTOR", "NORMAL")),
+        (view_layer.use_pass_vector, RenderPass("Vector", "XYZW", "VECTOR", "VECTOR")),
         (view_layer.use_pass_uv, RenderPass("UV", "UVA", "VECTOR", "UV")),
         (view_layer.use_pass_object_index, RenderPass(object_index, "X", "VALUE", "OBJECT_INDEX")),
         (view_layer.use_pass_material_index, RenderPass(material_index, "X", "VALUE", "MATERIAL_INDEX")),
@@ -41,6 +42,8 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
             RenderPass("PerspectiveDepth", "Z", "VALUE", "PERSPECTIVE_DEPTH"),
         ),
         (own.use_pass_tangent, RenderPass("ProjectorTangent", "XYZ", "VECTOR", "TANGENT")),
+        (own.use_pass_chord_count, RenderPass("ChordCount", "X", "VALUE", "CHORD_COUNT")),
+        (own.use_pass_chord_error, RenderPass("ChordError", "X", "VALUE", "CHORD_ERROR")),
     ):
         if switch:
             yield each
@@ -73,6 +76,22 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     use_pass_tangent: BoolProperty(
         name="Projector Tangent",
         description="Direction of each pixel's projector at its hit, in world space, away from the viewer",
+        default=False,
+        update=_switched,
+        override={"LIBRARY_OVERRIDABLE"},
+    )
+    use_pass_chord_count: BoolProperty(
+        name="Chord Count",
+        description="Into how many straight chords each pixel's projector is cut up to its hit: where "
+        "the picture costs time",
+        default=False,
+        update=_switched,
+        override={"LIBRARY_OVERRIDABLE"},
+    )
+    use_pass_chord_error: BoolProperty(
+        name="Chord Error",
+        description="How far, in pixels, the chord that found a pixel's hit is from the curve there: how far "
+        "a silhouette may be displaced. 0 for straight projectors",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..casting.cast import cast
+from ..casting.chord_map import chord_map
 from ..casting.culling import within_volume
 from ..casting.hits import CastCounts, Hits
 from ..casting.memory import peak_memory
@@ -114,7 +115,9 @@ def render_frame(
     shows its background.
     """
     started = perf_counter()
-    pipeline = Pipeline.of(projection, scene, settings, cast_scene, not moments)
+    # Vertices of other frames belong to all triangles.
+    alone = not moments and settings.passes.neighbours is None
+    pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
     if moments:
         pipeline = pipeline.with_moments(scene, moments)
     build_seconds = perf_counter() - started
@@ -270,7 +273,9 @@ class Pipeline:
             ),
             cast_scene,
             shading,
-            PassSource(settings.passes, inside, scene, cast_scene, shading.surface)
+            PassSource(
+                settings.passes, (settings.width, settings.height), inside, scene, cast_scene, shading.surface
+            )
             if cast_scene and shading and settings.passes.names
             else None,
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
@@ -375,11 +380,26 @@ class Pipeline:
     ) -> None:
         """The data passes of a tile, from one projector a pixel, which the report does not count."""
         x, y = self.pixel_centres(rows)
-        hits = self.cast(x, y, CastCounts(), "UV" in self.settings.passes.names)
+        hits = self.cast(x, y, CastCounts(), self.settings.passes.weighted)
+        if "CHORD_COUNT" in into or "CHORD_ERROR" in into:
+            self.fill_chords(x, y, hits, inside, into)
         if inside is not None:
             hits, x, y = hits.take(inside), x[inside], y[inside]
         where = np.flatnonzero(hits.triangle >= 0)
         fill_passes(source, Seen(x[where], y[where], hits.take(where)), where, into)
+
+    def fill_chords(
+        self, x: Array, y: Array, hits: Hits, inside: IndexArray | None, into: dict[str, Single]
+    ) -> None:
+        """The passes of a tile that show its chords, hit or not."""
+        if self.cast_scene is None:
+            return
+        size = 1 / self.settings.width, 1 / self.settings.height
+        error = self.settings.pixel_error
+        chords = chord_map(self.cast_scene, self.projection, x, y, hits.t, size, error, self.settings.width)
+        for name, values in (("CHORD_COUNT", chords.count), ("CHORD_ERROR", chords.error)):
+            if name in into:
+                into[name][:, 0] = values if inside is None else values[inside]
 
     def inside(self, rows: slice) -> IndexArray | None:
         """Which pixels of the rows are in the border, row by row; None for all."""

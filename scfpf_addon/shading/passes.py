@@ -18,6 +18,7 @@ from ..projection.volume import Projection, ViewingVolume
 from .scene import Scene
 from .surface import SurfaceTable
 from .typing import Single
+from .vectors import Neighbour, Place, moved_places
 
 # Depth where nothing is hit, as in Blender's own engines.
 FARTHEST_DEPTH = 1e10
@@ -31,11 +32,18 @@ class DataPasses:
 
     names: of PASSES. depth_plane: (4,) (a, b, c, d), depth is a·x + b·y + c·z + d in world
     space, the distance from an ordinary camera along its axis; None for the
-    length of the projector from the near surface.
+    length of the projector from the near surface. neighbours: the frames before and after, for
+    motion vectors.
     """
 
     names: tuple[str, ...] = ()
     depth_plane: Array | None = None
+    neighbours: tuple[Neighbour, Neighbour] | None = None
+
+    @property
+    def weighted(self) -> bool:
+        """Whether barycentric weights are wanted."""
+        return not {"UV", "VECTOR"}.isdisjoint(self.names)
 
 
 class Seen(NamedTuple):
@@ -51,9 +59,13 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class PassSource:
-    """All that data passes are made of. projection: in cast space, that of ``cast_scene``."""
+    """All that data passes are made of. projection: in cast space, that of ``cast_scene``.
+
+    size: of the image in pixels.
+    """
 
     wanted: DataPasses
+    size: tuple[int, int]
     projection: Projection
     scene: Scene
     cast_scene: CastScene
@@ -111,6 +123,25 @@ class PassSource:
         length = np.sqrt(np.einsum("cn,cn->n", tangent, tangent))
         return tangent / np.where(length > 0.0, length, 1.0)
 
+    def vector(self, seen: Seen) -> Array:
+        """From where a hit is in the image to where it was in the frame before, and from where it will be in
+        the frame after to where it is: pixels along x and y of each, (4, n), as Cycles has it.
+        """
+        if self.wanted.neighbours is None:
+            raise ValueError("motion vectors need the frames before and after")
+        geometry, hits = self.scene.geometry, seen.hits
+        now = Place(
+            self.position(seen),
+            geometry.triangles[hits.triangle],
+            hits.barycentric,
+            self.parameters(seen),
+            seen.x,
+            seen.y,
+        )
+        before, after = (moved_places(each, geometry.vertices, now) for each in self.wanted.neighbours)
+        pixels = np.reshape(self.size, (2, 1))
+        return np.concatenate([before * pixels, -after * pixels])
+
     def object_index(self, seen: Seen) -> Array:
         """The user's number of the object, (1, n); the scene must know them."""
         number = self.scene.geometry.object_index.take(seen.hits.triangle)
@@ -123,11 +154,13 @@ class PassSource:
 
 
 class PassKind(NamedTuple):
-    """channels: how many; miss: their value where nothing is hit; values: (channels, n) of what is."""
+    """channels: how many; miss: their value where nothing is hit; values: (channels, n) of what is, None
+    where others fill them.
+    """
 
     channels: int
     miss: float
-    values: Callable[[PassSource, Seen], Array]
+    values: Callable[[PassSource, Seen], Array] | None
 
 
 PASSES = {
@@ -138,6 +171,9 @@ PASSES = {
     "PARAMETERS": PassKind(3, 0.0, PassSource.parameters),
     "PERSPECTIVE_DEPTH": PassKind(1, 1.0, PassSource.perspective_depth),
     "TANGENT": PassKind(3, 0.0, PassSource.tangent),
+    "VECTOR": PassKind(4, 0.0, PassSource.vector),
+    "CHORD_COUNT": PassKind(1, 0.0, None),
+    "CHORD_ERROR": PassKind(1, 0.0, None),
     "OBJECT_INDEX": PassKind(1, 0.0, PassSource.object_index),
     "MATERIAL_INDEX": PassKind(1, 0.0, PassSource.material_index),
 }
@@ -154,7 +190,9 @@ def empty_passes(wanted: DataPasses, height: int, width: int) -> dict[str, Singl
 def fill_passes(source: PassSource, seen: Seen, where: IndexArray, into: dict[str, Single]) -> None:
     """Write what is seen at the pixels ``where`` (n,) into the passes of a tile, each (pixels, channels)."""
     for name, pixels in into.items():
-        pixels[where] = PASSES[name].values(source, seen).T
+        values = PASSES[name].values
+        if values is not None:
+            pixels[where] = values(source, seen).T
 
 
 def projector_length(spans: SpanBasis, points: Array, t: Array) -> Array:
