@@ -176,6 +176,12 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
         column = layout.column(heading="Indices", align=True)
         column.prop(view_layer, "use_pass_object_index")
         column.prop(view_layer, "use_pass_material_index")
+        column = layout.column(heading="Cryptomatte", align=True)
+        column.prop(view_layer, "use_pass_cryptomatte_object", text="Object")
+        column.prop(view_layer, "use_pass_cryptomatte_material", text="Material")
+        row = column.row()
+        row.active = view_layer.use_pass_cryptomatte_object or view_layer.use_pass_cryptomatte_material
+        row.prop(view_layer, "pass_cryptomatte_depth", text="Levels")
         if view_layer.use_pass_z:
             layout.label(text="Depth: length along the projector from the near surface", icon="INFO")
 

@@ -14,6 +14,8 @@ from .shader_nodes import color_input, output_shaders, value_input
 
 # Reflectance at normal incidence of the default specular level ½ at IOR 1.5.
 DEFAULT_F0 = 0.04
+# What faces without a material are called in cryptomattes, as by Cycles.
+NO_MATERIAL = "default_surface"
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,7 @@ class MaterialTable:
     def __init__(self) -> None:
         self._rows = [DEFAULT_GREY]
         self.pass_indices = [0]
+        self.names = [NO_MATERIAL]
         self._numbers: dict[int, int] = {}
         self._textured: list[str] = []
 
@@ -50,6 +53,7 @@ class MaterialTable:
             self._numbers[key] = len(self._rows)
             self._rows.append(constants)
             self.pass_indices.append(material.pass_index)
+            self.names.append(material.name)
             if not whole:
                 self._textured.append(material.name)
         return self._numbers[key]

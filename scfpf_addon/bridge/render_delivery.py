@@ -9,7 +9,7 @@ import numpy as np
 
 from ..shading.typing import Single
 from .render_job import RenderInputs
-from .render_passes import list_render_passes
+from .render_passes import crypto_names, list_render_passes, stamp_manifests
 
 # Seconds between two updates of the result and of the header.
 TICK = 0.25
@@ -24,6 +24,7 @@ class Delivery:
     def __init__(self, engine, view_layer) -> None:
         """Announce the passes of the view layer."""
         self._engine = engine
+        self._view_layer = view_layer
         self.layer = view_layer.name
         self._view = engine.active_view_get()
         self._passes = list(list_render_passes(view_layer))
@@ -55,6 +56,7 @@ class Delivery:
         pixels = (region.right - region.left) * (region.top - region.bottom)
         self._memory = (sum(each.nbytes for each in arrays) + 4 * channels * pixels) / MEBIBYTE
         self._engine.update_memory_stats(memory_used=self._memory, memory_peak=self._memory)
+        stamp_manifests(self._engine.get_result(), self._view_layer, crypto_names(inputs.scene))
         self._started = perf_counter()
 
     def add(self, rows: slice, pixels: Single, passes: dict[str, Single]) -> None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..casting.scene import CastError
 from ..projection.volume import Projection
+from ..shading.cryptomatte import identifiers
 from ..shading.frame import Border, Frame, FrameSettings, render_frame
 from ..shading.motion import Moment
 from ..shading.passes import DataPasses
@@ -21,6 +22,7 @@ from .read_motion import read_moments, read_neighbours
 from .read_projection import ProjectionError, read_projection
 from .read_scene import SceneError, read_scene
 from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
+from .render_passes import crypto_names
 from .sampling import sampling_of
 from .volume_object import holds, sync_volume_object
 
@@ -141,6 +143,9 @@ def read_inputs(
         scene = read_scene(depsgraph, may_be_empty, with_uv="UV" in passes)
     if warning:
         scene = replace(scene, warnings=(*scene.warnings, warning))
+    marks = {}
+    if any(name.startswith("CRYPTO") for name in passes):
+        marks = {kind: identifiers(names) for kind, names in crypto_names(scene).items()}
     return RenderInputs(
         projection,
         scene,
@@ -152,7 +157,7 @@ def read_inputs(
             transparent=render.film_transparent,
             threads=render.threads if render.threads_mode == "FIXED" else 0,
             border=border,
-            passes=DataPasses(passes, plane),
+            passes=DataPasses(passes, plane, identifiers=marks),
             lens=lens,
             **sampling_of(depsgraph.scene_eval),
         ),

@@ -9,7 +9,12 @@ from typing import NamedTuple
 import bpy
 from bpy.props import BoolProperty, PointerProperty
 
+from ..shading.cryptomatte import MOST_LAYERS, manifest, name_hash
+from ..shading.passes import CRYPTO_PASS
 from . import versions
+
+# As Cycles calls them.
+CRYPTO_NAMES = {"OBJECT": "CryptoObject", "MATERIAL": "CryptoMaterial"}
 
 
 class RenderPass(NamedTuple):
@@ -47,6 +52,43 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
     ):
         if switch:
             yield each
+    # An odd number of names still takes a whole layer.
+    layers = min((view_layer.pass_cryptomatte_depth + 1) // 2, MOST_LAYERS)
+    for switch, kind in (
+        (view_layer.use_pass_cryptomatte_object, "OBJECT"),
+        (view_layer.use_pass_cryptomatte_material, "MATERIAL"),
+    ):
+        for layer in range(layers if switch else 0):
+            name = f"{CRYPTO_NAMES[kind]}{layer:02d}"
+            yield RenderPass(name, "rgba", "COLOR", CRYPTO_PASS.format(kind, layer))
+
+
+def crypto_names(scene) -> dict[str, list[str]]:
+    """The names that cryptomattes of a ``shading.scene.Scene`` show, by number."""
+    # Cryptomattes know no libraries.
+    plain = {thing.name_full: thing.name for thing in bpy.data.objects}
+    return {
+        "OBJECT": [plain.get(name, name) for name in scene.geometry.object_names],
+        "MATERIAL": list(scene.material_names),
+    }
+
+
+def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:
+    """Tell a bpy.types.RenderResult, and so the files, what the cryptomattes of a view layer show."""
+    for kind, switch in (
+        ("OBJECT", view_layer.use_pass_cryptomatte_object),
+        ("MATERIAL", view_layer.use_pass_cryptomatte_material),
+    ):
+        if not switch:
+            continue
+        name = f"{view_layer.name}.{CRYPTO_NAMES[kind]}"
+        for field, value in (
+            ("name", name),
+            ("hash", "MurmurHash3_32"),
+            ("conversion", "uint32_to_float32"),
+            ("manifest", manifest(names[kind])),
+        ):
+            result.stamp_data_add_field(f"cryptomatte/{name_hash(name):08x}"[:19] + f"/{field}", value)
 
 
 def _switched(self, _context):

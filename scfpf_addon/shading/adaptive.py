@@ -82,6 +82,10 @@ class AdaptiveFilm:
         uncertain: BoolArray = (color > allowed) | (error[3] > threshold)
         return uncertain
 
+    def samples(self, pixel: IndexArray) -> Single:
+        """How many pixels (m,) have."""
+        return self._samples[pixel]
+
     def develop(self, pixel: IndexArray, into: Single) -> None:
         """Write the means of pixels (m,) into ``into`` (m, 4): premultiplied by alpha."""
         into[:] = (self._first[:, pixel] + self._sum[:, pixel] / self._samples[pixel]).T

@@ -13,6 +13,7 @@ import numpy as np
 from ..casting.cast import cast
 from ..casting.chord_map import chord_map
 from ..casting.culling import within_volume
+from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.memory import peak_memory
 from ..casting.scene import CastScene
@@ -25,7 +26,7 @@ from .film import Film
 from .lens import Lens, through
 from .lighting import Lamp, radiance
 from .motion import Moment, moment_of_samples
-from .passes import DataPasses, PassSource, Seen, empty_passes, fill_passes
+from .passes import CryptoPasses, DataPasses, PassSource, Seen, empty_passes, fill_passes
 from .pixel_filter import PixelFilter
 from .report import RenderReport
 from .samples import SamplePlaces, row_pixels
@@ -218,8 +219,8 @@ class Pipeline:
     """What the threads share while a frame is made.
 
     projection: in cast space. places: where samples are. cast_scene and
-    shading are None where there is nothing to hit. lens: in cast space. moments: what takes
-    the place of this one for the picture, while the shutter is open.
+    shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
+    cast space. moments: what takes the place of this one for the picture, while the shutter is open.
     """
 
     projection: Projection
@@ -230,6 +231,7 @@ class Pipeline:
     shading: Shading | None
     passes: PassSource | None
     lens: Lens | None
+    geometry: Geometry | None
     moments: tuple[Pipeline, ...] = ()
 
     @classmethod
@@ -279,6 +281,7 @@ class Pipeline:
             if cast_scene and shading and settings.passes.names
             else None,
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
+            scene.geometry if cast_scene else None,
         )
 
     def with_moments(self, scene: Scene, moments: tuple[Moment, ...]) -> Pipeline:
@@ -316,6 +319,7 @@ class Pipeline:
         mine = row_pixels(job.rows, self.settings.width)
         if inside is not None:
             mine = mine[inside]
+        crypto = CryptoPasses(self.passes, len(pixels))
         film = Film(len(pixels), self.background, self.settings.transparent)
         for sample in range(self.settings.samples):
             if job.stop.is_set():
@@ -330,8 +334,11 @@ class Pipeline:
             where = np.flatnonzero(hits.triangle >= 0)
             color = now.color(hits, where, sample, mine)
             film.add(hits.mask, where, color)
+            if now.geometry:
+                crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
+        crypto.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
         if self.passes and not job.stop.is_set():
             self.fill_passes(self.passes, job.rows, inside, passes)
         return TileCounts(counts, hit_count)
@@ -350,6 +357,7 @@ class Pipeline:
         rows = margin(job.rows, self.settings.height)
         block = row_pixels(rows, width)
         film = AdaptiveFilm(len(block), self.background, self.settings.transparent)
+        crypto = CryptoPasses(self.passes, len(block))
 
         def take(some: IndexArray | None, samples: range) -> None:
             nonlocal hit_count
@@ -357,8 +365,10 @@ class Pipeline:
             for sample, hits in self.cast_samples(rows, samples, counts, some):
                 where = np.flatnonzero(hits.triangle >= 0)
                 hit_count += len(where)
-                color = self.at(sample).color(hits, where, sample, block[which])
-                film.add(which, hits.mask, where, color)
+                now = self.at(sample)
+                film.add(which, hits.mask, where, now.color(hits, where, sample, block[which]))
+                if now.geometry:
+                    crypto.add(which[where], now.geometry, hits.triangle[where])
 
         def stopped(done: float) -> bool:
             job.done = done
@@ -370,7 +380,9 @@ class Pipeline:
         if job.stop.is_set():
             return TileCounts(counts, hit_count)
         mine = np.arange(own.start * width, own.stop * width)
-        film.develop(mine if inside is None else mine[inside], pixels)
+        mine = mine if inside is None else mine[inside]
+        film.develop(mine, pixels)
+        crypto.develop(mine, film.samples(mine), passes)
         if self.passes:
             self.fill_passes(self.passes, job.rows, inside, passes)
         return TileCounts(counts, hit_count)

@@ -4,17 +4,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from ..casting.geometry import Geometry
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
 from ..projection.basis import SpanBasis
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection, ViewingVolume
+from .cryptomatte import MOST_LAYERS, CryptoFilm
 from .scene import Scene
 from .surface import SurfaceTable
 from .typing import Single
@@ -33,17 +35,23 @@ class DataPasses:
     names: of PASSES. depth_plane: (4,) (a, b, c, d), depth is a·x + b·y + c·z + d in world
     space, the distance from an ordinary camera along its axis; None for the
     length of the projector from the near surface. neighbours: the frames before and after, for
-    motion vectors.
+    motion vectors. identifiers: what stands for each object ("OBJECT") and material ("MATERIAL") in
+    cryptomattes, by their numbers.
     """
 
     names: tuple[str, ...] = ()
     depth_plane: Array | None = None
     neighbours: tuple[Neighbour, Neighbour] | None = None
+    identifiers: dict[str, Single] = field(default_factory=dict)
 
     @property
     def weighted(self) -> bool:
         """Whether barycentric weights are wanted."""
         return not {"UV", "VECTOR"}.isdisjoint(self.names)
+
+    def crypto_layers(self, kind: str) -> int:
+        """How many cryptomatte layers of "OBJECT" or "MATERIAL" there are."""
+        return sum(name.startswith(f"CRYPTO_{kind}_") for name in self.names)
 
 
 class Seen(NamedTuple):
@@ -177,6 +185,14 @@ PASSES = {
     "OBJECT_INDEX": PassKind(1, 0.0, PassSource.object_index),
     "MATERIAL_INDEX": PassKind(1, 0.0, PassSource.material_index),
 }
+# The pass of a layer of a kind.
+CRYPTO_PASS = "CRYPTO_{}_{:02d}"
+CRYPTO_KINDS = ("OBJECT", "MATERIAL")
+PASSES |= {
+    CRYPTO_PASS.format(kind, layer): PassKind(4, 0.0, None)
+    for kind in CRYPTO_KINDS
+    for layer in range(MOST_LAYERS)
+}
 
 
 def empty_passes(wanted: DataPasses, height: int, width: int) -> dict[str, Single]:
@@ -193,6 +209,31 @@ def fill_passes(source: PassSource, seen: Seen, where: IndexArray, into: dict[st
         values = PASSES[name].values
         if values is not None:
             pixels[where] = values(source, seen).T
+
+
+class CryptoPasses:
+    """The cryptomattes of a tile of ``count`` pixels, as its samples are taken."""
+
+    def __init__(self, source: PassSource | None, count: int) -> None:
+        self._source = source
+        self._films: dict[str, CryptoFilm] = {}
+        if source:
+            layers = {kind: source.wanted.crypto_layers(kind) for kind in CRYPTO_KINDS}
+            self._films = {kind: CryptoFilm(count, many) for kind, many in layers.items() if many}
+
+    def add(self, pixel: IndexArray, geometry: Geometry, triangle: IndexArray) -> None:
+        """What samples of the tile's pixels (m,) hit: triangles (m,) of a geometry."""
+        for kind, film in self._films.items():
+            numbers = geometry.object_index if kind == "OBJECT" else geometry.material
+            film.add(pixel, numbers.take(triangle))
+
+    def develop(self, pixel: IndexArray, samples: Single | float, into: dict[str, Single]) -> None:
+        """Write the layers of pixels (m,) into the passes, each (m, channels)."""
+        for kind, film in self._films.items():
+            if self._source:
+                made = film.develop(pixel, samples, self._source.wanted.identifiers[kind])
+                for layer in range(made.shape[1] // 4):
+                    into[CRYPTO_PASS.format(kind, layer)][:] = made[:, 4 * layer : 4 * layer + 4]
 
 
 def projector_length(spans: SpanBasis, points: Array, t: Array) -> Array:

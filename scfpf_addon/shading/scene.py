@@ -52,7 +52,7 @@ class Scene:
 
     world_color: (3,) radiance of the background. warnings: what the reader had to
     leave out, a line each. object_index, material_index: the number that the user gave
-    each object of ``geometry.object_names`` and each of the materials.
+    each object of ``geometry.object_names`` and each of the materials. material_names: of these.
     """
 
     geometry: Geometry
@@ -62,3 +62,4 @@ class Scene:
     warnings: tuple[str, ...] = ()
     object_index: tuple[int, ...] = ()
     material_index: tuple[int, ...] = ()
+    material_names: tuple[str, ...] = ()
