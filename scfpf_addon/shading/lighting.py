@@ -91,11 +91,11 @@ class Lamp:
 
     def incidence(self, position: Single, sample: int | IndexArray) -> Incidence:
         """What arrives at position (3, N) from the lamp's place of this sample, or from each point's own."""
-        places = self.places.take(np.atleast_1d(sample), axis=1)
+        places: Single = self.places.take(np.atleast_1d(sample), axis=1)
         if self.light.kind == "SUN":
-            direction = places / np.sqrt(dot(places, places))
-            return Incidence(direction, np.ones(1, np.float32), np.full(1, np.inf, np.float32))
-        direction = places - position
+            towards = (places / np.sqrt(dot(places, places))).astype(np.float32)
+            return Incidence(towards, np.ones(1, np.float32), np.full(1, np.inf, np.float32))
+        direction: Single = places - position
         squared = np.maximum(dot(direction, direction), TINY)
         distance = np.sqrt(squared)
         direction /= distance

@@ -129,9 +129,7 @@ def moving(view, objects, camera):
     view.frame_set(1)
 
 
-@pytest.mark.parametrize(
-    ("objects", "camera", "position"), [(True, False, "START"), (False, True, "END")]
-)
+@pytest.mark.parametrize(("objects", "camera", "position"), [(True, False, "START"), (False, True, "END")])
 def test_motion_blur_is_that_of_cycles(view, objects, camera, position):
     moving(view, objects, camera)
     sharp = f12(view)["ViewLayer.Combined"][..., :3]
@@ -146,7 +144,7 @@ def test_motion_blur_is_that_of_cycles(view, objects, camera, position):
 def test_render_button_blurs_as_f12_does(view):
     bpy.ops.scfpf.camera_add(preset="nonlinear_twist")
     view.camera = bpy.context.object
-    view.camera.scfpf.samples = 8
+    view.camera.scfpf.samples = 4
     surface = view.camera.scfpf.surfaces[1].object
     moving(view, True, False)
     for frame, angle in ((0, -1.0), (2, 1.0)):
