@@ -27,12 +27,19 @@ Seen = tuple[Projection, Scene, Lens | None]
 ReadAll = Callable[[], Seen]
 ReadView = Callable[[], tuple[Projection, Lens | None]]
 SetFrame = Callable[..., None]
+Stopped = Callable[[], bool]
 
 
 def read_moments(
-    scene, samples: int, still: Scene, set_frame: SetFrame, read: ReadAll, read_view: ReadView
+    scene,
+    samples: int,
+    still: Scene,
+    set_frame: SetFrame,
+    read: ReadAll,
+    read_view: ReadView,
+    stopped: Stopped,
 ) -> tuple[Moment, ...]:
-    """The moments of a frame, () without motion blur.
+    """The moments of a frame, () without motion blur, or once the render is to stop.
 
     scene: evaluated. still: the scene at the frame itself. set_frame(frame, subframe=…): evaluates
     another time. Where only the camera moves each sample has a moment of its own, its
@@ -49,6 +56,8 @@ def read_moments(
     try:
         seen: list[Seen] = []
         for time in times:
+            if stopped():
+                return ()
             _go_to(set_frame, time)
             projection, there, lens = read()
             known_scenes = (still, *(known for _, known, _ in seen))

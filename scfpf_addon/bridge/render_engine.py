@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import atexit
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,6 +28,8 @@ ENGINE = "SCFPF"
 # Pixels across a square of the coarse picture that a window shows at first: it costs a
 # sixty-fourth of one sample.
 COARSE = 8
+# Seconds from the beginning of a job in a window until a failure is sure to end it.
+SETTLE_SECONDS = 0.5
 
 
 class SCFPF_RenderEngine(bpy.types.RenderEngine):
@@ -95,7 +98,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         )
         for warning in inputs.scene.warnings:
             self.report({"WARNING"}, warning)
-        return with_motion(depsgraph, camera, inputs, self.frame_set)
+        return with_motion(depsgraph, camera, inputs, self.frame_set, self.test_break)
 
     def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
         if self.test_break():
@@ -130,6 +133,9 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         return made.cast_scene
 
     def _fail(self, message: str) -> None:
+        if not bpy.app.background:
+            # Right after a job has begun Blender forgets that it was broken off.
+            time.sleep(SETTLE_SECONDS)
         self.report({"ERROR"}, message)
         if not bpy.app.background:
             # Image Editors show this one over the picture.

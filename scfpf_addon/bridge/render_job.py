@@ -172,10 +172,11 @@ def read_view(camera, depsgraph, aspect: float) -> Projection:
     return frustum_projection(evaluated, depsgraph, aspect)
 
 
-def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame) -> RenderInputs:
+def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lambda: False) -> RenderInputs:
     """The inputs with what is seen while the shutter is open, if the scene has motion blur.
 
     inputs: as read of the depsgraph and the camera. set_frame: evaluates the depsgraph at another time.
+    stopped(): whether the render is to be given up.
     """
     aspect = inputs.projection.aspect
 
@@ -195,7 +196,7 @@ def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame) -> RenderInp
         frame = scene.frame_current + scene.frame_subframe
         neighbours = read_neighbours(frame, inputs.scene, set_frame, everything)
         settings = replace(settings, passes=replace(settings.passes, neighbours=neighbours))
-    moments = read_moments(scene, settings.samples, inputs.scene, set_frame, everything, view)
+    moments = read_moments(scene, settings.samples, inputs.scene, set_frame, everything, view, stopped)
     return replace(inputs, settings=settings, moments=moments)
 
 

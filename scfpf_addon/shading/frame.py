@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
 
@@ -27,61 +27,18 @@ from .lens import Lens, through
 from .lighting import Lamp, radiance
 from .motion import Moment, moment_of_samples
 from .passes import CryptoPasses, DataPasses, PassSource, Seen, empty_passes, fill_passes
-from .pixel_filter import PixelFilter
 from .report import RenderReport
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
+from .settings import Border, FrameSettings
 from .surface import PhongTable, SurfaceTable
 from .typing import Single
 
+__all__ = ["Border", "Frame", "FrameSettings", "Pipeline", "Shading", "TileCounts", "render_frame"]
 
-class Border(NamedTuple):
-    """A rectangle of pixels, the ends not included."""
-
-    left: int
-    bottom: int
-    right: int
-    top: int
-
-
-@dataclass(frozen=True)
-class FrameSettings:
-    """width, height: pixels. samples: a pixel. pixel_error: by which a chord may leave its
-    projector, in pixels, 0 for none. transparent: what hits nothing is see-through.
-    threads: 0 for all cores. border: the part of the image that is made; its pixels are those
-    that the whole image would have. passes: besides the picture. pixel_filter: by which
-    samples lie about the pixel's centre. scrambled: each pixel has places of its own for
-    them. adaptive: which pixels get fewer, and that they are scrambled. lens: in world space, for
-    straight projectors only. Raises ValueError for what makes no picture.
-    """
-
-    width: int
-    height: int
-    samples: int = 4
-    pixel_error: float = 0.1
-    transparent: bool = False
-    threads: int = 0
-    border: Border | None = None
-    passes: DataPasses = field(default_factory=DataPasses)
-    pixel_filter: PixelFilter = field(default_factory=PixelFilter)
-    scrambled: bool = False
-    adaptive: Adaptive | None = None
-    lens: Lens | None = None
-
-    def __post_init__(self) -> None:
-        if min(self.width, self.height) < 1:
-            size = f"{self.width} × {self.height}"
-            raise ValueError(f"an image of {size} pixels cannot be made: raise the resolution")
-        if self.samples < 1:
-            raise ValueError("a pixel needs at least one sample")
-        left, bottom, right, top = self.region
-        if not (0 <= left < right <= self.width and 0 <= bottom < top <= self.height):
-            raise ValueError("the border must lie in the image and hold at least one pixel")
-
-    @property
-    def region(self) -> Border:
-        """The part of the image that is made."""
-        return self.border or Border(0, 0, self.width, self.height)
+# Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
+# a render should end soon after it is told to.
+PASS_PIXELS = 1 << 13
 
 
 class Frame(NamedTuple):
@@ -120,7 +77,7 @@ def render_frame(
     alone = not moments and settings.passes.neighbours is None
     pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
     if moments:
-        pipeline = pipeline.with_moments(scene, moments)
+        pipeline = pipeline.with_moments(scene, moments, cancelled)
     build_seconds = perf_counter() - started
     region = settings.region
     height, width = region.top - region.bottom, region.right - region.left
@@ -284,11 +241,18 @@ class Pipeline:
             scene.geometry if cast_scene else None,
         )
 
-    def with_moments(self, scene: Scene, moments: tuple[Moment, ...]) -> Pipeline:
-        """The pipeline, of ``scene``, of a picture that is exposed while things move."""
+    def with_moments(
+        self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None
+    ) -> Pipeline:
+        """The pipeline, of ``scene``, of a picture that is exposed while things move.
+
+        It is left as it is when cancelled.
+        """
         made: list[tuple[Scene, Pipeline]] = [(scene, self)]
         bare = replace(self.settings, passes=DataPasses())
         for moment in moments:
+            if cancelled and cancelled():
+                return self
             settings = replace(bare, lens=moment.lens)
             same = next((known for seen, known in made if seen is moment.scene), None)
             if same is None:
@@ -340,7 +304,7 @@ class Pipeline:
         film.develop(pixels)
         crypto.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
         if self.passes and not job.stop.is_set():
-            self.fill_passes(self.passes, job.rows, inside, passes)
+            self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
 
     def render_adaptively(
@@ -384,21 +348,24 @@ class Pipeline:
         film.develop(mine, pixels)
         crypto.develop(mine, film.samples(mine), passes)
         if self.passes:
-            self.fill_passes(self.passes, job.rows, inside, passes)
+            self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
 
     def fill_passes(
-        self, source: PassSource, rows: slice, inside: IndexArray | None, into: dict[str, Single]
+        self, source: PassSource, job: TileJob, inside: IndexArray | None, into: dict[str, Single]
     ) -> None:
         """The data passes of a tile, from one projector a pixel, which the report does not count."""
-        x, y = self.pixel_centres(rows)
+        x, y = self.pixel_centres(job.rows)
         hits = self.cast(x, y, CastCounts(), self.settings.passes.weighted)
         if "CHORD_COUNT" in into or "CHORD_ERROR" in into:
             self.fill_chords(x, y, hits, inside, into)
         if inside is not None:
             hits, x, y = hits.take(inside), x[inside], y[inside]
         where = np.flatnonzero(hits.triangle >= 0)
-        fill_passes(source, Seen(x[where], y[where], hits.take(where)), where, into)
+        for first in range(0, len(where), PASS_PIXELS):
+            some = where[first : first + PASS_PIXELS]
+            if not job.stop.is_set():
+                fill_passes(source, Seen(x[some], y[some], hits.take(some)), some, into)
 
     def fill_chords(
         self, x: Array, y: Array, hits: Hits, inside: IndexArray | None, into: dict[str, Single]
