@@ -141,15 +141,15 @@ def blurred(driver):
         cube.location.x = x
         cube.keyframe_insert("location", frame=frame)
     scene.frame_set(1)
-    scene.camera.scfpf.samples = 16
+    scene.camera.scfpf.samples, scene.render.resolution_percentage = 8, 10
     scene.render.use_motion_blur = scene.scfpf_sampling.use_adaptive = True
     view_layer = scene.view_layers[0]
     view_layer.use_pass_vector = view_layer.use_pass_cryptomatte_object = True
     view_layer.scfpf.use_pass_chord_count = True
     show(driver, "RENDER")
     yield DRAW
-    for _ in range(3):
-        driver.key("F12")
+    for area in ("VIEW_3D", "IMAGE_EDITOR"):
+        driver.key("F12", area)
         yield 0.5
         yield from ended()
     driver.shot("done")
@@ -158,6 +158,8 @@ def blurred(driver):
     show(driver, "VIEW_LAYER")
     yield DRAW
     driver.shot("passes")
+    # What comes after looks for it.
+    driver.area("IMAGE_EDITOR").type = "VIEW_3D"
 
 
 def painted():
