@@ -17,6 +17,7 @@ from ..shading.motion import Moment
 from ..shading.passes import DataPasses
 from ..shading.scene import Scene
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
+from .read_images import with_images
 from .read_lens import read_lens
 from .read_motion import read_moments, read_neighbours
 from .read_projection import ProjectionError, read_projection
@@ -140,7 +141,7 @@ def read_inputs(
     plane = None if options.enabled else depth_plane(evaluated)
     lens, warning = read_lens(evaluated, projection, depsgraph)
     if scene is None:
-        scene = read_scene(depsgraph, may_be_empty, with_uv="UV" in passes)
+        scene = with_images(read_scene(depsgraph, may_be_empty, with_uv="UV" in passes), projection)
     if warning:
         scene = replace(scene, warnings=(*scene.warnings, warning))
     marks = {}
@@ -187,7 +188,7 @@ def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lamb
     def everything():
         projection, lens = view()
         with_uv = inputs.scene.geometry.uv is not None
-        there = read_scene(depsgraph, may_be_empty=True, with_uv=with_uv)
+        there = with_images(read_scene(depsgraph, may_be_empty=True, with_uv=with_uv), projection)
         # Of the frame itself there is one warning more, and once is enough.
         return projection, replace(there, warnings=inputs.scene.warnings), lens
 

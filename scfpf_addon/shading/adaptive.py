@@ -56,10 +56,11 @@ class AdaptiveFilm:
     def add(self, pixel: IndexArray, shown: BoolArray, hit: IndexArray, color: Single) -> None:
         """One sample of the pixels (m,), of each or of none of which it is the first.
 
-        shown: (m,), hit: (k,) and color: (3, k) as in ``Film.add``, ``hit`` counting in ``pixel``.
+        shown: (m,), hit: (k,) and color: (3, k) or (4, k) as in ``Film.add``, ``hit`` counting in ``pixel``.
         """
         value = self._empty[:, None] * shown
-        value[:3, hit], value[3, hit] = color, 1
+        value[3, hit] = 1
+        value[: len(color), hit] = color
         if self._samples[pixel[0]] == 0.0:
             self._first[:, pixel] = value
         else:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..casting.behind import Onward
 from ..casting.cast import cast
 from ..casting.chord_map import chord_map
 from ..casting.culling import within_volume
@@ -32,6 +33,7 @@ from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import Border, FrameSettings
 from .surface import PhongTable, SurfaceTable
+from .tracing import Tracer
 from .typing import Single
 
 __all__ = ["Border", "Frame", "FrameSettings", "Pipeline", "Shading", "TileCounts", "render_frame"]
@@ -149,20 +151,27 @@ class Shading:
     surface: SurfaceTable
     phong: PhongTable
     lamps: tuple[Lamp, ...]
+    tracer: Tracer | None
 
     @classmethod
-    def of(cls, scene: Scene, cast_scene: CastScene, samples: int) -> Shading:
-        """Prepared for frames of ``samples`` samples. Lights without power are left out."""
+    def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
+        """Prepared for frames of these settings. Lights without power are left out."""
         lights = [light for light in scene.lights if np.any(light.color)]
         shadows = any(light.casts_shadow for light in lights)
-        return cls(
-            SurfaceTable.of(scene.geometry, cast_scene, shadows),
-            PhongTable.of(scene.materials, scene.world_color),
-            tuple(Lamp.of(light, cast_scene.matrix, samples) for light in lights),
-        )
+        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
+        phong = PhongTable.of(scene.materials, scene.world_color)
+        lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
+        tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
+        return cls(surface, phong, lamps, tracer)
 
-    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray) -> Single:
-        """Radiance towards the viewer of the hits at ``where`` (n,), (3, n)."""
+    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+        """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
+
+        sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
+        """
+        tracer = self.tracer
+        if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
+            return tracer.color(hits.take(where), sample, onward.of(where))
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
@@ -206,6 +215,8 @@ class Pipeline:
         """
         if cast_scene is None and len(scene.geometry.triangles):
             whole = scene.geometry
+            # Mirrors and glass show what lies beyond, too.
+            alone = alone and not any(graph.reflects for graph in scene.materials.graphs.values())
             kept = (
                 within_volume(whole.vertices, whole.triangles, projection.volume)
                 if alone
@@ -218,7 +229,7 @@ class Pipeline:
                 scene = replace(scene, geometry=whole.part(kept))
                 cast_scene = CastScene(scene.geometry.vertices, scene.geometry.triangles, beyond)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, cast_scene, settings.samples) if cast_scene else None
+        shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
         return cls(
             inside,
             settings,
@@ -289,14 +300,14 @@ class Pipeline:
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             now = self.at(sample)
-            hits = now.cast_sample(job.rows, sample, counts)
+            hits, onward = now.cast_sample(job.rows, sample, counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             if inside is not None:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
-            color = now.color(hits, where, sample, mine)
+            color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside))
             film.add(hits.mask, where, color)
             if now.geometry:
                 crypto.add(where, now.geometry, hits.triangle[where])
@@ -326,11 +337,11 @@ class Pipeline:
         def take(some: IndexArray | None, samples: range) -> None:
             nonlocal hit_count
             which = np.arange(len(block)) if some is None else some
-            for sample, hits in self.cast_samples(rows, samples, counts, some):
+            for sample, hits, onward in self.cast_samples(rows, samples, counts, some):
                 where = np.flatnonzero(hits.triangle >= 0)
                 hit_count += len(where)
                 now = self.at(sample)
-                film.add(which, hits.mask, where, now.color(hits, where, sample, block[which]))
+                film.add(which, hits.mask, where, now.color(hits, where, sample, block[which], onward))
                 if now.geometry:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
@@ -397,17 +408,27 @@ class Pipeline:
         y = (np.arange(rows.start, rows.stop) + 0.5) / self.settings.height
         return np.tile(x, len(y)), np.repeat(y, len(x))
 
-    def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> Hits:
-        """What a sample of the pixels of whole rows hits."""
+    def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Hits, Onward | None]:
+        """What a sample of the pixels of whole rows hits, and what follows it on."""
         if self.lens is None:
-            return self.cast(*self.places.of_rows(rows, sample), counts)
+            return self.followed(*self.places.of_rows(rows, sample), counts, True)
         pixel = row_pixels(rows, self.settings.width)
         x, y = self.places.of_pixels(pixel, sample)
-        return self.through_lens(self.places.on_lens(pixel, sample)).cast(x, y, counts)
+        return self.through_lens(self.places.on_lens(pixel, sample)).followed(x, y, counts, True)
+
+    def followed(self, x: Array, y: Array, counts: CastCounts, in_rows: bool) -> tuple[Hits, Onward | None]:
+        """``cast`` with what follows its projectors on."""
+        hits = self.cast(x, y, counts, in_rows=in_rows)
+        if self.cast_scene is None:
+            return hits, None
+        size = 1 / self.settings.width, 1 / self.settings.height
+        return hits, Onward(
+            self.cast_scene, self.projection, x, y, hits.mask, None, size, self.settings.pixel_error
+        )
 
     def cast_samples(
         self, rows: slice, samples: range, counts: CastCounts, some: IndexArray | None
-    ) -> Iterator[tuple[int, Hits]]:
+    ) -> Iterator[tuple[int, Hits, Onward | None]]:
         """What each of several samples of the pixels of whole rows hits, or of ``some`` (n,) of these alone.
 
         Samples that see the same moment are cast together, a pixel's one after the other: they
@@ -415,7 +436,7 @@ class Pipeline:
         """
         if some is None:
             for sample in samples:
-                yield sample, self.at(sample).cast_sample(rows, sample, counts)
+                yield sample, *self.at(sample).cast_sample(rows, sample, counts)
             return
         pixel = row_pixels(rows, self.settings.width)[some]
         for together in [samples] if not self.moments else [range(s, s + 1) for s in samples]:
@@ -425,20 +446,26 @@ class Pipeline:
             if now.lens is not None:
                 share = np.stack([self.places.on_lens(pixel, sample) for sample in together], axis=2)
                 now = now.through_lens(share.reshape(2, -1))
-            hits = now.cast(x, y, counts, in_rows=False)
+            hits, onward = now.followed(x, y, counts, False)
             for number, sample in enumerate(together):
-                yield sample, hits if many == 1 else hits.take(np.arange(number, len(x), many))
+                mine = np.arange(number, len(x), many)
+                yield sample, hits.take(mine), onward and replace(onward, known=mine)
 
     def through_lens(self, share: Array) -> Pipeline:
         """The pipeline for projectors that each pass the lens at a place of its own, shares (2, n)."""
         return replace(self, projection=through(self.projection, self.lens, share)) if self.lens else self
 
-    def color(self, hits: Hits, where: IndexArray, sample: int, pixel: IndexArray) -> Single:
+    def color(
+        self, hits: Hits, where: IndexArray, sample: int, pixel: IndexArray, onward: Onward | None
+    ) -> Single:
         """As ``Shading.color``, of nothing where nothing is there. pixel: (n,) the image's, of the hits."""
-        if self.shading is None:
+        if self.shading is None or onward is None:
             return np.zeros((3, 0), np.float32)
-        own = self.places.on_lamps(pixel[where], sample) if self.places.scrambled else sample
-        return self.shading.color(hits, where, own)
+        own: int | IndexArray = sample
+        # What is sent on belongs to no pixel any more.
+        if self.places.scrambled and self.shading.tracer is None:
+            own = self.places.on_lamps(pixel[where], sample)
+        return self.shading.color(hits, where, own, onward)
 
     def cast(
         self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True

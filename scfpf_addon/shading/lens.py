@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..projection.typing import Array
+from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection, Projectors, ViewingVolume
 
 # Projectors along each direction of the picture that are looked at for their common point.
@@ -112,6 +112,10 @@ class ThroughLens(Projection):
         if self.lens is None or self.share is None:
             return made
         return made._replace(points=self.lens.moved(made.points, self.share))
+
+    def taken(self, which: IndexArray) -> Projection:
+        """See ``Projection``."""
+        return replace(self, share=None if self.share is None else self.share[:, which])
 
 
 def through(projection: Projection, lens: Lens, share: Array) -> ThroughLens:

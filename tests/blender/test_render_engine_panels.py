@@ -94,6 +94,7 @@ def test_settings_are_those_of_the_scenes_camera(addon, engine_scene):
     assert {"film_transparent", "pixel_filter", "filter_size"} <= set(draw(addon, "SCFPF_PT_engine_film"))
     assert {"pattern", "use_adaptive"} <= set(draw(addon, "SCFPF_PT_engine_pattern"))
     assert {"motion_steps", "motion_blur_shutter"} <= set(draw(addon, "SCFPF_PT_engine_motion_blur"))
+    assert "transparent_max_bounces" in draw(addon, "SCFPF_PT_engine_light_paths")
     assert "threads" in draw(addon, "SCFPF_PT_engine_performance")
 
 
