@@ -45,7 +45,7 @@ def chord_map(
     spans = projection.volume.spans
     made = ChordMap(np.zeros(len(x)), np.zeros(len(x)))
     points, mask, _ = usable_projectors(projection, x, y)
-    if not len(x) or (pixel_error == 0.0 and spans.point_weights is None):
+    if not len(x) or pixel_error == 0.0:
         return made
     if spans.degree == 1 and spans.point_weights is None:
         reach = scene_reach(spans, points, scene)

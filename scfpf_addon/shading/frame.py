@@ -128,7 +128,7 @@ def render_frame(
         counts.error_bound,
         folds.share,
         folds.mirrored,
-        settings.pixel_error == 0.0 and projection.volume.spans.point_weights is None,
+        settings.pixel_error == 0.0,
         counts.tested,
         len(scene.geometry.triangles),
         len(pipeline.cast_scene.triangles) if pipeline.cast_scene else 0,
@@ -142,6 +142,27 @@ class TileCounts(NamedTuple):
 
     cast: CastCounts
     hits: int
+
+
+def within_reach(scene: Scene, projection: Projection, alone: bool = True) -> tuple[Scene, CastScene | None]:
+    """The part of a scene that a projection can meet, built to cast at; the rest is left for shadows.
+
+    None where nothing can be met. alone: no other projection will see it; else all is built.
+    """
+    whole = scene.geometry
+    if not len(whole.triangles):
+        return scene, None
+    if not alone:
+        return scene, CastScene(whole.vertices, whole.triangles)
+    kept = within_volume(whole.vertices, whole.triangles, projection.volume)
+    # Mirrors and glass show what lies beyond, too.
+    if kept.all() or any(graph.reflects for graph in scene.materials.graphs.values()):
+        return scene, CastScene(whole.vertices, whole.triangles)
+    if not kept.any():
+        return scene, None
+    beyond = whole.vertices, whole.triangles[~kept]
+    part = replace(scene, geometry=whole.part(kept))
+    return part, CastScene(part.geometry.vertices, part.geometry.triangles, beyond)
 
 
 @dataclass(frozen=True)
@@ -213,21 +234,8 @@ class Pipeline:
 
         alone: no other projection will see the same scene.
         """
-        if cast_scene is None and len(scene.geometry.triangles):
-            whole = scene.geometry
-            # Mirrors and glass show what lies beyond, too.
-            alone = alone and not any(graph.reflects for graph in scene.materials.graphs.values())
-            kept = (
-                within_volume(whole.vertices, whole.triangles, projection.volume)
-                if alone
-                else np.ones(len(whole.triangles), bool)
-            )
-            if kept.all():
-                cast_scene = CastScene(whole.vertices, whole.triangles)
-            elif kept.any():
-                beyond = whole.vertices, whole.triangles[~kept]
-                scene = replace(scene, geometry=whole.part(kept))
-                cast_scene = CastScene(scene.geometry.vertices, scene.geometry.triangles, beyond)
+        if cast_scene is None:
+            scene, cast_scene = within_reach(scene, projection, alone)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
         shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
         return cls(
