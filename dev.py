@@ -24,6 +24,7 @@ BENCHMARKS = {
     "speed": ("run", "scanline"),
     "trade": ("trade", "peers"),
     "extremes": ("extremes",),
+    "cycles": ("portals",),
 }
 
 
@@ -122,9 +123,9 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks (speed, --trade or --extremes) and print figures; --json FILE writes them too."""
+    """Run the benchmarks (speed, --trade, --extremes or --cycles) and print figures; --json FILE too."""
     environment = environments.first()
-    kind = next((name for name in ("trade", "extremes") if f"--{name}" in rest), "speed")
+    kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]
     for script in BENCHMARKS[kind]:
         environments.run([environment.python, f"benchmarks/{script}.py", *arguments])

@@ -9,8 +9,8 @@ from .camera_panels import _DataTab, _Sidebar, _Subsection
 
 # What passes and settings do otherwise than with an ordinary camera, a line each.
 DIFFERENCES = (
-    "Depth, Mist: use the Position pass",
-    "No depth of field, no camera blur",
+    "Depth, Mist: use t and depth instead",
+    "No motion blur of the camera's own",
 )
 
 
@@ -41,6 +41,7 @@ class _CyclesSection(_Subsection):
             ).use_viewport = False
             for text in cautions(context.scene, context.view_layer, rig):
                 layout.label(text=text, icon="ERROR")
+            layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
         column = layout.column(align=True)
         column.scale_y = 0.8
         column.active = False

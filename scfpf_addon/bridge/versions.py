@@ -75,3 +75,51 @@ def set_node_menu(node, socket: str, setting: str, value: str) -> None:
 def has_portal_depth() -> bool:
     """Whether the Light Path node knows how many portals a ray has passed: from 5.0."""
     return bpy.app.version >= (5, 0, 0)
+
+
+def present_compositor_tree(scene):
+    """The node tree of a scene's compositor, or None where there is none in use."""
+    if bpy.app.version >= (5, 0, 0):
+        return scene.compositing_node_group
+    return scene.node_tree if scene.use_nodes else None
+
+
+def compositor_tree(scene, mark: str):
+    """The node tree of a scene's compositor; where there is none a new one that passes the picture on.
+
+    mark: custom property of a new tree.
+    """
+    tree = present_compositor_tree(scene)
+    if tree is not None:
+        return tree
+    if bpy.app.version < (5, 0, 0):
+        scene.use_nodes = True
+        scene.node_tree[mark] = True
+        if len(scene.node_tree.nodes) == 0:
+            _pass_picture_on(scene, scene.node_tree, "CompositorNodeComposite")
+        return scene.node_tree
+    tree = scene.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
+    tree[mark] = True
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    _pass_picture_on(scene, tree, "NodeGroupOutput")
+    return tree
+
+
+def _pass_picture_on(scene, tree, output: str) -> None:
+    source, end = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new(output)
+    source.scene = scene
+    end.location.x = 300.0
+    tree.links.new(source.outputs["Image"], end.inputs[0])
+
+
+def drop_compositor_tree(scene, mark: str) -> None:
+    """Remove a tree that ``compositor_tree`` has made, unless more than passing the picture on is in it."""
+    tree = present_compositor_tree(scene)
+    if tree is None or mark not in tree or len(tree.nodes) > 2:
+        return
+    if bpy.app.version < (5, 0, 0):
+        scene.use_nodes = False
+        tree.nodes.clear()
+        del tree[mark]
+    else:
+        bpy.data.node_groups.remove(tree)

@@ -54,7 +54,7 @@ ROUND_CELLS = 64
 SMALLEST_ERROR = 0.01
 
 # Time a chord costs, as a share of what a plain camera needs in a simple scene, and the rig itself.
-COST_CHORD, COST_RIG = 0.2, 0.1
+COST_CHORD, COST_RIG = 0.25, 0.3
 
 
 @dataclass(frozen=True)
@@ -133,7 +133,8 @@ def _sample(projection: Projection, size: tuple[int, int]) -> tuple[Curves, Bool
     """Projectors all over the picture, and which of those there should be exist."""
     # Borders too, a little inside: derivatives are one-sided there.
     x, y = (np.linspace(1e-6, 1.0 - 1e-6, count) for count in SAMPLES)
-    x, y = picture_places(*(a.ravel() for a in np.meshgrid(x, y)), *_shape(projection))
+    across, up = np.meshgrid(x, y)
+    x, y = picture_places(across.ravel(), up.ravel(), *_shape(projection))
     image = projection.parameters(x, y)
     with np.errstate(invalid="ignore", over="ignore"):
         controls = projection.volume.controls(image.u, image.v)

@@ -18,8 +18,9 @@ from ..bridge.volume_object import sync_volume_object
 from ..projection.volume import Projection
 from ..scanline.picture_table import picture_signature
 from ..scanline.table_object import grid_cells
-from . import portal_nodes
+from . import passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
+from .pass_nodes import AOV_PLACE
 from .rig_data import (
     RigError,
     adopt,
@@ -45,6 +46,7 @@ CROSSING = 9
 ENOUGH = 0.7
 # Where F-curves and drivers of image mappings lead.
 MAPPINGS_PATH = "scfpf.mappings["
+CROSSES = "The volume crosses itself: Blender 5.0 is needed"
 STALE = "The animated volume has changed: update the chords"
 
 # What was seen at the last look, by session_uid of the rig: numbers and bytes only.
@@ -79,6 +81,13 @@ def update(context, rig) -> None:
     rig.scfpf_rig.problem = ""
     write_sheets(rig, chords)
     _note(rig, context.evaluated_depsgraph_get())
+
+
+def set_passes(rig, on: bool) -> None:
+    """Let a rig's scene have passes of t, depth, u and v, or no longer."""
+    rig.scfpf_rig.passes = on
+    (passes.add if on else passes.remove)(rig.scfpf_rig.scene)
+    update_nodes(rig)
 
 
 def switch_off(rig) -> None:
@@ -175,21 +184,25 @@ def cautions(scene, view_layer, rig) -> list[str]:
         found.append("Too few transparent bounces for the chords")
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
         found.append("Camera culling would leave all objects out")
+    if settings.camera.data.dof.use_dof and settings.chords > 1:
+        found.append("No depth of field: the projectors are bent")
     if _has_volume(scene.world):
         found.append("The world's volume is not right beyond the screen")
     if settings.crosses:
-        found.append("The volume crosses itself: Blender 5.0 is needed")
+        gated = portal_nodes.can_gate()
+        found.append("The volume folds: rays turn too early" if gated else CROSSES)
     if settings.missing > 0.0:
         found.append("Holes, and what the picture leaves empty, are filled in")
-    if _mappings_move(settings.camera):
-        found.append("Image mappings stay as they are while Cycles renders an animation")
+    if any(mapping.enabled for mapping in settings.camera.scfpf.mappings):
+        if view_layer.aovs.get(AOV_PLACE) is not None:
+            found.append("The pass (u, v, t) has the u and v from before the image mappings")
+        if _mappings_move(settings.camera):
+            found.append("Image mappings stay as they are while Cycles renders an animation")
     return found
 
 
 def _mappings_move(camera) -> bool:
     """Whether an F-curve or a driver acts on an image mapping: their places are worked out beforehand."""
-    if not any(mapping.enabled for mapping in camera.scfpf.mappings):
-        return False
     return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
 
 
@@ -257,7 +270,8 @@ def _look(rig, depsgraph) -> tuple[Projection, tuple]:
         (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
     )
     picture = picture_signature(camera, settings.scene)
-    structure = (surfaces, own.basis, own.reparameterisation, picture)
+    focus = camera.data.dof.focus_object
+    structure = (surfaces, own.basis, own.reparameterisation, picture, focus and focus.session_uid)
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
     points = projection.projectors(x, y).points.astype(np.float32).tobytes()
     return projection, (structure, points, picture_size(settings.scene), own.pixel_error)
@@ -277,15 +291,14 @@ def plan_of(rig, projection: Projection) -> ChordPlan:
 
 
 def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
-    """Only where rays cannot tell the sheets apart does it matter."""
-    crosses = False
-    if not portal_nodes.can_gate():
-        x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, CROSSING),) * 2))
-        x, y = picture_places(x, y, chords.disc, projection.aspect)
-        points = projection.projectors(x, y).points
-        weights, _ = projection.volume.spans.weights(chords.breaks)
-        layers = np.einsum("kn,kcs->ncs", weights, points)
-        crosses = crosses_itself(layers.reshape(*layers.shape[:2], CROSSING, CROSSING))
+    """Note whether rays would be turned by sheets that are not theirs."""
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, CROSSING),) * 2))
+    x, y = picture_places(x, y, chords.disc, projection.aspect)
+    points = projection.projectors(x, y).points
+    weights, _ = projection.volume.spans.weights(chords.breaks)
+    layers = np.einsum("kn,kcs->ncs", weights, points)
+    layers = layers.reshape(*layers.shape[:2], CROSSING, CROSSING)
+    crosses = crosses_itself(layers, portal_nodes.can_gate())
     if rig.scfpf_rig.crosses != crosses:
         rig.scfpf_rig.crosses = crosses
 

@@ -15,8 +15,8 @@ from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
-from ..scanline.table_object import table_object
-from . import portal_nodes
+from ..scanline.table_object import follow_property, table_object
+from . import lens_nodes, passes, portal_nodes
 from .chord_plan import ChordPlan
 from .portal_nodes import AWAY, END, START, TO_SCREEN, WIDTH
 from .sheets import SURROUND_CORNERS, Portals, portals
@@ -122,7 +122,11 @@ def _new_view_camera(camera, width: float):
 def _new_portals(camera, scene, width: float):
     name = f"{camera.name} Portals"
     mesh = bpy.data.meshes.new(name)
-    for material in portal_nodes.new_materials(portal_nodes.can_gate(), scene):
+
+    def follow(socket, path: str) -> None:
+        follow_property(socket, "default_value", camera, path)
+
+    for material in portal_nodes.new_materials(portal_nodes.can_gate(), scene, follow):
         mesh.materials.append(material)
     made = bpy.data.objects.new(name, mesh)
     made.modifiers.new(MODIFIER, "NODES")
@@ -191,8 +195,9 @@ def adopt(rig) -> None:
     update_nodes(rig)
     for curve in portal_object.animation_data.drivers:
         for variable in curve.driver.variables:
-            if variable.type == "SINGLE_PROP":
-                variable.targets[0].id = scene
+            target = variable.targets[0]
+            if variable.type == "SINGLE_PROP" and target.id_type == "SCENE":
+                target.id = scene
 
 
 def update_nodes(rig) -> None:
@@ -206,6 +211,7 @@ def update_nodes(rig) -> None:
         before = modifier.node_group
         modifier.node_group = group
         follow_scene(modifier, group_input(group, "Aspect"), FOLLOWED["Aspect"], settings.scene)
+        lens_nodes.follow_lens(modifier, group, settings.camera, settings.view_camera.data, TO_SCREEN)
         if before is not None:
             remove_unused_groups([before])
     identifier = group_input(group, "Table")
@@ -213,6 +219,8 @@ def update_nodes(rig) -> None:
         versions.set_modifier_input(modifier, identifier, settings.table)
     width = settings.view_camera.data.ortho_scale
     versions.set_modifier_input(modifier, group_input(group, "Width"), width)
+    versions.set_modifier_input(modifier, group_input(group, "Passes"), settings.passes)
+    lens_nodes.set_focus(modifier, group, settings.camera)
     # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
     modifier.node_group = group
     settings.portals.update_tag()
@@ -225,6 +233,9 @@ def write_sheets(rig, chords: ChordPlan) -> None:
     _fill(settings.portals.data, portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc))
     settings.error, settings.cost, settings.missing = chords.error, chords.cost, chords.missing
     settings.cells = chords.cells
+    modifier = settings.portals.modifiers[MODIFIER]
+    straight = group_input(modifier.node_group, "Straight")
+    versions.set_modifier_input(modifier, straight, chords.count == 1)
     cycles = settings.scene.cycles
     if cycles.transparent_max_bounces != settings.bounces:
         settings.bounces_before = cycles.transparent_max_bounces  # the artist has chosen another
@@ -258,7 +269,10 @@ def _fill(mesh, arrays: Portals) -> None:
     mesh.polygons.add(count)
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
     slots = mesh.attributes.new("material_index", "INT", "FACE")
-    slots.data.foreach_set("value", np.where(arrays.surround, 2, arrays.gates).astype(np.int32))
+    owners = {portal_nodes.SCREEN: arrays.screen, portal_nodes.FAR: arrays.far}
+    owners[portal_nodes.SURROUND] = arrays.surround
+    values = np.select([*owners.values()], [*owners], portal_nodes.SHEET)
+    slots.data.foreach_set("value", values.astype(np.int32))
     for name, values in ((START, arrays.start), (END, arrays.end)):
         attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
         attribute.data.foreach_set("vector", values.T.astype(np.float32).ravel())
@@ -270,6 +284,8 @@ def remove_rig(rig) -> None:
     """Remove a rig and every datablock that was made for it, whatever is missing of it."""
     settings = rig.scfpf_rig
     _give_back(rig)
+    if settings.scene is not None:
+        passes.remove(settings.scene)
     parts = [p for p in (settings.portals, settings.view_camera, settings.table) if p is not None]
     for guest in set(rig.objects) - set(parts):
         # What the artist has put here stays.

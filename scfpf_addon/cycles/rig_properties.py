@@ -108,7 +108,7 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
     )
     crosses: BoolProperty(
         name="Crosses Itself",
-        description="The volume meets itself, which this Blender's Cycles cannot tell apart",
+        description="Rays meet sheets elsewhere than where they are due: the volume folds or crosses itself",
         default=False,
         update=_changed,
     )
@@ -116,6 +116,12 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         name="Problem",
         description="Why the rig does not follow the camera at present; empty when it does",
         default="",
+        update=_changed,
+    )
+    passes: BoolProperty(
+        name="t, Depth, (u, v)",
+        description="The sheets write what the compositor makes passes of t, depth, u and v from",
+        default=False,
         update=_changed,
     )
     engine_before: StringProperty(

@@ -17,6 +17,9 @@ from ..projection.typing import Array, BoolArray, IndexArray
 # Pixels that sheets reach beyond a rectangular picture: Cycles' filter looks over its borders.
 PADDING = 2.0
 
+# Ends of chords, as a share of them, that may touch a sheet without being turned too early.
+TOUCHED = 1e-3
+
 # The surround covers pictures this many times as wide as high, and the other way round.
 SURROUND = 60.0
 # Its vertices are the last ones.
@@ -28,15 +31,16 @@ class Portals(NamedTuple):
 
     places: (3, N): x and y in the table of projectors, and the number of the sheet: 0 the screen, n
     the far sheet, -1 the surround. start, end: (3, N): t and shift of the chord that begins at the
-    vertex (on the far sheet: ends), and on start 1 for the far sheet. triangles: (T, 3).
-    gates: (T,) bool, screen and far sheet, whose rays go elsewhere. surround: (T,) bool.
+    vertex (on the far sheet: ends), and on start 1 for the far sheet, on end how many vertices a sheet has.
+    triangles: (T, 3). screen, far, surround: (T,) bool, the others are of sheets.
     """
 
     places: Array
     start: Array
     end: Array
     triangles: IndexArray
-    gates: BoolArray
+    screen: BoolArray
+    far: BoolArray
     surround: BoolArray
 
 
@@ -65,28 +69,27 @@ def portals(
     breaks, shifts: (n+1,), as in ChordPlan. cells: of each sheet, across and up. size: of the picture.
     """
     x, y, triangles = _grid(cells, size, polar)
-    count, size = len(breaks) - 1, len(x)
-    number = np.repeat(np.arange(count + 1), size)
+    count, many = len(breaks) - 1, len(x)
+    number = np.repeat(np.arange(count + 1), many)
     chord = np.minimum(number, count - 1)
     places = np.stack([np.tile(x, count + 1), np.tile(y, count + 1), number])
     far = (number == count).astype(np.float64)
     start = np.stack([breaks[chord], shifts[chord], far])
-    end = np.stack([breaks[chord + 1], shifts[chord + 1], 0.0 * far])
-    faces = (triangles[None] + (np.arange(count + 1) * size)[:, None, None]).reshape(-1, 3)
-    gates = np.zeros((count + 1, len(triangles)), bool)
-    gates[[0, -1]] = True
+    end = np.stack([breaks[chord + 1], shifts[chord + 1], np.full(len(number), float(many))])
+    faces = (triangles[None] + (np.arange(count + 1) * many)[:, None, None]).reshape(-1, 3)
+    owner = np.repeat(np.arange(count + 1), len(triangles))
     around = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) * SURROUND + [[0.5], [0.5], [-1.0]]
     corner = places.shape[1]
     faces = np.concatenate([faces, [[corner, corner + 1, corner + 2], [corner, corner + 2, corner + 3]]])
-    surround = np.zeros(len(faces), bool)
-    surround[-2:] = True
+    owner = np.concatenate([owner, [-1, -1]])
     return Portals(
         np.concatenate([places, around], axis=1),
         np.concatenate([start, np.zeros((3, SURROUND_CORNERS))], axis=1),
-        np.concatenate([end, np.zeros((3, SURROUND_CORNERS))], axis=1),
+        np.concatenate([end, np.ones((3, SURROUND_CORNERS))], axis=1),
         faces.astype(np.int32),
-        np.concatenate([gates.ravel(), [False, False]]),
-        surround,
+        owner == 0,
+        owner == count,
+        owner < 0,
     )
 
 
@@ -113,31 +116,33 @@ def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[A
     return *pressed(x, y), triangles
 
 
-def crosses_itself(layers: Array) -> bool:
-    """Whether chords between consecutive layers of a volume meet sheets that are not their own ends.
+def crosses_itself(layers: Array, gated: bool) -> bool:
+    """Whether chords between consecutive layers of a volume meet sheets elsewhere than at their own ends.
 
-    layers: (n+1, 3, R, C) ends of the chords of R × C projectors. Sampled, not certain.
+    layers: (n+1, 3, R, C) ends of the chords of R × C projectors. gated: a sheet lets rays through that do
+    not come from the one before, so that only a fold between two sheets does harm. Sampled, not certain.
     """
     count = len(layers) - 1
-    if count < 2:
-        return False
     a, b = layers[:, :, :-1, :-1], layers[:, :, :-1, 1:]
     c, d = layers[:, :, 1:, 1:], layers[:, :, 1:, :-1]
     corners = [np.stack(pair, axis=-1).reshape(count + 1, 3, -1) for pair in ((a, a), (b, c), (c, d))]
     # Chords of the cells' middles: those of the vertices would run along edges.
     middle = 0.25 * (a + b + c + d)
     middle = middle.reshape(count + 1, 3, -1)
+    cells = np.arange(middle.shape[2])
+    # Each cell has two triangles, one after the other.
+    elsewhere = cells[:, None] != np.repeat(cells, 2)
     for chord in range(count):
         start, end = middle[chord], middle[chord + 1]
-        others = [sheet for sheet in range(count + 1) if sheet not in (chord, chord + 1)]
-        faces = [np.concatenate([part[sheet] for sheet in others], axis=1) for part in corners]
-        if _any_hit(start, end - start, *faces):
-            return True
+        for sheet in (chord + 1,) if gated else range(count + 1):
+            hits = _hits(start, end - start, *(part[sheet] for part in corners))
+            if (hits & elsewhere).any() or (sheet not in (chord, chord + 1) and hits.any()):
+                return True
     return False
 
 
-def _any_hit(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> bool:
-    """Whether any of N segments meets any of M triangles (Möller and Trumbore 1997)."""
+def _hits(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> BoolArray:
+    """Which of N segments meet which of M triangles, (N, M) (Möller and Trumbore 1997)."""
     first, second = b - a, c - a
     normal = np.cross(direction[:, :, None], second[:, None], axis=0)
     determinant = np.einsum("cnm,cm->nm", normal, first)
@@ -148,4 +153,6 @@ def _any_hit(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> b
         turned = np.cross(offset, first[:, None], axis=0)
         v = np.einsum("cn,cnm->nm", direction, turned) * inverse
         t = np.einsum("cm,cnm->nm", second, turned) * inverse
-        return bool(((u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= 0.0) & (t <= 1.0)).any())
+        # A little less than to its end: neighbours of the own cell may be no more than touched.
+        met: BoolArray = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= TOUCHED) & (t <= 1.0 - TOUCHED)
+    return met

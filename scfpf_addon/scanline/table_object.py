@@ -78,7 +78,11 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
 
 def _drive(modifier, identifier: str, owner, path: str) -> None:
     """Let an input follow a property, without Python."""
-    place, name = versions.modifier_input_property(modifier, identifier)
+    follow_property(*versions.modifier_input_property(modifier, identifier), owner, path)
+
+
+def follow_property(place, name: str, owner, path: str) -> None:
+    """Let place.name follow a property of the add-on's, which files have only where it is installed."""
     curve = place.driver_add(name)
     curve.driver.type = "AVERAGE"
     for old in list(curve.driver.variables):

@@ -128,6 +128,44 @@ def test_it_is_removed_without_a_trace(camera, rig_of):
     assert scene.cycles.dicing_camera is None
 
 
+# Nodes that some of Cycles' devices lack: Open Shading Language runs on CPUs, and on OptiX in part.
+NOT_ON_ALL_DEVICES = {
+    "ShaderNodeScript",
+    "ShaderNodeBevel",
+    "ShaderNodeAmbientOcclusion",
+    "ShaderNodeRaycast",
+}
+
+
+def test_nothing_in_it_needs_a_cpu(camera, rig_of):
+    scene = bpy.context.scene
+    switch(camera)
+    settings = rig_of().scfpf_rig
+    materials = settings.portals.data.materials
+    kinds = {node.bl_idname for material in materials for node in material.node_tree.nodes}
+    assert "ShaderNodeBsdfRayPortal" in kinds and not kinds & NOT_ON_ALL_DEVICES
+    assert not any(kind.endswith("Group") for kind in kinds), "groups were not looked into"
+    assert settings.view_camera.data.type == "ORTHO" and not scene.cycles.shading_system
+
+
+def test_passes_come_and_go(camera, rig_of):
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    switch(camera)
+    before = everything()
+    assert bpy.ops.scfpf.cycles_passes() == {"FINISHED"}
+    assert len(layer.aovs) == 4 and rig_of().scfpf_rig.passes
+    assert bpy.ops.scfpf.cycles_passes() == {"FINISHED"}
+    assert everything() == before and not len(layer.aovs) and not rig_of().scfpf_rig.passes
+    bpy.ops.scfpf.cycles_passes()
+    tree = getattr(scene, "compositing_node_group", None) or scene.node_tree
+    # What the artist adds stays, with the tree.
+    tree.nodes.new("CompositorNodeBlur").name = "Own"
+    switch(camera)
+    assert not len(layer.aovs)
+    tree = getattr(scene, "compositing_node_group", None) or scene.node_tree
+    assert "Own" in tree.nodes and not any("SCFPF" in node.name for node in tree.nodes)
+
+
 def test_undo_and_redo(camera, rig_of):
     bpy.ops.ed.undo_push(message="Before")
     before = everything()
@@ -231,12 +269,22 @@ def test_it_follows_the_volume_or_says_why_not(addon, camera, rig_of):
     scene.render.engine = "BLENDER_WORKBENCH"
     layer.material_override = bpy.data.materials["Red"]
     scene.cycles.transparent_max_bounces = 2
-    assert len(cautions(scene, layer, rig_of())) == 3
+    camera.data.dof.use_dof = True
+    world = scene.world = bpy.data.worlds.new("Fog")
+    if world.node_tree is None:
+        world.use_nodes = True
+    fog, output = world.node_tree.nodes.new("ShaderNodeVolumeScatter"), world.node_tree.nodes["World Output"]
+    world.node_tree.links.new(fog.outputs[0], output.inputs["Volume"])
+    found = cautions(scene, layer, rig_of())
+    assert len(found) == 5
+    for said in ("Cycles only", "override", "bounces", "depth of field", "world's volume"):
+        assert any(said in caution for caution in found)
     # A surface less: straight projectors.
     camera.scfpf.active_surface = 1
     bpy.ops.scfpf.surface_remove()
     bpy.context.view_layer.update()
     assert settings.chords == 1 and settings.error == 0.0
+    assert not any("depth of field" in caution for caution in cautions(scene, layer, rig_of()))
     # A deleted camera takes its rig along.
     bpy.data.objects.remove(camera)
     bpy.context.view_layer.update()

@@ -294,11 +294,12 @@ def test_shared_surfaces_are_said_and_a_button_parts_them(camera):
 
 def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(camera):
     section = bpy.types.SCFPF_PT_view_cycles
-    assert "chord" not in texts(drawn(section)) and "Position pass" in texts(drawn(section))
+    assert "chord" not in texts(drawn(section)) and "t and depth instead" in texts(drawn(section))
     bpy.ops.scfpf.preset_apply(preset="nonlinear_twist")
     bpy.ops.scfpf.cycles_rig()
     told = texts(drawn(section))
     assert " chords, off by 0.0" in told and "× an ordinary camera" in told
     assert ("operator", "render.render") in drawn(section)
+    assert ("operator", "scfpf.cycles_passes") in drawn(section)
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
     assert "works in Cycles only" in texts(drawn(section))

@@ -104,8 +104,8 @@ def test_sheets_cover_the_picture_once(polar):
     for sheet in range(4):
         covered = area[number[:, 0] == sheet].sum()
         assert covered == pytest.approx(np.pi / 4 if polar else padded, rel=1e-3)
-    gates = np.unique(number[arrays.gates[~arrays.surround]])
-    assert gates.tolist() == [0, 3]
+    ends = [np.unique(number[which[~arrays.surround]]).tolist() for which in (arrays.screen, arrays.far)]
+    assert ends == [[0], [3]]
 
 
 def test_polar_pictures_have_round_sheets():
@@ -122,9 +122,16 @@ def test_crossing_is_noticed():
         x, y = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))
         return loop.T[:, :, None, None] + np.stack([x, y, 0 * x])[None]
 
-    assert not crosses_itself(layers(0.0)[:3])
+    assert not crosses_itself(layers(0.0)[:3], gated=False)
     line = np.linspace(0, 10, 6)[:, None, None, None] * np.array([0, 0, 1.0])[None, :, None, None]
     x, y = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))
     forward = line + np.stack([x, y, 0 * x])[None]
-    assert not crosses_itself(forward)
-    assert crosses_itself(np.concatenate([forward, forward[1:3] - 1e-3]))
+    assert not crosses_itself(forward, gated=False)
+    back = np.concatenate([forward, forward[1:3] - 1e-3])
+    # Sheets that know whose rays they turn are passed; a fold between one sheet and the next is not.
+    assert crosses_itself(back, gated=False)
+    assert not crosses_itself(back[:-1], gated=True)
+    folded = forward.copy()
+    columns = np.array([[-1.0, 0.5, 0.0, -0.5, 1.0], [8.0, 8.5, 9.0, 9.5, 10.0]])
+    folded[-1, 0], folded[-1, 2] = columns[:, None].repeat(5, axis=1)
+    assert crosses_itself(folded, gated=True)

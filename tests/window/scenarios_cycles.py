@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Cycles rig in a window: the button, F12, a farm without the add-on; nothing seen of it nor left."""
+
+import subprocess
+import time
+
+import bpy
+import numpy as np
+from driver import DRAW, PATIENCE, build_scene, differing
+
+# Pixels that may differ where nothing has changed: a cursor, a flicker of text.
+HARDLY = 100
+KINDS = ("objects", "meshes", "cameras", "materials", "collections", "node_groups", "actions", "scenes")
+FRAMES = (1, 10)
+
+
+def counts():
+    """How many datablocks of each kind there are."""
+    return {kind: len(getattr(bpy.data, kind)) for kind in KINDS}
+
+
+def prepare(driver):
+    """A bent volume that moves, and settings that take Cycles a moment."""
+    build_scene(percentage=8)
+    driver.add_camera("nonlinear_twist")
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = FRAMES
+    middle = scene.camera.scfpf.surfaces[1].object
+    middle.keyframe_insert("location", frame=FRAMES[0])
+    middle.location.x += 4
+    middle.keyframe_insert("location", frame=FRAMES[1])
+    scene.frame_set(FRAMES[0])
+    scene.cycles.samples, scene.cycles.use_denoising = 4, False
+    bpy.context.preferences.view.render_display_type = "AREA"
+    return scene
+
+
+def f12(driver):
+    """Generator: press F12 and wait for the picture."""
+    done = []
+    bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
+    driver.key("F12")
+    end = time.monotonic() + PATIENCE
+    # A render of this size may be over before it is looked at.
+    while not done or bpy.app.is_job_running("RENDER"):
+        assert time.monotonic() < end, "F12 renders nothing, or does not end"
+        yield 0.1
+    bpy.app.handlers.render_complete.pop()
+    yield DRAW
+
+
+def rendered(path):
+    """What a file of a picture shows, (H, W, 4)."""
+    image = bpy.data.images.load(str(path))
+    pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], 4)
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def rig(driver):
+    """The panel's button, F12, `blender -b --factory-startup`, and the button again."""
+    scene = prepare(driver)
+    camera = scene.camera
+    driver.show_data_tab()
+    yield DRAW
+    before, looked = counts(), driver.region_pixels()
+    with driver.override():
+        assert bpy.ops.scfpf.cycles_rig("INVOKE_DEFAULT") == {"FINISHED"}
+    yield DRAW
+    assert scene.camera != camera and scene.render.engine == "CYCLES"
+    assert differing(looked, driver.region_pixels()) < HARDLY, "the viewport shows something of the rig"
+    with driver.override():
+        bpy.ops.wm.call_panel(name="SCFPF_PT_view_cycles")
+    yield DRAW
+    driver.shot("panel")
+    driver.key("ESC")
+    yield DRAW
+    blend = driver.folder / "rig.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
+    farm = farm_render(blend)
+    yield from f12(driver)
+    driver.shot("rendered")
+    here = driver.folder / "here.png"
+    bpy.data.images["Render Result"].save_render(str(here))
+    assert farm.wait(PATIENCE) == 0, "blender -b --factory-startup fails"
+    first, last = (rendered(f"{blend}.{frame:04}.png") for frame in FRAMES)
+    picture = rendered(here)
+    assert picture[..., :3].std(axis=(0, 1)).min() > 0.03, "the picture is of one colour"
+    assert np.abs(picture - first).max() < 0.01, "without the add-on the picture is another one"
+    assert np.abs(first - last).mean() > 0.01, "the animated surface does not move without the add-on"
+    driver.area("IMAGE_EDITOR").ui_type = "VIEW_3D"
+    yield DRAW
+    with driver.override():
+        assert bpy.ops.scfpf.cycles_rig("INVOKE_DEFAULT") == {"FINISHED"}
+    yield DRAW
+    assert scene.camera == camera and counts() == before, (before, counts())
+
+
+def farm_render(blend):
+    """Start a Blender that knows nothing of the add-on on two frames of a file."""
+    frames = ",".join(map(str, FRAMES))
+    command = [bpy.app.binary_path, "--background", "--factory-startup", str(blend)]
+    command += ["--render-output", f"{blend}.####", "--render-format", "PNG", "--render-frame", frames]
+    return subprocess.Popen(command)
+
+
+SCENARIOS = (rig,)
