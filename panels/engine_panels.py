@@ -64,6 +64,53 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
             layout.label(text="An ordinary camera: its own view is rendered", icon="INFO")
 
 
+class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
+    """Where samples are taken; the Render button follows it too"""
+
+    bl_label = "Pattern and Adaptive Sampling"
+    bl_parent_id = "SCFPF_PT_engine_camera"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        options = context.scene.scfpf_sampling
+        row = layout.row()
+        row.active = not options.use_adaptive
+        row.prop(options, "pattern")
+        layout.prop(options, "use_adaptive")
+        column = layout.column()
+        column.active = options.use_adaptive
+        column.prop(options, "adaptive_threshold")
+        column.prop(options, "adaptive_least")
+        camera = context.scene.camera
+        if options.use_adaptive and camera and camera.scfpf.samples <= options.adaptive_least:
+            layout.label(text="Raise Samples: all pixels get Min Samples anyway", icon="INFO")
+
+
+class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
+    """What moves while the shutter is open: objects, lights, cameras and control surfaces"""
+
+    bl_label = "Motion Blur"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        scene = context.scene
+        layout.active = scene.render.use_motion_blur
+        layout.prop(scene.render, "motion_blur_position")
+        layout.prop(scene.render, "motion_blur_shutter")
+        layout.prop(scene.scfpf_sampling, "motion_steps")
+        if scene.camera and scene.camera.scfpf.samples < scene.scfpf_sampling.motion_steps:
+            layout.label(text="Raise Samples: there are fewer than steps", icon="INFO")
+
+
 class SCFPF_PT_engine_light_paths(_EnginePanel, bpy.types.Panel):
     """How often mirrors, glass and what is transparent send light on; the scene's settings for Cycles"""
 
@@ -98,7 +145,13 @@ class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        layout.prop(context.scene.render, "film_transparent", text="Transparent")
+        scene = context.scene
+        layout.prop(scene.render, "film_transparent", text="Transparent")
+        layout.use_property_decorate = True
+        layout.prop(scene.scfpf_sampling, "pixel_filter")
+        row = layout.row()
+        row.active = scene.scfpf_sampling.pixel_filter != "BOX"
+        row.prop(scene.render, "filter_size")
 
 
 class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
@@ -135,14 +188,23 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
         column.prop(view_layer, "use_pass_z")
         column.prop(view_layer, "use_pass_position")
         column.prop(view_layer, "use_pass_normal")
+        column.prop(view_layer, "use_pass_vector")
         column.prop(view_layer, "use_pass_uv")
         column = layout.column(heading="Projectors", align=True)
         column.prop(view_layer.scfpf, "use_pass_parameters")
         column.prop(view_layer.scfpf, "use_pass_perspective_depth")
         column.prop(view_layer.scfpf, "use_pass_tangent")
+        column.prop(view_layer.scfpf, "use_pass_chord_count")
+        column.prop(view_layer.scfpf, "use_pass_chord_error")
         column = layout.column(heading="Indices", align=True)
         column.prop(view_layer, "use_pass_object_index")
         column.prop(view_layer, "use_pass_material_index")
+        column = layout.column(heading="Cryptomatte", align=True)
+        column.prop(view_layer, "use_pass_cryptomatte_object", text="Object")
+        column.prop(view_layer, "use_pass_cryptomatte_material", text="Material")
+        row = column.row()
+        row.active = view_layer.use_pass_cryptomatte_object or view_layer.use_pass_cryptomatte_material
+        row.prop(view_layer, "pass_cryptomatte_depth", text="Levels")
         if view_layer.use_pass_z:
             layout.label(text="Depth: length along the projector from the near surface", icon="INFO")
 
@@ -150,6 +212,8 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
         SCFPF_PT_engine_camera,
+        SCFPF_PT_engine_pattern,
+        SCFPF_PT_engine_motion_blur,
         SCFPF_PT_engine_light_paths,
         SCFPF_PT_engine_film,
         SCFPF_PT_engine_performance,

@@ -13,6 +13,7 @@ from . import (
     render_engine,
     render_passes,
     result_undo,
+    sampling,
     volume_upkeep,
 )
 
@@ -20,6 +21,7 @@ from . import (
 MODULES = (
     mapping_properties,
     properties,
+    sampling,
     read_mappings,
     volume_upkeep,
     drawing,

@@ -16,6 +16,8 @@ from .shader_nodes import color_input, output_shaders, value_input
 
 # Reflectance at normal incidence of the default specular level ½ at IOR 1.5.
 DEFAULT_F0 = 0.04
+# What faces without a material are called in cryptomattes, as by Cycles.
+NO_MATERIAL = "default_surface"
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,7 @@ class MaterialTable:
     def __init__(self) -> None:
         self._rows = [DEFAULT_GREY]
         self.pass_indices = [0]
+        self.names = [NO_MATERIAL]
         self._numbers: dict[int, int] = {}
         self._odd: list[str] = []
         self._notes: dict[str, list[str]] = {}
@@ -54,6 +57,7 @@ class MaterialTable:
             constants, whole = read_material(material)
             self._rows.append(constants)
             self.pass_indices.append(material.pass_index)
+            self.names.append(material.name)
             self._add_graph(material, number, whole)
         return self._numbers[key]
 

@@ -102,6 +102,7 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
         + world_warnings,
         object_index=tuple(reader.pass_indices),
         material_index=tuple(reader.materials.pass_indices),
+        material_names=tuple(reader.materials.names),
         bounces=read_bounces(depsgraph.scene_eval),
     )
 

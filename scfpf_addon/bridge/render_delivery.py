@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from time import perf_counter
 
 import numpy as np
 
+from ..casting.geometry import Geometry
 from ..shading.typing import Single
 from .render_job import RenderInputs
-from .render_passes import list_render_passes
+from .render_passes import crypto_names, list_render_passes, stamp_manifests
 
 # Seconds between two updates of the result and of the header.
 TICK = 0.25
@@ -24,6 +26,7 @@ class Delivery:
     def __init__(self, engine, view_layer) -> None:
         """Announce the passes of the view layer."""
         self._engine = engine
+        self._view_layer = view_layer
         self.layer = view_layer.name
         self._view = engine.active_view_get()
         self._passes = list(list_render_passes(view_layer))
@@ -42,19 +45,14 @@ class Delivery:
 
     def begin(self, inputs: RenderInputs) -> None:
         """Say what memory the arrays of a picture take; from now on progress is made."""
-        geometry, region = inputs.scene.geometry, inputs.settings.region
+        region = inputs.settings.region
+        scenes = {id(each.scene): each.scene for each in inputs.moments} | {id(inputs.scene): inputs.scene}
         channels = sum(len(each.channels) for each in self._passes)
-        arrays = (
-            geometry.vertices,
-            geometry.triangles,
-            geometry.corner_normals,
-            geometry.material,
-            geometry.object_index,
-            *([] if geometry.uv is None else [geometry.uv]),
-        )
+        arrays = sum(geometry_bytes(scene.geometry) for scene in scenes.values())
         pixels = (region.right - region.left) * (region.top - region.bottom)
-        self._memory = (sum(each.nbytes for each in arrays) + 4 * channels * pixels) / MEBIBYTE
+        self._memory = (arrays + 4 * channels * pixels) / MEBIBYTE
         self._engine.update_memory_stats(memory_used=self._memory, memory_peak=self._memory)
+        stamp_manifests(self._engine.get_result(), self._view_layer, crypto_names(inputs.scene))
         self._started = perf_counter()
 
     def add(self, rows: slice, pixels: Single, passes: dict[str, Single]) -> None:
@@ -104,3 +102,9 @@ class Delivery:
         if not self._has_delivered:
             result = self._engine.begin_result(0, 0, WHOLE, WHOLE, layer=self.layer, view=self._view)
             self._engine.end_result(result)
+
+
+def geometry_bytes(geometry: Geometry) -> int:
+    """The memory that a scene's triangles take as arrays."""
+    values = (getattr(geometry, each.name) for each in fields(geometry))
+    return sum(value.nbytes for value in values if isinstance(value, np.ndarray))

@@ -24,9 +24,13 @@ class RenderDepsgraphError(ValueError):
     """Blender cannot evaluate the scene for a render now; the message says why."""
 
 
-def with_render_depsgraph(scene, view_layer, read: Callable[[object], _Result]) -> _Result:
+def with_render_depsgraph(
+    scene, view_layer, read: Callable[..., _Result], with_time: bool = False
+) -> _Result:
     """``read(depsgraph)`` with the scene evaluated for a render of the view layer.
 
+    with_time: ``read(depsgraph, set_frame)`` instead, where set_frame(frame, subframe=…) evaluates
+    another time; the last one must be the scene's own.
     The depsgraph ends with the call: ``read`` must return arrays and numbers only.
     The scene is left as it was. Raises what ``read`` raises, and RenderDepsgraphError
     when Blender refuses (another bake is running, or the scene is a linked one).
@@ -39,7 +43,7 @@ def with_render_depsgraph(scene, view_layer, read: Callable[[object], _Result]) 
 
         def bake(self, depsgraph, object, pass_type, pass_filter, width, height):
             try:
-                outcome.append((read(depsgraph), None))
+                outcome.append((read(depsgraph, self.frame_set) if with_time else read(depsgraph), None))
             except BaseException as error:  # Blender prints what leaves here: the caller raises it.
                 outcome.append((None, error))
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import atexit
+import time
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,7 +18,7 @@ from ..shading.passes import DataPasses
 from ..shading.typing import Single
 from .kept_scene import KeptScene
 from .render_delivery import Delivery
-from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size
+from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size, with_motion
 from .render_passes import list_render_passes
 from .render_viewport import ViewportRender, stop_all
 from .rig_mark import camera_behind
@@ -26,6 +27,8 @@ ENGINE = "SCFPF"
 # Pixels across a square of the coarse picture that a window shows at first: it costs a
 # sixty-fourth of one sample.
 COARSE = 8
+# Seconds from the beginning of a job in a window until a failure is sure to end it.
+SETTLE_SECONDS = 0.5
 
 
 class SCFPF_RenderEngine(bpy.types.RenderEngine):
@@ -83,9 +86,10 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         if camera is None:
             raise RenderError("The scene has no camera: add one with Add > Camera > Flexible Camera")
         self.update_stats("", "Reading the scene")
+        camera = camera_behind(camera.original)
         inputs = read_inputs(
             depsgraph,
-            camera_behind(camera.original),
+            camera,
             size,
             border=render_border(self.render, *size),
             passes=delivery.sources,
@@ -93,7 +97,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         )
         for warning in inputs.scene.warnings:
             self.report({"WARNING"}, warning)
-        return inputs
+        return with_motion(depsgraph, camera, inputs, self.frame_set, self.test_break)
 
     def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
         if self.test_break():
@@ -113,6 +117,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             progress=delivery.progress,
             cancelled=self.test_break,
             on_tile=delivery.add,
+            moments=inputs.moments,
         )
         if frame is not None:
             delivery.flush()
@@ -126,7 +131,8 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         """
         if not self.render.use_persistent_data:
             self.kept_scenes = {}
-            scene, cast_scene = within_reach(inputs.scene, inputs.projection)
+            alone = not inputs.moments and inputs.settings.passes.neighbours is None
+            scene, cast_scene = within_reach(inputs.scene, inputs.projection, alone)
             return replace(inputs, scene=scene), cast_scene
         # Blender keeps the engine with persistent data, and makes one for each picture without.
         kept = getattr(self, "kept_scenes", {})
@@ -135,6 +141,9 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         return inputs, made.cast_scene
 
     def _fail(self, message: str) -> None:
+        if not bpy.app.background:
+            # Right after a job has begun Blender forgets that it was broken off.
+            time.sleep(SETTLE_SECONDS)
         self.report({"ERROR"}, message)
         if not bpy.app.background:
             # Image Editors show this one over the picture.
@@ -155,6 +164,9 @@ def coarse_picture(
         pixel_error=max(whole.pixel_error, 1.0),
         border=None,
         passes=DataPasses(),
+        scrambled=False,
+        adaptive=None,
+        lens=None,
     )
     frame = render_frame(inputs.projection, inputs.scene, settings, cast_scene, cancelled=cancelled)
     if frame is None:

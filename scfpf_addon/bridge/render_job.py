@@ -4,21 +4,27 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..casting.scene import CastError
 from ..projection.volume import Projection
+from ..shading.cryptomatte import identifiers
 from ..shading.frame import Border, Frame, FrameSettings, render_frame
+from ..shading.motion import Moment
 from ..shading.passes import DataPasses
 from ..shading.scene import Scene
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_images import with_images
+from .read_lens import read_lens
+from .read_motion import read_moments, read_neighbours
 from .read_projection import ProjectionError, read_projection
 from .read_scene import SceneError, read_scene
 from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
+from .render_passes import crypto_names
+from .sampling import sampling_of
 from .volume_object import holds, sync_volume_object
 
 # 16384 × 16384. A pixel passes through the film, Blender's float buffer and the packed file.
@@ -44,11 +50,15 @@ RENDER_ERRORS = (
 
 @dataclass(frozen=True)
 class RenderInputs:
-    """Arrays and numbers only: Blender may change or free anything while they are used."""
+    """Arrays and numbers only: Blender may change or free anything while they are used.
+
+    moments: what the samples see while the shutter is open, () without motion blur.
+    """
 
     projection: Projection
     scene: Scene
     settings: FrameSettings
+    moments: tuple[Moment, ...] = ()
 
 
 def picture_size(scene) -> tuple[int, int]:
@@ -97,9 +107,10 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     # Restores what keeps hidden surfaces evaluated, should it have been deleted.
     sync_volume_object(camera)
 
-    return with_render_depsgraph(
-        scene, view_layer, lambda depsgraph: read_inputs(depsgraph, camera, size, pixel_error)
-    )
+    def read(depsgraph, set_frame) -> RenderInputs:
+        return with_motion(depsgraph, camera, read_inputs(depsgraph, camera, size, pixel_error), set_frame)
+
+    return with_render_depsgraph(scene, view_layer, read, with_time=True)
 
 
 def read_inputs(
@@ -126,12 +137,16 @@ def read_inputs(
         aspect = shown_aspect(render, width, height)
     evaluated = camera.evaluated_get(depsgraph)
     options = evaluated.scfpf
-    if options.enabled:
-        projection, plane = read_projection(camera, depsgraph, aspect), None
-    else:
-        projection, plane = frustum_projection(evaluated, depsgraph, aspect), depth_plane(evaluated)
+    projection = read_view(camera, depsgraph, aspect)
+    plane = None if options.enabled else depth_plane(evaluated)
+    lens, warning = read_lens(evaluated, projection, depsgraph)
     if scene is None:
         scene = with_images(read_scene(depsgraph, may_be_empty, with_uv="UV" in passes), projection)
+    if warning:
+        scene = replace(scene, warnings=(*scene.warnings, warning))
+    marks = {}
+    if any(name.startswith("CRYPTO") for name in passes):
+        marks = {kind: identifiers(names) for kind, names in crypto_names(scene).items()}
     return RenderInputs(
         projection,
         scene,
@@ -143,9 +158,47 @@ def read_inputs(
             transparent=render.film_transparent,
             threads=render.threads if render.threads_mode == "FIXED" else 0,
             border=border,
-            passes=DataPasses(passes, plane),
+            passes=DataPasses(passes, plane, identifiers=marks),
+            lens=lens,
+            **sampling_of(depsgraph.scene_eval),
         ),
     )
+
+
+def read_view(camera, depsgraph, aspect: float) -> Projection:
+    """The projection of a camera, flexible or not. Raises one of RENDER_ERRORS."""
+    evaluated = camera.evaluated_get(depsgraph)
+    if evaluated.scfpf.enabled:
+        return read_projection(camera, depsgraph, aspect)
+    return frustum_projection(evaluated, depsgraph, aspect)
+
+
+def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lambda: False) -> RenderInputs:
+    """The inputs with what is seen while the shutter is open, if the scene has motion blur.
+
+    inputs: as read of the depsgraph and the camera. set_frame: evaluates the depsgraph at another time.
+    stopped(): whether the render is to be given up.
+    """
+    aspect = inputs.projection.aspect
+
+    def view():
+        projection = read_view(camera, depsgraph, aspect)
+        return projection, read_lens(camera.evaluated_get(depsgraph), projection, depsgraph)[0]
+
+    def everything():
+        projection, lens = view()
+        with_uv = inputs.scene.geometry.uv is not None
+        there = with_images(read_scene(depsgraph, may_be_empty=True, with_uv=with_uv), projection)
+        # Of the frame itself there is one warning more, and once is enough.
+        return projection, replace(there, warnings=inputs.scene.warnings), lens
+
+    scene, settings = depsgraph.scene_eval, inputs.settings
+    if "VECTOR" in settings.passes.names:
+        frame = scene.frame_current + scene.frame_subframe
+        neighbours = read_neighbours(frame, inputs.scene, set_frame, everything)
+        settings = replace(settings, passes=replace(settings.passes, neighbours=neighbours))
+    moments = read_moments(scene, settings.samples, inputs.scene, set_frame, everything, view, stopped)
+    return replace(inputs, settings=settings, moments=moments)
 
 
 class RenderJob:
@@ -172,6 +225,7 @@ class RenderJob:
                 progress=self._note_progress,
                 cancelled=self._cancelled.is_set,
                 on_tile=None if self._tiles is None else self._note_tile,
+                moments=self._inputs.moments,
             )
         except BaseException as error:  # A thread has nowhere to raise: result() does it.
             self._error = error

@@ -9,7 +9,12 @@ from typing import NamedTuple
 import bpy
 from bpy.props import BoolProperty, PointerProperty
 
+from ..shading.cryptomatte import MOST_LAYERS, manifest, name_hash
+from ..shading.passes import CRYPTO_PASS
 from . import versions
+
+# As Cycles calls them.
+CRYPTO_NAMES = {"OBJECT": "CryptoObject", "MATERIAL": "CryptoMaterial"}
 
 
 class RenderPass(NamedTuple):
@@ -32,6 +37,7 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
         (view_layer.use_pass_z, RenderPass("Depth", "Z", "VALUE", "DEPTH")),
         (view_layer.use_pass_position, RenderPass("Position", "XYZ", "VECTOR", "POSITION")),
         (view_layer.use_pass_normal, RenderPass("Normal", "XYZ", "VECTOR", "NORMAL")),
+        (view_layer.use_pass_vector, RenderPass("Vector", "XYZW", "VECTOR", "VECTOR")),
         (view_layer.use_pass_uv, RenderPass("UV", "UVA", "VECTOR", "UV")),
         (view_layer.use_pass_object_index, RenderPass(object_index, "X", "VALUE", "OBJECT_INDEX")),
         (view_layer.use_pass_material_index, RenderPass(material_index, "X", "VALUE", "MATERIAL_INDEX")),
@@ -41,9 +47,48 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
             RenderPass("PerspectiveDepth", "Z", "VALUE", "PERSPECTIVE_DEPTH"),
         ),
         (own.use_pass_tangent, RenderPass("ProjectorTangent", "XYZ", "VECTOR", "TANGENT")),
+        (own.use_pass_chord_count, RenderPass("ChordCount", "X", "VALUE", "CHORD_COUNT")),
+        (own.use_pass_chord_error, RenderPass("ChordError", "X", "VALUE", "CHORD_ERROR")),
     ):
         if switch:
             yield each
+    # An odd number of names still takes a whole layer.
+    layers = min((view_layer.pass_cryptomatte_depth + 1) // 2, MOST_LAYERS)
+    for switch, kind in (
+        (view_layer.use_pass_cryptomatte_object, "OBJECT"),
+        (view_layer.use_pass_cryptomatte_material, "MATERIAL"),
+    ):
+        for layer in range(layers if switch else 0):
+            name = f"{CRYPTO_NAMES[kind]}{layer:02d}"
+            yield RenderPass(name, "rgba", "COLOR", CRYPTO_PASS.format(kind, layer))
+
+
+def crypto_names(scene) -> dict[str, list[str]]:
+    """The names that cryptomattes of a ``shading.scene.Scene`` show, by number."""
+    # Cryptomattes know no libraries.
+    plain = {thing.name_full: thing.name for thing in bpy.data.objects}
+    return {
+        "OBJECT": [plain.get(name, name) for name in scene.geometry.object_names],
+        "MATERIAL": list(scene.material_names),
+    }
+
+
+def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:
+    """Tell a bpy.types.RenderResult, and so the files, what the cryptomattes of a view layer show."""
+    for kind, switch in (
+        ("OBJECT", view_layer.use_pass_cryptomatte_object),
+        ("MATERIAL", view_layer.use_pass_cryptomatte_material),
+    ):
+        if not switch:
+            continue
+        name = f"{view_layer.name}.{CRYPTO_NAMES[kind]}"
+        for field, value in (
+            ("name", name),
+            ("hash", "MurmurHash3_32"),
+            ("conversion", "uint32_to_float32"),
+            ("manifest", manifest(names[kind])),
+        ):
+            result.stamp_data_add_field(f"cryptomatte/{name_hash(name):08x}"[:19] + f"/{field}", value)
 
 
 def _switched(self, _context):
@@ -73,6 +118,22 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     use_pass_tangent: BoolProperty(
         name="Projector Tangent",
         description="Direction of each pixel's projector at its hit, in world space, away from the viewer",
+        default=False,
+        update=_switched,
+        override={"LIBRARY_OVERRIDABLE"},
+    )
+    use_pass_chord_count: BoolProperty(
+        name="Chord Count",
+        description="Into how many straight chords each pixel's projector is cut up to its hit: where "
+        "the picture costs time",
+        default=False,
+        update=_switched,
+        override={"LIBRARY_OVERRIDABLE"},
+    )
+    use_pass_chord_error: BoolProperty(
+        name="Chord Error",
+        description="How far, in pixels, the chord that found a pixel's hit is from the curve there: how far "
+        "a silhouette may be displaced. 0 for straight projectors",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},

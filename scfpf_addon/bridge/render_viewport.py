@@ -22,6 +22,7 @@ from ..shading.scene import Scene
 from .read_images import KnownImages, with_images
 from .read_scene import read_scene
 from .render_job import RENDER_ERRORS, RenderInputs, read_inputs
+from .sampling import sampling_of
 from .view_painter import Commission, Painting, ViewPainter
 
 # Seconds between two looks at whether there is something new to draw.
@@ -205,6 +206,7 @@ def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInp
             samples=FREE_SAMPLES,
             transparent=render.film_transparent,
             threads=render.threads if render.threads_mode == "FIXED" else 0,
+            **sampling_of(depsgraph.scene_eval),
         ),
     )
 

@@ -126,5 +126,8 @@ def coarser(inputs: RenderInputs):
                 samples=1,
                 pixel_error=max(whole.pixel_error, COARSE_ERROR),
                 border=border,
+                scrambled=False,
+                adaptive=None,
+                lens=None,
             ),
         )

@@ -64,7 +64,7 @@ class Onward:
 
         As ``cast``, but that hits which the curves do not bear out are taken as the chords have them.
         """
-        points = self.projection.projectors(self.x[which], self.y[which]).points
+        points = self.projection.taken(which).projectors(self.x[which], self.y[which]).points
         bundle = Bundle(self.projection.volume.spans, points)
         start = self._start(bundle, t, triangle)
         going = start < 1.0
@@ -96,7 +96,8 @@ class Onward:
         """The chords of the tile; None where nothing is on its projectors."""
         spans = self.projection.volume.spans
         with np.errstate(invalid="ignore", over="ignore"):
-            points = self.projection.projectors(self.x[self.mask], self.y[self.mask]).points
+            there = np.flatnonzero(self.mask)
+            points = self.projection.taken(there).projectors(self.x[there], self.y[there]).points
         reach = scene_reach(spans, points, self.scene)
         if reach is None:
             return None

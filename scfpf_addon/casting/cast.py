@@ -76,13 +76,13 @@ def cast(
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
     spans = projection.volume.spans
     if pixel_error == 0.0:
-        points, mask, _ = _projectors(projection, x, y)
+        points, mask, _ = usable_projectors(projection, x, y)
         counts.projectors += int(np.count_nonzero(mask))
         bundle = Bundle(spans, points)
         return complete(cast_exact(scene, bundle, mask, columns, counts), bundle)
     if spans.degree > 1 or spans.point_weights is not None:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
-    points, mask, farthest = _projectors(projection, x, y)
+    points, mask, farthest = usable_projectors(projection, x, y)
     single = spans.direct
     if single and farthest <= FAR:
         return cast_straight(scene, points, mask, (0.0, 1.0), counts, weighted)
@@ -107,7 +107,7 @@ def _cast_curved(
     columns: int | None,
 ) -> Hits:
     """As cast, for spans of degree 2 and more, and for rational ones."""
-    points, mask, _ = _projectors(projection, x, y)
+    points, mask, _ = usable_projectors(projection, x, y)
     spans = projection.volume.spans
     bundle = Bundle(spans, points)
     counts.projectors += int(np.count_nonzero(mask))
@@ -138,7 +138,7 @@ def _cast_curved(
     return complete(answer, bundle)
 
 
-def _projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:
+def usable_projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:
     """Control points (K, 3, N), which projectors exist, and the largest coordinate.
 
     Projectors that are not finite do not exist; their control points are 0.

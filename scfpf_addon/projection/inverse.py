@@ -38,6 +38,8 @@ FOUND_SHARE = 1e-9
 ROUNDING_SHARE = 1e-14
 # Parameters that exceed their range by no more than this share of it lie on its border (float32 input).
 INSIDE_MARGIN = 1e-6
+# How far outside the ranges points are followed, as a share of these.
+BEYOND = 0.25
 
 
 class Inverse(NamedTuple):
@@ -105,6 +107,31 @@ def invert(
     return Inverse(u, v, t, ~np.isnan(t))
 
 
+def follow(
+    volume: ViewingVolume,
+    positions: Array,
+    start: Array,
+    u_range: tuple[float, float] = (0.0, 1.0),
+    v_range: tuple[float, float] = (0.0, 1.0),
+    time: float = 0.0,
+) -> Inverse:
+    """``invert`` for points (3, N) whose parameters are near ``start`` (3, N), which is much faster.
+
+    Newton's method from there alone: the same sheet of a folded volume is found. What lies
+    outside the ranges is found too, up to BEYOND of them, as the volume goes on there.
+    """
+    low = np.array([min(u_range), min(v_range), 0.0])
+    extent = np.array([max(u_range), max(v_range), 1.0]) - low
+    search = _Search(volume, low, extent, time, BEYOND)
+    points = np.ascontiguousarray(positions, np.float64)
+    usable = np.flatnonzero(np.isfinite(points).all(axis=0) & np.isfinite(start).all(axis=0))
+    result = np.full(points.shape, np.nan)
+    shares, accepted = search.newton(points[:, usable], (start[:, usable] - low[:, None]) / extent[:, None])
+    result[:, usable[accepted]] = shares[:, accepted]
+    u, v, t = result * extent[:, None] + low[:, None]
+    return Inverse(u, v, t, ~np.isnan(t))
+
+
 def find_in_image(projection: Projection, positions: Array, time: float = 0.0) -> ImagePlaces:
     """Where the image shows points (3, N), or would if nothing hid them; see ``invert``."""
     ranges = projection.u_range, projection.v_range
@@ -120,8 +147,10 @@ def find_in_image(projection: Projection, positions: Array, time: float = 0.0) -
 class _Search:
     """Newton's method in a part of a volume; parameters are shares of its ranges, (3, N)."""
 
-    def __init__(self, volume: ViewingVolume, low: Array, extent: Array, time: float) -> None:
-        self.volume, self.low, self.extent, self.time = volume, low, extent, time
+    def __init__(
+        self, volume: ViewingVolume, low: Array, extent: Array, time: float, beyond: float = INSIDE_MARGIN
+    ) -> None:
+        self.volume, self.low, self.extent, self.time, self.beyond = volume, low, extent, time, beyond
 
     def sample(self, shares: Array) -> _Sample:
         u, v, t = shares * self.extent[:, None] + self.low[:, None]
@@ -136,7 +165,7 @@ class _Search:
 
         points: (3, N). owner: (S,) the point that each start is for. shares: (3, S) the starts.
         """
-        solved, accepted = self._newton(points[:, owner], shares)
+        solved, accepted = self.newton(points[:, owner], shares)
         result = np.full(points.shape, np.nan)
         owner, solved = owner[accepted], np.clip(solved[:, accepted], 0.0, 1.0)
         # The last one written wins: that of least t.
@@ -144,7 +173,7 @@ class _Search:
         result[:, owner[order]] = solved[:, order]
         return result
 
-    def _newton(self, points: Array, shares: Array) -> tuple[Array, BoolArray]:
+    def newton(self, points: Array, shares: Array) -> tuple[Array, BoolArray]:
         """Solutions (3, S) from starts, and whether they are any."""
         shares = shares.copy()
         sample = self.sample(shares)
@@ -185,7 +214,7 @@ class _Search:
         missed = _length(points - position)
         size = np.sqrt(np.einsum("rcn,rcn->n", jacobian, jacobian))
         near = missed <= FOUND_SHARE * size + ROUNDING_SHARE * np.abs(points).max(axis=0, initial=0.0)
-        inside = ((shares >= -INSIDE_MARGIN) & (shares <= 1 + INSIDE_MARGIN)).all(axis=0)
+        inside = ((shares >= -self.beyond) & (shares <= 1 + self.beyond)).all(axis=0)
         solved: BoolArray = near & inside
         return solved
 

@@ -158,6 +158,10 @@ class Projection:
         projectors = self.volume.projectors(u, v)
         return projectors._replace(valid=projectors.valid & mask)
 
+    def taken(self, which: IndexArray) -> Projection:
+        """The projection for some (n,) of the image positions that it was made for, if it was."""
+        return self
+
     def transformed(self, matrix: Array) -> Projection:
         """The projection with its volume moved by an affine (4, 4) matrix."""
         return replace(self, volume=self.volume.transformed(matrix))

@@ -24,7 +24,7 @@ THIRD = np.sqrt(3) - 1
 RADIUS_NODES = 1025
 
 
-def _shuffled(count: int, ratio: float) -> IndexArray:
+def shuffled(count: int, ratio: float) -> IndexArray:
     """A permutation of 0 … count-1 without clusters: the ranks of ratio, 2 ratio, … modulo 1."""
     ranks: IndexArray = np.argsort(np.argsort(np.arange(1, count + 1) * ratio % 1.0))
     return ranks
@@ -37,7 +37,7 @@ def pixel_positions(count: int) -> Array:
     middle of its cell. One sample is the pixel's centre, four are the rotated
     grid, a Fibonacci number of them is the Fibonacci lattice.
     """
-    positions: Array = (np.stack([np.arange(count), _shuffled(count, GOLDEN)]) + 0.5) / count
+    positions: Array = (np.stack([np.arange(count), shuffled(count, GOLDEN)]) + 0.5) / count
     return positions
 
 
@@ -49,7 +49,7 @@ def lamp_positions(count: int, shape: LampShape) -> Array:
     that from any side it looks like an evenly filled disc. The order is another than that
     in the pixel, so that both dimensions of the lamp are explored across a pixel.
     """
-    order = _shuffled(count, SILVER)
+    order = shuffled(count, SILVER)
     a, b = pixel_positions(count).take(order, axis=1)
     if shape == "SQUARE":
         square: Array = np.stack([a, b]) - 0.5
@@ -63,7 +63,7 @@ def lamp_positions(count: int, shape: LampShape) -> Array:
         # the ball within ρ is 2/π (θ - sin θ cos θ).
         angle = np.linspace(0, np.pi / 2, RADIUS_NODES)
         share = 2 / np.pi * (angle - np.sin(angle) * np.cos(angle))
-        radius = np.sin(np.interp((_shuffled(count, THIRD) + 0.5) / count, share, angle))
+        radius = np.sin(np.interp((shuffled(count, THIRD) + 0.5) / count, share, angle))
         around = np.sqrt(1 - (1 - 2 * a) ** 2)
         places = radius * np.stack([around * np.cos(turn), around * np.sin(turn), 1 - 2 * a])
     centred: Array = places - places.mean(axis=1, keepdims=True)

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
 
@@ -12,7 +12,9 @@ import numpy as np
 
 from ..casting.behind import Onward
 from ..casting.cast import cast
+from ..casting.chord_map import chord_map
 from ..casting.culling import within_volume
+from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.memory import peak_memory
 from ..casting.scene import CastScene
@@ -20,57 +22,25 @@ from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.folds import find_folds
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
-from .film import Film, pixel_positions
+from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
+from .film import Film
+from .lens import Lens, through
 from .lighting import Lamp, radiance
-from .passes import DataPasses, PassSource, Seen, empty_passes, fill_passes
+from .motion import Moment, moment_of_samples
+from .passes import CryptoPasses, DataPasses, PassSource, Seen, empty_passes, fill_passes
 from .report import RenderReport
+from .samples import SamplePlaces, row_pixels
 from .scene import Scene
+from .settings import Border, FrameSettings
 from .surface import PhongTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
 
+__all__ = ["Border", "Frame", "FrameSettings", "Pipeline", "Shading", "TileCounts", "render_frame"]
 
-class Border(NamedTuple):
-    """A rectangle of pixels, the ends not included."""
-
-    left: int
-    bottom: int
-    right: int
-    top: int
-
-
-@dataclass(frozen=True)
-class FrameSettings:
-    """width, height: pixels. samples: a pixel. pixel_error: by which a chord may leave its
-    projector, in pixels, 0 for none. transparent: what hits nothing is see-through.
-    threads: 0 for all cores. border: the part of the image that is made; its pixels are those
-    that the whole image would have. passes: besides the picture. Raises ValueError for what
-    makes no picture.
-    """
-
-    width: int
-    height: int
-    samples: int = 4
-    pixel_error: float = 0.1
-    transparent: bool = False
-    threads: int = 0
-    border: Border | None = None
-    passes: DataPasses = field(default_factory=DataPasses)
-
-    def __post_init__(self) -> None:
-        if min(self.width, self.height) < 1:
-            size = f"{self.width} × {self.height}"
-            raise ValueError(f"an image of {size} pixels cannot be made: raise the resolution")
-        if self.samples < 1:
-            raise ValueError("a pixel needs at least one sample")
-        left, bottom, right, top = self.region
-        if not (0 <= left < right <= self.width and 0 <= bottom < top <= self.height):
-            raise ValueError("the border must lie in the image and hold at least one pixel")
-
-    @property
-    def region(self) -> Border:
-        """The part of the image that is made."""
-        return self.border or Border(0, 0, self.width, self.height)
+# Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
+# a render should end soon after it is told to.
+PASS_PIXELS = 1 << 13
 
 
 class Frame(NamedTuple):
@@ -91,6 +61,7 @@ def render_frame(
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
     on_tile: Callable[[slice, Single, dict[str, Single]], None] | None = None,
+    moments: tuple[Moment, ...] = (),
 ) -> Frame | None:
     """The picture that a projection makes of a scene, or None when cancelled.
 
@@ -98,12 +69,17 @@ def render_frame(
     save building it again. progress(share in [0, 1]), cancelled() and on_tile(rows,
     pixels (rows, W, 4), passes) are called from the calling thread, the last as tiles are
     finished, in any order; rows count from the border's bottom. What a tile raises is raised
-    here, after all threads have ended.
+    here, after all threads have ended. moments: what the samples see while the shutter is open,
+    instead of the projection and the scene, which data passes are made of.
     CastError when the scene's triangles cannot be cast at; a scene without any
     shows its background.
     """
     started = perf_counter()
-    pipeline = Pipeline.of(projection, scene, settings, cast_scene)
+    # Vertices of other frames belong to all triangles.
+    alone = not moments and settings.passes.neighbours is None
+    pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
+    if moments:
+        pipeline = pipeline.with_moments(scene, moments, cancelled)
     build_seconds = perf_counter() - started
     region = settings.region
     height, width = region.top - region.bottom, region.right - region.left
@@ -168,14 +144,16 @@ class TileCounts(NamedTuple):
     hits: int
 
 
-def within_reach(scene: Scene, projection: Projection) -> tuple[Scene, CastScene | None]:
+def within_reach(scene: Scene, projection: Projection, alone: bool = True) -> tuple[Scene, CastScene | None]:
     """The part of a scene that a projection can meet, built to cast at; the rest is left for shadows.
 
-    None where nothing can be met.
+    None where nothing can be met. alone: no other projection will see it; else all is built.
     """
     whole = scene.geometry
     if not len(whole.triangles):
         return scene, None
+    if not alone:
+        return scene, CastScene(whole.vertices, whole.triangles)
     kept = within_volume(whole.vertices, whole.triangles, projection.volume)
     # Mirrors and glass show what lies beyond, too.
     if kept.all() or any(graph.reflects for graph in scene.materials.graphs.values()):
@@ -207,13 +185,14 @@ class Shading:
         tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
         return cls(surface, phong, lamps, tracer)
 
-    def color(self, hits: Hits, where: IndexArray, sample: int, onward: Onward) -> Single:
+    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
-        onward: follows the projectors of ``hits`` on.
+        sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
         """
-        if self.tracer is not None and self.tracer.needed(hits.triangle.take(where)):
-            return self.tracer.color(hits.take(where), sample, onward.of(where))
+        tracer = self.tracer
+        if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
+            return tracer.color(hits.take(where), sample, onward.of(where))
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
@@ -226,38 +205,90 @@ class Shading:
 class Pipeline:
     """What the threads share while a frame is made.
 
-    projection: in cast space. offsets: (2, samples), where in a pixel. cast_scene and
-    shading are None where there is nothing to hit.
+    projection: in cast space. places: where samples are. cast_scene and
+    shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
+    cast space. moments: what takes the place of this one for the picture, while the shutter is open.
     """
 
     projection: Projection
     settings: FrameSettings
     background: Array
-    offsets: Array
+    places: SamplePlaces
     cast_scene: CastScene | None
     shading: Shading | None
     passes: PassSource | None
+    lens: Lens | None
+    geometry: Geometry | None
+    moments: tuple[Pipeline, ...] = ()
 
     @classmethod
     def of(
-        cls, projection: Projection, scene: Scene, settings: FrameSettings, cast_scene: CastScene | None
+        cls,
+        projection: Projection,
+        scene: Scene,
+        settings: FrameSettings,
+        cast_scene: CastScene | None,
+        alone: bool = True,
     ) -> Pipeline:
-        """Everything that is done once a frame. What the volume cannot meet is left for shadows."""
+        """Everything that is done once a frame. What the volume cannot meet is left for shadows.
+
+        alone: no other projection will see the same scene.
+        """
         if cast_scene is None:
-            scene, cast_scene = within_reach(scene, projection)
+            scene, cast_scene = within_reach(scene, projection, alone)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
         shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
         return cls(
             inside,
             settings,
             np.asarray(scene.world_color, np.float64),
-            pixel_positions(settings.samples),
+            SamplePlaces(
+                settings.width,
+                settings.height,
+                settings.samples,
+                settings.pixel_filter,
+                settings.scrambled or settings.adaptive is not None,
+            ),
             cast_scene,
             shading,
-            PassSource(settings.passes, inside, scene, cast_scene, shading.surface)
+            PassSource(
+                settings.passes, (settings.width, settings.height), inside, scene, cast_scene, shading.surface
+            )
             if cast_scene and shading and settings.passes.names
             else None,
+            settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
+            scene.geometry if cast_scene else None,
         )
+
+    def with_moments(
+        self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None
+    ) -> Pipeline:
+        """The pipeline, of ``scene``, of a picture that is exposed while things move.
+
+        It is left as it is when cancelled.
+        """
+        made: list[tuple[Scene, Pipeline]] = [(scene, self)]
+        bare = replace(self.settings, passes=DataPasses())
+        for moment in moments:
+            if cancelled and cancelled():
+                return self
+            settings = replace(bare, lens=moment.lens)
+            same = next((known for seen, known in made if seen is moment.scene), None)
+            if same is None:
+                each = Pipeline.of(moment.projection, moment.scene, settings, None, False)
+            else:
+                # All but the projection is there.
+                matrix = same.cast_scene.matrix if same.cast_scene else np.eye(4)
+                lens = moment.lens.transformed(matrix) if moment.lens else None
+                each = replace(same, projection=moment.projection.transformed(matrix), lens=lens)
+            made.append((moment.scene, each))
+        return replace(self, moments=tuple(each for _, each in made[1:]))
+
+    def at(self, sample: int) -> Pipeline:
+        """What a sample sees."""
+        if not self.moments:
+            return self
+        return self.moments[moment_of_samples(self.settings.samples, len(self.moments))[sample]]
 
     def render_tile(self, job: TileJob, pixels: Single, passes: dict[str, Single]) -> TileCounts:
         """Samples → projectors → hits → colours → film, into pixels (n, 4) and passes (n, channels).
@@ -266,42 +297,107 @@ class Pipeline:
         """
         counts, hit_count = CastCounts(), 0
         inside = self.inside(job.rows)
+        if self.settings.adaptive and self.settings.samples > self.settings.adaptive.least:
+            return self.render_adaptively(self.settings.adaptive, job, inside, pixels, passes)
+        mine = row_pixels(job.rows, self.settings.width)
+        if inside is not None:
+            mine = mine[inside]
+        crypto = CryptoPasses(self.passes, len(pixels))
         film = Film(len(pixels), self.background, self.settings.transparent)
-        pixel_size, error = (1 / self.settings.width, 1 / self.settings.height), self.settings.pixel_error
         for sample in range(self.settings.samples):
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
-            x, y = self.image_positions(job.rows, self.offsets[:, sample])
-            hits = self.cast(x, y, counts)
-            mask = hits.mask
+            now = self.at(sample)
+            hits, onward = now.cast_sample(job.rows, sample, counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             if inside is not None:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
-            color = np.zeros((3, 0), np.float32)
-            if self.shading:
-                scene = self.shading.surface.cast_scene
-                onward = Onward(scene, self.projection, x, y, mask, inside, pixel_size, error)
-                color = self.shading.color(hits, where, sample, onward)
+            color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside))
             film.add(hits.mask, where, color)
+            if now.geometry:
+                crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
+        crypto.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
         if self.passes and not job.stop.is_set():
-            self.fill_passes(self.passes, job.rows, inside, passes)
+            self.fill_passes(self.passes, job, inside, passes)
+        return TileCounts(counts, hit_count)
+
+    def render_adaptively(
+        self,
+        adaptive: Adaptive,
+        job: TileJob,
+        inside: IndexArray | None,
+        pixels: Single,
+        passes: dict[str, Single],
+    ) -> TileCounts:
+        """As ``render_tile``, with more samples for pixels that differ."""
+        counts, hit_count = CastCounts(), 0
+        width = self.settings.width
+        rows = margin(job.rows, self.settings.height)
+        block = row_pixels(rows, width)
+        film = AdaptiveFilm(len(block), self.background, self.settings.transparent)
+        crypto = CryptoPasses(self.passes, len(block))
+
+        def take(some: IndexArray | None, samples: range) -> None:
+            nonlocal hit_count
+            which = np.arange(len(block)) if some is None else some
+            for sample, hits, onward in self.cast_samples(rows, samples, counts, some):
+                where = np.flatnonzero(hits.triangle >= 0)
+                hit_count += len(where)
+                now = self.at(sample)
+                film.add(which, hits.mask, where, now.color(hits, where, sample, block[which], onward))
+                if now.geometry:
+                    crypto.add(which[where], now.geometry, hits.triangle[where])
+
+        def stopped(done: float) -> bool:
+            job.done = done
+            return job.stop.is_set()
+
+        own = slice(job.rows.start - rows.start, job.rows.stop - rows.start)
+        shape = rows.stop - rows.start, width
+        sample_adaptively(take, film, adaptive, shape, own, self.settings.samples, stopped)
+        if job.stop.is_set():
+            return TileCounts(counts, hit_count)
+        mine = np.arange(own.start * width, own.stop * width)
+        mine = mine if inside is None else mine[inside]
+        film.develop(mine, pixels)
+        crypto.develop(mine, film.samples(mine), passes)
+        if self.passes:
+            self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
 
     def fill_passes(
-        self, source: PassSource, rows: slice, inside: IndexArray | None, into: dict[str, Single]
+        self, source: PassSource, job: TileJob, inside: IndexArray | None, into: dict[str, Single]
     ) -> None:
         """The data passes of a tile, from one projector a pixel, which the report does not count."""
-        x, y = self.image_positions(rows, np.array([0.5, 0.5]))
-        hits = self.cast(x, y, CastCounts(), "UV" in self.settings.passes.names)
+        x, y = self.pixel_centres(job.rows)
+        hits = self.cast(x, y, CastCounts(), self.settings.passes.weighted)
+        if "CHORD_COUNT" in into or "CHORD_ERROR" in into:
+            self.fill_chords(x, y, hits, inside, into)
         if inside is not None:
             hits, x, y = hits.take(inside), x[inside], y[inside]
         where = np.flatnonzero(hits.triangle >= 0)
-        fill_passes(source, Seen(x[where], y[where], hits.take(where)), where, into)
+        for first in range(0, len(where), PASS_PIXELS):
+            some = where[first : first + PASS_PIXELS]
+            if not job.stop.is_set():
+                fill_passes(source, Seen(x[some], y[some], hits.take(some)), some, into)
+
+    def fill_chords(
+        self, x: Array, y: Array, hits: Hits, inside: IndexArray | None, into: dict[str, Single]
+    ) -> None:
+        """The passes of a tile that show its chords, hit or not."""
+        if self.cast_scene is None:
+            return
+        size = 1 / self.settings.width, 1 / self.settings.height
+        error = self.settings.pixel_error
+        chords = chord_map(self.cast_scene, self.projection, x, y, hits.t, size, error, self.settings.width)
+        for name, values in (("CHORD_COUNT", chords.count), ("CHORD_ERROR", chords.error)):
+            if name in into:
+                into[name][:, 0] = values if inside is None else values[inside]
 
     def inside(self, rows: slice) -> IndexArray | None:
         """Which pixels of the rows are in the border, row by row; None for all."""
@@ -314,16 +410,78 @@ class Pipeline:
         columns = np.arange(left, right)
         return (lines[:, None] * width + columns).reshape(-1)
 
-    def image_positions(self, rows: slice, offset: Array) -> tuple[Array, Array]:
-        """Image positions (x, y) of the place ``offset`` (2,) in each pixel of the rows, each (n,)."""
-        x = (np.arange(self.settings.width) + offset[0]) / self.settings.width
-        y = (np.arange(rows.start, rows.stop) + offset[1]) / self.settings.height
+    def pixel_centres(self, rows: slice) -> tuple[Array, Array]:
+        """Image positions (x, y) of the middle of each pixel of the rows, each (n,)."""
+        x = (np.arange(self.settings.width) + 0.5) / self.settings.width
+        y = (np.arange(rows.start, rows.stop) + 0.5) / self.settings.height
         return np.tile(x, len(y)), np.repeat(y, len(x))
 
-    def cast(self, x: Array, y: Array, counts: CastCounts, weighted: bool = False) -> Hits:
+    def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Hits, Onward | None]:
+        """What a sample of the pixels of whole rows hits, and what follows it on."""
+        if self.lens is None:
+            return self.followed(*self.places.of_rows(rows, sample), counts, True)
+        pixel = row_pixels(rows, self.settings.width)
+        x, y = self.places.of_pixels(pixel, sample)
+        return self.through_lens(self.places.on_lens(pixel, sample)).followed(x, y, counts, True)
+
+    def followed(self, x: Array, y: Array, counts: CastCounts, in_rows: bool) -> tuple[Hits, Onward | None]:
+        """``cast`` with what follows its projectors on."""
+        hits = self.cast(x, y, counts, in_rows=in_rows)
+        if self.cast_scene is None:
+            return hits, None
+        size = 1 / self.settings.width, 1 / self.settings.height
+        return hits, Onward(
+            self.cast_scene, self.projection, x, y, hits.mask, None, size, self.settings.pixel_error
+        )
+
+    def cast_samples(
+        self, rows: slice, samples: range, counts: CastCounts, some: IndexArray | None
+    ) -> Iterator[tuple[int, Hits, Onward | None]]:
+        """What each of several samples of the pixels of whole rows hits, or of ``some`` (n,) of these alone.
+
+        Samples that see the same moment are cast together, a pixel's one after the other: they
+        are as near as neighbours.
+        """
+        if some is None:
+            for sample in samples:
+                yield sample, *self.at(sample).cast_sample(rows, sample, counts)
+            return
+        pixel = row_pixels(rows, self.settings.width)[some]
+        for together in [samples] if not self.moments else [range(s, s + 1) for s in samples]:
+            now, many = self.at(together[0]), len(together)
+            places = [self.places.of_pixels(pixel, sample) for sample in together]
+            x, y = (np.stack(axis, axis=1).ravel() for axis in zip(*places, strict=True))
+            if now.lens is not None:
+                share = np.stack([self.places.on_lens(pixel, sample) for sample in together], axis=2)
+                now = now.through_lens(share.reshape(2, -1))
+            hits, onward = now.followed(x, y, counts, False)
+            for number, sample in enumerate(together):
+                mine = np.arange(number, len(x), many)
+                yield sample, hits.take(mine), onward and replace(onward, known=mine)
+
+    def through_lens(self, share: Array) -> Pipeline:
+        """The pipeline for projectors that each pass the lens at a place of its own, shares (2, n)."""
+        return replace(self, projection=through(self.projection, self.lens, share)) if self.lens else self
+
+    def color(
+        self, hits: Hits, where: IndexArray, sample: int, pixel: IndexArray, onward: Onward | None
+    ) -> Single:
+        """As ``Shading.color``, of nothing where nothing is there. pixel: (n,) the image's, of the hits."""
+        if self.shading is None or onward is None:
+            return np.zeros((3, 0), np.float32)
+        own: int | IndexArray = sample
+        # What is sent on belongs to no pixel any more.
+        if self.places.scrambled and self.shading.tracer is None:
+            own = self.places.on_lamps(pixel[where], sample)
+        return self.shading.color(hits, where, own, onward)
+
+    def cast(
+        self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
+    ) -> Hits:
         """The hits of the projectors at image positions (n,); nothing is hit where nothing is there.
 
-        weighted: barycentric weights are wanted though nothing is smooth.
+        weighted: barycentric weights are wanted though nothing is smooth. in_rows: the positions
+        are whole rows.
         """
         if self.cast_scene is None:
             return Hits.empty(len(x))._replace(mask=self.projection.projectors(x, y).valid)
@@ -336,6 +494,6 @@ class Pipeline:
             pixel_size,
             self.settings.pixel_error,
             counts,
-            self.settings.width,
+            self.settings.width if in_rows else None,
             weighted or self.shading is None or self.shading.surface.weighted,
         )

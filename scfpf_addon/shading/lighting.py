@@ -89,12 +89,13 @@ class Lamp:
             np.float32((light.radius * scale) ** 2 if light.kind in ("POINT", "SPOT") else 0.0),
         )
 
-    def incidence(self, position: Single, sample: int) -> Incidence:
-        """What arrives at position (3, N) from the lamp's place of this sample."""
+    def incidence(self, position: Single, sample: int | IndexArray) -> Incidence:
+        """What arrives at position (3, N) from the lamp's place of this sample, or from each point's own."""
+        places: Single = self.places.take(np.atleast_1d(sample), axis=1)
         if self.light.kind == "SUN":
-            direction = self.places[:, sample, None] / np.linalg.norm(self.places[:, sample])
-            return Incidence(direction, np.ones(1, np.float32), np.full(1, np.inf, np.float32))
-        direction = self.places[:, sample, None] - position
+            towards = (places / np.sqrt(dot(places, places))).astype(np.float32)
+            return Incidence(towards, np.ones(1, np.float32), np.full(1, np.inf, np.float32))
+        direction: Single = places - position
         squared = np.maximum(dot(direction, direction), TINY)
         distance = np.sqrt(squared)
         direction /= distance
@@ -122,7 +123,11 @@ class Lamp:
 
 
 def radiance(
-    points: SurfacePoints, table: PhongTable, lamps: Sequence[Lamp], sample: int, cast_scene: CastScene
+    points: SurfacePoints,
+    table: PhongTable,
+    lamps: Sequence[Lamp],
+    sample: int | IndexArray,
+    cast_scene: CastScene,
 ) -> Single:
     """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 

@@ -4,20 +4,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from ..casting.geometry import Geometry
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
 from ..projection.basis import SpanBasis
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection, ViewingVolume
+from .cryptomatte import MOST_LAYERS, CryptoFilm
 from .scene import Scene
 from .surface import SurfaceTable
 from .typing import Single
+from .vectors import Neighbour, Place, moved_places
 
 # Depth where nothing is hit, as in Blender's own engines.
 FARTHEST_DEPTH = 1e10
@@ -31,11 +34,24 @@ class DataPasses:
 
     names: of PASSES. depth_plane: (4,) (a, b, c, d), depth is a·x + b·y + c·z + d in world
     space, the distance from an ordinary camera along its axis; None for the
-    length of the projector from the near surface.
+    length of the projector from the near surface. neighbours: the frames before and after, for
+    motion vectors. identifiers: what stands for each object ("OBJECT") and material ("MATERIAL") in
+    cryptomattes, by their numbers.
     """
 
     names: tuple[str, ...] = ()
     depth_plane: Array | None = None
+    neighbours: tuple[Neighbour, Neighbour] | None = None
+    identifiers: dict[str, Single] = field(default_factory=dict)
+
+    @property
+    def weighted(self) -> bool:
+        """Whether barycentric weights are wanted."""
+        return not {"UV", "VECTOR"}.isdisjoint(self.names)
+
+    def crypto_layers(self, kind: str) -> int:
+        """How many cryptomatte layers of "OBJECT" or "MATERIAL" there are."""
+        return sum(name.startswith(f"CRYPTO_{kind}_") for name in self.names)
 
 
 class Seen(NamedTuple):
@@ -51,9 +67,13 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True)
 class PassSource:
-    """All that data passes are made of. projection: in cast space, that of ``cast_scene``."""
+    """All that data passes are made of. projection: in cast space, that of ``cast_scene``.
+
+    size: of the image in pixels.
+    """
 
     wanted: DataPasses
+    size: tuple[int, int]
     projection: Projection
     scene: Scene
     cast_scene: CastScene
@@ -111,6 +131,25 @@ class PassSource:
         length = np.sqrt(np.einsum("cn,cn->n", tangent, tangent))
         return tangent / np.where(length > 0.0, length, 1.0)
 
+    def vector(self, seen: Seen) -> Array:
+        """From where a hit is in the image to where it was in the frame before, and from where it will be in
+        the frame after to where it is: pixels along x and y of each, (4, n), as Cycles has it.
+        """
+        if self.wanted.neighbours is None:
+            raise ValueError("motion vectors need the frames before and after")
+        geometry, hits = self.scene.geometry, seen.hits
+        now = Place(
+            self.position(seen),
+            geometry.triangles[hits.triangle],
+            hits.barycentric,
+            self.parameters(seen),
+            seen.x,
+            seen.y,
+        )
+        before, after = (moved_places(each, geometry.vertices, now) for each in self.wanted.neighbours)
+        pixels = np.reshape(self.size, (2, 1))
+        return np.concatenate([before * pixels, -after * pixels])
+
     def object_index(self, seen: Seen) -> Array:
         """The user's number of the object, (1, n); the scene must know them."""
         number = self.scene.geometry.object_index.take(seen.hits.triangle)
@@ -123,11 +162,13 @@ class PassSource:
 
 
 class PassKind(NamedTuple):
-    """channels: how many; miss: their value where nothing is hit; values: (channels, n) of what is."""
+    """channels: how many; miss: their value where nothing is hit; values: (channels, n) of what is, None
+    where others fill them.
+    """
 
     channels: int
     miss: float
-    values: Callable[[PassSource, Seen], Array]
+    values: Callable[[PassSource, Seen], Array] | None
 
 
 PASSES = {
@@ -138,8 +179,19 @@ PASSES = {
     "PARAMETERS": PassKind(3, 0.0, PassSource.parameters),
     "PERSPECTIVE_DEPTH": PassKind(1, 1.0, PassSource.perspective_depth),
     "TANGENT": PassKind(3, 0.0, PassSource.tangent),
+    "VECTOR": PassKind(4, 0.0, PassSource.vector),
+    "CHORD_COUNT": PassKind(1, 0.0, None),
+    "CHORD_ERROR": PassKind(1, 0.0, None),
     "OBJECT_INDEX": PassKind(1, 0.0, PassSource.object_index),
     "MATERIAL_INDEX": PassKind(1, 0.0, PassSource.material_index),
+}
+# The pass of a layer of a kind.
+CRYPTO_PASS = "CRYPTO_{}_{:02d}"
+CRYPTO_KINDS = ("OBJECT", "MATERIAL")
+PASSES |= {
+    CRYPTO_PASS.format(kind, layer): PassKind(4, 0.0, None)
+    for kind in CRYPTO_KINDS
+    for layer in range(MOST_LAYERS)
 }
 
 
@@ -154,7 +206,34 @@ def empty_passes(wanted: DataPasses, height: int, width: int) -> dict[str, Singl
 def fill_passes(source: PassSource, seen: Seen, where: IndexArray, into: dict[str, Single]) -> None:
     """Write what is seen at the pixels ``where`` (n,) into the passes of a tile, each (pixels, channels)."""
     for name, pixels in into.items():
-        pixels[where] = PASSES[name].values(source, seen).T
+        values = PASSES[name].values
+        if values is not None:
+            pixels[where] = values(source, seen).T
+
+
+class CryptoPasses:
+    """The cryptomattes of a tile of ``count`` pixels, as its samples are taken."""
+
+    def __init__(self, source: PassSource | None, count: int) -> None:
+        self._source = source
+        self._films: dict[str, CryptoFilm] = {}
+        if source:
+            layers = {kind: source.wanted.crypto_layers(kind) for kind in CRYPTO_KINDS}
+            self._films = {kind: CryptoFilm(count, many) for kind, many in layers.items() if many}
+
+    def add(self, pixel: IndexArray, geometry: Geometry, triangle: IndexArray) -> None:
+        """What samples of the tile's pixels (m,) hit: triangles (m,) of a geometry."""
+        for kind, film in self._films.items():
+            numbers = geometry.object_index if kind == "OBJECT" else geometry.material
+            film.add(pixel, numbers.take(triangle))
+
+    def develop(self, pixel: IndexArray, samples: Single | float, into: dict[str, Single]) -> None:
+        """Write the layers of pixels (m,) into the passes, each (m, channels)."""
+        for kind, film in self._films.items():
+            if self._source:
+                made = film.develop(pixel, samples, self._source.wanted.identifiers[kind])
+                for layer in range(made.shape[1] // 4):
+                    into[CRYPTO_PASS.format(kind, layer)][:] = made[:, 4 * layer : 4 * layer + 4]
 
 
 def projector_length(spans: SpanBasis, points: Array, t: Array) -> Array:

@@ -76,6 +76,7 @@ class Scene:
 
     world_color: (3,) radiance of the background. warnings: what the reader had to
     leave out, a line each. object_index, material_index: the number that the user gave
+    each object of ``geometry.object_names`` and each of the materials. material_names: of these.
     each object of ``geometry.object_names`` and each of the materials. images: the pictures that
     materials look up, by name; one that is not there is missing. bounces: of light.
     """
@@ -87,5 +88,6 @@ class Scene:
     warnings: tuple[str, ...] = ()
     object_index: tuple[int, ...] = ()
     material_index: tuple[int, ...] = ()
+    material_names: tuple[str, ...] = ()
     images: Mapping[str, ImageData] = field(default_factory=dict)
     bounces: LightPaths = field(default_factory=LightPaths)

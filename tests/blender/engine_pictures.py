@@ -71,7 +71,7 @@ def read_exr(path):
 
 
 # The order of a pass's channels.
-CHANNELS = "RGBAXYZUVTW"
+CHANNELS = "RGBArgbaXYZUVTW"
 
 
 def passes(path):

@@ -119,8 +119,16 @@ for part in (int(first), 3 - int(first)):
 
 
 def test_processes_make_the_parts_of_one_picture(engine_scene, tmp_path, extension):
-    """As on a farm: a frame in four tiles, an animation of four frames, with one and two threads."""
+    """As on a farm: a frame in four tiles, an animation of four frames, with one and two threads.
+
+    Adaptive sampling, a wide filter and motion blur are on: what pixels get may look beyond a tile.
+    """
     apply("nonlinear_twist")
+    sampling = engine_scene.scfpf_sampling
+    sampling.use_adaptive, sampling.adaptive_least, sampling.adaptive_threshold = True, 2, 0.03
+    sampling.pixel_filter, engine_scene.render.filter_size = "GAUSSIAN", 4.0
+    engine_scene.camera.scfpf.samples, sampling.motion_steps = 8, 2
+    engine_scene.render.use_motion_blur = True
     surface = engine_scene.camera.scfpf.surfaces[1].object
     for frame, angle in ((1, 0.0), (4, 0.5)):
         surface.rotation_euler.z = angle

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``Scene.scfpf_sampling``: where samples are taken, and what of it a frame needs."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+from ..shading.adaptive import Adaptive
+from ..shading.pixel_filter import PixelFilter
+
+# Blender lets a filter have no width.
+SMALLEST_WIDTH = 0.01
+
+
+def _changed(owner, context):
+    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
+
+
+class SCFPF_Sampling(bpy.types.PropertyGroup):
+    """How the SCFPF engine and the Render button take samples, besides their number."""
+
+    pixel_filter: EnumProperty(
+        name="Pixel Filter",
+        description="How samples about a pixel's centre make its colour",
+        items=(
+            ("BOX", "Box", "All of the pixel counts the same"),
+            ("GAUSSIAN", "Gaussian", "Soft; width as the scene's filter size"),
+            (
+                "BLACKMAN_HARRIS",
+                "Blackman-Harris",
+                "Soft, with steeper sides; width as the scene's filter size",
+            ),
+        ),
+        default="BLACKMAN_HARRIS",
+        update=_changed,
+    )
+    pattern: EnumProperty(
+        name="Pattern",
+        description="Where the samples of neighbouring pixels lie. Adaptive sampling scrambles them always",
+        items=(
+            ("SAME", "Same in All Pixels", "No noise: edges in as many steps as there are samples"),
+            ("SCRAMBLED", "Scrambled", "Sobol points, in another order in each pixel: fine noise, no steps"),
+        ),
+        default="SAME",
+        update=_changed,
+    )
+    use_adaptive: BoolProperty(
+        name="Adaptive Sampling",
+        description="Take fewer samples where those of a pixel hardly differ, and all of them where they do",
+        default=False,
+        update=_changed,
+    )
+    adaptive_threshold: FloatProperty(
+        name="Noise Threshold",
+        description="The error of a pixel at which it gets no more samples: lower is finer and slower",
+        default=0.01,
+        min=1e-4,
+        soft_min=1e-3,
+        max=1.0,
+        precision=4,
+        step=0.1,
+        update=_changed,
+    )
+    adaptive_least: IntProperty(
+        name="Min Samples",
+        description="Samples that every pixel gets. What all of them miss is not found",
+        default=8,
+        min=2,
+        soft_max=64,
+        max=1024,
+        update=_changed,
+    )
+    motion_steps: IntProperty(
+        name="Motion Steps",
+        description="How often the scene is read while the shutter is open: moving objects are shown at "
+        "so many places, and if anything moves the scene is in memory so often",
+        default=8,
+        min=2,
+        soft_max=32,
+        max=256,
+        update=_changed,
+    )
+
+
+def sampling_of(scene) -> dict[str, object]:
+    """What of ``FrameSettings`` an evaluated scene says of samples."""
+    options = scene.scfpf_sampling
+    adaptive = Adaptive(options.adaptive_threshold, options.adaptive_least) if options.use_adaptive else None
+    return {
+        "pixel_filter": PixelFilter(options.pixel_filter, max(scene.render.filter_size, SMALLEST_WIDTH)),
+        "scrambled": options.pattern == "SCRAMBLED",
+        "adaptive": adaptive,
+    }
+
+
+def register():
+    bpy.utils.register_class(SCFPF_Sampling)
+    bpy.types.Scene.scfpf_sampling = PointerProperty(name="SCFPF Sampling", type=SCFPF_Sampling)
+
+
+def unregister():
+    del bpy.types.Scene.scfpf_sampling
+    bpy.utils.unregister_class(SCFPF_Sampling)
