@@ -61,6 +61,9 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     mesh = nodes.out("GeometryNodeFlipFaces", "Mirrored Faces", is_mirrored)
     faces = nodes.out("GeometryNodeAttributeDomainSize", "Faces", {0: mesh}, "Face Count", component="MESH")
     mesh = nodes.switch(faces > 0.5, None, mesh, "GEOMETRY", "Nothing without Faces")
+    # Where all projectors lie in one surface there is no inverse.
+    flat = nodes.sample(view["Cloud"], nodes.attribute("branches", "FLOAT_VECTOR"), 0, "FLOAT_VECTOR", "Branches")
+    mesh = nodes.switch(flat.parts()[2] > 0.5, mesh, None, "GEOMETRY", "Nothing if Flat")
     normal = nodes.out("GeometryNodeInputNormal", "Normal", {})
     mesh = nodes.store(mesh, NORMAL, normal, "FLOAT_VECTOR", "CORNER")
     nodes.open_frame("Where its vertices are in the viewbox")
@@ -71,7 +74,7 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     placed = store_places(nodes, mesh, view | point)
     nodes.open_frame("Large faces are divided, what has no place goes")
     single = nodes.call(refine_group(), "Refine", view | options | {"Mesh": placed})
-    refined = with_branches(nodes, view, options | point | {"Mesh": mesh}, single)
+    refined = with_branches(nodes, view, options | {"Mesh": mesh}, single)
     nodes.open_frame("Into the viewbox, with the shading of the scene")
     place = nodes.point(nodes.attribute(BOX, "FLOAT_VECTOR"), matrix, "In Own Space")
     mesh = nodes.out(

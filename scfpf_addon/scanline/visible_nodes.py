@@ -6,7 +6,6 @@ from __future__ import annotations
 from .field_nodes import FieldBuilder, Value, node_group
 from .place_nodes import VIEW_INPUTS, on_screen
 from .table_branches import piece_at
-from .uv_pieces import NO_PIECE
 
 # Faces that lie farther out of the picture than this share of it are left out.
 FRAME_MARGIN = 0.01
@@ -66,13 +65,13 @@ def beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
 
 def past_border(nodes: FieldBuilder, given, place: Value) -> Value:
     """Above 0 beyond the rim of a polar picture's disc, or off the piece that is shown."""
-    inputs = {key: given[key] for key in ("Table", "Size", "Numbers", "Aspect", "Piece")} | {"Place": place}
+    inputs = {key: given[key] for key in ("Table", "Size", "Numbers", "Aspect", "In Pieces", "Piece")} | {"Place": place}
     return nodes.call(beyond_group(), "Beyond", inputs)["Beyond"]
 
 
 def beyond_group():
     """Whether a place is beyond the rim of a polar picture, or off the piece that is shown."""
-    inputs = {key: VIEW_INPUTS[key] for key in ("Table", "Size", "Numbers", "Aspect", "Piece")}
+    inputs = {key: VIEW_INPUTS[key] for key in ("Table", "Size", "Numbers", "Aspect", "In Pieces", "Piece")}
     inputs |= {"Place": ("Vector", None, "In the viewbox")}
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
@@ -86,8 +85,7 @@ def beyond_group():
         own = piece_at(nodes, given["Table"], given["Size"], nodes.xyz(across, up, 0.0, "Place"))
         off = (own - given["Piece"]).absolute() > 0.25
         off_piece = nodes.switch(off, rim, 1.0, "FLOAT", "Off Its Piece?")
-        in_pieces = given["Piece"] > NO_PIECE + 0.5
-        return {"Beyond": nodes.switch(in_pieces, rim, off_piece, "FLOAT", "In Pieces?")}
+        return {"Beyond": nodes.switch(given["In Pieces"], rim, off_piece, "FLOAT", "In Pieces?")}
 
     text = "Above 0 beyond the rim of a polar picture, or off the piece that is shown"
     return node_group("SCFPF Beyond", text, inputs, {"Beyond": "Float"}, build)
