@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node groups that draw a mesh through a volume that is not one-to-one: a copy for each branch of its inverse.
+"""Node groups that draw a mesh through a volume that is not one-to-one: a copy for each branch.
 
 The nearest t then is in front, as everything is. All copies are one mesh, whose vertices know their branch: a
 node costs the same time for few vertices as for none, and there are a thousand nodes.
@@ -20,6 +20,7 @@ from .table_sheets import (
     BRANCH_SCALE,
     BRANCH_SIGN,
     BRANCH_TO,
+    BRANCHES,
 )
 
 OPTIONS = {
@@ -31,7 +32,7 @@ OPTIONS = {
 }
 # Towards a fold a face grows in the picture by its root only: it is divided more often.
 MORE_ROUNDS = 6
-# Samples of branches stand apart by this many sizes of the volume, where the nearest one of a branch is looked for.
+# Where the nearest sample of a branch is looked for, those of others are this many sizes of the volume away.
 APART = 2.0
 OWN_FACE, OWN_VERTEX = "scfpf_own_face", "scfpf_own_vertex"
 # What vertices know of their branch: input of the view → where it is kept, and of which kind.
@@ -49,7 +50,7 @@ OF_BRANCH = {
 def with_branches(nodes: FieldBuilder, view, given, single: dict[str, Value]) -> dict[str, Value]:
     """What is drawn of a mesh: by one branch, ``single``, where there is but one, else by each of them."""
     nodes.open_frame("A volume that is not one-to-one: the mesh once for each branch of its inverse")
-    branches = nodes.attribute("branches", "FLOAT_VECTOR")
+    branches = nodes.attribute(BRANCHES, "FLOAT_VECTOR")
     count, cut, _ = nodes.sample(view["Cloud"], branches, 0, "FLOAT_VECTOR", "Branches").parts()
     every = nodes.call(every_branch_group(), "Every Branch", view | given | {"Count": count, "Cut": cut})
     several = count + cut > 1.5
@@ -142,9 +143,9 @@ def _near_faces(nodes: FieldBuilder, view, given, mesh: Value) -> Value:
 
 
 def _unreachable(nodes: FieldBuilder, given, mesh: Value) -> Value:
-    """Faces that are partly in the picture: a corner has no place in any branch, since the volume ends in a fold.
+    """How many faces are in the picture with a corner and have another one without a place in any branch.
 
-    What is out of the picture, or of its borders, is not counted.
+    The volume ends in a fold between them. What is out of the picture, or crosses its border, is not counted.
     """
     nodes.open_frame("Faces with a corner in the picture and one that no branch reaches")
     x, y, z = nodes.attribute(BOX, "FLOAT_VECTOR").parts()

@@ -203,7 +203,7 @@ def is_known(z: Value) -> Value:
 
 
 def nearest_in_branch(nodes: FieldBuilder, given, point: Value) -> Value:
-    """The index of the sample of a vertex' branch that is nearest to a point; of all samples without branches."""
+    """The index of the sample that is nearest to a point: of its vertex' branch, if there are any."""
     apart = given["Spacing"] * (nodes.attribute(BRANCH_NUMBER) + 0.5).floor()
     return nearest_sample(nodes, given["Search"], point + apart)
 
@@ -218,9 +218,7 @@ def sure_place_group():
         nodes.open_frame("Of a branch, where it is; beyond a fold, how far that is from its crease")
         by_branch = _on_branch(nodes, given, nearest, start, BRANCH_STEPS)
         least = _least(given["Scale"])
-        found = nodes.both(
-            by_branch["Last Step"] < ACCEPTED, by_branch["Missing"] < least * MISSED
-        )
+        found = nodes.both(by_branch["Last Step"] < ACCEPTED, by_branch["Missing"] < least * MISSED)
         there = on_screen(nodes, given, by_branch["Position"])
         across, up, _ = on_screen(nodes, given, by_branch["Nearest"]).parts()
         away = (by_branch["Missing"] / given["Extent"].length()).least(0.9)

@@ -362,7 +362,7 @@ def _square(away: Value) -> Value:
 
 
 def _at_crease(nodes: FieldBuilder, centre: Value) -> tuple[Value, Value]:
-    """Of a face: whether all of it has a place or is beyond a near crease, and whether some of it has a place."""
+    """Whether all of a face has a place or is beyond a near crease; whether some of it has a place."""
     z, edge = (nodes.attribute(name, "FLOAT_VECTOR").parts()[2] for name in (BOX, EDGE_BOX))
     known = nodes.evaluate_on(is_known(z), "POINT", "BOOLEAN", "All Corners")
     some = [centre.parts()[2] < 0.0]

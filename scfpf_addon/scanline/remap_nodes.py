@@ -14,8 +14,9 @@ from .field_nodes import FieldBuilder, Value, node_group, remove_attributes
 from .place_nodes import BOX, store_places, view_inputs
 from .refine_nodes import refine_group
 from .table_object import table_object
+from .table_sheets import BRANCHES
 
-__all__ = ["COUNTS", "preview_group", "remap_counts", "remap_group", "table_object"]
+__all__ = ["COUNTS", "is_flat", "preview_group", "remap_counts", "remap_group", "table_object"]
 
 NORMAL = "scfpf_normal"
 # The attribute of the finished mesh that says what was left out: faces without a place, folded samples.
@@ -62,8 +63,9 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     faces = nodes.out("GeometryNodeAttributeDomainSize", "Faces", {0: mesh}, "Face Count", component="MESH")
     mesh = nodes.switch(faces > 0.5, None, mesh, "GEOMETRY", "Nothing without Faces")
     # Where all projectors lie in one surface there is no inverse.
-    flat = nodes.sample(view["Cloud"], nodes.attribute("branches", "FLOAT_VECTOR"), 0, "FLOAT_VECTOR", "Branches")
-    mesh = nodes.switch(flat.parts()[2] > 0.5, mesh, None, "GEOMETRY", "Nothing if Flat")
+    branches = nodes.attribute(BRANCHES, "FLOAT_VECTOR")
+    flat = nodes.sample(view["Cloud"], branches, 0, "FLOAT_VECTOR", "Branches").parts()[2]
+    mesh = nodes.switch(flat > 0.5, mesh, None, "GEOMETRY", "Nothing if Flat")
     normal = nodes.out("GeometryNodeInputNormal", "Normal", {})
     mesh = nodes.store(mesh, NORMAL, normal, "FLOAT_VECTOR", "CORNER")
     nodes.open_frame("Where its vertices are in the viewbox")
@@ -117,12 +119,19 @@ def preview_group(camera):
 def remap_counts(evaluated_object) -> dict[str, int]:
     """What an evaluated object's remap left out.
 
-    Keys: ``unreachable`` (faces removed because a corner has no place in the volume; not counted where the
-    volume has several branches), ``folded`` (samples of the volume, of 2,304, or of 4,608 if it is in
-    pieces, where it is turned inside out). Zero where there is no remap.
+    Keys: ``unreachable`` (faces without a place though their surroundings have one; of a volume with folds
+    the faces with a corner in the picture and another one that no ray reaches, since the volume ends
+    in a fold before it; not counted where it is in pieces), ``folded`` (samples of the volume, of 2,304, or of
+    4,608 if it is in pieces, where it is turned inside out). Zero where there is no remap.
     """
     attribute = evaluated_object.data.attributes.get(COUNTS)
     if attribute is None or not len(attribute.data):
         return {"unreachable": 0, "folded": 0}
     unreachable, folded, _ = attribute.data[0].vector
     return {"unreachable": round(unreachable), "folded": round(folded)}
+
+
+def is_flat(evaluated_table) -> bool:
+    """Whether all projectors of an evaluated table lie in one surface: nothing can be inverted then."""
+    attribute = evaluated_table.data.attributes.get(BRANCHES)
+    return attribute is not None and bool(len(attribute.data)) and attribute.data[0].vector[2] > 0.5

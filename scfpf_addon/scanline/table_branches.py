@@ -173,7 +173,7 @@ def _build_branches(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     cloud = numbered(nodes, cloud, key, BRANCH)
     last = nodes.statistic(cloud, nodes.attribute(BRANCH), "Max", "Last Branch")
     count = nodes.switch(flat, last + 1.0, 0.0, "FLOAT", "Any?")
-    described = describe_branches(nodes, whole, cloud, cut, count, turn)
+    described = describe_branches(nodes, whole["Size"], cloud, cut, count, turn)
     cloud = nodes.switch(count + cut > 1.5, cloud, described, "GEOMETRY", "Several?")
     return {"Cloud": cloud, "Turn": sign, "Count": count, "Flat": flat + 0.0}
 

@@ -25,7 +25,7 @@ from .solve_nodes import (
 from .spans import power_spans
 from .surface_point import surface_point_group
 from .table_branches import BLOCK, block_number, cells_of_piece, store_branches, with_pieces
-from .table_sheets import CLOUD, PIECE
+from .table_sheets import BRANCHES, CLOUD, PIECE
 from .uv_pieces import NO_PIECE
 
 # Points of the cloud if the volume is in pieces, each of which needs some.
@@ -86,7 +86,7 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
             ("ratio, turn, polar", nodes.xyz(ratio, branches["Turn"], given["Polar"], "Numbers")),
             ("low", low),
             ("extent", extent),
-            ("branches", nodes.xyz(branches["Count"], cut + 0.0, branches["Flat"], "Branches")),
+            (BRANCHES, nodes.xyz(branches["Count"], cut + 0.0, branches["Flat"], "Branches")),
         ):
             cloud = nodes.store(cloud, name, value, "FLOAT_VECTOR")
         nodes.close_frame()

@@ -10,6 +10,8 @@ from .uv_pieces import NO_PIECE
 # Points of the cloud across, up and along the volume.
 CLOUD = (12, 12, 16)
 
+# What the whole table says of branches: how many, whether the volume is in pieces, and whether it is flat.
+BRANCHES = "branches"
 SHEET = "sheet"
 BRANCH, FOLDED, LENGTHS = "branch", "folded", "lengths"
 # Of points of the table and the cloud: which piece of a volume in pieces they are of; and its cells.
@@ -58,17 +60,16 @@ def sheets_group():
                 most = most.most(nodes.switch(other, theirs, sheet, "FLOAT", "Another Sheet?"))
             return {"Cloud": nodes.store(state["Cloud"], SHEET, most, "FLOAT")}
 
-        return nodes.repeat(given["Steps"], {"Cloud": ("GEOMETRY", cloud)}, "The greatest number spreads", body)
+        state = {"Cloud": ("GEOMETRY", cloud)}
+        return nodes.repeat(given["Steps"], state, "The greatest number spreads", body)
 
     text = "Numbers the sheets of a volume: what hangs together and is turned the same way"
     return node_group("SCFPF Sheets", text, inputs, {"Cloud": "Geometry"}, build)
 
 
-def describe_branches(nodes: FieldBuilder, whole, cloud: Value, cut: Value, count: Value, turn: Value) -> Value:
+def describe_branches(nodes: FieldBuilder, size: Value, cloud: Value, cut, count, turn) -> Value:
     """The cloud, whose first points say what is true of the branches of their numbers."""
-    inputs = {key: whole[key] for key in ("Size",)} | {
-        "Cloud": cloud, "Cut": cut, "Count": count, "Turn": turn,
-    }  # fmt: skip
+    inputs = {"Size": size, "Cloud": cloud, "Cut": cut, "Count": count, "Turn": turn}
     return nodes.call(describe_group(), "Describe Branches", inputs)["Cloud"]
 
 

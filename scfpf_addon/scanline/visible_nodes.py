@@ -65,7 +65,8 @@ def beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
 
 def past_border(nodes: FieldBuilder, given, place: Value) -> Value:
     """Above 0 beyond the rim of a polar picture's disc, or off the piece that is shown."""
-    inputs = {key: given[key] for key in ("Table", "Size", "Numbers", "Aspect", "In Pieces", "Piece")} | {"Place": place}
+    labels = ("Table", "Size", "Numbers", "Aspect", "In Pieces", "Piece")
+    inputs = {key: given[key] for key in labels} | {"Place": place}
     return nodes.call(beyond_group(), "Beyond", inputs)["Beyond"]
 
 
