@@ -121,8 +121,8 @@ def remap_counts(evaluated_object) -> dict[str, int]:
 
     Keys: ``unreachable`` (faces without a place though their surroundings have one; of a volume with folds
     the faces with a corner in the picture and another one that no ray reaches, since the volume ends
-    in a fold before it; not counted where it is in pieces), ``folded`` (samples of the volume, of 2,304, or of
-    4,608 if it is in pieces, where it is turned inside out). Zero where there is no remap.
+    in a fold before it; not counted where it is in pieces), ``folded`` (samples of the volume, of 2,304,
+    or of 4,608 if it is in pieces, where it is turned inside out). Zero where there is no remap.
     """
     attribute = evaluated_object.data.attributes.get(COUNTS)
     if attribute is None or not len(attribute.data):
