@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.hard_scenes import AIMS, aimed_curves, cube, sphere
-from benchmarks.scenes import bent_projection, boxes, sheet
+from benchmarks.scenes import Mesh, bent_projection, boxes, joined, sheet
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.curves import Bundle
 from scfpf_addon.casting.exact import cast_exact
@@ -166,6 +166,24 @@ def long_volume(ratio: float, degree: int) -> dict[str, float]:
         "lost": float((~found).sum()),
         "error of t": float(np.abs(hits.t - 0.5 * (1.0 - walls[0]))[found].max(initial=0.0)),
     }
+
+
+def small_detail(size: float, degree: int) -> tuple[Mesh, Projection]:
+    """A sphere ``size`` times as large as the scene that it is in, and a volume as small as itself round it.
+
+    512 triangles, whose edges are a fifth of ``size`` and less; boxes all round set the thickness of prisms.
+    """
+    place = np.array([0.7, 0.3, -0.4])
+    vertices, triangles = boxes(1200)
+    vertices = vertices - np.median(vertices, axis=0)
+    ball, faces = sphere(8)
+    mesh = joined([(vertices / np.abs(vertices).max(), triangles), (ball * size + place, faces)])
+    surfaces = []
+    for step in np.linspace(0.0, 1.0, degree + 1):
+        matrix = np.eye(4)
+        matrix[:3, 3] = place + size * np.array([0.5 * math.sin(3.0 * step), 0.1, 2.2 - 4.4 * step])
+        surfaces.append(Plane(2.4 * size, 1.6 * size, matrix=matrix))
+    return mesh, Projection(ViewingVolume(tuple(surfaces)))
 
 
 def random_surface(generator: np.random.Generator) -> ControlSurface:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What others take for the straight picture: Cycles at one sample, Open3D and Mitsuba 3 for raw rays.
 
-    python3 benchmarks/peers.py [--triangles N]
+    python3 benchmarks/peers.py [--triangles N] [--markdown FILE]
 
 Called by `dev.py bench --trade` too. Every time is CPU seconds of the whole process in one thread, the
 least of several runs, divided by raw Embree's for the same rays. A peer that is not installed is named.
@@ -21,6 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.document import replace_section
 from benchmarks.run import Image, raw_rays
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.scene import CastScene
@@ -132,11 +133,17 @@ def main(arguments: list[str] | None = None) -> None:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--triangles", type=int, default=100_000)
-    options = parser.parse_args(arguments)
+    parser.add_argument("--markdown", metavar="FILE", help="replace the table in FILE")
+    options, _ = parser.parse_known_args(arguments)
+    lines = ["| scene and peer | times raw Embree |", "|---|---|"]
+    print("\n".join(lines))
     for name, make in SCENES.items():
         for peer, figure in measure(make(options.triangles), Image(1280, 720)).items():
-            shown = figure if isinstance(figure, str) else f"{figure:.1f}×"
-            print(f"| {name}: {peer} | {shown} |", flush=True)
+            shown = f"**not measured: {figure}**" if isinstance(figure, str) else f"{figure:.1f}×"
+            lines.append(f"| {name}: {peer} | {shown} |")
+            print(lines[-1], flush=True)
+    if options.markdown:
+        replace_section(options.markdown, "peers", lines)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What accuracy costs: pixels that differ from the exact picture, and how far, against time.
 
-    python3 dev.py bench --trade [--quick] [--json FILE] [--png FILE]
+    python3 dev.py bench --trade [--quick] [--json FILE] [--png FILE] [--markdown docs/accuracy.md]
 
-Each pixel error, and pixel error 0, casts the same tiles in one thread; times are CPU seconds, the least
-of several runs that take turns, divided by what raw Embree takes for the same scene's straight picture.
-A pixel *differs* when its t is not the exact one; it is *beyond a pixel* when its t is also outside what
-the exact picture shows in the eight pixels around it.
+--markdown replaces the table in a document, and what peers take with it. Each pixel error, and
+pixel error 0, casts the same tiles in one thread; times are CPU seconds, the least of several runs
+that take turns, divided by what raw Embree takes for the same scene's straight picture. A pixel
+*differs* when its t is not the exact one; it is *beyond a pixel* when its t is also outside what the
+exact picture shows in the eight pixels around it.
 """
 
 from __future__ import annotations
@@ -23,18 +24,23 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.document import replace_section
 from benchmarks.run import Image, raw_rays
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.cast import CastCounts
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.preset import read_preset
 from scfpf_addon.projection.typing import Array
-from scfpf_addon.projection.volume import Projection
+from scfpf_addon.projection.volume import Projection, ViewingVolume
 
 ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.0)
 BENDS = {"straight": (1, 0), "degree 2, 10°": (2, 10), "degree 2, 60°": (2, 60), "degree 3, 180°": (3, 180)}
-BENDS |= {"degree 5, 180°": (5, 180)}
-PRESETS = ("nonlinear_twist", "around_the_car")
+BENDS |= {"degree 4, 300°": (4, 300), "degree 5, 180°": (5, 180)}
+BASES = {"polyline": "POLYLINE", "B-spline": "B_SPLINE"}
+PRESETS = ("nonlinear_twist", "around_the_car", "curved_convergence", "deep_curvy_volume", "house_of_stairs")
+
+# Where the plot has no pixel that differs, and exact casting.
+NONE, EXACT = 2e-6, 5e-7
 
 # Hits are the same when their t differ by less.
 SAME = 1e-9
@@ -43,6 +49,8 @@ SAME = 1e-9
 def volumes() -> dict[str, Projection]:
     """Everything to cast through, by name."""
     result = {name: bent_projection(degree, math.radians(angle)) for name, (degree, angle) in BENDS.items()}
+    bent = bent_projection(5, math.radians(120)).volume.surfaces
+    result |= {name: Projection(ViewingVolume(bent, basis), aspect=16 / 9) for name, basis in BASES.items()}
     folder = Path(__file__).resolve().parents[1] / "presets"
     for name in PRESETS:
         preset = read_preset(folder / f"{name}.json")
@@ -87,7 +95,8 @@ def trade(mesh: Mesh, projection: Projection, image: Image, runs: int) -> list[d
     inside = projection.transformed(scene.matrix)
     seconds = dict.fromkeys(ERRORS, math.inf)
     raw, pictures, counted = math.inf, {}, {}
-    cast_all(scene, inside, image, 0.0)  # builds the prisms
+    for error in (1.0, 0.0):  # builds what only these need
+        cast_all(scene, inside, image, error)
     for _ in range(runs):
         start = process_time()
         for rays in straight:
@@ -114,6 +123,45 @@ def trade(mesh: Mesh, projection: Projection, image: Image, runs: int) -> list[d
     ]
 
 
+def table(results: dict[str, list[dict[str, Any]]]) -> list[str]:
+    """The trade in Markdown, a row for each scene and volume."""
+    names = [f"{error:g} px" if error else "exact" for error in ERRORS]
+    lines = ["| scene and volume | " + " | ".join(names) + " | beyond a pixel |"]
+    lines.append("|---" * (len(ERRORS) + 2) + "|")
+    for title, rows in results.items():
+        cells = [
+            f"{row['times raw']:.1f}×" + (f", {row['differ']:.0e}" if row["pixel error"] else "")
+            for row in rows
+        ]
+        lines.append(f"| {title} | " + " | ".join(cells) + f" | {rows[0]['beyond a pixel']:.0e} |")
+    return lines
+
+
+def frontier(rows: list[dict[str, Any]]) -> list[bool]:
+    """Which of the rows no other beats in both time and accuracy."""
+    return [
+        not any(other["times raw"] < row["times raw"] and other["differ"] <= row["differ"] for other in rows)
+        for row in rows
+    ]
+
+
+def draw_volume(panel: Any, rows: list[dict[str, Any]], style: str, volume: str) -> None:
+    """One volume's line in a panel; hollow is what another pixel error beats in both."""
+    height = [EXACT if row["pixel error"] == 0.0 else max(row["differ"], NONE) for row in rows]
+    time = [row["times raw"] for row in rows]
+    line = panel.plot(time[:-1], height[:-1], style, linewidth=1.2, label=volume)[0]
+    for x, y, best, row in zip(time, height, frontier(rows), rows, strict=True):
+        color = line.get_color()
+        exact = row["pixel error"] == 0.0
+        marker, size = ("*", 70) if exact else ("o", 16)
+        face = color if best or exact else "white"
+        panel.scatter(x, y, size, marker=marker, facecolors=[face], edgecolors=[color], zorder=3)
+    for row, x, y in zip(rows, time, height, strict=True):
+        if row["pixel error"] in (1.0, 0.1, 0.01) and volume == "degree 3, 180°":
+            text = f"{row['pixel error']:g} px"
+            panel.annotate(text, (x, y), (5, 3), textcoords="offset points", fontsize=7)
+
+
 def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
     """The trade as a picture: one panel a scene, one line a volume."""
     import matplotlib
@@ -121,29 +169,30 @@ def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
     matplotlib.use("Agg")
     from matplotlib import pyplot, ticker
 
-    figure, panels = pyplot.subplots(1, len(SCENES), figsize=(15, 5), sharey=True, layout="constrained")
+    figure, panels = pyplot.subplots(1, len(SCENES), figsize=(17, 7), sharey=True, sharex=True)
     for panel, scene in zip(panels, SCENES, strict=True):
+        panel.set_prop_cycle(color=pyplot.get_cmap("tab20").colors[::2] + pyplot.get_cmap("Dark2").colors)
         for title, rows in results.items():
             where, volume = title.split(": ")
-            if where != scene:
-                continue
-            shown = [row for row in rows if row["pixel error"] > 0]
-            floor = 1e-6
-            line = panel.plot(
-                [row["times raw"] for row in shown],
-                [max(row["differ"], floor) for row in shown],
-                marker="o",
-                markersize=3,
-                label=volume,
-            )[0]
-            panel.plot(rows[-1]["times raw"], floor / 2, marker="*", color=line.get_color())
-        panel.set(xscale="log", yscale="log", title=scene, xlabel="time, multiples of raw straight Embree")
-        panel.xaxis.set_minor_formatter(ticker.NullFormatter())
-        panel.set_xticks([1, 2, 5, 10, 20, 50], labels=["1", "2", "5", "10", "20", "50"])
-        panel.grid(True, which="both", alpha=0.3)
-    panels[0].set_ylabel("share of pixels that differ from exact (star: exact)")
-    panels[-1].legend(fontsize=8)
-    figure.savefig(path, dpi=110)
+            if where == scene:
+                draw_volume(panel, rows, "-" if volume in BENDS or volume in BASES else "--", volume)
+        panel.set(xscale="log", yscale="log", ylim=(EXACT / 2, 1e-1), title=scene)
+        panel.set_xlabel("time, multiples of raw Embree's for the straight picture")
+        panel.axhspan(EXACT / 2, NONE * 2, color="0.95", zorder=0)
+        panel.xaxis.set_minor_locator(ticker.NullLocator())
+        panel.set_xticks([1, 2, 5, 10, 20, 50, 100], labels=["1", "2", "5", "10", "20", "50", "100"])
+        panel.set_yticks(
+            [EXACT, NONE, 1e-5, 1e-4, 1e-3, 1e-2],
+            labels=["exact", "none", "1 in 100,000", "1 in 10,000", "1 in 1,000", "1 in 100"],
+        )
+        panel.yaxis.set_minor_locator(ticker.NullLocator())
+        panel.grid(True, alpha=0.3)
+    panels[0].set_ylabel("pixels that differ from the exact picture")
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.tight_layout(rect=(0, 0.1, 1, 0.96))
+    figure.suptitle("Each line: pixel errors from 1 (top) to 0.01; hollow: slower and no better; star: exact")
+    figure.legend(handles, labels, loc="lower center", ncols=5, fontsize=9, frameon=False)
+    figure.savefig(path, dpi=100)
     pyplot.close(figure)
 
 
@@ -152,23 +201,22 @@ def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", metavar="FILE", help="write all figures to FILE too")
     parser.add_argument("--png", metavar="FILE", help="draw error against time into FILE (matplotlib)")
+    parser.add_argument("--markdown", metavar="FILE", help="replace the table in FILE")
     parser.add_argument("--quick", action="store_true", help="a small picture, one run")
     options = parser.parse_args(arguments)
-    image, runs = (Image(320, 180), 1) if options.quick else (Image(640, 360), 2)
-    size = 10_000 if options.quick else 100_000
+    image, runs = (Image(96, 54), 1) if options.quick else (Image(480, 270), 2)
+    size = 2_000 if options.quick else 100_000
     results: dict[str, list[dict[str, Any]]] = {}
-    print("| scene and volume | " + " | ".join(f"{e:g} px" if e else "exact" for e in ERRORS) + " |")
-    print("|---" * (len(ERRORS) + 1) + "|")
     for name, make in SCENES.items():
         for title, projection in volumes().items():
             mesh = make(size)
-            mesh = mesh if title in BENDS else put_into(mesh, projection)
-            rows = results[f"{name}: {title}"] = trade(mesh, projection, image, runs)
-            cells = [
-                f"{row['times raw']:.1f}×" + (f", {row['differ']:.0e}" if row["pixel error"] else "")
-                for row in rows
-            ]
-            print(f"| {name}: {title} | " + " | ".join(cells) + " |", flush=True)
+            mesh = mesh if title in BENDS or title in BASES else put_into(mesh, projection)
+            results[f"{name}: {title}"] = trade(mesh, projection, image, runs)
+            # What has been measured so far is seen at once; the heading comes with the first row.
+            lines = table(results)
+            print("\n".join(lines if len(results) == 1 else lines[-1:]), flush=True)
+    if options.markdown:
+        replace_section(options.markdown, "trade", table(results))
     if options.json:
         Path(options.json).write_text(json.dumps(results, indent=1) + "\n")
     if options.png:

@@ -448,6 +448,25 @@ PLATES = (
         paper=False,
     ),
     Plate(
+        "image-mappings",
+        "Mappings of the picture",
+        "The angular fisheye through a lens' polynomial (the paper's figure 8, lower right) and through "
+        "radial curves: equisolid, and all round as a mirror ball shows it; perspective with "
+        "more samples in its middle.",
+        (
+            *(
+                Panel(stem, "street", FISHEYE, title, (9, 9), direction=(115.0, 25.0), drawn=SPHERES)
+                for stem, title in (
+                    ("polynomial_fisheye", "Lens-like"),
+                    ("equisolid_fisheye", "Equisolid"),
+                    ("mirror_ball", "Mirror ball"),
+                )
+            ),
+            Panel("sample_rate_lens", "street", SHOTS["perspective"], "Sample-rate lens", (9, 7), reach=9.0),
+        ),
+        paper=False,
+    ),
+    Plate(
         "linear-cameras",
         "General linear cameras",
         "After Yu and McMillan, where three projectors determine all others: pushbroom (a slit that flies "

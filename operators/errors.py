@@ -3,19 +3,23 @@
 
 from ..scfpf_addon.bridge.edit_volume import EditVolumeError
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
+from ..scfpf_addon.bridge.mapping_edits import MappingError
 from ..scfpf_addon.bridge.render_job import RENDER_ERRORS
 from ..scfpf_addon.bridge.result_image import ResultError
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError
 from ..scfpf_addon.cycles.rig_data import RigError
+from ..scfpf_addon.projection.blending import BlendError
 from ..scfpf_addon.projection.editing import EditingError
 from ..scfpf_addon.projection.preset import PresetError
 from ..scfpf_addon.scanline.preview_data import PreviewError
 from ..scfpf_addon.scanline.preview_viewports import ViewportError
 
 BAD_INPUT = (
+    BlendError,
     EditVolumeError,
     EditingError,
     FlexibleCameraError,
+    MappingError,
     PresetError,
     PreviewError,
     ResultError,

@@ -69,7 +69,9 @@ def use_preset(context, camera, preset, fit: bool) -> None:
     apply_preset(camera, preset, aspect, scale)
 
 
-class _PresetOperator:
+class PresetOperator:
+    """Gives the camera the volume of the preset that ``read`` answers with."""
+
     bl_options = {"REGISTER", "UNDO"}
 
     fit: BoolProperty(
@@ -95,7 +97,7 @@ class _PresetOperator:
         return {"FINISHED"}
 
 
-class SCFPF_OT_preset_apply(_PresetOperator, bpy.types.Operator):
+class SCFPF_OT_preset_apply(PresetOperator, bpy.types.Operator):
     """Replace the camera's control surfaces by those of a preset"""
 
     bl_idname = "scfpf.preset_apply"
@@ -112,7 +114,7 @@ class SCFPF_OT_preset_apply(_PresetOperator, bpy.types.Operator):
         return shipped_preset(self.preset)
 
 
-class SCFPF_OT_preset_load(_PresetOperator, bpy.types.Operator):
+class SCFPF_OT_preset_load(PresetOperator, bpy.types.Operator):
     """Replace the camera's control surfaces by those of a preset file (JSON)"""
 
     bl_idname = "scfpf.preset_load"

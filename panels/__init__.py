@@ -1,10 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the user sees: panels, lists and menus. They draw and decide nothing."""
 
-from . import camera_panels, cycles, engine_panels, menus, preview, surface_list
+from . import (
+    camera_panels,
+    cycles,
+    engine_panels,
+    mapping_stack,
+    menus,
+    own_preset_menus,
+    preview,
+    surface_list,
+    thumbnails,
+)
 
 # Registered in this order, unregistered in the reverse.
-MODULES = (surface_list, menus, camera_panels, preview, cycles, engine_panels)
+MODULES = (
+    thumbnails,
+    surface_list,
+    mapping_stack,
+    own_preset_menus,
+    menus,
+    camera_panels,
+    preview,
+    cycles,
+    engine_panels,
+)
 
 
 def register():

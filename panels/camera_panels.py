@@ -6,11 +6,13 @@ import bpy
 from ..operators.pick import pick_readout
 from ..operators.target import camera_of, flexible_camera_of
 from ..scfpf_addon.bridge import render_job
+from ..scfpf_addon.bridge.camera_blend import is_blend
 from ..scfpf_addon.bridge.picture_fit import needs_fit
 from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.bridge.surface_nodes import PARAMETRIC_KINDS, SurfaceError, parameter_properties
 from ..scfpf_addon.bridge.volume_upkeep import sharers
+from .mapping_stack import draw_stack
 from .surface_list import is_missing
 
 
@@ -115,6 +117,8 @@ class _MainSection:
             draw_render(layout, context, camera)
             draw_fit(layout, context.scene, camera)
             draw_shared(layout, camera)
+            if is_blend(camera):
+                layout.prop(camera.scfpf, "blend_factor", slider=True)
             layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
             return
         column = layout.column(align=True)
@@ -197,6 +201,15 @@ class _ProjectorsSection(_Subsection):
         row.prop(settings, "fitted_aspect", text="Aspect")
 
 
+class _MappingsSection(_Subsection):
+    bl_label = "Image Mappings"
+    bl_order = 1
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, _context, camera, _settings):
+        draw_stack(self.layout, camera)
+
+
 class _QualitySection(_Subsection):
     bl_label = "Quality"
     bl_order = 3
@@ -262,6 +275,10 @@ class SCFPF_PT_data_projectors(_ProjectorsSection, _DataTab, bpy.types.Panel):
     bl_parent_id = "SCFPF_PT_data"
 
 
+class SCFPF_PT_data_mappings(_MappingsSection, _DataTab, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_data"
+
+
 class SCFPF_PT_data_quality(_QualitySection, _DataTab, bpy.types.Panel):
     bl_parent_id = "SCFPF_PT_data"
 
@@ -282,6 +299,10 @@ class SCFPF_PT_view_projectors(_ProjectorsSection, _Sidebar, bpy.types.Panel):
     bl_parent_id = "SCFPF_PT_view"
 
 
+class SCFPF_PT_view_mappings(_MappingsSection, _Sidebar, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_view"
+
+
 class SCFPF_PT_view_quality(_QualitySection, _Sidebar, bpy.types.Panel):
     bl_parent_id = "SCFPF_PT_view"
 
@@ -295,11 +316,13 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_PT_data,
         SCFPF_PT_data_surfaces,
         SCFPF_PT_data_projectors,
+        SCFPF_PT_data_mappings,
         SCFPF_PT_data_quality,
         SCFPF_PT_data_display,
         SCFPF_PT_view,
         SCFPF_PT_view_surfaces,
         SCFPF_PT_view_projectors,
+        SCFPF_PT_view_mappings,
         SCFPF_PT_view_quality,
         SCFPF_PT_view_display,
     )

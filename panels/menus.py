@@ -6,6 +6,7 @@ import bpy
 from ..operators.presets import preset_groups
 from ..operators.surfaces import SURFACE_KINDS
 from .surface_list import KIND_ICONS
+from .thumbnails import draw_entries
 
 # Blender's menus that duplicate objects.
 OBJECT_MENUS = ("VIEW3D_MT_object", "VIEW3D_MT_object_context_menu")
@@ -26,8 +27,7 @@ def _group_menu(identifier: str, group: str, items, operator: str) -> type[bpy.t
 
     def draw(self, _context):
         self.layout.operator_context = "EXEC_REGION_WIN"
-        for preset, name, _description in items:
-            self.layout.operator(operator, text=name).preset = preset
+        draw_entries(self.layout, operator, items)
 
     contents = {"__doc__": f"Ready-made projections: {group}", "bl_label": group, "draw": draw}
     return type(identifier, (bpy.types.Menu,), contents)
@@ -41,6 +41,7 @@ def _group_menus(prefix: str, operator: str) -> tuple[type[bpy.types.Menu], ...]
 
 
 APPLY_MENUS = _group_menus("SCFPF_MT_presets_group", "scfpf.preset_apply")
+BLEND_MENUS = _group_menus("SCFPF_MT_blend_group", "scfpf.camera_blend_preset")
 ADD_MENUS = _group_menus("SCFPF_MT_camera_add_group", "scfpf.camera_add")
 
 
@@ -54,6 +55,7 @@ class SCFPF_MT_presets(bpy.types.Menu):
             # Beside entries with icons a long name would be cut off without one.
             self.layout.menu(menu.__name__, icon="BLANK1")
         self.layout.separator()
+        self.layout.menu("SCFPF_MT_presets_own", icon="USER")
         self.layout.operator(
             "scfpf.camera_from_camera", text="This Camera's Own Frustum", icon="OUTLINER_OB_CAMERA"
         )
@@ -67,6 +69,16 @@ class SCFPF_MT_camera_add_preset(bpy.types.Menu):
 
     def draw(self, _context):
         for menu in ADD_MENUS:
+            self.layout.menu(menu.__name__)
+
+
+class SCFPF_MT_blend_presets(bpy.types.Menu):
+    """Ready-made projections that this camera can be blended with"""
+
+    bl_label = "Blend with Preset"
+
+    def draw(self, _context):
+        for menu in BLEND_MENUS:
             self.layout.menu(menu.__name__)
 
 
@@ -97,6 +109,8 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.volume_to_lattice", icon="MOD_LATTICE")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
         self.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
+        self.layout.operator("scfpf.camera_blend", icon="IPO_EASE_IN_OUT")
+        self.layout.menu("SCFPF_MT_blend_presets", icon="IPO_EASE_IN_OUT")
 
 
 def _camera_entries(menu, _context):
@@ -124,6 +138,8 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
         *APPLY_MENUS,
         SCFPF_MT_presets,
         *ADD_MENUS,
+        *BLEND_MENUS,
+        SCFPF_MT_blend_presets,
         SCFPF_MT_camera_add_preset,
         SCFPF_MT_surface_specials,
     )

@@ -7,7 +7,9 @@ from . import (
     command_line,
     drawing,
     image_marks,
+    mapping_properties,
     properties,
+    read_mappings,
     render_engine,
     render_passes,
     result_undo,
@@ -16,7 +18,9 @@ from . import (
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
+    mapping_properties,
     properties,
+    read_mappings,
     volume_upkeep,
     drawing,
     image_marks,

@@ -11,6 +11,7 @@ from mathutils import Matrix
 
 from ..projection.volume import Projection
 from . import edit_volume, lattice_object, nurbs_object, surface_nodes
+from .mapping_edits import clear_mappings, grids_of, write_mappings
 from .ordinary_camera import FrustumError, frustum
 from .rig_mark import is_rig_part
 from .slot_animation import clear_slots, move_slot, remove_slot
@@ -214,6 +215,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
         slot.weight = surface.weight
     settings.basis = fitted.basis
     settings.reparameterisation = fitted.reparameterisation
+    write_mappings(camera, fitted.mappings)
     settings.u_range = fitted.u_range
     settings.v_range = fitted.v_range
     settings.fit, settings.fitted_aspect = fitted.fit, aspect
@@ -319,6 +321,7 @@ def volume_from_camera(camera, scene) -> None:
     replace_surfaces(camera, described)
     settings = camera.scfpf
     settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
+    clear_mappings(camera)
     settings.u_range = settings.v_range = (0.0, 1.0)
     width, height = far.width, far.height
     # As the ordinary camera: the side that its sensor is fitted to stays.
@@ -337,5 +340,6 @@ def control_objects() -> set[str]:
         if camera.type == "CAMERA":
             settings = camera.scfpf
             members = [slot.object for slot in settings.surfaces] + [settings.volume_object]
+            members += grids_of(settings)
             names.update(member.name_full for member in members if member is not None)
     return names

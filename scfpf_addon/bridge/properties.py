@@ -21,6 +21,8 @@ from bpy.props import (
 
 from ..projection.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
 from . import edit_volume, flexible_camera, surface_nodes
+from .camera_blend import LARGEST_BLEND, SMALLEST_BLEND
+from .mapping_properties import SCFPF_ImageMapping
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
@@ -199,6 +201,21 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         update=_changed,
         override=OVERRIDABLE,
     )
+    mappings: CollectionProperty(
+        name="Image Mappings",
+        description="Mappings of the picture, the first one nearest to it",
+        type=SCFPF_ImageMapping,
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+    )
+    active_mapping: IntProperty(
+        name="Active Image Mapping",
+        description="The mapping that is selected in the list",
+        default=0,
+        min=0,
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
     u_range: FloatVectorProperty(
         name="U Range",
         description="The parameter u at the picture's left and right border (ends of the turn if polar)",
@@ -216,6 +233,21 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=(0.0, 1.0),
         min=0.0,
         max=1.0,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    blend_factor: FloatProperty(
+        name="Blend",
+        description="Of a camera made by Blend Cameras: 0 is the first one's picture, 1 the second's; "
+        "less and more go on beyond them",
+        default=0.0,
+        min=SMALLEST_BLEND,
+        max=LARGEST_BLEND,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
+        options={"ANIMATABLE"},
         update=_changed,
         override=OVERRIDABLE,
     )

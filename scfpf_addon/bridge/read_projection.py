@@ -8,13 +8,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..projection.image_stack import seen_through
 from ..projection.lattice_volume import Lattice
 from ..projection.preset import surface_from_parameters
 from ..projection.reparameterisation import reparameterisation
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.volume import Projection, ViewingVolume
 from . import lattice_object, nurbs_object
+from .mapping_edits import MappingError
 from .mesh_grid import SurfaceError, grid_points
+from .read_mappings import read_mappings
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
 from .uv_mesh import read_reshaped, read_uv_mesh
 from .volume_object import is_deleted, keeps_evaluated
@@ -58,9 +61,13 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
                 f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
             )
         surfaces.append(read_surface(slot.object, camera.original, depsgraph))
+    try:
+        mappings = read_mappings(camera, depsgraph)
+    except MappingError as error:
+        raise ProjectionError(str(error)) from error
     return Projection(
         _volume(camera.name, surfaces, settings),
-        reparameterisation(settings.reparameterisation),
+        seen_through(mappings, reparameterisation(settings.reparameterisation)),
         tuple(settings.u_range),
         tuple(settings.v_range),
         aspect,

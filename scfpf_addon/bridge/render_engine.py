@@ -11,9 +11,8 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..casting.geometry import Geometry
 from ..casting.scene import CastScene
-from ..shading.frame import Border, render_frame
+from ..shading.frame import Border, render_frame, within_reach
 from ..shading.passes import DataPasses
 from ..shading.typing import Single
 from .kept_scene import KeptScene
@@ -101,7 +100,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             return
         delivery.begin(inputs)
         self.update_stats("", "Building the acceleration structure, which cannot be cancelled")
-        cast_scene = self._build(inputs.scene.geometry, delivery.layer)
+        inputs, cast_scene = self._build(inputs, delivery.layer)
         if not bpy.app.background:
             coarse = coarse_picture(inputs, cast_scene, self.test_break)
             if coarse is not None:
@@ -119,13 +118,21 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             delivery.flush()
             self.update_stats("", frame.report.summary())
 
-    def _build(self, geometry: Geometry, layer: str) -> CastScene | None:
-        """What projectors are cast at; with persistent data that of the last picture, if nothing moved."""
+    def _build(self, inputs: RenderInputs, layer: str) -> tuple[RenderInputs, CastScene | None]:
+        """What projectors are cast at, and the inputs with no more of the scene than that.
+
+        With persistent data all of the scene, kept for the next picture: a camera that moves would
+        ask for another part of it.
+        """
+        if not self.render.use_persistent_data:
+            self.kept_scenes = {}
+            scene, cast_scene = within_reach(inputs.scene, inputs.projection)
+            return replace(inputs, scene=scene), cast_scene
         # Blender keeps the engine with persistent data, and makes one for each picture without.
         kept = getattr(self, "kept_scenes", {})
-        made = KeptScene.of(geometry, kept.get(layer))
-        self.kept_scenes = {**kept, layer: made} if self.render.use_persistent_data else {}
-        return made.cast_scene
+        made = KeptScene.of(inputs.scene.geometry, kept.get(layer))
+        self.kept_scenes = {**kept, layer: made}
+        return inputs, made.cast_scene
 
     def _fail(self, message: str) -> None:
         self.report({"ERROR"}, message)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Changes to the order of a camera's surfaces that take the slots' animation along.
+"""Changes to the order of a camera's surfaces, and of its image mappings, that take their animation along.
 
 F-curves and drivers name a slot by its place in the list; Blender leaves them at
 the place when the slot moves.
@@ -10,46 +10,49 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-SLOT_PATH = re.compile(r"^scfpf\.surfaces\[(\d+)\]")
+SLOT_PATH = re.compile(r"^scfpf\.(\w+)\[(\d+)\]")
+SURFACES = "surfaces"
 
 
-def move_slot(settings, index: int, place: int) -> None:
-    """Move a surface of ``Object.scfpf`` from one place of the list to another."""
-    order = list(range(len(settings.surfaces)))
+def move_slot(settings, index: int, place: int, name: str = SURFACES) -> None:
+    """Move an item of a list of ``Object.scfpf`` from one place to another. name: of the list."""
+    slots = getattr(settings, name)
+    order = list(range(len(slots)))
     order.insert(place, order.pop(index))
-    settings.surfaces.move(index, place)
-    _renumber(settings.id_data, {old: new for new, old in enumerate(order)})
+    slots.move(index, place)
+    _renumber(settings.id_data, name, {old: new for new, old in enumerate(order)})
 
 
-def remove_slot(settings, index: int) -> None:
-    """Take a surface off the list, with its slot's animation."""
-    order = list(range(len(settings.surfaces)))
+def remove_slot(settings, index: int, name: str = SURFACES) -> None:
+    """Take an item off its list, with its animation."""
+    slots = getattr(settings, name)
+    order = list(range(len(slots)))
     order.pop(index)
-    settings.surfaces.remove(index)
-    _renumber(settings.id_data, {old: new for new, old in enumerate(order)})
+    slots.remove(index)
+    _renumber(settings.id_data, name, {old: new for new, old in enumerate(order)})
 
 
-def clear_slots(settings) -> None:
-    """Empty the list, with the animation of all its slots."""
-    settings.surfaces.clear()
-    _renumber(settings.id_data, {})
+def clear_slots(settings, name: str = SURFACES) -> None:
+    """Empty a list, with the animation of all its items."""
+    getattr(settings, name).clear()
+    _renumber(settings.id_data, name, {})
 
 
-def _renumber(camera, places: Mapping[int, int]) -> None:
-    """Give the slots' F-curves and drivers their slots' new places; those without one are removed."""
-    for curves in _curve_collections(camera):
+def _renumber(camera, name: str, places: Mapping[int, int]) -> None:
+    """Give the F-curves and drivers of a list their items' new places; those without one are removed."""
+    for curves in curve_collections(camera):
         for curve in list(curves):
             found = SLOT_PATH.match(curve.data_path)
-            if found is None:
+            if found is None or found[1] != name:
                 continue
-            old = int(found[1])
+            old = int(found[2])
             if old not in places:
                 curves.remove(curve)
             elif places[old] != old:
-                curve.data_path = f"scfpf.surfaces[{places[old]}]" + curve.data_path[found.end() :]
+                curve.data_path = f"scfpf.{name}[{places[old]}]" + curve.data_path[found.end() :]
 
 
-def _curve_collections(camera) -> Iterator:
+def curve_collections(camera) -> Iterator:
     """The collections of F-curves, drivers among them, that animate a camera."""
     data = camera.animation_data
     if data is None:

@@ -24,6 +24,7 @@ from .flexible_camera import (
     remove_surface,
     sync_volume_object,
 )
+from .mapping_edits import own_mapping_data
 from .read_projection import read_projection
 from .slot_animation import move_slot
 from .surface_nodes import (
@@ -301,6 +302,7 @@ def make_single_user(camera) -> int:
         if own.data.users > 1:
             own.data = own.data.copy()
             copied += 1
+    copied += own_mapping_data(camera)
     sync_volume_object(camera)
     return copied
 

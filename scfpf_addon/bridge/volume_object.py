@@ -26,7 +26,7 @@ def volume_facts(camera) -> tuple:
     if not settings.enabled:
         return (camera.session_uid,)
     volume = settings.volume_object
-    listed = tuple(_uid(slot.object) for slot in settings.surfaces)
+    listed = tuple(_uid(member) for member in _members(settings))
     facts = (camera.session_uid, camera.users, camera.is_editable, listed)
     if volume is None:
         return facts
@@ -38,6 +38,12 @@ def volume_facts(camera) -> tuple:
         modifier is not None and modifier.show_viewport and modifier.show_render,
         tuple(_uid(surface) for surface in taken),
     )
+
+
+def _members(settings) -> list:
+    """What a camera's volume object takes: its surfaces, and the grids of its image mappings."""
+    surfaces = [slot.object for slot in settings.surfaces]
+    return surfaces + [m.grid for m in settings.mappings if m.kind == "GRID" and m.grid is not None]
 
 
 def _uid(obj) -> int:
@@ -96,7 +102,7 @@ def sync_volume_object(camera):
     if volume.parent != camera:
         volume.parent = camera
     _link_beside(volume, camera)
-    surfaces = [slot.object for slot in settings.surfaces]
+    surfaces = _members(settings)
     group = _volume_group(len(surfaces))
     modifier = _node_modifier(volume)
     if modifier is None:

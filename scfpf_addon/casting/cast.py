@@ -59,8 +59,7 @@ def cast(
     held to it on sampled projectors of the tile, with a margin; things thinner than it
     may be missed, and t of what is hit is that of the curve itself, but for edges that chords
     of a sixteenth of the error meet and the curve does not. 0: the first hit in
-    float64, certified (``exact.cast_exact``); rational projectors have no certain chords
-    and are cast with SMALLEST_ERROR then. counts: added to when given. columns: says that x, y
+    float64, certified (``exact.cast_exact``). counts: added to when given. columns: says that x, y
     are whole rows of that many neighbouring pixels, from the bottom up; empty space is then
     skipped for square blocks of them.
     weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
@@ -76,7 +75,7 @@ def cast(
     if columns is not None and len(x) % columns:
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
     spans = projection.volume.spans
-    if pixel_error == 0.0 and spans.point_weights is None:
+    if pixel_error == 0.0:
         points, mask, _ = _projectors(projection, x, y)
         counts.projectors += int(np.count_nonzero(mask))
         bundle = Bundle(spans, points)

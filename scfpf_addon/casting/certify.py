@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..projection.basis import SpanBasis
 from ..projection.bezier import bernstein, restrict
 from ..projection.typing import Array
+from .certify_rational import rational_chords
 
 # Ends are shifted by this times q'' h², half of the distance of a chord from its curve.
 SHIFT = 1.0 / 16.0
@@ -71,8 +72,11 @@ def certain_chords(
     projector may be in it. None where none can. Also returns the distance that is
     certain: epsilon or less, more only where MOST_CHORDS do not suffice.
     """
-    low, high = points.min(axis=2), points.max(axis=2)
-    reach = [span_reach(matrix, low, high, lower, upper) for matrix in spans.matrices]
+    low, high, weights = points.min(axis=2), points.max(axis=2), spans.point_weights
+    reach = [
+        span_reach(matrix, low, high, lower, upper, None if weights is None else weights[span])
+        for span, matrix in enumerate(spans.matrices)
+    ]
     used = [span for span, part in enumerate(reach) if part is not None]
     if not used:
         return None, 0.0
@@ -81,10 +85,11 @@ def certain_chords(
         first, last = reach[span] or (0.0, 1.0)
         # The chords are one line: between spans it goes through the break itself.
         start, end = first if span == used[0] else 0.0, last if span == used[-1] else 1.0
-        matrix = spans.matrices[span]
-        local, ends, certain = _span_chords(
-            matrix, points, (start, end), epsilon, (span > used[0], span < used[-1])
-        )
+        if weights is not None:
+            local, ends, certain = rational_chords(spans, span, points, (start, end), epsilon)
+        else:
+            joined = span > used[0], span < used[-1]
+            local, ends, certain = _span_chords(spans.matrices[span], points, (start, end), epsilon, joined)
         bound = max(bound, certain)
         begin, length = spans.breaks[span], spans.breaks[span + 1] - spans.breaks[span]
         breaks = begin + local * length
@@ -95,11 +100,12 @@ def certain_chords(
 
 
 def span_reach(
-    matrix: Array, low: Array, high: Array, lower: Array, upper: Array
+    matrix: Array, low: Array, high: Array, lower: Array, upper: Array, weights: Array | None = None
 ) -> tuple[float, float] | None:
     """The part of a span, in its own parameter, in which curves can be in a box.
 
-    matrix: (d+1, K); low, high: (K, 3) bounds of the control points; lower, upper: (3,).
+    matrix: (d+1, K); low, high: (K, 3) bounds of the control points; lower, upper: (3,); weights: (d+1,)
+    of a rational span.
     None where they cannot. Certain: pieces lie within the hull of their control points.
     """
     degree = len(matrix) - 1
@@ -108,8 +114,12 @@ def span_reach(
     for _ in range(REACH_LEVELS):
         edges = np.linspace(first, last, PIECES + 1)
         identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
-        weights = np.einsum("jip,ik->pjk", restrict(identity, edges[:-1], edges[1:]), matrix)
-        positive, negative = np.maximum(weights, 0.0), np.minimum(weights, 0.0)
+        pieces = restrict(identity, edges[:-1], edges[1:])
+        if weights is not None:
+            pieces = pieces * weights[:, None]
+            pieces /= pieces.sum(axis=1, keepdims=True)
+        shares = np.einsum("jip,ik->pjk", pieces, matrix)
+        positive, negative = np.maximum(shares, 0.0), np.minimum(shares, 0.0)
         least = (positive @ low + negative @ high).min(axis=1)
         most = (positive @ high + negative @ low).max(axis=1)
         touching = ((least <= upper + slack) & (most >= lower - slack)).all(axis=1)

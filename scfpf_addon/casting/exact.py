@@ -27,6 +27,9 @@ from .scene import CastScene, PrismScene
 # of a coordinate of 1, so that it does not meet the face again.
 RESTART = 2e-6
 
+# Prisms that a step back finds are told apart when they begin this share of a step apart.
+SLIGHT = np.float32(0.1)
+
 # Shorter ways than this have no direction.
 SHORTEST = 1e-300
 
@@ -51,6 +54,9 @@ GROWTH = 1.05
 
 # What lies beyond the prisms' box, in cast units, is passed at once.
 BORDER = 1e-3
+
+# Where projectors begin in a prism their way out of it is looked at in so many straight pieces.
+FIRST_LOOKS = 16
 
 # Things before a hit that are looked at one after the other.
 LAYERS = 4
@@ -152,7 +158,8 @@ def cast_exact(
         fresh = np.flatnonzero((found != rays.last).all(axis=0))
         tested = rays.take(fresh)
         _meet(walk, tested.projector, chords.span[tested.chord], found[fresh])
-        _look(walk, tested, found[fresh])
+        _overtaken(walk, rays, found, step)
+        _look(walk, tested, found[fresh], _crossing(walk, tested, found[fresh]))
         rays.last[1], rays.last[0] = rays.last[0], found
         rays, found = _advance(walk, _behind(walk, rays, step))
     return hits
@@ -167,6 +174,8 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
     near = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points)
     hull = walk.prisms.hull
     alive = alive[hull.contains(near.take(alive, 1), hull.holding)]
+    if len(alive) == 0:
+        return
     length = 2.0 * np.sqrt(3.0) * (walk.prisms.thickness + RESTART)
     for axis in np.eye(3):
         projector = alive
@@ -179,6 +188,13 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
             projector, start = projector[met], start[:, met]
             _meet(walk, projector, np.zeros(len(met), np.intp), found[met])
             gone = gone[met] + far[met] * length + RESTART
+    # Among many small triangles a way out of one prism passes others over.
+    first = walk.bundle.points.take(alive, 2)
+    way = np.einsum("k,kcn->cn", walk.chords.ends[1] - walk.chords.ends[0], first)
+    share = np.minimum(length / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST), 1.0) / FIRST_LOOKS
+    none, zero = np.full((2, len(alive)), -1, np.int32), np.zeros(len(alive), np.intp)
+    for step in range(FIRST_LOOKS):
+        _look(walk, Rays(alive, zero, step * share, none), none[0], share * walk.chords.breaks[1])
 
 
 def _starts(walk: Walk, columns: int | None, alive: NDArray[np.intp]) -> list[tuple[int, IndexArray]]:
@@ -316,17 +332,43 @@ def _behind(walk: Walk, rays: Rays, step: float) -> Rays:
     return rays.take(np.flatnonzero(_time(walk, rays) < walk.hits.t[rays.projector]))
 
 
-def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
+def _overtaken(walk: Walk, rays: Rays, triangle: NDArray[np.int32], step: float) -> None:
+    """Meet the triangles whose prisms begin in the ``step`` behind a face, which the walk passes over.
+
+    Short rays back from where walks go on find the last of them first.
+    triangle: (M,) whose prisms' faces were met.
+    """
+    chords = walk.chords
+    controls = walk.bundle.points.take(rays.projector, 2)
+    start = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord, 1), controls)
+    way = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + 1, 1), controls) - start
+    start += way * rays.share
+    way *= step / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST)
+    start += way
+    limits = np.full(len(triangle), 1.5, np.float32)
+    projector, span = rays.projector, chords.span[rays.chord]
+    for _ in range(LAYERS):
+        found, far = walk.trace(start, -way, limits)
+        other = np.flatnonzero((found >= 0) & (found != triangle))
+        if len(other) == 0:
+            break
+        _meet(walk, projector[other], span[other], found[other])
+        far = far[other] + SLIGHT
+        projector, span, triangle, way = projector[other], span[other], triangle[other], way[:, other]
+        start, limits = start[:, other] - way * far, limits[other] - far
+
+
+def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32], length: Array) -> None:
     """Look at the triangles themselves, from where prisms were met to the hit or their other side.
 
     Prisms that are entered less than RESTART behind another are passed over by the
     walk: those of neighbours in one plane, of sheets that nearly coincide. What they
     hold lies before the prism's other side or the next test: so near that the straight
     look does not leave the curve.
-    triangle: (M,) whose prisms were met, and which have been met with already.
+    triangle: (M,) whose prisms were met, and which have been met with already. length: (M,) in t.
     """
     projector, met_t = rays.projector, _time(walk, rays)
-    end_t = np.minimum(met_t + _crossing(walk, rays, triangle), walk.chords.breaks[-1])
+    end_t = np.minimum(met_t + length, walk.chords.breaks[-1])
     # From where the last look ended: a prism passed over may be so slanted that it is left only
     # behind the next hit.
     before = np.maximum(walk.looked[projector], met_t - np.diff(walk.chords.breaks).take(rays.chord))
@@ -336,33 +378,28 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
     start = curves.place(start_t)
     span = walk.chords.span[rays.chord]
     for _ in range(LAYERS):
-        end = curves.place(np.minimum(walk.hits.t.take(projector), end_t))
-        way = end - start
+        way = curves.place(np.minimum(walk.hits.t.take(projector), end_t)) - start
         slack = way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST))
+        origins, ways = (start - slack).astype(np.float32), (way + 2.0 * slack).astype(np.float32)
         walk.counts.rays += len(projector)
-        found = walk.scene.trace(
-            (start - slack).astype(np.float32),
-            (way + 2.0 * slack).astype(np.float32),
-            np.ones(len(projector), np.float32),
-        )
+        found = walk.scene.trace(origins, ways, np.ones(len(projector), np.float32))
         other = np.flatnonzero((found >= 0) & (found != walk.hits.triangle.take(projector)))
         if len(other) == 0:
             break
         before = walk.hits.t[projector[other]]
-        # What was met with already is on the other side of an edge for float32.
-        beyond = np.flatnonzero(found[other] == triangle[other])
-        for across in walk.scene.neighbours[:, found[other[beyond]]]:
-            _meet(
-                walk,
-                projector[other[beyond]][across >= 0],
-                span[other[beyond]][across >= 0],
-                across[across >= 0],
-            )
         fresh = other[found[other] != triangle[other]]
         _meet(walk, projector[fresh], span[fresh], found[fresh])
-        nearer = other[walk.hits.t[projector[other]] < before]
-        projector, triangle, end_t, span = projector[nearer], found[nearer], end_t[nearer], span[nearer]
-        start, curves = start[:, nearer], curves.take(nearer)
+        lost = other[walk.hits.t[projector[other]] >= before]
+        if len(lost):
+            # On the other side of an edge for float32; if not there either, it is passed.
+            for across in walk.scene.neighbours[:, found[lost]]:
+                there = lost[across >= 0]
+                _meet(walk, projector[there], span[there], across[across >= 0])
+            limits = np.ones(len(lost), np.float32)
+            far = walk.scene.trace_distance(origins[:, lost], ways[:, lost], limits)
+            start[:, lost] += (way[:, lost] + 2.0 * slack[:, lost]) * far
+        projector, triangle, end_t, span = projector[other], found[other], end_t[other], span[other]
+        start, curves = start[:, other], curves.take(other)
 
 
 def _crossing(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> Array:

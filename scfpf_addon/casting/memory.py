@@ -7,6 +7,27 @@ import ctypes
 import os
 import sys
 from pathlib import Path
+from typing import Any
+
+
+class MemoryStatus(ctypes.Structure):
+    """MEMORYSTATUSEX of the Windows API; types of fixed size, so that it is the same everywhere."""
+
+    _fields_ = (
+        ("length", ctypes.c_uint32),
+        ("load", ctypes.c_uint32),
+        *((name, ctypes.c_uint64) for name in ("total", "available", "a", "b", "c", "d", "e")),
+    )
+
+
+class MemoryCounters(ctypes.Structure):
+    """PROCESS_MEMORY_COUNTERS of the 64-bit Windows API."""
+
+    _fields_ = (
+        ("length", ctypes.c_uint32),
+        ("faults", ctypes.c_uint32),
+        *((name, ctypes.c_uint64) for name in ("peak", "now", "a", "b", "c", "d", "e", "f")),
+    )
 
 
 def available_memory() -> int | None:
@@ -15,7 +36,7 @@ def available_memory() -> int | None:
     Windows: GlobalMemoryStatusEx. Linux: MemAvailable. Elsewhere all that is built in.
     """
     if sys.platform == "win32":
-        return _windows()
+        return windows_available(_kernel())
     table = Path("/proc/meminfo")
     if table.exists():
         for line in table.read_text().splitlines():
@@ -27,43 +48,29 @@ def available_memory() -> int | None:
 
 
 def peak_memory() -> int:
-    """The most bytes that this process has held at a time, all of it since it began."""
+    """The most bytes that this process has held at a time, all of it since it began; 0: not known."""
     if sys.platform == "win32":
-        return _windows_peak()
+        return windows_peak(_kernel())
     import resource  # not on Windows
 
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return most if sys.platform == "darwin" else most * 1024
 
 
-def _windows_peak() -> int:
-    class Counters(ctypes.Structure):
-        """PROCESS_MEMORY_COUNTERS of the Windows API."""
+def windows_available(kernel: Any) -> int | None:
+    """``available_memory`` by kernel32.dll."""
+    status = MemoryStatus(length=ctypes.sizeof(MemoryStatus))
+    return int(status.available) if kernel.GlobalMemoryStatusEx(ctypes.byref(status)) else None
 
-        _fields_ = (
-            ("length", ctypes.c_ulong),
-            ("faults", ctypes.c_ulong),
-            *((name, ctypes.c_size_t) for name in ("peak", "now", "a", "b", "c", "d", "e", "f")),
-        )
 
-    counters = Counters(length=ctypes.sizeof(Counters))
-    kernel = getattr(ctypes, "windll").kernel32  # noqa: B009 - typed on Windows only
+def windows_peak(kernel: Any) -> int:
+    """``peak_memory`` by kernel32.dll."""
+    counters = MemoryCounters(length=ctypes.sizeof(MemoryCounters))
     kernel.GetCurrentProcess.restype = ctypes.c_void_p
     process = ctypes.c_void_p(kernel.GetCurrentProcess())
     known = kernel.K32GetProcessMemoryInfo(process, ctypes.byref(counters), counters.length)
     return int(counters.peak) if known else 0
 
 
-def _windows() -> int | None:
-    class Status(ctypes.Structure):
-        """MEMORYSTATUSEX of the Windows API."""
-
-        _fields_ = (
-            ("length", ctypes.c_ulong),
-            ("load", ctypes.c_ulong),
-            *((name, ctypes.c_ulonglong) for name in ("total", "available", "a", "b", "c", "d", "e")),
-        )
-
-    status = Status(length=ctypes.sizeof(Status))
-    kernel = getattr(ctypes, "windll").kernel32  # noqa: B009 - typed on Windows only
-    return int(status.available) if kernel.GlobalMemoryStatusEx(ctypes.byref(status)) else None
+def _kernel() -> Any:
+    return getattr(ctypes, "windll").kernel32  # noqa: B009 - typed on Windows only

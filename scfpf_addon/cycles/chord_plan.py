@@ -15,7 +15,7 @@ import numpy as np
 
 from ..casting.schedule import END_CHORD, SHIFT, Curves, tolerance
 from ..projection.basis import SpanBasis
-from ..projection.reparameterisation import Polar
+from ..projection.image_stack import is_disc
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection, image_derivatives
 from .sheets import picture_places
@@ -64,7 +64,8 @@ class ChordPlan:
     breaks: (n+1,) increasing from 0 to 1 in t. shifts: (n+1,): chords end at Q(t) - shift Q''(t).
     cells: of each sheet, across and up. error: the largest distance between curve and chord
     plus that between vertices, on the sampled projectors, in pixels. missing: the share of
-    the sampled projectors that do not exist (holes of a surface).
+    the sampled projectors that do not exist (holes of a surface, or of an image mapping). disc: whether the
+    picture is one.
     """
 
     breaks: Array
@@ -72,6 +73,7 @@ class ChordPlan:
     cells: tuple[int, int]
     error: float
     missing: float
+    disc: bool = False
 
     @property
     def count(self) -> int:
@@ -112,7 +114,7 @@ def plan_chords(
     missing = 1.0 - float(np.mean([np.mean(present) for _, present in sampled]))
     breaks, shifts, error = _breaks(spans, curves, CHORD_SHARE * pixel_error)
     cells, between = _cells(alike, size, breaks, (1.0 - CHORD_SHARE) * pixel_error, lines)
-    return ChordPlan(breaks, shifts, cells, error + between, missing)
+    return ChordPlan(breaks, shifts, cells, error + between, missing, _shape(first)[0])
 
 
 def chord_error(projection: Projection, size: tuple[int, int], breaks: Array, shifts: Array) -> float:
@@ -139,12 +141,15 @@ def _sample(projection: Projection, size: tuple[int, int]) -> tuple[Curves, Bool
     curves = Curves(controls.points, dx / size[0], dy / size[1])
     finite = np.logical_and.reduce([np.isfinite(c).all(axis=(0, 1)) for c in curves])
     present = controls.valid & finite
+    if not _shape(projection)[0]:
+        # On the rim of a disc rounding decides.
+        present &= image.mask
     return Curves(*(c[:, :, present] for c in curves)), present
 
 
 def _shape(projection: Projection) -> tuple[bool, float]:
     """Whether the picture is a disc, and its aspect."""
-    return isinstance(projection.reparameterisation, Polar), projection.aspect
+    return is_disc(projection.reparameterisation, projection.aspect), projection.aspect
 
 
 def _breaks(spans: SpanBasis, curves: Curves, pixel_error: float) -> tuple[Array, Array, float]:

@@ -13,8 +13,10 @@ from bpy.app.handlers import persistent
 
 from ..bridge.read_projection import ProjectionError, read_projection
 from ..bridge.render_job import RenderError, picture_aspect, picture_size
+from ..bridge.slot_animation import curve_collections
 from ..bridge.volume_object import sync_volume_object
 from ..projection.volume import Projection
+from ..scanline.picture_table import picture_signature
 from ..scanline.table_object import grid_cells
 from . import portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
@@ -41,6 +43,8 @@ NOTICED = 7
 CROSSING = 9
 # The rig of a volume that stands still is made smaller again when this share of its chords is enough.
 ENOUGH = 0.7
+# Where F-curves and drivers of image mappings lead.
+MAPPINGS_PATH = "scfpf.mappings["
 STALE = "The animated volume has changed: update the chords"
 
 # What was seen at the last look, by session_uid of the rig: numbers and bytes only.
@@ -176,8 +180,17 @@ def cautions(scene, view_layer, rig) -> list[str]:
     if settings.crosses:
         found.append("The volume crosses itself: Blender 5.0 is needed")
     if settings.missing > 0.0:
-        found.append("Holes of a surface are filled in")
+        found.append("Holes, and what the picture leaves empty, are filled in")
+    if _mappings_move(settings.camera):
+        found.append("Image mappings stay as they are while Cycles renders an animation")
     return found
+
+
+def _mappings_move(camera) -> bool:
+    """Whether an F-curve or a driver acts on an image mapping: their places are worked out beforehand."""
+    if not any(mapping.enabled for mapping in camera.scfpf.mappings):
+        return False
+    return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
 
 
 def _has_volume(world) -> bool:
@@ -243,7 +256,8 @@ def _look(rig, depsgraph) -> tuple[Projection, tuple]:
     surfaces = tuple(
         (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
     )
-    structure = (surfaces, own.basis, own.reparameterisation)
+    picture = picture_signature(camera, settings.scene)
+    structure = (surfaces, own.basis, own.reparameterisation, picture)
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
     points = projection.projectors(x, y).points.astype(np.float32).tobytes()
     return projection, (structure, points, picture_size(settings.scene), own.pixel_error)
@@ -266,9 +280,8 @@ def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
     """Only where rays cannot tell the sheets apart does it matter."""
     crosses = False
     if not portal_nodes.can_gate():
-        polar = rig.scfpf_rig.camera.scfpf.reparameterisation == "POLAR"
         x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, CROSSING),) * 2))
-        x, y = picture_places(x, y, polar, projection.aspect)
+        x, y = picture_places(x, y, chords.disc, projection.aspect)
         points = projection.projectors(x, y).points
         weights, _ = projection.volume.spans.weights(chords.breaks)
         layers = np.einsum("kn,kcs->ncs", weights, points)

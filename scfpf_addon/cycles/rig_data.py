@@ -198,7 +198,7 @@ def adopt(rig) -> None:
 def update_nodes(rig) -> None:
     """The table and the modifier as the camera's list of surfaces and its settings now ask for."""
     settings = rig.scfpf_rig
-    settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table")
+    settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
     settings.table[RIG_KEY] = settings.camera
     group = portal_nodes.portal_group()
     modifier = settings.portals.modifiers[MODIFIER]
@@ -221,9 +221,8 @@ def update_nodes(rig) -> None:
 def write_sheets(rig, chords: ChordPlan) -> None:
     """Make the rig's mesh that of a plan, and note what the plan promises."""
     settings = rig.scfpf_rig
-    polar = settings.camera.scfpf.reparameterisation == "POLAR"
     size = picture_size(settings.scene)
-    _fill(settings.portals.data, portals(chords.breaks, chords.shifts, chords.cells, size, polar))
+    _fill(settings.portals.data, portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc))
     settings.error, settings.cost, settings.missing = chords.error, chords.cost, chords.missing
     settings.cells = chords.cells
     cycles = settings.scene.cycles

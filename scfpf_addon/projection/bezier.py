@@ -92,6 +92,20 @@ def restrict(controls: Array, start: Array, end: Array) -> Array:
     return np.stack([points[0] for points in blossoms])
 
 
+def product(terms: Array) -> Array:
+    """Bernstein coefficients of a product of polynomials of degrees p and q, (p+q+1, …).
+
+    terms: (p+1, q+1, …), the products of their coefficients, summed over what the caller likes.
+    Farouki and Rajan, Algorithms for polynomials in Bernstein form (1988).
+    """
+    p, q = terms.shape[0] - 1, terms.shape[1] - 1
+    result = np.zeros((p + q + 1, *terms.shape[2:]))
+    for i in range(p + 1):
+        for j in range(q + 1):
+            result[i + j] += comb(p, i) * comb(q, j) / comb(p + q, i + j) * terms[i, j]
+    return result
+
+
 def second_difference(controls: Array) -> Array:
     """Largest length of the second differences of the control polygon, (N,).
 

@@ -9,11 +9,10 @@ other is infinite, and only their signs matter.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import comb
 
 import numpy as np
 
-from .bezier import bernstein, derivative
+from .bezier import bernstein, derivative, product
 from .typing import Array, BoolArray
 from .volume import ControlSample, Projection, ViewingVolume, VolumeSample, determinant
 
@@ -134,7 +133,6 @@ def determinant_controls(volume: ViewingVolume, controls: ControlSample) -> Arra
 
     Of each span's own parameter in [0, 1]; Qt is by t. p = 3d-1. Of rational projectors A/w, p = 4d-1,
     it is w^4 times the determinant, which has its sign.
-    Products as in Farouki and Rajan, "Algorithms for polynomials in Bernstein form" (1988).
     """
     spans = volume.spans
     found = []
@@ -149,23 +147,13 @@ def determinant_controls(volume: ViewingVolume, controls: ControlSample) -> Arra
         if weights is not None:
             # Of A/w the derivative is (A' w - A w') / w².
             slope = derivative(weights) / length
-            rising = _product(dt[:, None] * weights[:, None, None])
-            dt = rising - _product(points[:, None] * slope[:, None, None])
+            rising = product(dt[:, None] * weights[:, None, None])
+            dt = rising - product(points[:, None] * slope[:, None, None])
         (ax, ay, az), (bx, by, bz) = du.transpose(1, 0, 2)[:, :, None], dv.transpose(1, 0, 2)[:, None]
         cross = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=2)
-        product = _product(cross)
-        found.append(_product(np.einsum("icn,jcn->ijn", product, dt)))
+        normal = product(cross)
+        found.append(product(np.einsum("icn,jcn->ijn", normal, dt)))
     return np.stack(found)
-
-
-def _product(terms: Array) -> Array:
-    """The Bernstein coefficients of a product from the products of the coefficients, (p+1, q+1, …)."""
-    p, q = terms.shape[0] - 1, terms.shape[1] - 1
-    result = np.zeros((p + q + 1, *terms.shape[2:]))
-    for i in range(p + 1):
-        for j in range(q + 1):
-            result[i + j] += comb(p, i) * comb(q, j) / comb(p + q, i + j) * terms[i, j]
-    return result
 
 
 def _evaluate(volume: ViewingVolume, controls: ControlSample, t: Array) -> VolumeSample:

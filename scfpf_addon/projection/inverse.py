@@ -113,7 +113,8 @@ def find_in_image(projection: Projection, positions: Array, time: float = 0.0) -
     x, y = projection.reparameterisation.image_positions(
         (place.u - u0) / (u1 - u0), (place.v - v0) / (v1 - v0), projection.aspect
     )
-    return ImagePlaces(x, y, place.t, place.found)
+    # A mapping of the image may leave something out of the picture.
+    return ImagePlaces(x, y, place.t, place.found & np.isfinite(x) & np.isfinite(y))
 
 
 class _Search:

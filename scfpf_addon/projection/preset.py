@@ -16,6 +16,8 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 
 from .basis import LARGEST_WEIGHT, SMALLEST_WEIGHT, BasisKind
+from .image_mappings import ImageMapping, mapping_data, read_mappings
+from .image_stack import seen_through
 from .nurbs import NurbsAxis, NurbsPatch
 from .preset_values import (
     COORDINATE,
@@ -209,7 +211,8 @@ class Preset:
 
     u_range, v_range: rising, within [0, 1]. aspect: width / height of the image
     that the numbers are made for. fit: what another aspect changes, see ``fitted``.
-    group: the heading that menus put it under, perhaps empty.
+    group: the heading that menus put it under, perhaps empty. mappings: of the image, before
+    the re-parameterisation.
     """
 
     name: str
@@ -224,6 +227,7 @@ class Preset:
     surfaces: tuple[PresetSurface, ...]
     subject: SubjectBox | None = None
     group: str = ""
+    mappings: tuple[ImageMapping, ...] = ()
 
     def fitted(self, aspect: float) -> Preset:
         """The preset for an image of another aspect (width / height, > 0).
@@ -249,7 +253,9 @@ class Preset:
         """The projection in camera space of an image of this aspect."""
         return Projection(
             self.fitted(aspect).volume(),
-            reparameterisation(self.reparameterisation),
+            seen_through(
+                tuple(m.mapping() for m in self.mappings), reparameterisation(self.reparameterisation)
+            ),
             self.u_range,
             self.v_range,
             float(aspect),
@@ -318,6 +324,9 @@ def preset_to_json(preset: Preset) -> str:
     if preset.subject is not None:
         values["subject"] = {"centre": list(preset.subject.centre), "size": list(preset.subject.size)}
     lines = [f"  {_dumps(key)}: {_dumps(value)}" for key, value in values.items()]
+    if preset.mappings:
+        mappings = ",\n".join(f"    {_dumps(mapping_data(m))}" for m in preset.mappings)
+        lines.append(f'  "mappings": [\n{mappings}\n  ]')
     surfaces = [_surface_text(_surface_data(i, s)) for i, s in enumerate(preset.surfaces, 1)]
     lines.append('  "surfaces": [\n' + ",\n".join(surfaces) + "\n  ]")
     return "{\n" + ",\n".join(lines) + "\n}\n"
@@ -391,7 +400,7 @@ def _euler_angles(rotation: Array) -> tuple[float, float, float]:
 def _preset(data: object) -> Preset:
     about = ("format", "name", "description", "source")
     settings = ("basis", "reparameterisation", "u_range", "v_range", "aspect", "fit", "surfaces")
-    values = read_object(data, "the preset", (*about, *settings), ("subject", "group"))
+    values = read_object(data, "the preset", (*about, *settings), ("subject", "group", "mappings"))
     if type(values["format"]) is not int or values["format"] != FORMAT:
         raise PresetError(f"format must be {FORMAT}, the only one that this version of SCFPF reads")
     items = values["surfaces"]
@@ -412,6 +421,7 @@ def _preset(data: object) -> Preset:
         surfaces=tuple(_surface(item, number) for number, item in enumerate(items, 1)),
         subject=_subject(values["subject"]) if "subject" in values else None,
         group=read_name(values["group"], "group") if "group" in values else "",
+        mappings=read_mappings(values.get("mappings", [])),
     )
     count = sum(s.points[..., 0].size for s in preset.surfaces if s.points is not None)
     if count > MAXIMUM_POINTS:

@@ -12,6 +12,7 @@ from bpy.app.handlers import persistent
 
 from ..bridge.mesh_grid import uv_layer
 from . import preview_viewports
+from .picture_table import picture_signature
 from .preview_data import (
     PreviewError,
     add_parts,
@@ -52,7 +53,7 @@ def switch_on(context, camera):
     source = make_preview(scene, view_layer, camera)
     view_layer.update()
     _follow_members(source, view_layer, view_layer.depsgraph)
-    _seen_cameras[source.session_uid] = _camera_signature(camera)
+    _seen_cameras[source.session_uid] = _camera_signature(camera, source.scfpf_preview.scene)
     _known.add(source.session_uid)
     if context.window is not None and not bpy.app.background:
         try:
@@ -86,13 +87,14 @@ def _remove(source) -> None:
     _known.discard(uid)
 
 
-def _camera_signature(camera) -> tuple:
+def _camera_signature(camera, scene) -> tuple:
     """What the table and the node group depend on, beyond what nodes follow by themselves."""
     settings = camera.scfpf
     surfaces = (_surface_signature(slot, settings.basis == "NURBS") for slot in settings.surfaces)
     # Nodes follow the ranges; only whether they are whole says how fine the table must be.
     whole = tuple(settings.u_range) == tuple(settings.v_range) == (0.0, 1.0)
-    return (*surfaces, settings.basis, settings.reparameterisation, whole, settings.pixel_error)
+    picture = picture_signature(camera, scene)
+    return (*surfaces, settings.basis, settings.reparameterisation, whole, settings.pixel_error, picture)
 
 
 def _surface_signature(slot, weighted: bool) -> tuple | None:
@@ -135,7 +137,7 @@ def _follow(source, structure_changed: bool, depsgraph) -> None:
         settings.view_layer = view_layer.name
     if structure_changed:
         settle_in_layers(source)
-    uid, camera = source.session_uid, _camera_signature(settings.camera)
+    uid, camera = source.session_uid, _camera_signature(settings.camera, settings.scene)
     camera_changed = _seen_cameras.get(uid) != camera
     if (
         structure_changed

@@ -87,7 +87,7 @@ def make_preview(scene, view_layer, camera):
         )
     _check_surfaces(camera)
     sync_volume_object(camera)
-    table = remap_nodes.table_object(camera)
+    table = remap_nodes.table_object(camera, scene=scene)
     source = bpy.data.collections.new(f"{camera.name} Preview Source")
     shelf = bpy.data.collections.new(f"{camera.name} Preview")
     view_camera = _new_view_camera(camera)
@@ -173,7 +173,7 @@ def update_pictures(source) -> None:
         # Library overrides lose custom properties when a file is loaded.
         camera[TABLE_KEY] = settings.table
     before = [modifier.node_group for modifier in settings.table.modifiers]
-    settings.table = remap_nodes.table_object(camera)
+    settings.table = remap_nodes.table_object(camera, scene=settings.scene)
     _keep_size(settings.table)
     group = remap_nodes.preview_group(camera)
     before += [_set_modifier(source, part, group) for part in settings.parts]

@@ -50,7 +50,7 @@ LATTICE_ACCEPTED = 0.02
 
 def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None):
     """The group "SCFPF Table" of a basis and a number of surfaces; weights: of NURBS projectors, (count,)."""
-    inputs = {}
+    inputs = {"Picture": ("Geometry", None, "u, v and what is shown of the table's corners, as positions")}
     for number in range(1, count + 1):
         inputs[f"Surface {number}"] = ("Object", None, "A control surface, from near to far")
         inputs[f"UV Map {number}"] = ("String", "UVMap", "The UV map of a surface that is a mesh")
@@ -59,6 +59,8 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
         "Columns": ("Int", 129, "Projectors across the picture"),
         "Rows": ("Int", 129, "Projectors up the picture"),
         "Polar": ("Int", 0, "1: u is an angle and v the distance from the picture's centre"),
+        "Pictured": ("Int", 0, "1: u and v are those of the picture's points, 2: which have holes or a seam"),
+        "Disc": ("Int", 1, "0: a polar picture is no disc, because of what its points say"),
         "U Start": ("Float", 0.0, "u at the picture's left border"),
         "U End": ("Float", 1.0, "u at the picture's right border"),
         "V Start": ("Float", 0.0, "v at the picture's lower border"),
@@ -67,11 +69,12 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
     powers = power_spans(basis, count, weights)
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        table, size, cut = _projectors(nodes, given, powers)
+        polar = given["Polar"] * given["Disc"]
+        table, size, cut = _projectors(nodes, given, powers, polar)
         wrap = nodes.call(_periodic_group(), "Periodic", {"Table": table, "Size": size})["Wrap"]
         whole = whole_table(table, size, wrap)
         ratio = nodes.call(_ratio_group(), "Near over Far", whole)["Ratio"]
-        cloud = _places(nodes, whole, cut, ratio, given["Polar"])
+        cloud = _places(nodes, whole, cut, ratio, polar)
         cloud = nodes.switch(cut, cloud, with_pieces(nodes, whole, cloud), "GEOMETRY", "In Pieces?")
         whole |= cells_of_piece(nodes, whole, cut)
         cloud = _cloud(nodes, whole, cloud, cut)
@@ -83,7 +86,7 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
         for name, value in (
             ("size", size),
             ("wrap", wrap),
-            ("ratio, turn, polar", nodes.xyz(ratio, branches["Turn"], given["Polar"], "Numbers")),
+            ("ratio, turn, polar", nodes.xyz(ratio, branches["Turn"], polar, "Numbers")),
             ("low", low),
             ("extent", extent),
             (BRANCHES, nodes.xyz(branches["Count"], cut + 0.0, branches["Flat"], "Branches")),
@@ -99,7 +102,7 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
     )
 
 
-def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value]:
+def _projectors(nodes: FieldBuilder, given, powers, polar: Value) -> tuple[Value, Value, Value]:
     """The points of the table, columns, rows and spans, and whether the volume is in pieces."""
     spans, _, count = powers.shape
     nodes.open_frame("A point a projector, row by row, span by span")
@@ -116,12 +119,16 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value
     a, b = x * 2.0 - 1.0, y * 2.0 - 1.0
     turn = nodes.combine("ARCTAN2", b, a) / (2 * pi)
     radius = nodes.combine("SQRT", a * a + b * b)
-    polar = given["Polar"]
     u = nodes.mix(polar, x, turn - turn.floor())
     v = nodes.mix(polar, y, radius)
     u, v = (
         nodes.mix(part, given[f"{axis} Start"], given[f"{axis} End"]) for part, axis in ((u, "U"), (v, "V"))
     )
+    nodes.open_frame("Those of the picture's points, where it has mappings")
+    here = nodes.out("GeometryNodeInputPosition", "u, v, Shown", {})
+    pictured = given["Pictured"] > 0.5
+    own = nodes.sample(given["Picture"], here, within, "FLOAT_VECTOR", "The Picture's")
+    u, v, shown = nodes.switch(pictured, nodes.xyz(u, v, 1.0, "Plain"), own, "VECTOR", "Mapped?").parts()
     nodes.open_frame("Control points of the projector")
     controls, piece, cut, none, base = [], None, None, None, 1.0
     for number in range(1, count + 1):
@@ -144,13 +151,19 @@ def _projectors(nodes: FieldBuilder, given, powers) -> tuple[Value, Value, Value
         cut = on_surface["Cut"] if cut is None else nodes.either(cut, on_surface["Cut"])
         hole = on_surface["Piece"] < NO_PIECE + 0.5
         none = hole if none is None else nodes.either(none, hole)
+    nodes.open_frame("Holes and the seam of the picture's points")
+    holed = given["Pictured"] > 1.5
+    cut = nodes.either(cut, holed)
+    none = nodes.either(none, nodes.both(holed, shown < 0.5))
+    piece = piece + nodes.both(holed, shown > 1.25) * 0.5
     nodes.open_frame("Coefficients of its powers of t")
     coefficients = [_combined(nodes, span, powers[:, power], controls) for power in range(4)]
     matrix = nodes.matrix([*coefficients[1:], coefficients[0]])
     size = nodes.xyz(columns, rows, float(spans), "Columns, Rows, Spans")
     table = nodes.store(points, PROJECTOR, matrix, "FLOAT4X4")
     nodes.open_frame("Does a polar picture of a part of a turn leap where it begins and ends?")
-    leap = nodes.both(polar > 0.5, nodes.call(_leap_group(), "Leap", {"Table": table, "Size": size})["Leap"])
+    plain = nodes.both(polar > 0.5, nodes.negate(pictured))
+    leap = nodes.both(plain, nodes.call(_leap_group(), "Leap", {"Table": table, "Size": size})["Leap"])
     piece = piece + nodes.both(leap, b < -1e-5) * 0.5
     cut = nodes.either(cut, leap)
     nodes.open_frame("In pieces? Their numbers")

@@ -8,6 +8,7 @@ import bpy
 from ..bridge import versions
 from ..bridge.mesh_grid import UV_LAYER, SurfaceError, grid_points, uv_layer
 from ..bridge.surface_nodes import PARAMETRIC_KINDS
+from .picture_table import store_picture
 from .table_nodes import table_group
 
 # The camera's custom property that names its table; a pointer, so that renaming does no harm.
@@ -20,12 +21,14 @@ MOST_CELLS = 512
 STRAIGHT = {"POINT", "PLANE", "PATCH"}
 
 
-def table_object(camera, key=TABLE_KEY, label="Table"):
+def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
     """The camera's table of projectors, made or brought up to date; a child of the camera.
 
     key: the camera's custom property that names it. label: what comes after the camera's name in its own.
-    Call it when the list of surfaces, a kind, a weight, the basis or the re-parameterisation
-    has changed; shapes, transforms and animation it follows by itself, without Python.
+    scene: whose picture it is for, the context's if not given; it matters to image mappings alone.
+    Call it when the list of surfaces, a kind, a weight, the basis, the re-parameterisation
+    or ``picture_table.picture_signature`` has changed; shapes, transforms and
+    animation it follows by itself, without Python.
     It is linked to no collection: the modifier that reads it keeps it evaluated.
     """
     table = camera.get(key)
@@ -49,7 +52,9 @@ def table_object(camera, key=TABLE_KEY, label="Table"):
         for item in group.interface.items_tree
         if item.item_type == "SOCKET" and item.in_out == "INPUT"
     }
-    values = dict(zip(("Columns", "Rows"), _cells(settings, surfaces), strict=True))
+    columns, rows = _cells(settings, surfaces)
+    values = {"Columns": columns, "Rows": rows}
+    values |= store_picture(table, camera, scene or bpy.context.scene, (columns - 1, rows - 1))
     for number, surface in enumerate(surfaces, 1):
         values[f"Surface {number}"] = surface
         values[f"UV Map {number}"] = _uv_map(surface)

@@ -152,7 +152,7 @@ def render_frame(
         counts.error_bound,
         folds.share,
         folds.mirrored,
-        settings.pixel_error == 0.0 and projection.volume.spans.point_weights is None,
+        settings.pixel_error == 0.0,
         counts.tested,
         len(scene.geometry.triangles),
         len(pipeline.cast_scene.triangles) if pipeline.cast_scene else 0,
@@ -166,6 +166,25 @@ class TileCounts(NamedTuple):
 
     cast: CastCounts
     hits: int
+
+
+def within_reach(scene: Scene, projection: Projection) -> tuple[Scene, CastScene | None]:
+    """The part of a scene that a projection can meet, built to cast at; the rest is left for shadows.
+
+    None where nothing can be met.
+    """
+    whole = scene.geometry
+    if not len(whole.triangles):
+        return scene, None
+    kept = within_volume(whole.vertices, whole.triangles, projection.volume)
+    # Mirrors and glass show what lies beyond, too.
+    if kept.all() or any(graph.reflects for graph in scene.materials.graphs.values()):
+        return scene, CastScene(whole.vertices, whole.triangles)
+    if not kept.any():
+        return scene, None
+    beyond = whole.vertices, whole.triangles[~kept]
+    part = replace(scene, geometry=whole.part(kept))
+    return part, CastScene(part.geometry.vertices, part.geometry.triangles, beyond)
 
 
 @dataclass(frozen=True)
@@ -224,16 +243,8 @@ class Pipeline:
         cls, projection: Projection, scene: Scene, settings: FrameSettings, cast_scene: CastScene | None
     ) -> Pipeline:
         """Everything that is done once a frame. What the volume cannot meet is left for shadows."""
-        if cast_scene is None and len(scene.geometry.triangles):
-            whole = scene.geometry
-            kept = within_volume(whole.vertices, whole.triangles, projection.volume)
-            # Mirrors and glass show what lies beyond, too.
-            if kept.all() or any(graph.reflects for graph in scene.materials.graphs.values()):
-                cast_scene = CastScene(whole.vertices, whole.triangles)
-            elif kept.any():
-                beyond = whole.vertices, whole.triangles[~kept]
-                scene = replace(scene, geometry=whole.part(kept))
-                cast_scene = CastScene(scene.geometry.vertices, scene.geometry.triangles, beyond)
+        if cast_scene is None:
+            scene, cast_scene = within_reach(scene, projection)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
         shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
         return cls(

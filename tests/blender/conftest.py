@@ -107,7 +107,7 @@ def light_nodes(addon, monkeypatch):
         tree.links.new(real.outputs[0], end.inputs[0])
         return tree
 
-    def table(camera):
+    def table(camera, scene=None):
         name = f"{camera.name} Table"
         found = bpy.data.objects.get(name)
         return found or bpy.data.objects.new(name, bpy.data.meshes.new(name))

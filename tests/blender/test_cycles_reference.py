@@ -375,3 +375,37 @@ def test_a_lamp_lights_a_diffuse_plane_as_in_cycles(addon, tmp_path, shape, dist
     assert theirs[..., :3].min() > 0
     # Cycles' own noise at 128 samples; a near area lamp of ours is a few points.
     assert ours == pytest.approx(theirs, rel=0.005 if distance == 10 else 0.03)
+
+
+def test_fisheyes_by_image_mappings_are_cycles_own(addon, our_passes, tmp_path):
+    """Equisolid, Cycles' lens polynomial and its mirror ball, through the curve widget and the distortion."""
+    populate(np.random.default_rng(2), 40, all_around)
+    rig = Euler((1.4, 0.3, 0.5)).to_matrix()
+    quarter = math.pi / 2
+    # Cycles takes millimetres: the disc's radius is 18 of 36.
+    lenses = {
+        "equisolid_fisheye": {
+            "panorama_type": "FISHEYE_EQUISOLID",
+            "fisheye_lens": 9 / math.sin(math.pi / 4),
+        },
+        "polynomial_fisheye": {
+            "panorama_type": "FISHEYE_LENS_POLYNOMIAL",
+            "fisheye_polynomial_k0": 0.0,
+            "fisheye_polynomial_k1": -quarter * 2 / 3 / 18,
+            "fisheye_polynomial_k2": 0.0,
+            "fisheye_polynomial_k3": -quarter / 3 / 18**3,
+            "fisheye_polynomial_k4": 0.0,
+        },
+        "mirror_ball": {"panorama_type": "MIRRORBALL"},
+    }
+    for name, values in lenses.items():
+        camera = add_camera(200, 200)
+        camera.matrix_world = rig.to_4x4()
+        preset(addon, camera, name)
+        lens = camera.data
+        lens.type, lens.sensor_width, lens.fisheye_fov = "PANO", 36.0, math.pi
+        for key, value in values.items():
+            setattr(lens, key, value)
+        lens.clip_start, lens.clip_end = 0.1, 100.0
+        bpy.context.view_layer.update()
+        report(name, compare(our_passes(), cycles_passes(tmp_path / "passes.exr"), 100.0))

@@ -26,6 +26,7 @@ PRESETS = (
     "nonlinear_twist",
     "orthographic",
     "perspective",
+    "polynomial_fisheye",
 )
 # The pixel error of the rig, and so its number of chords. Edges are given 1.5 pixels.
 PIXEL_ERROR = 0.3

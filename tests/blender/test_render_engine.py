@@ -252,7 +252,7 @@ def test_duplicate_with_hidden_surfaces_renders_before_anything_is_evaluated(eng
 
 
 def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene, tmp_path):
-    kept_scene = addon("scfpf_addon.bridge.kept_scene")
+    kept_scene, pipeline = addon("scfpf_addon.bridge.kept_scene"), addon("scfpf_addon.shading.frame")
     built = []
 
     class Counted(kept_scene.CastScene):
@@ -275,6 +275,7 @@ def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene,
         engine_scene.render.filepath = str(tmp_path / f"{len(made)}_")
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(kept_scene, "CastScene", Counted)
+            patch.setattr(pipeline, "CastScene", Counted)
             built.clear()
             assert bpy.ops.render.render(animation=True) == {"FINISHED"}
         made.append([passes(path)[COMBINED] for path in sorted(glob.glob(str(tmp_path / f"{len(made)}_*")))])

@@ -383,3 +383,39 @@ def test_undivided_checkered_quads_look_as_the_caster_draws_them(flexible_camera
     # Divided where it matters only.
     faces = preview.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.polygons
     assert len(faces) < 10_000
+
+
+def lenses(camera):
+    """A magnified part, and a distortion that leaves the corners empty."""
+    settings = camera.scfpf
+    lens, distortion = settings.mappings.add(), settings.mappings.add()
+    lens.kind, lens.centre, lens.radius = "LENS", (0.4, 0.55), 0.7
+    lens.magnification, lens.falloff = 2.0, 0.7
+    distortion.kind, distortion.radius, distortion.numerator = "DISTORTION", 1.5, (0.15, 0.02, 0.0)
+
+
+def rim_stays(camera):
+    """Of a fisheye: the centre grows, the rim stays where it is."""
+    mapping = camera.scfpf.mappings.add()
+    mapping.kind = "RADIAL_CURVE"
+    widget = mapping.curve.nodes["Curve"].mapping
+    widget.curves[0].points.new(0.5, 0.35)
+    widget.update()
+
+
+@pytest.mark.parametrize(
+    ("preset", "make", "share"),
+    [("perspective", lenses, 5e-4), ("angular_fisheye", rim_stays, 0.0)],
+)
+def test_preview_and_caster_see_the_same_through_image_mappings(addon, compared, preset, make, share):
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = WIDTH, 180
+    camera = bare_camera()
+    presets = addon("scfpf_addon.projection.preset")
+    read = presets.read_preset(next(path for path in PRESETS if path.stem == preset))
+    addon("scfpf_addon.bridge.flexible_camera").apply_preset(camera, read, WIDTH / 180)
+    make(camera)
+    bpy.context.view_layer.update()
+    wrong, count, counts = compared(camera, 180, 12)
+    assert wrong <= share * count
+    assert counts["unreachable"] == 0

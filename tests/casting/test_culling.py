@@ -10,7 +10,6 @@ from benchmarks.extremes import random_projection
 from benchmarks.scenes import bent_projection, boxes, joined
 from scfpf_addon.casting.culling import within_volume
 from scfpf_addon.casting.frame import cast_frame
-from scfpf_addon.casting.memory import available_memory, peak_memory
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.lattice_volume import Lattice
 from scfpf_addon.projection.nurbs import NurbsPatch
@@ -90,9 +89,3 @@ def test_a_volume_or_vertices_that_are_not_finite_leave_nothing_out():
     aside[:3, 3] = 1e4
     volume = ViewingVolume((Plane(matrix=aside), Plane(matrix=aside)))
     assert (within_volume(vertices, triangles, volume) == (triangles == 0).any(axis=1)).all()
-
-
-def test_memory_is_told():
-    held = np.ones(30_000_000)
-    assert peak_memory() > held.nbytes
-    assert available_memory() is None or available_memory() > 0

@@ -76,6 +76,29 @@ def test_volumes_much_longer_than_wide(ratio, degree):
     assert figures["lost"] == 0 and figures["error of t"] < 1e-14
 
 
+def differing_share(reference, mesh, projection, width, height):
+    """The share of pixels whose t is not that of all triangles in float64."""
+    x, y = pixel_centres(width, height, (0, height))
+    t, _ = reference.brute_force(*mesh, projection, x, y)
+    hits = reference.cast_image(CastScene(*mesh), projection, width, height, 0.0)
+    assert np.isfinite(t).mean() > 0.5 and extremes.sound(hits)
+    ours, true = (np.where(np.isfinite(a), a, 2.0) for a in (hits.t, t))
+    return float((np.abs(ours - true) > 1e-9).mean())
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+@pytest.mark.parametrize("size", [1e-4, 3e-6])
+def test_above_the_floor_every_pixel_is_exact(reference, size, degree):
+    """Edges of 6e-7 of the scene's reach and more, in a volume that begins in hundreds of prisms."""
+    assert differing_share(reference, *extremes.small_detail(size, degree), 24, 16) == 0.0
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_below_the_floor_it_is_not(reference, degree):
+    """Edges of 2e-8 of the scene's reach: a third of float32's step. Pixels differ, but few."""
+    assert 0.0 < differing_share(reference, *extremes.small_detail(1e-7, degree), 24, 16) < 0.1
+
+
 def test_random_volumes():
     """Any kinds of surfaces, collapsed, coinciding, folded, crossing themselves: always an answer."""
     with warnings.catch_warnings():

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pixel error 0 against all triangles of large scenes, in blocks of neighbouring pixels.
 
-SCFPF_FULL_TESTS=1 in the environment asks for a million triangles and 10,000 projectors in each.
+SCFPF_FULL_TESTS=1 in the environment asks for a million triangles and 10,000 projectors in each volume.
 """
 
 import math
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,18 @@ from scfpf_addon.projection.surfaces import Grid
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 
 FULL = bool(os.environ.get("SCFPF_FULL_TESTS"))
-TRIANGLES, BLOCKS = (1_000_000, 100) if FULL else (100_000, 8)
+TRIANGLES, BLOCKS = (1_000_000, 100) if FULL else (100_000, 3)
+
+# Straight, bends of all sizes, a loop; degrees 1 to 5 and the other bases.
+VOLUMES = {
+    "straight": (1, 0),
+    "10°": (2, 10),
+    "60°": (2, 60),
+    "180°": (3, 180),
+    "loop": (4, 300),
+    "quintic": (5, 180),
+}
+VOLUMES |= {"POLYLINE": (5, 120), "B_SPLINE": (5, 120)}
 
 # Pixels along a block, and in a row of the image.
 SIDE, ACROSS = 10, 1920
@@ -38,8 +50,10 @@ def test_blocks_of_a_large_scene(reference, scene):
     vertices, triangles = SCENES[scene](TRIANGLES)
     made, wrong, count = CastScene(vertices, triangles), 0, 0
     generator = np.random.default_rng(8)
-    for degree, angle in ((1, 0), (2, 60), (3, 180)):
-        projection = bent_projection(degree, math.radians(angle))
+    for name, (degree, angle) in VOLUMES.items():
+        basis = name if name.isupper() else "BEZIER"
+        bent = bent_projection(degree, math.radians(angle))
+        projection = replace(bent, volume=replace(bent.volume, basis=basis))
         inside = projection.transformed(made.matrix)
         for corner in generator.uniform(0.02, 0.97, (BLOCKS, 2)):
             x, y = (
@@ -49,15 +63,15 @@ def test_blocks_of_a_large_scene(reference, scene):
             hits = cast(made, inside, x, y, (1 / ACROSS, 1 / ACROSS), 0.0, None, SIDE)
             points, _ = projection.projectors(x, y)
             grids = tuple(Grid(p.T.reshape(SIDE, SIDE, 3)) for p in points)
-            near = np.flatnonzero(within_volume(vertices, triangles, ViewingVolume(grids)))
+            near = np.flatnonzero(within_volume(vertices, triangles, ViewingVolume(grids, basis)))
             t = np.full(len(x), np.inf)
             if len(near):
                 t, _ = reference.brute_force(vertices, triangles[near], projection, x, y)
             wrong += int((np.abs(depth(hits.t) - depth(t)) > SAME).sum())
             count += len(x)
-    print(f"{scene}, {len(triangles)} triangles: {wrong} of {count} projectors differ")
-    assert count == 3 * BLOCKS * SIDE**2
-    assert wrong <= (count // 10_000 if scene == "boxes" else 0)
+        print(f"{scene}, {len(triangles)} triangles, to {name}: {wrong} of {count} differ", flush=True)
+    assert count == len(VOLUMES) * BLOCKS * SIDE**2
+    assert wrong == 0
 
 
 @pytest.mark.parametrize(("degree", "angle"), [(1, 0), (2, 60), (3, 150), (4, 300)])

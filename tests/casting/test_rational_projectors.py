@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.scenes import SCENES, bent_projection
 from scfpf_addon.casting.cast import cast
+from scfpf_addon.casting.certify import certain_chords
 from scfpf_addon.casting.curves import Bundle
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.hits import CastCounts
@@ -26,6 +27,16 @@ WEIGHTS = {
     "steep": (1000.0, 1.0, 0.05, 1.0, 30.0, 1.0, 20.0, 1.0),
     "corner": (0.001, 1000.0, 0.001, 1.0, 1000.0, 0.001, 1.0, 1000.0),
 }
+CASES = [
+    ("boxes", "strong", 2),
+    ("columns", "steep", 3),
+    ("boxes", "mild", 4),
+    ("columns", "strong", 4),
+    ("boxes", "steep", 4),
+    ("columns", "corner", 5),
+    ("boxes", "strong", 7),
+    ("columns", "steep", 7),
+]
 
 
 def weighted(name, count, degrees=120):
@@ -63,19 +74,7 @@ def wrong(hits, t):
 
 
 @pytest.mark.parametrize("grid", [True, False])
-@pytest.mark.parametrize(
-    ("scene", "name", "count"),
-    [
-        ("boxes", "strong", 2),
-        ("columns", "steep", 3),
-        ("boxes", "mild", 4),
-        ("columns", "strong", 4),
-        ("boxes", "steep", 4),
-        ("columns", "corner", 5),
-        ("boxes", "strong", 7),
-        ("columns", "steep", 7),
-    ],
-)
+@pytest.mark.parametrize(("scene", "name", "count"), CASES)
 def test_hits_away_from_silhouettes_are_exact(answers, reference, scene, name, count, grid):
     t, triangle = answers(scene, name, count)
     hits = reference.cast_image(cast_scene(scene), weighted(name, count), WIDTH, HEIGHT, 0.1, grid)
@@ -85,6 +84,31 @@ def test_hits_away_from_silhouettes_are_exact(answers, reference, scene, name, c
     assert (hits.triangle[inner] == triangle[inner]).all()
     # At silhouettes a tenth of a pixel may decide otherwise, along edges float32 may.
     assert wrong(hits, t).mean() < 0.01
+
+
+@pytest.mark.parametrize(("scene", "name", "count"), CASES)
+def test_pixel_error_0_is_exact(answers, reference, scene, name, count):
+    t, _ = answers(scene, name, count)
+    counts = CastCounts()
+    hits = reference.cast_image(cast_scene(scene), weighted(name, count), WIDTH, HEIGHT, 0.0, counts=counts)
+    assert not wrong(hits, t).any() and np.isfinite(t).mean() > 0.3
+    assert counts.tested and counts.unresolved == 0
+
+
+@pytest.mark.parametrize("count", [2, 3, 5, 8])
+@pytest.mark.parametrize("name", WEIGHTS)
+def test_chords_of_exact_casting_stay_as_near_as_is_certain(name, count):
+    points, _ = weighted(name, count).projectors(*np.random.default_rng(1).random((2, 300)))
+    spans, epsilon = weighted(name, count).volume.spans, 0.02
+    chords, certain = certain_chords(spans, points, np.full(3, -1e3), np.full(3, 1e3), epsilon)
+    assert chords.breaks[0] == 0.0 and chords.breaks[-1] == 1.0 and (np.diff(chords.breaks) > 0.0).all()
+    farthest = 0.0
+    for share in np.linspace(0.0, 1.0, 9):
+        t = chords.breaks[:-1] * (1.0 - share) + chords.breaks[1:] * share
+        on_chord = chords.ends[:-1] * (1.0 - share) + chords.ends[1:] * share
+        apart = np.einsum("gk,kcn->cgn", spans.weights(t)[0].T - on_chord, points)
+        farthest = max(farthest, float(np.sqrt((apart**2).sum(axis=0)).max()))
+    assert farthest <= certain * (1.0 + 1e-9) <= epsilon * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize("name", ["strong", "steep"])

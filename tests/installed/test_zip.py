@@ -25,6 +25,7 @@ def shipped_files():
     ]
     data = [
         *ROOT.glob("presets/*.json"),
+        *ROOT.glob("presets/thumbnails/*.png"),
         *(ROOT / name for name in ("__init__.py", "LICENSE", "THIRD_PARTY_NOTICES")),
     ]
     return {path.relative_to(ROOT).as_posix() for path in (*code, *data)}

@@ -23,7 +23,16 @@ GROUPS = {
         "perspective",
         "telephoto",
     ),
-    "Fisheyes and Lenses": ("angular_fisheye", "barrel_lens", "magic_lens", "stereographic"),
+    "Fisheyes and Lenses": (
+        "angular_fisheye",
+        "barrel_lens",
+        "equisolid_fisheye",
+        "magic_lens",
+        "mirror_ball",
+        "polynomial_fisheye",
+        "sample_rate_lens",
+        "stereographic",
+    ),
     "General Linear Cameras": (
         "bilinear",
         "cross_slit",
@@ -52,6 +61,8 @@ GROUPS = {
 NAMES = sorted(name for names in GROUPS.values() for name in names)
 # A plane for a volume: its determinant is 0 throughout.
 FLAT = "epi"
+# Their poles are at the picture's centre.
+POLAR = {"angular_fisheye", "equisolid_fisheye", "mirror_ball", "polynomial_fisheye"}
 # Text that fits into a tooltip.
 LONGEST_DESCRIPTION = 320
 
@@ -61,9 +72,20 @@ def preset(name):
 
 
 def test_the_folder_holds_these_presets_in_these_groups():
-    assert sorted(path.name for path in FOLDER.glob("*")) == [f"{name}.json" for name in NAMES]
+    files = [f"{name}.json" for name in NAMES]
+    assert sorted(path.name for path in FOLDER.glob("*")) == sorted([*files, "thumbnails"])
     found = {name: preset(name).group for name in NAMES}
     assert found == {name: group for group, names in GROUPS.items() for name in names}
+
+
+def test_every_preset_has_a_small_picture_for_the_menus():
+    pictures = sorted((FOLDER / "thumbnails").glob("*"))
+    assert [path.name for path in pictures] == [f"{name}.png" for name in NAMES]
+    for path in pictures:
+        data = path.read_bytes()
+        width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
+        assert data[:8] == b"\x89PNG\r\n\x1a\n" and (width, height) == (96, 72)
+        assert len(data) < 20_000
 
 
 def test_names_differ_and_texts_say_what_and_whence():
@@ -103,7 +125,7 @@ def test_no_preset_folds_or_mirrors(name):
         assert (determinant(sample._replace(du=qx, dv=qy))[image.mask] < 0).all()
 
 
-@pytest.mark.parametrize("name", sorted(set(NAMES) - {"angular_fisheye"}))
+@pytest.mark.parametrize("name", sorted(set(NAMES) - POLAR))
 def test_right_is_right_and_up_is_up_at_the_picture_s_centre(name):
     volume = preset(name).volume()
     sample = volume.evaluate(np.array([0.5]), np.array([0.5]), np.array([0.45]))

@@ -59,7 +59,8 @@ def panels(driver):
     yield DRAW
     driver.shot("deleted-surface")
     assert_changed(driver, shown)
-    for menu in ("VIEW3D_MT_add", "VIEW3D_MT_camera_add", "SCFPF_MT_surface_add", "SCFPF_MT_presets"):
+    ours = ("SCFPF_MT_surface_add", "SCFPF_MT_presets", "SCFPF_MT_presets_group_1", "SCFPF_MT_mapping_add")
+    for menu in ("VIEW3D_MT_add", "VIEW3D_MT_camera_add", *ours):
         yield from driver.menu(menu)
 
 

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Renders the demo's street through every preset, small, for the preset menus.
+
+    python demo/render_thumbnails.py [--only PRESET]
+
+It writes presets/thumbnails/PRESET.png. It runs under a Python that has bpy; `python3 dev.py thumbnails`
+finds or makes one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from demo.render_demo import MODULE, SHOTS, Shot, build_street, enable_add_on, render  # noqa: E402
+
+FOLDER = ROOT / "presets" / "thumbnails"
+SIZE = (96, 72)
+SAMPLES = 16
+# Where the demo has no shot of its own: in front of the car, and its volume as the preset has it.
+USUAL = Shot((-3.0, -15.0, 2.4), (0.2, 0.0, 1.6))
+# Volumes whose size the street asks to change, and cameras that stand elsewhere.
+OWN = {
+    **{stem: Shot(shot.location, shot.target, shot.scale) for stem, shot in SHOTS.items()},
+    **dict.fromkeys(("equisolid_fisheye", "polynomial_fisheye", "mirror_ball"), SHOTS["angular_fisheye"]),
+    "deep_curvy_volume": Shot((-5.0, -13.0, 2.6), (-4.0, 0.0, -0.2)),
+    "digital_cubism": Shot((-2.2, -8.0, 2.6), (0.0, 0.0, 0.9), 0.8),
+    "equirectangular": Shot((-1.7, -3.9, 1.2), (0.0, 0.0, 1.6)),
+    "house_of_stairs": Shot((-1.0, -7.0, 2.2), (0.0, 0.0, 2.6)),
+    "irregular_perspective": Shot((0.0, -12.0, 3.2), (0.0, 0.0, 2.6)),
+    "strip_camera": Shot((0.0, -10.0, 1.0), (0.0, 0.0, 1.0)),
+}
+
+
+def place(camera, shot: Shot) -> None:
+    """Let a camera stand and look as a shot says."""
+    from mathutils import Vector
+
+    camera.location = shot.location
+    direction = Vector(shot.target) - Vector(shot.location)
+    camera.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
+
+
+def make(only: str | None) -> None:
+    """Write the thumbnails, or one of them."""
+    import bpy
+
+    scene = build_street()
+    camera = bpy.data.objects.new("Thumbnail", bpy.data.cameras.new("Thumbnail"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.resolution_percentage = 100
+    presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.preset")
+    flexible = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.flexible_camera")
+    FOLDER.mkdir(exist_ok=True)
+    for path in sorted((ROOT / "presets").glob("*.json")):
+        if only not in (None, path.stem):
+            continue
+        shot = OWN.get(path.stem, USUAL)
+        place(camera, shot)
+        flexible.apply_preset(camera, presets.read_preset(path), SIZE[0] / SIZE[1], shot.scale)
+        camera.scfpf.samples = SAMPLES
+        camera.scfpf.pixel_error = 0.1
+        bpy.context.view_layer.update()
+        print(f"{path.stem}: {render(scene, FOLDER / f'{path.stem}.png')}", flush=True)
+
+
+def main(arguments: list[str]) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--only", metavar="PRESET", help="one preset, by its file's name")
+    options = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory(prefix="scfpf-thumbnails-", ignore_cleanup_errors=True) as scratch:
+        os.environ["BLENDER_USER_RESOURCES"] = str(Path(scratch, "profile"))
+        Path(scratch, "profile").mkdir()  # Blender passes over a folder that is not there.
+        enable_add_on(Path(scratch))
+        make(options.only)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The stack of image mappings: added to, put in order, placed on the picture, written as an ST map."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
+
+from ..scfpf_addon.bridge import mapping_edits
+from ..scfpf_addon.bridge.mapping_edits import MappingError
+from ..scfpf_addon.bridge.mapping_properties import MAPPING_KINDS
+from ..scfpf_addon.bridge.read_projection import read_projection
+from ..scfpf_addon.bridge.render_job import picture_aspect, picture_size
+from ..scfpf_addon.bridge.st_map_image import CONTENTS, write_st_map
+from .pick import image_position, picture_regions
+from .target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
+from .tool import Tool
+
+MAPPING_NAMES = {kind: name for kind, name, _ in MAPPING_KINDS}
+NO_PICTURE = "Open the picture in an Image Editor of this window first (Show Picture), then click in it"
+
+
+def active_mapping(camera):
+    """The mapping selected in a camera's list, or None."""
+    settings = camera.scfpf
+    chosen = settings.active_mapping
+    return settings.mappings[chosen] if chosen < len(settings.mappings) else None
+
+
+def _poll_mapping(cls, context) -> bool:
+    if not poll_flexible_camera(cls, context):
+        return False
+    if active_mapping(flexible_camera_of(context)) is None:
+        cls.poll_message_set("The stack has no mapping: add one")
+        return False
+    return True
+
+
+class SCFPF_OT_mapping_add(Tool, bpy.types.Operator):
+    """Add a mapping of the picture at the end of the stack"""
+
+    bl_idname = "scfpf.mapping_add"
+    bl_label = "Add Image Mapping"
+
+    kind: EnumProperty(name="Kind", description="How places of the picture are moved", items=MAPPING_KINDS)
+
+    @classmethod
+    def description(cls, _context, properties):
+        return next(text for kind, _, text in MAPPING_KINDS if kind == properties.kind)
+
+    def edit(self, _context, camera):
+        mapping_edits.add_mapping(camera, self.kind, MAPPING_NAMES[self.kind])
+
+
+class SCFPF_OT_mapping_remove(Tool, bpy.types.Operator):
+    """Remove the selected mapping from the stack"""
+
+    bl_idname = "scfpf.mapping_remove"
+    bl_label = "Remove Image Mapping"
+
+    poll = classmethod(_poll_mapping)
+
+    def edit(self, _context, camera):
+        mapping_edits.remove_mapping(camera, camera.scfpf.active_mapping)
+
+
+class SCFPF_OT_mapping_move(Tool, bpy.types.Operator):
+    """Move the selected mapping towards the picture or away from it"""
+
+    bl_idname = "scfpf.mapping_move"
+    bl_label = "Move Image Mapping"
+
+    direction: EnumProperty(
+        name="Direction",
+        description="Where the mapping goes in the stack",
+        items=(("UP", "Up", "Nearer to the picture"), ("DOWN", "Down", "Nearer to the volume")),
+    )
+
+    poll = classmethod(_poll_mapping)
+
+    def edit(self, _context, camera):
+        step = -1 if self.direction == "UP" else 1
+        mapping_edits.move_mapping(camera, camera.scfpf.active_mapping, step)
+
+
+class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
+    """Select the mesh of this grid, to be edited with Tab or deformed with modifiers"""
+
+    bl_idname = "scfpf.mapping_grid_select"
+    bl_label = "Select Grid"
+
+    poll = classmethod(_poll_mapping)
+
+    def edit(self, context, camera):
+        grid = active_mapping(camera).grid
+        if grid is None or grid.name not in context.view_layer.objects:
+            raise MappingError(
+                "The grid is not in this view layer: choose another mesh, or add the mapping anew"
+            )
+        for obj in context.selected_objects:
+            obj.select_set(False)
+        grid.hide_set(False)
+        grid.select_set(True)
+        context.view_layer.objects.active = grid
+
+
+class SCFPF_OT_mapping_place(bpy.types.Operator):
+    """Click in the picture: the selected mapping gets its centre there"""
+
+    bl_idname = "scfpf.mapping_place"
+    bl_label = "Place on Picture"
+    bl_options = {"REGISTER", "UNDO"}
+
+    x: FloatProperty(
+        name="X",
+        description="From the picture's left border, as a share of its width",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        options={"SKIP_SAVE"},
+    )
+    y: FloatProperty(
+        name="Y",
+        description="From the picture's lower border, as a share of its height",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        options={"SKIP_SAVE"},
+    )
+
+    poll = classmethod(_poll_mapping)
+
+    def execute(self, context):
+        active_mapping(flexible_camera_of(context)).centre = self.x, self.y
+        return {"FINISHED"}
+
+    def invoke(self, context, _event):
+        if context.window is None or not picture_regions(context.window):
+            self.report({"ERROR"}, NO_PICTURE)
+            return {"CANCELLED"}
+        context.window_manager.modal_handler_add(self)
+        context.window.cursor_modal_set("CROSSHAIR")
+        context.workspace.status_text_set("Click where the mapping's centre is to be    Esc: cancel")
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
+            self.cancel(context)
+            return {"CANCELLED"}
+        if event.type == "LEFTMOUSE" and event.value == "PRESS":
+            position = image_position(context.window, event.mouse_x, event.mouse_y)
+            if position is not None:
+                self.cancel(context)
+                self.x, self.y = position
+                return self.execute(context)
+            return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context):
+        """Take back what invoke put up."""
+        if context.window is not None:
+            context.window.cursor_modal_restore()
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+
+
+class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):
+    """Write what the mappings do into an image, as an ST map of the render's resolution for compositing
+    programs; save it as OpenEXR from the Image Editor"""
+
+    bl_idname = "scfpf.st_map_write"
+    bl_label = "Write ST Map"
+
+    content: EnumProperty(
+        name="Content", description="What the map says of each pixel", items=CONTENTS, default="MAPPINGS"
+    )
+    inverse: BoolProperty(
+        name="Inverse",
+        description="Write where each place of the plain picture is seen, to take the mappings out again",
+        default=False,
+    )
+
+    poll = classmethod(poll_flexible_camera_in_any_mode)
+
+    def edit(self, context, camera):
+        scene = context.scene
+        projection = read_projection(camera, context.evaluated_depsgraph_get(), picture_aspect(scene))
+        image = write_st_map(projection, picture_size(scene), self.content, self.inverse)
+        for area in context.screen.areas if context.screen else ():
+            if area.ui_type == "IMAGE_EDITOR":
+                area.spaces.active.image = image
+                break
+        return (
+            f"The ST map is the image '{image.name}': save it with Image > Save As, or read it with a mapping"
+        )
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        SCFPF_OT_mapping_add,
+        SCFPF_OT_mapping_remove,
+        SCFPF_OT_mapping_move,
+        SCFPF_OT_mapping_grid_select,
+        SCFPF_OT_mapping_place,
+        SCFPF_OT_st_map_write,
+    )
+)

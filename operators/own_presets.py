@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An artist's own presets: the present volume saved, listed in the menu, shared as files, removed."""
+
+import pathlib
+
+import bpy
+from bpy.props import BoolProperty, StringProperty
+
+from ..scfpf_addon.bridge import camera_preset
+from ..scfpf_addon.bridge.render_job import picture_aspect
+from ..scfpf_addon.projection.preset import PresetError, read_preset
+from .errors import BAD_INPUT
+from .presets import PresetOperator
+from .target import flexible_camera_of
+from .tool import Tool
+
+# Names and descriptions by file, and the file's time and size when they were read; strings only.
+_read: dict[str, tuple[tuple[int, int], str, str]] = {}
+
+
+def own_presets() -> list[tuple[str, str, str]]:
+    """(stem, name, description) of each own preset, by name; a file that is none says so."""
+    found = []
+    for path in camera_preset.own_files():
+        try:
+            facts = path.stat()
+        except OSError:
+            continue
+        key = facts.st_mtime_ns, facts.st_size
+        known = _read.get(path.name)
+        if known is None or known[0] != key:
+            try:
+                preset = read_preset(path)
+                known = (key, preset.name, preset.description)
+            except PresetError as error:
+                known = (key, path.stem, str(error))
+            _read[path.name] = known
+        found.append((path.stem, known[1], known[2]))
+    return sorted(found, key=lambda item: item[1].lower())
+
+
+class _SavesVolume(Tool):
+    """Makes a preset of the camera's present volume."""
+
+    bl_options = {"REGISTER"}
+
+    name: StringProperty(name="Name", description="What the preset is called in menus", maxlen=63)
+    description: StringProperty(
+        name="Description", description="What the projection shows; the tooltip in the menu", maxlen=1000
+    )
+
+    def invoke(self, context, event):
+        if not self.name:
+            self.name = flexible_camera_of(context).name
+        return self.ask(context, event)
+
+    def preset(self, context, camera):
+        """The volume as it is now. Raises what BAD_INPUT lists."""
+        aspect = picture_aspect(context.scene)
+        depsgraph = context.evaluated_depsgraph_get()
+        return camera_preset.preset_of(camera, depsgraph, aspect, self.name, self.description)
+
+
+class SCFPF_OT_preset_save(_SavesVolume, bpy.types.Operator):
+    """Save the camera's volume and mappings as a preset of your own, which the preset menus list"""
+
+    bl_idname = "scfpf.preset_save"
+    bl_label = "Save as Preset"
+
+    replace: BoolProperty(
+        name="Replace", description="Replace a preset of your own that has this name", default=False
+    )
+
+    def ask(self, context, _event):
+        return context.window_manager.invoke_props_dialog(self)
+
+    def edit(self, context, camera):
+        preset = self.preset(context, camera)
+        camera_preset.store_own(preset, self.replace)
+        return f"The preset '{preset.name}' is in the menu under Your Own"
+
+
+class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
+    """Write the camera's volume and mappings into a preset file (JSON), to be shared"""
+
+    bl_idname = "scfpf.preset_export"
+    bl_label = "Export Projection Preset"
+
+    filepath: StringProperty(name="File", description="The preset file to write", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def ask(self, context, _event):
+        if not self.filepath:
+            self.filepath = f"{camera_preset.stem_of(self.name)}.json"
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def edit(self, context, camera):
+        path = pathlib.Path(bpy.path.abspath(bpy.path.ensure_ext(self.filepath, ".json")))
+        camera_preset.write_preset(self.preset(context, camera), path)
+        return f"The preset is in {path.name}"
+
+
+class SCFPF_OT_preset_import(bpy.types.Operator):
+    """Take a preset file (JSON) into the list of your own; it is data only, and checked"""
+
+    bl_idname = "scfpf.preset_import"
+    bl_label = "Import Projection Preset"
+    bl_options = {"REGISTER"}
+
+    filepath: StringProperty(name="File", description="The preset file to read", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+    replace: BoolProperty(
+        name="Replace", description="Replace a preset of your own that has the same name", default=False
+    )
+
+    def execute(self, _context):
+        try:
+            preset = read_preset(pathlib.Path(bpy.path.abspath(self.filepath)))
+            camera_preset.store_own(preset, self.replace)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"The preset '{preset.name}' is in the menu under Your Own")
+        return {"FINISHED"}
+
+    def invoke(self, context, _event):
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+
+class SCFPF_OT_preset_apply_own(PresetOperator, bpy.types.Operator):
+    """Replace the camera's control surfaces by those of a preset of your own"""
+
+    bl_idname = "scfpf.preset_apply_own"
+    bl_label = "Apply Your Own Preset"
+
+    preset: StringProperty(name="Preset", description="The name of the preset's file, without its ending")
+
+    @classmethod
+    def description(cls, _context, properties):
+        texts = {stem: text for stem, _name, text in own_presets()}
+        return texts.get(properties.preset) or cls.__doc__
+
+    def read(self):
+        return read_preset(camera_preset.own_file(self.preset))
+
+
+class SCFPF_OT_preset_remove(bpy.types.Operator):
+    """Remove a preset of your own; its file is deleted"""
+
+    bl_idname = "scfpf.preset_remove"
+    bl_label = "Remove Your Own Preset"
+    bl_options = {"REGISTER"}
+
+    preset: StringProperty(name="Preset", description="The name of the preset's file, without its ending")
+
+    def execute(self, _context):
+        try:
+            camera_preset.remove_own(self.preset)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"The preset '{self.preset}' is removed")
+        return {"FINISHED"}
+
+    def invoke(self, context, event):
+        return context.window_manager.invoke_confirm(self, event)
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        SCFPF_OT_preset_save,
+        SCFPF_OT_preset_export,
+        SCFPF_OT_preset_import,
+        SCFPF_OT_preset_apply_own,
+        SCFPF_OT_preset_remove,
+    )
+)

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A third camera between two others: its surfaces are grids with two shapes, mixed by one animatable factor.
+
+The shapes are shape keys and drivers mix them, so that it all lives in the file and needs no Python.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ..projection.blending import Blend
+from .mesh_grid import write_grid
+from .volume_object import editable_collections
+
+# How far beyond its two cameras a blend goes.
+SMALLEST_BLEND, LARGEST_BLEND = -2.0, 3.0
+FIRST_KEY, SECOND_KEY = "First Camera", "Second Camera"
+FACTOR_PATH = "scfpf.blend_factor"
+
+
+def is_blend(camera) -> bool:
+    """Whether a camera's near surface has the two shapes of a blend."""
+    slots = camera.scfpf.surfaces
+    near = slots[0].object if len(slots) else None
+    keys = near.data.shape_keys if near is not None and near.type == "MESH" else None
+    return keys is not None and SECOND_KEY in keys.key_blocks
+
+
+def new_blend_camera(first, name: str):
+    """A camera where another is, without surfaces, linked where that is."""
+    camera = bpy.data.objects.new(name, first.data.copy())
+    camera.matrix_world = first.matrix_world
+    for collection in editable_collections(first) or [bpy.context.scene.collection]:
+        collection.objects.link(camera)
+    return camera
+
+
+def give_shapes(camera, blend: Blend) -> None:
+    """Give each surface of a camera, which are grids in the order of a blend's layers, its second shape."""
+    for slot, layer in zip(camera.scfpf.surfaces, blend.layers, strict=True):
+        surface = slot.object
+        write_grid(surface.data, layer[0])
+        surface.shape_key_add(name=FIRST_KEY, from_mix=False)
+        key = surface.shape_key_add(name=SECOND_KEY, from_mix=False)
+        key.data.foreach_set("co", layer[1].reshape(-1, 3).astype(np.float32).ravel())
+        key.slider_min, key.slider_max = SMALLEST_BLEND, LARGEST_BLEND
+        _drive(key, camera)
+
+
+def _drive(key, camera) -> None:
+    """Let the second shape's value be the camera's factor."""
+    driver = key.driver_add("value").driver
+    driver.type = "AVERAGE"
+    variable = driver.variables.new()
+    variable.type = "SINGLE_PROP"
+    target = variable.targets[0]
+    target.id = camera
+    target.data_path = FACTOR_PATH
+    # Without the add-on the file has no such property.
+    target.use_fallback_value = True
+    target.fallback_value = 0.5

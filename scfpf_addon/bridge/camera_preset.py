@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A camera's volume as a preset, and the folder in which an artist's own presets are kept."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+import re
+
+import bpy
+import numpy as np
+
+from ..projection.editing import EditingError
+from ..projection.preset import Preset, PresetError, load_preset, preset_to_json
+from ..projection.preset_writing import stored_surface
+from ..projection.volume import Projection
+from .read_mappings import stored_mappings
+from .read_projection import read_projection
+from .surface_nodes import PARAMETRIC_KINDS, SurfaceError, surface_parameters
+
+# The extension's package: bl_ext.<repository>.scfpf.
+PACKAGE = __package__.rsplit(".", 2)[0]
+FOLDER_NAME = "presets"
+# What Blender adds to the names of copies.
+NUMBERED = re.compile(r"\.\d{3}$")
+# Parameters that are angles, radians.
+ANGLES = {
+    given.key for kind in PARAMETRIC_KINDS.values() for given in kind.inputs if given.subtype == "ANGLE"
+}
+# Of the names of files: what every system takes, and no more than so many letters.
+UNSAFE, LONGEST_STEM = re.compile(r"[^a-z0-9]+"), 60
+# Windows has devices of these names.
+RESERVED = re.compile(r"con|prn|aux|nul|(com|lpt)[0-9]")
+# More files than this are not listed.
+MOST_PRESETS = 500
+
+
+def preset_of(camera, depsgraph, aspect: float, name: str, description: str = "", group: str = "") -> Preset:
+    """The camera's present volume and mappings as a preset, as evaluated.
+
+    aspect: of the picture. What a file cannot hold as it is becomes a grid. Raises PresetError,
+    ProjectionError or MappingError.
+    """
+    projection = read_projection(camera, depsgraph, aspect)
+    settings = camera.evaluated_get(depsgraph).scfpf
+    world = np.array(camera.evaluated_get(depsgraph).matrix_world, np.float64)
+    try:
+        inward = np.linalg.inv(world)
+    except np.linalg.LinAlgError as error:
+        raise PresetError(f"'{camera.name}' has a scale of 0: clear it with Alt-S") from error
+    try:
+        surfaces = _surfaces(camera, depsgraph, projection.transformed(inward), inward)
+    except EditingError as error:
+        raise PresetError(f"The volume cannot be saved: {error}") from error
+    preset = Preset(
+        name=name.strip(),
+        description=description.strip(),
+        source="",
+        basis=projection.volume.basis,
+        reparameterisation=settings.reparameterisation,
+        u_range=projection.u_range,
+        v_range=projection.v_range,
+        aspect=aspect,
+        fit=settings.fit,
+        surfaces=surfaces,
+        group=group.strip(),
+        mappings=stored_mappings(camera, depsgraph),
+    )
+    # Read back, so that what is written is what every reader takes.
+    return load_preset(preset_to_json(preset))
+
+
+def _surfaces(camera, depsgraph, projection: Projection, inward):
+    slots = camera.original.scfpf.surfaces
+    volume = projection.volume
+    if len(slots) != len(volume.surfaces):
+        # Layers of lattices.
+        names = [f"Layer {number}" for number in range(1, len(volume.surfaces) + 1)]
+        weights = volume.weights or [1.0] * len(names)
+        return tuple(
+            stored_surface(name, surface, weight)
+            for name, surface, weight in zip(names, volume.surfaces, weights, strict=True)
+        )
+    stored = []
+    evaluated = camera.evaluated_get(depsgraph).scfpf.surfaces
+    for slot, now, surface in zip(slots, evaluated, volume.surfaces, strict=True):
+        obj = slot.object
+        kind, described = obj.scfpf_surface.kind, {}
+        if kind in PARAMETRIC_KINDS or kind in {"PATCH", "GRID", "NURBS"}:
+            seen = obj.evaluated_get(depsgraph)
+            try:
+                parameters = surface_parameters(seen)
+            except SurfaceError:
+                parameters = None
+            if parameters is not None:
+                points = parameters.pop("points", None)
+                matrix = inward @ np.array(seen.matrix_world, np.float64)
+                parameters = {key: _short(key, value) for key, value in parameters.items()}
+                described = {"kind": kind, "parameters": parameters, "points": points, "matrix": matrix}
+        stored.append(stored_surface(NUMBERED.sub("", obj.name), surface, now.weight, **described))
+    return tuple(stored)
+
+
+def _short(key: str, value: float) -> float:
+    """A float32 as the number that it stands for: a full turn is not 360.00001 degrees."""
+    if key in ANGLES:
+        return float(np.radians(float(f"{np.degrees(value):.7g}")))
+    return float(f"{value:.7g}")
+
+
+def own_folder(create: bool = False) -> pathlib.Path:
+    """Where an artist's own presets are: in the extension's folder for user files. Raises PresetError."""
+    try:
+        return pathlib.Path(bpy.utils.extension_path_user(PACKAGE, path=FOLDER_NAME, create=create))
+    except (OSError, ValueError) as error:
+        raise PresetError(f"There is no folder for presets: {error}") from error
+
+
+def own_files() -> list[pathlib.Path]:
+    """The artist's own preset files, by name."""
+    try:
+        folder = own_folder()
+    except PresetError:
+        return []
+    return sorted(folder.glob("*.json"))[:MOST_PRESETS] if folder.is_dir() else []
+
+
+def own_file(stem: str) -> pathlib.Path:
+    """An own preset by the name of its file without its ending. Raises PresetError if there is none."""
+    found = next((path for path in own_files() if path.stem == stem), None)
+    if found is None:
+        raise PresetError(f"There is no preset '{stem}' of your own: it may have been removed")
+    return found
+
+
+def stem_of(name: str) -> str:
+    """The file's name for a preset's name."""
+    stem = UNSAFE.sub("_", name.lower()).strip("_")[:LONGEST_STEM] or "preset"
+    return f"{stem}_preset" if RESERVED.fullmatch(stem) else stem
+
+
+def store_own(preset: Preset, replace: bool) -> pathlib.Path:
+    """Write a preset into the folder of own ones. Raises PresetError where another must stay."""
+    path = own_folder(create=True) / f"{stem_of(preset.name)}.json"
+    if path.exists() and not replace:
+        raise PresetError(f"You have a preset '{preset.name}' already: choose another name, or tick Replace")
+    write_preset(preset, path)
+    return path
+
+
+def write_preset(preset: Preset, path: pathlib.Path) -> None:
+    """Write a preset file, whole or not at all. Raises PresetError."""
+    text, part = preset_to_json(preset), path.with_suffix(".part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise PresetError(f"Cannot write {path}: {error.strerror or error}") from error
+
+
+def remove_own(stem: str) -> None:
+    """Delete an own preset's file. Raises PresetError."""
+    path = own_file(stem)
+    try:
+        path.unlink()
+    except OSError as error:
+        raise PresetError(f"Cannot remove {path}: {error.strerror or error}") from error

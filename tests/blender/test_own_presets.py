@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An artist's own presets: saved, listed, applied, shared as files, removed; and files that are none."""
+
+import json
+import pathlib
+
+import bpy
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+
+@pytest.fixture
+def camera():
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = 160, 90, 100
+    assert bpy.ops.scfpf.camera_add() == {"FINISHED"}
+    return bpy.context.object
+
+
+@pytest.fixture
+def folder(addon):
+    """The folder of own presets, empty before and after."""
+    place = addon("scfpf_addon.bridge.camera_preset").own_folder(create=True)
+
+    def clear():
+        for path in place.iterdir():
+            path.unlink()
+
+    clear()
+    yield place
+    clear()
+
+
+@pytest.fixture
+def sampled(addon):
+    """Q at some places of the picture, in the camera's space."""
+    read = addon("scfpf_addon.bridge.read_projection").read_projection
+
+    def sample(camera):
+        x, y, t = np.random.default_rng(3).uniform(size=(3, 300))
+        projection = read(camera, bpy.context.evaluated_depsgraph_get(), 16 / 9)
+        image = projection.parameters(x, y)
+        position = projection.volume.evaluate(image.u, image.v, t).position
+        inward = np.linalg.inv(np.array(camera.matrix_world, np.float64))
+        return inward[:3, :3] @ position + inward[:3, 3:], image.mask
+
+    return sample
+
+
+def check_round_trip(camera, sampled, tolerance=2e-6):
+    before, mask = sampled(camera)
+    assert bpy.ops.scfpf.preset_save(name="Mine", description="How it is.", replace=True) == {"FINISHED"}
+    assert bpy.ops.scfpf.preset_apply(preset="perspective") == {"FINISHED"}
+    assert bpy.ops.scfpf.preset_apply_own(preset="mine", fit=False) == {"FINISHED"}
+    after, mask_after = sampled(camera)
+    np.testing.assert_array_equal(mask_after, mask)
+    size = np.ptp(before, axis=1).max()
+    assert np.linalg.norm(after - before, axis=0)[mask].max() < tolerance * size
+
+
+@pytest.mark.parametrize(
+    "preset",
+    ["around_the_car", "cylindrical_panorama", "digital_cubism", "polynomial_fisheye", "occlusion_camera"],
+)
+def test_what_is_saved_is_what_comes_back(camera, folder, sampled, preset):
+    assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
+    camera.location, camera.rotation_euler = (1, 2, 3), (0.3, 0.2, 0.1)
+    camera.scfpf.u_range = 0.125, 0.75
+    kinds = [slot.object.scfpf_surface.kind for slot in camera.scfpf.surfaces]
+    names = [slot.object.name for slot in camera.scfpf.surfaces]
+    check_round_trip(camera, sampled)
+    assert [slot.object.scfpf_surface.kind for slot in camera.scfpf.surfaces] == kinds
+    assert [slot.object.name.split(".")[0] for slot in camera.scfpf.surfaces] == [
+        name.split(".")[0] for name in names
+    ]
+
+
+def test_weights_modifiers_and_animation_are_saved_as_they_are_now(camera, folder, sampled):
+    assert bpy.ops.scfpf.preset_apply(preset="around_the_car") == {"FINISHED"}
+    settings, middle = camera.scfpf, camera.scfpf.surfaces[1].object
+    settings.basis, settings.surfaces[1].weight = "NURBS", 2.5
+    modifier = middle.modifiers.new("Bend", "SIMPLE_DEFORM")
+    modifier.deform_method, modifier.angle = "TWIST", 0.4
+    check_round_trip(camera, sampled, 5e-4)
+    assert settings.surfaces[1].weight == 2.5 and settings.basis == "NURBS"
+    assert settings.surfaces[1].object.scfpf_surface.kind == "GRID"
+
+
+def test_a_lattice_is_saved_as_its_layers(camera, folder, sampled):
+    assert bpy.ops.scfpf.preset_apply(preset="perspective") == {"FINISHED"}
+    assert bpy.ops.scfpf.volume_to_lattice() == {"FINISHED"}
+    for point in camera.scfpf.surfaces[0].object.data.points:
+        point.co_deform.x += 0.1 * point.co.y
+    bpy.context.view_layer.update()
+    check_round_trip(camera, sampled, 5e-4)
+
+
+def test_names_replace_only_when_asked_and_are_listed_and_removed(addon, camera, folder):
+    own = addon("operators.own_presets")
+    assert bpy.ops.scfpf.preset_save(name="My Wide / Lens!", description="Wide.") == {"FINISHED"}
+    assert [path.name for path in folder.iterdir()] == ["my_wide_lens.json"]
+    assert own.own_presets() == [("my_wide_lens", "My Wide / Lens!", "Wide.")]
+    with pytest.raises(RuntimeError, match="already: choose another name, or tick Replace"):
+        bpy.ops.scfpf.preset_save(name="My Wide / Lens!")
+    assert bpy.ops.scfpf.preset_save(name="My Wide / Lens!", replace=True) == {"FINISHED"}
+    with pytest.raises(RuntimeError, match="must be a text in one line"):
+        bpy.ops.scfpf.preset_save(name="   ")
+    assert bpy.ops.scfpf.preset_remove(preset="my_wide_lens") == {"FINISHED"}
+    assert not list(folder.iterdir())
+    for stem in ("my_wide_lens", "../presets/perspective", "/etc/passwd"):
+        with pytest.raises(RuntimeError, match="no preset"):
+            bpy.ops.scfpf.preset_apply_own(preset=stem)
+        with pytest.raises(RuntimeError, match="no preset"):
+            bpy.ops.scfpf.preset_remove(preset=stem)
+    assert addon("scfpf_addon.bridge.camera_preset").stem_of("CON") == "con_preset"
+
+
+def test_presets_are_shared_as_files(camera, folder, tmp_path):
+    assert bpy.ops.scfpf.preset_apply(preset="sample_rate_lens") == {"FINISHED"}
+    path = tmp_path / "shared"
+    assert bpy.ops.scfpf.preset_export(name="Shared", filepath=str(path)) == {"FINISHED"}
+    data = json.loads(pathlib.Path(f"{path}.json").read_text(encoding="utf-8"))
+    assert data["name"] == "Shared" and data["mappings"][0]["kind"] == "RADIAL_CURVE"
+    assert bpy.ops.scfpf.preset_import(filepath=f"{path}.json") == {"FINISHED"}
+    assert [item.name for item in folder.iterdir()] == ["shared.json"]
+    with pytest.raises(RuntimeError, match="already"):
+        bpy.ops.scfpf.preset_import(filepath=f"{path}.json")
+    with pytest.raises(RuntimeError, match="Cannot write"):
+        bpy.ops.scfpf.preset_export(name="Shared", filepath=str(tmp_path / "nowhere" / "x.json"))
+
+
+def test_files_that_are_none_are_listed_with_what_is_wrong(addon, camera, folder, tmp_path):
+    (folder / "broken.json").write_text('{"format": 1}', encoding="utf-8")
+    (folder / "odd.json").write_bytes(b"\xff\xfe\x00")
+    listed = addon("operators.own_presets").own_presets()
+    assert [item[:2] for item in listed] == [("broken", "broken"), ("odd", "odd")]
+    assert "needs name" in listed[0][2] and "UTF-8" in listed[1][2]
+    before = [slot.object for slot in camera.scfpf.surfaces]
+    with pytest.raises(RuntimeError, match="needs name"):
+        bpy.ops.scfpf.preset_apply_own(preset="broken")
+    with pytest.raises(RuntimeError, match="UTF-8"):
+        bpy.ops.scfpf.preset_import(filepath=str(folder / "odd.json"))
+    assert [slot.object for slot in camera.scfpf.surfaces] == before
+
+
+def test_st_maps_and_holes_cannot_be_saved(camera, folder):
+    assert bpy.ops.scfpf.mapping_add(kind="ST_MAP") == {"FINISHED"}
+    camera.scfpf.mappings[0].image = bpy.data.images.new("Map", 4, 4, float_buffer=True)
+    with pytest.raises(RuntimeError, match="ST map, which a preset cannot hold"):
+        bpy.ops.scfpf.preset_save(name="Mine")
+    assert not list(folder.iterdir())
+
+
+WORDS = st.sampled_from(
+    ["name", "kind", "GRID", "points", "mappings", "surfaces", "LENS", "__import__('os')"]
+)
+ANYTHING = st.recursive(
+    st.none() | st.booleans() | st.floats() | st.integers(-10, 10**12) | WORDS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
+@given(change=st.dictionaries(
+    st.sampled_from(["name", "basis", "surfaces", "mappings", "u_range", "aspect", "fit", "extra"]), ANYTHING,
+    min_size=1, max_size=2))  # fmt: skip
+def test_no_file_does_more_than_be_refused(addon, camera, folder, change):
+    """Whatever stands in a file, it is imported as a preset or refused in one line; the camera stays."""
+    presets = addon("operators.presets").FOLDER
+    data = json.loads((presets / "sample_rate_lens.json").read_text(encoding="utf-8")) | change
+    path = folder / "fuzzed.json"
+    path.write_text(json.dumps(data), encoding="utf-8")
+    try:
+        bpy.ops.scfpf.preset_import(filepath=str(path), replace=True)
+    except RuntimeError as error:
+        assert "Traceback" not in str(error) and "fuzzed.json: " in str(error)
+    assert len(camera.scfpf.surfaces) == 2
