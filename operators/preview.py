@@ -4,7 +4,7 @@
 import bpy
 
 from ..scfpf_addon.scanline.preview import show, switch_off, switch_on
-from ..scfpf_addon.scanline.preview_data import preview_of
+from ..scfpf_addon.scanline.preview_data import is_flat, preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
 from .errors import BAD_INPUT
 from .target import camera_of, poll_flexible_camera_in_any_mode
@@ -29,10 +29,13 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             # It shows another view layer: it moves to this one.
             switch_off(source)
         try:
-            switch_on(context, camera)
+            source = switch_on(context, camera)
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        if is_flat(source, context.evaluated_depsgraph_get()):
+            text = "No preview: this volume is flat, all its rays lie in one surface"
+            self.report({"WARNING"}, f"{text}. Press Render for its picture")
         if bpy.app.background:
             self.report({"INFO"}, "The preview is ready; Blender runs without windows: nothing shows it")
         return {"FINISHED"}

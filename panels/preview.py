@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..scfpf_addon.scanline.preview_data import left_out, preview_of
+from ..scfpf_addon.scanline.preview_data import is_flat, left_out, preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
 from .camera_panels import _DataTab, _Sidebar, _Subsection
 
@@ -16,8 +16,9 @@ DIFFERENCES = (
     "No hair, points, particles, Grease Pencil",
     "Materials of the mesh, not of the object",
 )
+FLAT = ("No preview: this volume is flat,", "all its rays lie in one surface", "Press Render for its picture")
 LEFT_OUT = (
-    ("unreachable", "{:,} faces left out: beyond the volume's reach"),
+    ("unreachable", "{:,} faces left out, wholly or in part: no ray there"),
     ("folded", "{:,} samples of the volume are folded"),
 )
 
@@ -46,7 +47,12 @@ class _PreviewSection(_Subsection):
                 row.operator("scfpf.preview_show", text="", icon="WINDOW")
             if source.scfpf_preview.problem:
                 layout.label(text=source.scfpf_preview.problem, icon="ERROR")
-            for text in reported(left_out(source, context.evaluated_depsgraph_get())):
+            depsgraph = context.evaluated_depsgraph_get()
+            if is_flat(source, depsgraph):
+                column = layout.column(align=True)
+                for text, icon in zip(FLAT, ("ERROR", "BLANK1", "BLANK1"), strict=True):
+                    column.label(text=text, icon=icon)
+            for text in reported(left_out(source, depsgraph)):
                 layout.label(text=text, icon="INFO")
         column = layout.column(align=True)
         column.scale_y = 0.8

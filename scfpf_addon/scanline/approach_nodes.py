@@ -1,51 +1,79 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A node group that finds the point of a branch of a volume that is nearest to a point of space.
+"""A node group that finds a point of space on one sheet of a volume, or where the sheet is nearest to it.
 
-Newton's method leaps about where there is no solution, as beyond a fold; least squares with a damping
-that goes with what is missing (Levenberg and Marquardt) come to rest on the fold's crease.
+Newton's method leaps about where there is no solution, as beyond a fold, and over to other sheets. Here a
+step that would change the determinant's sign is taken back; least squares with a
+damping that goes with what is missing (Levenberg and Marquardt) come to rest on the fold's crease.
 """
 
 from __future__ import annotations
 
 from .field_nodes import FieldBuilder, Value, node_group
-from .solve_nodes import TABLE_INPUTS, bounded_step, look_up_group
+from .solve_nodes import LONGEST_STEP, TABLE_INPUTS, bounded_step, look_up_group
 
-STEPS = 10
-# Damping: this times what is missing over the least of the scales. Near a fold, where Q goes with a square, 4
-# halves the way to the crease with each step; more than the second would be slow far away from it.
-DAMPING, MOST_DAMPING = 4.0, 0.2
+# Damping: this times what is missing over the least of the scales. Less would
+# lead astray along a smooth crease, more be slow where the volume is thin; more than the second, far away.
+DAMPING, MOST_DAMPING = 1.0, 0.2
+# After a step over a crease the next one is shorter, after one that is taken it may be longer.
+SHORTER, LONGER = 0.25, 1.5
 
 
 def approach_group():
-    """The (x, y, t) whose point is nearest to a point, from a first guess."""
+    """The (x, y, t) on a sheet whose point is a given one, and the place nearest to it that was found."""
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         table = {key: given[key] for key in TABLE_INPUTS} | {"Point": given["Point"], "Scale": given["Scale"]}
 
         def body(state: dict[str, Value]) -> dict[str, Value]:
-            made = nodes.call(damped_step_group(), "Step", table | {"Guess": state["Guess"]})
-            return {"Guess": bounded_step(nodes, state["Guess"], made["Step"], given["Wrap"])}
+            trial = bounded_step(nodes, state["Good"], state["Step"], given["Wrap"])
+            made = nodes.call(damped_step_group(), "Step", table | {"Guess": trial})
+            right = made["Determinant"] * given["Sign"] > 0.0
+            size = state["Step"].absolute()
+            # Only its greatest part is taken back: along the crease the others go on.
+            x, y, t = (size - (1.0, 1.0, 1.0) * _greatest(size)).parts()
+            greatest = nodes.xyz(x > -1e-9, y > -1e-9, t > -1e-9, "The Greatest")
+            shorter = nodes.mix(greatest, state["Longest"], size * SHORTER)
+            longest = nodes.switch(right, shorter, state["Longest"] * LONGER, "VECTOR", "Longest")
+            step = made["Step"].least(longest).most(longest * -1.0)
+            again = state["Step"] - state["Step"] * greatest
+            return {
+                "Good": nodes.switch(right, state["Good"], trial, "VECTOR", "On the Sheet?"),
+                "Step": nodes.switch(right, again, step, "VECTOR", "Next Step"),
+                "Longest": longest,
+            }
 
-        guess = nodes.repeat(STEPS, {"Guess": ("VECTOR", given["Start"])}, "Nearer", body)["Guess"]
+        state = {
+            "Good": ("VECTOR", given["Sample"]),
+            "Step": ("VECTOR", given["Start"] - given["Sample"]),
+            "Longest": ("VECTOR", (LONGEST_STEP,) * 3),
+        }
+        good = nodes.repeat(given["Steps"], state, "Nearer", body)["Good"]
         nodes.open_frame("The last step, and what is missing then")
-        last = nodes.call(damped_step_group(), "Last Step", table | {"Guess": guess})
-        x, y, t = last["Step"].absolute().parts()
-        place = bounded_step(nodes, guess, last["Step"], given["Wrap"])
+        last = nodes.call(damped_step_group(), "Last Step", table | {"Guess": good})
+        place = bounded_step(nodes, good, last["Step"], given["Wrap"])
         return {
             "Position": place - place.floor() * given["Wrap"],
-            "Last Step": x.most(y).most(t),
-            "Determinant": last["Determinant"],
+            "Nearest": good - good.floor() * given["Wrap"],
+            "Last Step": _greatest(last["Step"]),
             "Missing": last["Missing"],
         }
 
     inputs = TABLE_INPUTS | {
         "Point": ("Vector", None, "A point in the table's space"),
+        "Sample": ("Vector", None, "x, y and t of a place on the sheet"),
         "Start": ("Vector", None, "A first guess of x, y and t"),
         "Scale": ("Vector", (1.0, 1.0, 1.0), "How long derivatives by x, y and t are"),
+        "Sign": ("Float", -1.0, "Of the determinant on the sheet"),
+        "Steps": ("Int", 16, "Steps before the last"),
     }
-    outputs = {"Position": "Vector", "Last Step": "Float", "Determinant": "Float", "Missing": "Float"}
-    text = "The (x, y, t) of a volume whose point is nearest to a point"
+    outputs = {"Position": "Vector", "Nearest": "Vector", "Last Step": "Float", "Missing": "Float"}
+    text = "The (x, y, t) of a point on one sheet of a volume, and the nearest place that it has"
     return node_group("SCFPF Approach", text, inputs, outputs, build)
+
+
+def _greatest(vector: Value) -> Value:
+    x, y, z = vector.absolute().parts()
+    return x.most(y).most(z)
 
 
 def damped_step_group():

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from .field_nodes import FieldBuilder, Value, node_group
 from .solve_nodes import PROJECTOR, TABLE_INPUTS
-from .table_branches import PIECE
+from .table_sheets import PIECE
 
 # Which of the table's points a point of one piece is.
 NUMBER = "number"

@@ -5,7 +5,15 @@ from __future__ import annotations
 
 from .approach_nodes import approach_group
 from .field_nodes import FieldBuilder, Value, node_group
-from .solve_nodes import FAR_AWAY, PROJECTOR, TABLE_INPUTS, nearest_start, solve_group, whole_table
+from .solve_nodes import (
+    FAR_AWAY,
+    PROJECTOR,
+    TABLE_INPUTS,
+    nearest_sample,
+    nearest_start,
+    solve_group,
+    whole_table,
+)
 from .table_nodes import LATTICE
 from .uv_pieces import NO_PIECE
 
@@ -23,8 +31,15 @@ ACCEPTED = 2e-3
 LATTICE_STEPS, CLOUD_STEPS = 1, 6
 # Guesses start at most this far outside of the volume.
 START_OUTSIDE = 0.25
-# A point that is this near to a branch, in reaches of its samples, is put on its crease.
-CREASE = 0.015
+# Of a branch: steps before the last, and for what is drawn on its crease.
+BRANCH_STEPS, CREASE_STEPS = 16, 32
+# A solution of a branch misses its point by less than this share of the least scale, before the last step.
+MISSED = 1e-3
+# The z of a point that is near to a branch, beyond its crease, from here on: more by what it is away from
+# it, as a share of the volume's size. Its x and y are those of the crease.
+BEYOND_CREASE, UNKNOWN = 4.0, 5.0
+# The branch that a vertex is drawn by.
+BRANCH_NUMBER = "scfpf_branch"
 # What is this near to the volume may be turned inside out: it is a fold, no mirror image beyond an apex.
 INSIDE = 1e-3
 
@@ -39,9 +54,13 @@ VIEW_INPUTS = TABLE_INPUTS | {
     "From": ("Vector", (0.0, 0.0, 0.0), "Least x, y and t that are shown"),
     "To": ("Vector", (1.0, 1.0, 1.0), "Greatest x, y and t that are shown"),
     "Branch": ("Bool", False, "Is it one of several branches of the inverse?"),
+    "In Pieces": ("Bool", False, "Is the volume in pieces?"),
     "Piece": ("Float", NO_PIECE, "Of a volume in pieces, the one that is shown"),
     "Scale": ("Vector", (1.0, 1.0, 1.0), "Of a branch: how long its samples' derivatives are"),
     "Border": ("Geometry", None, "Of a volume in pieces: all pieces of its surfaces, flat over the picture"),
+    "Sign": ("Float", -1.0, "Of a branch: the sign of its determinant"),
+    "Search": ("Geometry", None, "The cloud, samples of each branch apart from others"),
+    "Spacing": ("Vector", None, "How far apart"),
 }
 PLACED = {"Position": "Vector"}
 
@@ -58,8 +77,12 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
         "From": (0.0, 0.0, 0.0),
         "To": (1.0, 1.0, 1.0),
         "Branch": False,
+        "In Pieces": False,
         "Piece": NO_PIECE,
         "Scale": (1.0, 1.0, 1.0),
+        "Sign": -1.0,
+        "Search": cloud,
+        "Spacing": (0.0, 0.0, 0.0),
     }
     for label, name in (
         ("Size", "size"),
@@ -178,27 +201,71 @@ def quick_place_group():
     return node_group("SCFPF Quick Place", text, inputs, PLACED, build)
 
 
+def is_known(z: Value) -> Value:
+    """Whether a point has a place, or is beyond the crease of a near branch."""
+    return z < UNKNOWN
+
+
+def nearest_in_branch(nodes: FieldBuilder, given, point: Value) -> Value:
+    """The index of the sample that is nearest to a point: of its vertex' branch, if there are any."""
+    apart = given["Spacing"] * (nodes.attribute(BRANCH_NUMBER) + 0.5).floor()
+    return nearest_sample(nodes, given["Search"], point + apart)
+
+
 def sure_place_group():
     """The place of a point, guessed by the nearest point of the cloud: for what the quick way has left."""
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        start, distance, reach = nearest_start(nodes, given["Cloud"], given["Point"])
+        nearest = nearest_in_branch(nodes, given, given["Point"])
+        start, distance, reach = nearest_start(nodes, given["Cloud"], given["Point"], nearest)
         solved = _solved(nodes, given, start, CLOUD_STEPS)["Position"]
-        nodes.open_frame("Of a branch, the nearest point that it has: beyond a fold that is its crease")
-        table = {key: given[key] for key in TABLE_INPUTS}
-        inputs = {"Point": given["Point"], "Start": start, "Scale": given["Scale"]}
-        nearest = nodes.call(approach_group(), "Approach", table | inputs)
-        near = nodes.both(nearest["Missing"] < reach * CREASE, distance < reach)
-        at_crease = _in_viewbox(nodes, given, nearest)["Position"]
-        at_crease = nodes.switch(near, (0.0, 0.0, NOWHERE), at_crease, "VECTOR", "Near It?")
-        solved = nodes.switch(given["Branch"], solved, at_crease, "VECTOR", "Branch?")
+        nodes.open_frame("Of a branch, where it is; beyond a fold, how far that is from its crease")
+        by_branch = _on_branch(nodes, given, nearest, start, BRANCH_STEPS)
+        least = _least(given["Scale"])
+        found = nodes.both(by_branch["Last Step"] < ACCEPTED, by_branch["Missing"] < least * MISSED)
+        there = on_screen(nodes, given, by_branch["Position"])
+        across, up, _ = on_screen(nodes, given, by_branch["Nearest"]).parts()
+        away = (by_branch["Missing"] / given["Extent"].length()).least(0.9)
+        crease = nodes.xyz(across, up, away + BEYOND_CREASE, "Beyond the Crease")
+        crease = nodes.switch(distance < reach, (0.0, 0.0, NOWHERE), crease, "VECTOR", "Near It?")
+        of_branch = nodes.switch(found, crease, there, "VECTOR", "Found?")
+        solved = nodes.switch(given["Branch"], solved, of_branch, "VECTOR", "Branch?")
         nodes.close_frame()
         nowhere = nodes.xyz(distance - reach, reach, NOWHERE, "Nowhere, and How Far")
-        return {"Position": nodes.switch(solved.parts()[2] > 0.0, solved, nowhere, "VECTOR", "Place")}
+        known = is_known(solved.parts()[2])
+        return {"Position": nodes.switch(known, nowhere, solved, "VECTOR", "Place")}
 
     inputs = VIEW_INPUTS | {"Point": ("Vector", None, "A point in the table's space")}
     text = "The place of a point in the viewbox, from a guess by the cloud"
     return node_group("SCFPF Sure Place", text, inputs, PLACED, build)
+
+
+def _least(scale: Value) -> Value:
+    x, y, t = scale.parts()
+    return x.least(y).least(t)
+
+
+def _on_branch(nodes: FieldBuilder, given, nearest: Value, start: Value, steps: int) -> dict[str, Value]:
+    sample = nodes.sample(
+        given["Cloud"], nodes.attribute("place", "FLOAT_VECTOR"), nearest, "FLOAT_VECTOR", "Its x, y, t"
+    )
+    table = {key: given[key] for key in (*TABLE_INPUTS, "Point", "Scale", "Sign")}
+    inputs = {"Sample": sample, "Start": start, "Steps": steps}
+    return nodes.call(approach_group(), "Approach", table | inputs)
+
+
+def crease_group():
+    """The place on the crease of a vertex' branch that is nearest to a point beyond it."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        nearest = nearest_in_branch(nodes, given, given["Point"])
+        start, _, _ = nearest_start(nodes, given["Cloud"], given["Point"], nearest)
+        found = _on_branch(nodes, given, nearest, start, CREASE_STEPS)
+        return {"Position": on_screen(nodes, given, found["Nearest"])}
+
+    inputs = VIEW_INPUTS | {"Point": ("Vector", None, "A point in the table's space")}
+    text = "The place on a fold's crease that is nearest to a point beyond it"
+    return node_group("SCFPF Onto the Crease", text, inputs, PLACED, build)
 
 
 def store_places(

@@ -214,6 +214,11 @@ def left_out(source, depsgraph) -> dict[str, int]:
     }
 
 
+def is_flat(source, depsgraph) -> bool:
+    """Whether all rays of the previewed volume lie in one surface, so that there is nothing to show."""
+    return remap_nodes.is_flat(source.scfpf_preview.table.evaluated_get(depsgraph))
+
+
 def is_asleep(source) -> bool:
     """Whether a preview computes nothing, since no viewport shows it."""
     return not all(_works(picture) for picture in pictures_of(source))

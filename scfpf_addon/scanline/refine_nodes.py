@@ -12,9 +12,17 @@ from __future__ import annotations
 
 from ..bridge import versions
 from .field_nodes import FieldBuilder, Value, node_group
-from .place_nodes import BOX, VIEW_INPUTS, store_places
+from .place_nodes import (
+    BEYOND_CREASE,
+    BOX,
+    UNKNOWN,
+    VIEW_INPUTS,
+    crease_group,
+    is_known,
+    nearest_in_branch,
+    store_places,
+)
 from .solve_nodes import PROJECTOR
-from .uv_pieces import NO_PIECE
 from .visible_nodes import across_border, all_on_one_side, beyond_rim, past_border
 
 # Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
@@ -43,13 +51,18 @@ NOTHING_SIZE = 0.01
 # A face that is smaller than this by linear guess, in pixels, is not divided; near a fold it may be larger
 # in the picture, up to this: a larger one spans two sheets.
 TINY, LEAP = 0.125, 16.0
+# Of a branch, faces grow towards a crease: they are tiny when smaller than this.
+TINY_OF_BRANCH = 1 / 8
+# A face across a crease is cut off there when its corners, those beyond put onto it, are this near to its
+# middle, in pixels.
+TORN = 1.5
 # A torn face that is smaller than this in (x, y, t) is judged by the corners that have a place.
 CELL = 0.08
 # A face that covers less than this of a pixel is not divided. Of a triangle, the area is 2.6 times the root
 # of the determinant of its corners' second moments.
 THIN = 0.25
 # With more faces than this nothing more is divided: memory must stay bounded.
-MOST_FACES, MOST_FACES_OF_BRANCH = 400_000.0, 20_000.0
+MOST_FACES, MOST_FACES_OF_SHEETS, MOST_FACES_OF_PIECE = 400_000.0, 100_000.0, 20_000.0
 
 EDGE_BOX, FACE_BOX = "scfpf_edge_box", "scfpf_face_box"
 NEED, MARK, FROZEN, FATE = "scfpf_need", "scfpf_mark", "scfpf_frozen", "scfpf_fate"
@@ -90,7 +103,7 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     radius = nodes.combine("SQRT", (square - middle.dot(middle)).most(0.0)) * SPREAD
     crossing = across_border(nodes, given, middle, radius)
     at_rim, within = nodes.separate(small_part, crossing, "At the Rim")
-    is_polar = nodes.either(given["Numbers"].parts()[2] > 0.5, given["Piece"] > NO_PIECE + 0.5)
+    is_polar = nodes.either(given["Numbers"].parts()[2] > 0.5, given["In Pieces"])
     large = large + is_polar
     rest = nodes.switch(is_polar, rest, nodes.join(rest, at_rim), "GEOMETRY", "Polar?")
     small_part = nodes.switch(is_polar, small_part, within, "GEOMETRY", "Polar?")
@@ -100,8 +113,10 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     middle = nodes.at_index(position, Value(nodes, corner.outputs["Face Index"]), "FACE", "FLOAT_VECTOR")
     square = nodes.evaluate_on((position - middle).dot(position - middle), "CORNER", "FLOAT", "At Corners")
     radius = nodes.combine("SQRT", square) * SPREAD
-    away, reach, _ = box.parts()
-    gone = nodes.both(_all_nowhere(nodes), radius < away.most(reach * SMALL_SHARE))
+    away, reach, z = box.parts()
+    away = nodes.switch(is_known(z), away.most(reach * SMALL_SHARE), _beyond(given, z), "FLOAT", "How Far")
+    certain = nodes.either(is_known(z), z > UNKNOWN + 3.5)
+    gone = nodes.both(nodes.both(_all_nowhere(nodes), certain), radius < away)
     _, rest = nodes.separate(rest, gone, "Out of the Volume")
     triangulate = nodes.node("GeometryNodeTriangulate", "Triangles", {"Mesh": rest})
     versions.set_node_menu(triangulate, "Quad Method", "quad_method", "FIXED")
@@ -135,6 +150,11 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     whole, torn = nodes.separate(end["Active"], _all_there(nodes), "Wholly There")
     left = nodes.switch(large > 0.5, 0.0, end["Left"] + _faces(nodes, torn), "FLOAT", "Any Large?")
     mesh = nodes.join(end["Done"], whole)
+    nodes.open_frame("Of sheets, what is beyond a crease is put onto it")
+    point = nodes.point(position, given["Inverse"], "In Camera's Space")
+    crease = nodes.call(crease_group(), "Onto the Crease", view | {"Point": point})["Position"]
+    at_crease = nodes.store(mesh, BOX, crease, "FLOAT_VECTOR", selection=box.parts()[2] > 0.0)
+    mesh = nodes.switch(_is_sheet(nodes, given), mesh, at_crease, "GEOMETRY", "Sheets?")
     nodes.open_frame("Faces across the seam of a periodic picture stand at both of its ends")
     period = nodes.xyz(1.0, 1.0 / given["Aspect"], 1.0, "Period")
     for axis in range(2):
@@ -158,6 +178,16 @@ def _all_nowhere(nodes: FieldBuilder) -> Value:
     """Whether no corner of a face has a place."""
     nowhere = nodes.attribute(BOX, "FLOAT_VECTOR").parts()[2] > 0.0
     return nodes.evaluate_on(nowhere, "POINT", "BOOLEAN", "No Corner")
+
+
+def _beyond(given, z: Value) -> Value:
+    """How far from its branch a point is that lies beyond its crease."""
+    return (z - BEYOND_CREASE) * given["Extent"].length()
+
+
+def _is_sheet(nodes: FieldBuilder, given) -> Value:
+    """Whether what is drawn is sheets of a folded volume: of one in pieces nothing is put onto creases."""
+    return nodes.both(given["Branch"], nodes.negate(given["In Pieces"]))
 
 
 def _faces(nodes: FieldBuilder, mesh: Value) -> Value:
@@ -281,7 +311,7 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     radius = nodes.combine("SQRT", spread) * SPREAD
     across = across_border(nodes, given, centre, radius)
     across = nodes.both(nodes.both(there, across), radius > pixel * SMALLEST_ACROSS)
-    has_border = nodes.either(given["Numbers"].parts()[2] > 0.5, given["Piece"] > NO_PIECE + 0.5)
+    has_border = nodes.either(given["Numbers"].parts()[2] > 0.5, given["In Pieces"])
     wanted = nodes.either(wanted, nodes.switch(has_border, False, across, "BOOLEAN", "Any Border?"))
     nodes.open_frame("Out of the picture?")
     sides = all_on_one_side(nodes, given, box, centre)
@@ -294,15 +324,26 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     beyond = (given["From"] - guess).most(guess - given["To"]) - margin - away_guess
     x, y, t = (beyond - given["Wrap"] * 1e9).parts()
     torn = nodes.negate(there)
-    out = nodes.either(out, nodes.both(torn, x.most(y).most(t) > 0.0))
+    # Near a crease linear guesses lead astray.
+    unsure = nodes.negate(nodes.both(given["Branch"], is_known(centre.parts()[2])))
+    out = nodes.either(out, nodes.both(nodes.both(torn, unsure), x.most(y).most(t) > 0.0))
     across, up, along = away_guess.parts()
     nowhere = nodes.both(_all_nowhere(nodes), centre.parts()[2] > 0.0)
     out = nodes.either(out, nodes.both(nowhere, across.most(up).most(along) < NOTHING_SIZE))
-    nodes.open_frame("A branch: what of it there is, is out of it")
-    gone = nodes.both(sides["Any"], across.most(up).most(along) < CELL)
-    out = nodes.either(
-        out, nodes.switch(given["Branch"], False, nodes.both(torn, gone), "BOOLEAN", "Branch?")
-    )
+    nodes.open_frame("A branch: what of it there is, is out of it; or all of it is beyond the crease")
+    gone = nodes.both(torn, nodes.both(sides["Any"], across.most(up).most(along) < CELL))
+    spread = nodes.combine("SQRT", nodes.evaluate_on(_square(away), "CORNER", "FLOAT", "At Corners"))
+    at_crease, some = _at_crease(nodes, centre)
+    smallest = across.most(up) < pixel * TINY_OF_BRANCH
+    near = nodes.either(spread < pixel * TORN, nodes.both(smallest, spread < pixel * LEAP))
+    at_crease = nodes.both(nodes.both(torn, at_crease), near)
+    z = centre.parts()[2]
+    radius = across * given["Scale"].parts()[0]
+    beyond = nodes.both(nodes.negate(some), nodes.both(is_known(z), _beyond(given, z) > radius))
+    gone = nodes.either(gone, nodes.either(beyond, nodes.both(at_crease, nodes.negate(some))))
+    out = nodes.either(out, nodes.switch(given["Branch"], False, gone, "BOOLEAN", "Branch?"))
+    sheets = _is_sheet(nodes, given)
+    at_crease = nodes.switch(sheets, False, at_crease, "BOOLEAN", "Sheets?")
     nodes.open_frame("Too small to be divided: torn at a border of the volume, or between two of its sheets")
     x, y, _ = away.parts()
     moments = nodes.evaluate_on(
@@ -310,25 +351,43 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     )
     xx, yy, xy = moments.parts()
     thin = (xx * yy - xy * xy) < pixel * pixel * (pixel * pixel * (THIN / 2.6) ** 2)
-    tiny = nodes.either(across.most(up) < pixel * TINY, nodes.both(there, thin))
+    tiny_size = nodes.switch(given["Branch"], TINY, TINY_OF_BRANCH, "FLOAT", "Tiny")
+    tiny = nodes.either(across.most(up) < pixel * tiny_size, nodes.both(there, thin))
     leap = nodes.both(tiny, off.length() > pixel * LEAP)
-    hopeless = nodes.either(tiny, nodes.both(torn, across.most(up) < pixel))
+    torn_size = nodes.switch(sheets, 1.0, TINY_OF_BRANCH, "FLOAT", "Tiny if Torn")
+    hopeless = nodes.either(tiny, nodes.both(torn, across.most(up) < pixel * torn_size))
+    hopeless = nodes.either(hopeless, at_crease)
     nodes.open_frame("Their fate")
-    most = nodes.switch(given["Branch"], MOST_FACES, MOST_FACES_OF_BRANCH, "FLOAT", "Most Faces")
+    most = nodes.switch(given["Branch"], MOST_FACES, MOST_FACES_OF_SHEETS, "FLOAT", "Most Faces")
+    most = nodes.switch(given["In Pieces"], most, MOST_FACES_OF_PIECE, "FLOAT", "Most Faces")
     few = _faces(nodes, mesh) < most
     divide = nodes.both(nodes.both(wanted, few), nodes.negate(nodes.either(out, hopeless)))
-    keep = nodes.both(nodes.both(there, nodes.negate(leap)), nodes.negate(nodes.either(out, divide)))
+    whole = nodes.either(nodes.both(there, nodes.negate(leap)), at_crease)
+    keep = nodes.both(whole, nodes.negate(nodes.either(out, divide)))
     lost = nodes.negate(nodes.either(out, nodes.either(divide, keep)))
     left = nodes.statistic(mesh, lost * 1.0, "Sum", "Left Out", domain="FACE")
     return nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), left
 
 
+def _square(away: Value) -> Value:
+    flat = away * (1.0, 1.0, 0.0)
+    return flat.dot(flat)
+
+
+def _at_crease(nodes: FieldBuilder, centre: Value) -> tuple[Value, Value]:
+    """Whether all of a face has a place or is beyond a near crease; whether some of it has a place."""
+    z, edge = (nodes.attribute(name, "FLOAT_VECTOR").parts()[2] for name in (BOX, EDGE_BOX))
+    known = nodes.evaluate_on(is_known(z), "POINT", "BOOLEAN", "All Corners")
+    some = [centre.parts()[2] < 0.0]
+    for there, domain in ((z < 0.0, "POINT"), (edge < 0.0, "EDGE")):
+        some.append(nodes.evaluate_on(there + 0.0, domain, "FLOAT", "Any") > 0.0)
+    every = nodes.either(nodes.either(some[0], some[1]), some[2])
+    return nodes.both(known, is_known(centre.parts()[2])), every
+
+
 def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value, Value]:
     """By the inverse map of the cloud's nearest point: how far corners are from the middle, and that."""
-    nearest = nodes.out(
-        "GeometryNodeSampleNearest", "Nearest of the Cloud",
-        {"Geometry": given["Cloud"], "Sample Position": point}, domain="POINT",
-    )  # fmt: skip
+    nearest = nearest_in_branch(nodes, given, point)
     inverse = nodes.sample(
         given["Cloud"], nodes.attribute(PROJECTOR, "FLOAT4X4"), nearest, "FLOAT4X4", "Its Inverse Map"
     )

@@ -15,8 +15,9 @@ from .place_nodes import BOX, store_places, view_inputs
 from .realize_nodes import NORMAL, realize_group
 from .refine_nodes import refine_group
 from .table_object import table_object
+from .table_sheets import BRANCHES
 
-__all__ = ["COUNTS", "preview_group", "remap_counts", "remap_group", "table_object"]
+__all__ = ["COUNTS", "is_flat", "preview_group", "remap_counts", "remap_group", "table_object"]
 
 # The attribute of the finished mesh that says what was left out: faces without a place, folded samples.
 COUNTS = "SCFPF Left Out"
@@ -50,6 +51,10 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     view = view_inputs(nodes, table, given["Aspect"])
     nodes.open_frame("The scene's mesh, with its shading")
     mesh = nodes.call(realize_group(), "Realize", {"Geometry": given["Geometry"]})["Mesh"]
+    # Where all projectors lie in one surface there is no inverse.
+    branches = nodes.attribute(BRANCHES, "FLOAT_VECTOR")
+    flat = nodes.sample(view["Cloud"], branches, 0, "FLOAT_VECTOR", "Branches").parts()[2]
+    mesh = nodes.switch(flat > 0.5, mesh, None, "GEOMETRY", "Nothing if Flat")
     nodes.open_frame("Where its vertices are in the viewbox")
     position = nodes.out("GeometryNodeInputPosition", "Position", {})
     inverse = nodes.out("FunctionNodeInvertMatrix", "Into Camera's Space", {0: matrix})
@@ -58,7 +63,7 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     placed = store_places(nodes, mesh, view | point)
     nodes.open_frame("Large faces are divided, what has no place goes")
     single = nodes.call(refine_group(), "Refine", view | options | {"Mesh": placed})
-    refined = with_branches(nodes, view, options | point | {"Mesh": mesh}, single)
+    refined = with_branches(nodes, view, options | {"Mesh": mesh}, single)
     nodes.open_frame("Into the viewbox, with the shading of the scene")
     place = nodes.point(nodes.attribute(BOX, "FLOAT_VECTOR"), matrix, "In Own Space")
     mesh = nodes.out(
@@ -101,12 +106,19 @@ def preview_group(camera):
 def remap_counts(evaluated_object) -> dict[str, int]:
     """What an evaluated object's remap left out.
 
-    Keys: ``unreachable`` (faces removed because a corner has no place in the volume; not counted where the
-    volume has several branches), ``folded`` (samples of the volume, of 2,304, or of 4,608 if it is in
-    pieces, where it is turned inside out). Zero where there is no remap.
+    Keys: ``unreachable`` (faces without a place though their surroundings have one; of a volume with folds
+    the faces with a corner in the picture and another one that no ray reaches, since the volume ends
+    in a fold before it; not counted where it is in pieces), ``folded`` (samples of the volume, of 2,304,
+    or of 4,608 if it is in pieces, where it is turned inside out). Zero where there is no remap.
     """
     attribute = evaluated_object.data.attributes.get(COUNTS)
     if attribute is None or not len(attribute.data):
         return {"unreachable": 0, "folded": 0}
     unreachable, folded, _ = attribute.data[0].vector
     return {"unreachable": round(unreachable), "folded": round(folded)}
+
+
+def is_flat(evaluated_table) -> bool:
+    """Whether all projectors of an evaluated table lie in one surface: nothing can be inverted then."""
+    attribute = evaluated_table.data.attributes.get(BRANCHES)
+    return attribute is not None and bool(len(attribute.data)) and attribute.data[0].vector[2] > 0.5

@@ -151,13 +151,20 @@ def bounded_step(nodes: FieldBuilder, guess: Value, step: Value, wrap: Value) ->
     return nodes.mix(wrap, inside, moved)
 
 
-def nearest_start(nodes: FieldBuilder, cloud: Value, point: Value) -> tuple[Value, Value, Value]:
+def nearest_sample(nodes: FieldBuilder, cloud: Value, point: Value) -> Value:
+    """The index of the nearest point of the cloud."""
+    inputs = {"Geometry": cloud, "Sample Position": point}
+    return nodes.out("GeometryNodeSampleNearest", "Nearest of the Cloud", inputs, domain="POINT")
+
+
+def nearest_start(
+    nodes: FieldBuilder, cloud: Value, point: Value, nearest: Value | None = None
+) -> tuple[Value, Value, Value]:
     """A first guess of (x, y, t) by the nearest point of the cloud and its inverse map.
 
-    Also how far that point is, and how far from its neighbours it is.
+    Also how far that point is, and how far from its neighbours it is. nearest: its index, if it is known.
     """
-    inputs = {"Geometry": cloud, "Sample Position": point}
-    nearest = nodes.out("GeometryNodeSampleNearest", "Nearest of the Cloud", inputs, domain="POINT")
+    nearest = nearest_sample(nodes, cloud, point) if nearest is None else nearest
     inverse = nodes.sample(cloud, nodes.attribute(PROJECTOR, "FLOAT4X4"), nearest, "FLOAT4X4", "Inverse Map")
     place, there = (
         nodes.sample(cloud, field, nearest, "FLOAT_VECTOR", label)

@@ -2,18 +2,29 @@
 """Which parts of a volume a point may be seen through more than once: the branches of its inverse.
 
 A volume is one branch as long as its samples lie in space as they do in the volume. Where it is turned inside
-out somewhere, or passes through where it has been already, it is taken apart into blocks and by
-the sign of its determinant, so that within a branch the inverse is one of one sheet nearly everywhere.
-A volume whose surfaces are in pieces is taken apart into those too.
+out somewhere it is taken apart into its sheets, which have one sign of the determinant each; where a sheet
+passes through where it has been already, into blocks, so that a branch has one place for a point
+nearly everywhere. A volume whose surfaces are in pieces is taken apart into those too.
 """
 
 from __future__ import annotations
 
 from .field_nodes import FieldBuilder, Value, node_group
-from .solve_nodes import TABLE_INPUTS, look_up_group, nearest_start, solve_group
+from .solve_nodes import TABLE_INPUTS, look_up_group, nearest_sample, nearest_start, solve_group
+from .table_sheets import (
+    BRANCH,
+    FIRST_CELL,
+    FOLDED,
+    LAST_CELL,
+    LENGTHS,
+    PIECE,
+    SHEET,
+    describe_branches,
+    store_sheets,
+)
 from .uv_pieces import NO_PIECE
 
-# Blocks across, up and along a volume that is not one-to-one.
+# Blocks across, up and along a volume that passes through itself.
 BLOCKS = (2, 2, 3)
 # Below this share of the product of its columns' lengths a determinant is nought but for rounding.
 FLAT = 1e-4
@@ -23,10 +34,10 @@ TWICE = 0.2
 SOLVED = 2e-3
 # Parts of the volume, along each axis, that are looked at for points of the other ones.
 PARTS = 3
+# From point to point of the cloud until every point knows the sheet that it is on.
+SHEET_STEPS = 44
 
-BRANCH, BLOCK, FOLDED, LENGTHS = "branch", "block", "folded", "lengths"
-# Of points of the table and the cloud: which piece of a volume in pieces they are of; and its cells.
-PIECE, FIRST_CELL, LAST_CELL = "piece", "first cell", "last cell"
+BLOCK = "block"
 
 
 def relative_determinant(nodes: FieldBuilder, found: dict[str, Value]) -> Value:
@@ -127,13 +138,12 @@ def cells_of_piece(nodes: FieldBuilder, whole, cut: Value) -> dict[str, Value]:
     }
 
 
-def store_branches(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> tuple[Value, Value, Value]:
-    """The cloud in order of its branches, the sign of the volume's determinant, and the number of branches.
+def store_branches(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> dict[str, Value]:
+    """The cloud in order of its branches ("Cloud"), and what ``branches_group`` says of them.
 
     The cloud must have "place" and ``BLOCK``; it gets ``BRANCH`` and ``FOLDED``.
     """
-    made = nodes.call(branches_group(), "Branches", whole | {"Cloud": cloud, "Cut": cut})
-    return made["Cloud"], made["Turn"], made["Count"]
+    return nodes.call(branches_group(), "Branches", whole | {"Cloud": cloud, "Cut": cut})
 
 
 def branches_group():
@@ -142,7 +152,8 @@ def branches_group():
         "Cloud": ("Geometry", None, "Points all over the volume"),
         "Cut": ("Bool", False, "Is the volume in pieces?"),
     }
-    outputs = {"Cloud": "Geometry", "Turn": "Float", "Count": "Float"}
+    # Turn: the sign of the volume's determinant. Flat: 1 where all projectors lie in one surface, else 0.
+    outputs = {"Cloud": "Geometry", "Turn": "Float", "Count": "Float", "Flat": "Float"}
     text = "Numbers the branches of a volume's inverse, one for a volume that is one-to-one"
     return node_group("SCFPF Branches", text, inputs, outputs, _build_branches)
 
@@ -155,27 +166,37 @@ def _build_branches(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
     determinant = relative_determinant(nodes, found)
     sign = nodes.statistic(cloud, determinant, "Median", "Turn of the volume")
+    flat = nodes.statistic(cloud, determinant.absolute(), "Max", "Greatest") < FLAT
     turn = (sign > 0.0) * 2.0 - 1.0
     cloud = nodes.store(cloud, FOLDED, determinant * turn < -FLAT, "FLOAT")
     lengths = nodes.xyz(*(found[f"By {axis}"].length() for axis in "xyt"), "Lengths")
     cloud = nodes.store(cloud, LENGTHS, lengths, "FLOAT_VECTOR")
     folds = nodes.statistic(cloud, nodes.attribute(FOLDED), "Sum", "Folded Samples")
-    nodes.open_frame("Does it pass through itself?")
+    nodes.open_frame("Its sheets")
+    spreads = nodes.both(folds > 0.5, nodes.negate(nodes.either(cut, flat)))
+    steps = nodes.switch(spreads, 0.0, SHEET_STEPS, "FLOAT", "Any Folds?")
+    sheets = store_sheets(nodes, cloud, given["Wrap"], steps + 0.5)
+    by_sign = nodes.store(cloud, SHEET, nodes.attribute(FOLDED), "FLOAT")
+    cloud = nodes.switch(spreads, by_sign, sheets, "GEOMETRY", "Any Folds?")
+    nodes.open_frame("Does a sheet pass through itself?")
     axes = []
     for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)):
         axes.append(
             nodes.call(seen_twice_group(), "Seen Twice", whole | {"Cloud": cloud, "Axis": axis})["Count"]
         )
-    anyway = nodes.either(folds > 0.5, cut)
-    twice = nodes.switch(anyway, axes[0] + axes[1] + axes[2], 0.0, "FLOAT", "Folded Anyway?")
+    # Pieces have their own places; only where they are folded as well they are taken apart into blocks.
+    twice = nodes.switch(cut, axes[0] + axes[1] + axes[2], folds, "FLOAT", "In Pieces?")
     nodes.open_frame("Numbers of the branches")
-    key = nodes.attribute(BLOCK) * 2.0 + nodes.attribute(FOLDED)
-    key = nodes.switch(nodes.either(folds > 0.5, twice > 0.5), 0.0, key, "FLOAT", "One-to-One?")
-    piece = nodes.attribute(PIECE) * (2.0 * BLOCKS[0] * BLOCKS[1] * BLOCKS[2])
+    blocks = float(BLOCKS[0] * BLOCKS[1] * BLOCKS[2])
+    key = nodes.attribute(SHEET) * blocks + nodes.attribute(BLOCK) * (twice > 0.5)
+    piece = nodes.attribute(PIECE) * (2.0 * blocks)
     key = nodes.switch(cut, key, key + piece, "FLOAT", "In Pieces?")
     cloud = numbered(nodes, cloud, key, BRANCH)
-    count = nodes.statistic(cloud, nodes.attribute(BRANCH), "Max", "Last Branch") + 1.0
-    return {"Cloud": cloud, "Turn": sign, "Count": count}
+    last = nodes.statistic(cloud, nodes.attribute(BRANCH), "Max", "Last Branch")
+    count = nodes.switch(flat, last + 1.0, 0.0, "FLOAT", "Any?")
+    described = describe_branches(nodes, whole["Size"], cloud, cut, count, turn)
+    cloud = nodes.switch(count + cut > 1.5, cloud, described, "GEOMETRY", "Several?")
+    return {"Cloud": cloud, "Turn": sign, "Count": count, "Flat": flat + 0.0}
 
 
 def numbered(nodes: FieldBuilder, points: Value, key: Value, name: str) -> Value:
@@ -190,7 +211,7 @@ def numbered(nodes: FieldBuilder, points: Value, key: Value, name: str) -> Value
 
 
 def seen_twice_group():
-    """How many of a cloud's points are also seen from far along an axis of the volume."""
+    """How many of a cloud's points are also seen from far along an axis of the same sheet."""
     inputs = TABLE_INPUTS | {
         "Cloud": ("Geometry", None, "Points all over the volume"),
         "Axis": ("Vector", None, "1 for x, y or t"),
@@ -207,8 +228,12 @@ def seen_twice_group():
             own_part = (place.dot(given["Axis"]) * float(PARTS)).floor().least(PARTS - 1.0)
             part, _ = nodes.separate(given["Cloud"], (own_part - number).absolute() < 0.5, "Part", "POINT")
             start, distance, reach = nearest_start(nodes, part, point)
+            sheet = nodes.sample(
+                part, nodes.attribute(SHEET), nearest_sample(nodes, part, point), "FLOAT", "Its Sheet"
+            )
             away = _along(given["Axis"], start - place, wrap)
-            candidate = nodes.both(distance < reach, away > TWICE)
+            same = (sheet - nodes.attribute(SHEET)).absolute() < 0.5
+            candidate = nodes.both(nodes.both(distance < reach, same), away > TWICE)
             solved = nodes.call(solve_group(), "Solve", table | {"Point": point, "Start": start, "Steps": 6})
             there = (solved["Position"] - (0.5, 0.5, 0.5)).absolute()
             a, b, c = there.parts()
@@ -218,7 +243,7 @@ def seen_twice_group():
             total = count if total is None else total + count
         return {"Count": total}
 
-    text = "How many points of a volume are also seen from far along an axis of it"
+    text = "How many points of a volume are also seen from far along an axis of the same sheet"
     return node_group("SCFPF Seen Twice", text, inputs, {"Count": "Float"}, build)
 
 

@@ -24,12 +24,11 @@ from .solve_nodes import (
 )
 from .spans import power_spans
 from .surface_point import surface_point_group
-from .table_branches import BLOCK, PIECE, block_number, cells_of_piece, store_branches, with_pieces
+from .table_branches import BLOCK, block_number, cells_of_piece, store_branches, with_pieces
+from .table_sheets import BRANCHES, CLOUD, PIECE
 from .uv_pieces import NO_PIECE, OF_SURFACE, PIECES
 
-# Points of the cloud across, up and along the volume.
-CLOUD = (12, 12, 16)
-# The same if the volume is in pieces, each of which needs some.
+# Points of the cloud if the volume is in pieces, each of which needs some.
 CLOUD_OF_PIECES = (24, 24, 8)
 # A gap between two rows that is this many times the next one is a leap.
 LEAP = 4.0
@@ -77,17 +76,18 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
         cloud = nodes.switch(cut, cloud, with_pieces(nodes, whole, cloud), "GEOMETRY", "In Pieces?")
         whole |= cells_of_piece(nodes, whole, cut)
         cloud = _cloud(nodes, whole, cloud, cut)
-        cloud, sign, branches = store_branches(nodes, whole, cloud, cut)
+        branches = store_branches(nodes, whole, cloud, cut)
+        cloud = branches["Cloud"]
         box, low, extent = _box(nodes, cloud)
         lattice = _lattice(nodes, whole, cloud, box, extent)
         nodes.open_frame("What is true of the whole table")
         for name, value in (
             ("size", size),
             ("wrap", wrap),
-            ("ratio, turn, polar", nodes.xyz(ratio, sign, polar, "Numbers")),
+            ("ratio, turn, polar", nodes.xyz(ratio, branches["Turn"], polar, "Numbers")),
             ("low", low),
             ("extent", extent),
-            ("branches", nodes.xyz(branches, cut + 0.0, 0.0, "Branches")),
+            (BRANCHES, nodes.xyz(branches["Count"], cut + 0.0, branches["Flat"], "Branches")),
         ):
             cloud = nodes.store(cloud, name, value, "FLOAT_VECTOR")
         nodes.close_frame()
@@ -325,7 +325,8 @@ def _places(nodes: FieldBuilder, whole, cut: Value, ratio: Value, polar: Value) 
     # The last layer is the far surface; the near one may be a point, where nothing can be inverted.
     part = (layer + 0.5) / (along - 0.5)
     even = (ratio - 1.0).absolute() < EVEN_RATIO
-    t, before = (
+    step = 1.0 / (along - 0.5)
+    t, before, after = (
         nodes.switch(
             even,
             (nodes.combine("POWER", ratio, 1.0 - share) - ratio) / (1.0 - ratio),
@@ -333,9 +334,10 @@ def _places(nodes: FieldBuilder, whole, cut: Value, ratio: Value, polar: Value) 
             "FLOAT",
             "t",
         )
-        for share in (part, part - 1.0 / (along - 0.5))
+        for share in (part, part - step, (part + step).least(1.0))
     )
     cloud = nodes.store(cloud, "layer", t - before, "FLOAT")
+    cloud = nodes.store(cloud, "layer ahead", after - t, "FLOAT")
     cloud = nodes.store(cloud, BLOCK, block_number(nodes, x, y, layer / along), "FLOAT")
     place = nodes.xyz(x, y, t, "Place")
     return nodes.store(cloud, "place", place, "FLOAT_VECTOR")
@@ -348,12 +350,22 @@ def _cloud(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> Value:
     place = nodes.attribute("place", "FLOAT_VECTOR")
     found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
     cloud = nodes.store(cloud, PROJECTOR, inverse_map(nodes, found, place), "FLOAT4X4")
-    sides = (
-        found["By x"].length() / across,
-        found["By y"].length() / up,
-        found["By t"].length() * nodes.attribute("layer"),
-    )
-    cloud = nodes.store(cloud, REACH, sides[0] + sides[1] + sides[2], "FLOAT")
+    nodes.open_frame("How far neighbours are: where they are, since a volume may stretch between layers")
+    layer, ahead = nodes.attribute("layer"), nodes.attribute("layer ahead")
+    reach = None
+    for before, after in (
+        (nodes.xyz(-1.0 / across, 0.0, 0.0, "Left"), nodes.xyz(1.0 / across, 0.0, 0.0, "Right")),
+        (nodes.xyz(0.0, -1.0 / up, 0.0, "Down"), nodes.xyz(0.0, 1.0 / up, 0.0, "Up")),
+        (nodes.xyz(0.0, 0.0, layer * -1.0, "Nearer"), nodes.xyz(0.0, 0.0, ahead, "Farther")),
+    ):
+        gaps = [
+            (nodes.call(look_up_group(), "Neighbour", whole | {"Position": place + way})["Position"]
+             - found["Position"]).length()
+            for way in (before, after)
+        ]  # fmt: skip
+        side = gaps[0].most(gaps[1])
+        reach = side if reach is None else reach + side
+    cloud = nodes.store(cloud, REACH, reach, "FLOAT")
     return nodes.out("GeometryNodeSetPosition", "Cloud", {"Geometry": cloud, "Position": found["Position"]})
 
 

@@ -7,8 +7,9 @@ from math import pi
 
 from .field_nodes import FieldBuilder, Value, node_group
 from .place_nodes import VIEW_INPUTS, on_screen
-from .table_branches import PIECE, piece_at
-from .uv_pieces import NO_PIECE, OF_SURFACE, PIECES
+from .table_branches import piece_at
+from .table_sheets import PIECE
+from .uv_pieces import OF_SURFACE, PIECES
 
 # Faces that lie farther out of the picture than this share of it are left out.
 FRAME_MARGIN = 0.01
@@ -71,7 +72,7 @@ def beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
     return nodes.mix(polar, -1.0 + polar * 0.0, off)
 
 
-BORDER_INPUTS = ("Table", "Size", "Numbers", "Aspect", "Piece", "Border")
+BORDER_INPUTS = ("Table", "Size", "Numbers", "Aspect", "In Pieces", "Piece", "Border")
 
 
 def past_border(nodes: FieldBuilder, given, place: Value) -> Value:
@@ -111,8 +112,7 @@ def beyond_group():
         any_border = Value(nodes, size.outputs["Face Count"]) > 0.5
         off = nodes.switch(any_border, off_nearest, away > ON_PIECE, "BOOLEAN", "Borders?")
         off_piece = nodes.switch(off, rim, 1.0, "FLOAT", "Off Its Piece?")
-        in_pieces = given["Piece"] > NO_PIECE + 0.5
-        return {"Beyond": nodes.switch(in_pieces, rim, off_piece, "FLOAT", "In Pieces?")}
+        return {"Beyond": nodes.switch(given["In Pieces"], rim, off_piece, "FLOAT", "In Pieces?")}
 
     text = "Above 0 beyond the rim of a polar picture, or off the piece that is shown"
     return node_group("SCFPF Beyond", text, inputs, {"Beyond": "Float"}, build)
@@ -136,7 +136,7 @@ def across_group():
         # A polar picture's: what is that far along the radius, and round the centre.
         round_it = radius / ((centre - radius).most(1e-6) * (2 * pi))
         reach = nodes.mix(polar, radius, radius * 2.0 + round_it)
-        near = nodes.both(found["To Border"] < reach, given["Piece"] > NO_PIECE + 0.5)
+        near = nodes.both(found["To Border"] < reach, given["In Pieces"])
         return {"Across": nodes.either(rim, near)}
 
     text = "Whether the border of the piece that is shown may run through a face"

@@ -113,7 +113,7 @@ def light_nodes(addon, monkeypatch):
         return found or bpy.data.objects.new(name, bpy.data.meshes.new(name))
 
     data = addon("scfpf_addon.scanline.preview_data")
-    nodes = SimpleNamespace(preview_group=group, table_object=table)
+    nodes = SimpleNamespace(preview_group=group, table_object=table, is_flat=lambda _table: False)
     monkeypatch.setattr(data, "remap_nodes", nodes)
 
 

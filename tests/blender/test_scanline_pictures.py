@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from chosen_presets import PRESETS
+from chosen_presets import FOLDER, PRESETS
 from mathutils import Euler, Matrix
 
 WIDTH = 240
@@ -205,10 +205,16 @@ def compared(addon, scanline, seen, caster, drawn):
     return compare
 
 
-@pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
+# One whose rays go fifty times as fast in their last part as before, so that samples are far apart there.
+UNEVEN = FOLDER / "occlusion_camera.json"
+# Beside a near surface that is a point float32 depth is coarse there: where things meet, pixels may be wrong.
+COARSE_DEPTH = 1e-4
+
+
+@pytest.mark.parametrize("path", [*PRESETS, UNEVEN], ids=lambda path: path.stem)
 def test_preview_and_caster_see_the_same_objects(flexible_camera, compared, path):
-    wrong, _, counts = compared(*flexible_camera(path))
-    assert wrong == 0
+    wrong, count, counts = compared(*flexible_camera(path))
+    assert wrong <= (COARSE_DEPTH * count if path == UNEVEN else 0)
     assert set(counts) == {"unreachable", "folded"}
 
 
@@ -319,7 +325,7 @@ def closed_along_v(flexible, camera):
 
 # Share of pixels that may be wrong, at creases and in tiles' corners; whether a wall is behind things.
 VOLUMES = [
-    (folded_volume, 0.01, False),
+    (folded_volume, 2e-4, False),
     (slanted_tiles, 2e-4, True),
     (tiles_with_holes, 2e-4, True),
     (pieces_of_two_surfaces, 2e-4, True),
@@ -338,7 +344,8 @@ def test_volumes_with_folds_pieces_and_seams(addon, compared):
         bpy.context.view_layer.update()
         wrong, count, counts = compared(camera, 160, 16, -14.0 if has_wall else None)
         assert wrong <= share * count, make.__name__
-        assert counts["unreachable"] == 0, make.__name__
+        # Where the volume folds, faces reach beyond it.
+        assert (counts["unreachable"] > 0) == (make is folded_volume), make.__name__
         assert (counts["folded"] > 100) == (make is folded_volume), make.__name__
 
 
