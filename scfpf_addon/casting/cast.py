@@ -16,7 +16,7 @@ from .exact import cast_exact
 from .hits import CastCounts, Hits
 from .occupancy import stretches
 from .scene import CastError, CastScene
-from .schedule import corners, plan, sample_curves, scene_reach
+from .schedule import corners, plan, sample_curves, scene_reach, split
 from .straight import cast_straight
 
 __all__ = ["CastCounts", "Hits", "cast"]
@@ -25,9 +25,9 @@ __all__ = ["CastCounts", "Hits", "cast"]
 # cannot be told from infinity in float32; their projectors count as not finite.
 FARTHEST = 1e15
 
-# Where a hit is in doubt a projector is followed again by chords that stray this share of the
-# pixel error: four times as many.
-FINE_SHARE = 1.0 / 16.0
+# Where a hit is in doubt a projector is followed again by so many times as many chords, which
+# stray by the square of this less.
+FINER = 4
 
 # Pixel errors below this are beyond float32 and count as this.
 SMALLEST_ERROR = 1e-4
@@ -126,7 +126,10 @@ def _cast_curved(
         hits, doubtful = cast_chords(scene, bundle, group, schedule, counts, where, False)
         if len(doubtful):
             counts.refined += len(doubtful)
-            fine = plan(spans, curves, reach, FINE_SHARE * error, 1)
+            if spans.point_weights is None:
+                fine = split(spans, schedule, FINER)
+            else:
+                fine = plan(spans, curves, reach, error / FINER**2, 1)
             own = CastCounts()
             some, there = bundle.take(doubtful), where.take(doubtful)
             hits.put(doubtful, cast_chords(scene, some, group[doubtful], fine, own, there)[0])

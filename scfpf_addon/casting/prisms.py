@@ -23,7 +23,7 @@ Float32Array = NDArray[np.float32]
 
 # ε is this share of a typical triangle's height: thinner prisms need more chords,
 # thicker ones are entered in vain more often; measured, the optimum is flat.
-EPSILON_SHARE = 1.0 / 30.0
+EPSILON_SHARE = 1.0 / 100.0
 
 # Bounds of ε in cast units: below, Embree's rounding would be most of a prism; above,
 # a scene of a few large triangles would be entered from everywhere.
