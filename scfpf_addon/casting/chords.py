@@ -115,8 +115,9 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
         return _at_once(work, np.flatnonzero(mask), source, held, where.block)
 
     def trace(start: NDArray[Any], way: NDArray[Any], limits: NDArray[np.float32]) -> Traced:
-        single = (a.astype(np.float32, copy=False) for a in (start, way))
-        return work.scene.trace(*single, limits), None
+        single = np.float32
+        found = work.scene.trace(start.astype(single, copy=False), way.astype(single, copy=False), limits)
+        return found, None
 
     records, _, rays = march(source, schedule.ends, held, where.members(), mask, trace)
     work.counts.rays += rays

@@ -75,7 +75,8 @@ class Walk(NamedTuple):
 
     looked: (N,) t up to which the triangles themselves have been looked at, inf at first.
     block: (N,) of each projector. following: (n+1, B) for each chord and block the first from
-    there on that may enter a prism, n if none does. far: whether projectors reach so far out that float32 would move chords in the scene.
+    there on that may enter a prism, n if none does. far: whether projectors reach so far out
+    that float32 would move chords in the scene.
     """
 
     scene: CastScene
@@ -237,9 +238,7 @@ def _settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
     # A chord over a step h is ‖q''‖ h²/16 from its curve, at most ε, a straight line over a
     # share of it ‖q''‖ (share h)²/8.
     straight = min(float(np.sqrt(0.5 * STRAY / walk.prisms.epsilon)), 1.0)
-    found = curves.next_root(
-        scene, triangle, chords.span.take(rays.chord), met_t, met_t + straight * length
-    )
+    found = curves.next_root(scene, triangle, chords.span.take(rays.chord), met_t, met_t + straight * length)
     walk.counts.tested += len(triangle)
     start = curves.place(met_t)
     way = curves.place(np.where(found.inside, found.t, met_t)) - start

@@ -227,12 +227,14 @@ class Stretches(NamedTuple):
 
     def within(self, low: Array, high: Array) -> BoolArray:
         """Whether blocks may meet something in [low, high] (C,) of t, (C, B)."""
-        before = np.zeros((len(self.edges), self.held.shape[1]), np.int32)
-        np.cumsum(self.held, axis=0, out=before[1:])
+        few = len(self.held) <= np.iinfo(np.int16).max
+        before = np.zeros((len(self.edges), self.held.shape[1]), np.int16 if few else np.int32)
+        for piece, held in enumerate(self.held):
+            np.add(before[piece], held, out=before[piece + 1])
         first = np.clip(np.searchsorted(self.edges, low, side="right") - 1, 0, len(self.held))
         last = np.clip(np.searchsorted(self.edges, high, side="left"), 0, len(self.held))
-        held: BoolArray = before[last] > before[first]
-        return held
+        some: BoolArray = before[last] > before[first]
+        return some
 
 
 def everywhere(count: int) -> Stretches:
@@ -278,8 +280,8 @@ def stretches(
             low, high = piece_bounds(weights[some], *boxes)
             inside = occupancy.holds(low - slack, high + slack)
             held[some, :, start:end] = inside.reshape(len(some), *least.shape[2:])
-    boxes = lower.reshape(*lower.shape[:2], -1), upper.reshape(*upper.shape[:2], -1)
-    parts = _parts(occupancy, spans, held.reshape(len(held), -1), *boxes, slack)
+    least, most = (a.reshape(*a.shape[:2], -1) for a in (lower, upper))
+    parts = _parts(occupancy, spans, held.reshape(len(held), -1), least, most, slack)
     return Stretches(piece_edges(spans, PARTS), parts, block)
 
 

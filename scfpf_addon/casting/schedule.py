@@ -208,9 +208,14 @@ def corners(spans: SpanBasis, reach: tuple[float, float]) -> Schedule:
 
 
 def split(spans: SpanBasis, schedule: Schedule, parts: int) -> Schedule:
-    """The schedule with each chord in ``parts``: they stray by the square of that less. Not rational spans."""
+    """The schedule with each chord cut in ``parts``, which stray by the square of that less.
+
+    Not for rational spans.
+    """
     steps = np.arange(parts) / parts
-    breaks = np.append((schedule.breaks[:-1, None] + steps * np.diff(schedule.breaks)[:, None]), schedule.breaks[-1])
+    breaks = np.append(
+        (schedule.breaks[:-1, None] + steps * np.diff(schedule.breaks)[:, None]), schedule.breaks[-1]
+    )
     span = np.repeat(spans.locate(0.5 * (schedule.breaks[:-1] + schedule.breaks[1:]))[0], parts)
     pieces = []
     for number in np.unique(span):
@@ -218,9 +223,7 @@ def split(spans: SpanBasis, schedule: Schedule, parts: int) -> Schedule:
         start, end = spans.breaks[number], spans.breaks[number + 1]
         local = (breaks[chords[0] : chords[-1] + 2] - start) / (end - start)
         pieces.append(_chords(spans, int(number), local, 1, None))
-    return replace(
-        _joined(pieces), error=schedule.error / parts**2, finest=schedule.finest / parts**2
-    )
+    return replace(_joined(pieces), error=schedule.error / parts**2, finest=schedule.finest / parts**2)
 
 
 def _spans_within(spans: SpanBasis, reach: tuple[float, float]) -> list[tuple[int, tuple[float, float]]]:
