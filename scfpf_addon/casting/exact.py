@@ -157,8 +157,7 @@ def cast_exact(
         rounding > LARGEST_ROUNDING,
     )
     if chords.breaks[0] == 0.0:
-        beginning = where.within(chords.breaks[:1], chords.breaks[:1])[0]
-        _look_around(walk, present[beginning.take(where.block.take(present))])
+        _look_around(walk, present[where.held[0].take(where.block.take(present))])
     rays, found = _first_wave(walk, held, where.members(), mask)
     doubtful = _settle(walk, rays, found)
     rays, found = rays.take(doubtful), found[doubtful]
