@@ -6,7 +6,9 @@ points within ε of each triangle (``prisms``). Where a chord enters or leaves a
 the curve itself is met with that triangle in float64; a hit bounds the walk, which
 goes on until nothing lies before it that was not entered. Prisms that are entered at
 one place, which Embree cannot tell apart, are left to a look at the triangles
-themselves, as far as the thickness of a prism.
+themselves, as far as the thickness of a prism. Where the first prism that is met holds a
+hit well within its triangle, that look is all that is needed; only the others are walked.
+Chords through space that certainly holds no prism (``occupancy``) are not cast.
 """
 
 from __future__ import annotations
