@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Everything a developer types: `python3 dev.py demo`, `test`, `build`, `lint` or `bench`.
+"""Everything a developer types: `python3 dev.py demo`, `gallery`, `test`, `build`, `lint` or `bench`.
 
 Nothing has to be installed or done before: it finds a Python for which there is a Blender, makes its own
 virtual environments in .venvs/ and goes on from there. It starts with any Python from 3.9 on.
@@ -31,6 +31,12 @@ def command_demo(options, rest):
     """Render the demo through seven presets into demo/output/."""
     environment = environments.first()
     environments.run([environment.python, "demo/render_demo.py", "--output", "demo/output", *rest])
+
+
+def command_gallery(options, rest):
+    """Render the pictures of docs/gallery.md: every figure of the paper, and what lies beyond."""
+    environment = environments.first()
+    environments.run([environment.python, "demo/render_gallery.py", "--output", "docs/gallery.md", *rest])
 
 
 def command_test(options, rest):
@@ -124,7 +130,7 @@ def parser():
     """The command line."""
     top = argparse.ArgumentParser(prog="dev.py", description=__doc__.splitlines()[0])
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for run in (command_demo, command_test, command_build, command_lint, command_bench):
+    for run in (command_demo, command_gallery, command_test, command_build, command_lint, command_bench):
         summary = run.__doc__.strip().splitlines()[0]
         command = commands.add_parser(
             run.__name__[len("command_") :], help=summary, description=summary, allow_abbrev=False

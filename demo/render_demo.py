@@ -99,14 +99,14 @@ def another_scene(street):
     return scene
 
 
-def add_shot(scene, stem: str, text: str):
-    """Give a scene the flexible camera of a preset (its file's name and text); returns the camera."""
+def add_shot(scene, text: str, shot: Shot):
+    """Give a scene the flexible camera of a preset (its file's text); returns the camera."""
     import bpy
     from mathutils import Vector
 
     presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.preset")
     flexible_camera = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.flexible_camera")
-    preset, shot = presets.load_preset(text), SHOTS[stem]
+    preset = presets.load_preset(text)
     scene.name = preset.name
     scene.render.resolution_x, scene.render.resolution_y = shot.size
     scene.render.resolution_percentage = 100
@@ -202,7 +202,7 @@ def make(scratch: Path, folder: Path, percentage: int, only: str | None) -> list
     )
     files = []
     for number, (stem, scene) in enumerate(scenes.items(), 1):
-        add_shot(scene, stem, presets[stem].read_text(encoding="utf-8"))
+        add_shot(scene, presets[stem].read_text(encoding="utf-8"), SHOTS[stem])
         scene.render.resolution_percentage = percentage
         begun = time.perf_counter()
         print(f"[{number}/{len(scenes)}] {scene.name} ...", flush=True)

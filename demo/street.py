@@ -136,7 +136,7 @@ def _icosphere(subdivisions: int) -> tuple[Array, Array]:
     return vertices, faces
 
 
-def _build_tree(seed: int) -> MeshBuilder:
+def build_tree(seed: int) -> MeshBuilder:
     """A trunk with boughs and a crown of lumpy balls, five to six metres high."""
     builder = MeshBuilder()
     random = np.random.default_rng(seed)
@@ -168,7 +168,7 @@ def _build_tree_pit() -> MeshBuilder:
     return builder
 
 
-def _build_lamp() -> MeshBuilder:
+def build_lamp() -> MeshBuilder:
     """A street lamp, four and a half metres high."""
     builder = MeshBuilder()
     builder.lathe(
@@ -272,10 +272,10 @@ def _houses() -> list[House]:
 
 def _furnish(collection: bpy.types.Collection, palette: dict[str, bpy.types.Material]) -> None:
     """Trees, lamps, benches and post boxes along the pavements."""
-    trees = [_build_tree(seed).mesh(f"Tree {seed}", palette, sharp=np.pi) for seed in (1, 2, 3)]
+    trees = [build_tree(seed).mesh(f"Tree {seed}", palette, sharp=np.pi) for seed in (1, 2, 3)]
     pit, lamp = (
         _build_tree_pit().mesh("Tree pit", palette),
-        _build_lamp().mesh("Street lamp", palette, outward=True),
+        build_lamp().mesh("Street lamp", palette, outward=True),
     )
     bench, post_box = (
         _build_bench().mesh("Bench", palette),
@@ -328,8 +328,12 @@ def _light(
     return data
 
 
-def _illuminate(scene: bpy.types.Scene, collection: bpy.types.Collection) -> None:
-    """Sky, sun, the glow of two street lamps and a fill light for the shaded side."""
+def daylight(
+    scene: bpy.types.Scene,
+    collection: bpy.types.Collection,
+    angles: tuple[float, float, float] = SUN_ANGLES,
+) -> None:
+    """Sky, sun (turned by angles, in degrees), and the view transform that they are made for."""
     world = bpy.data.worlds.new("Sky")
     if world.node_tree is None:
         world.use_nodes = True
@@ -338,8 +342,13 @@ def _illuminate(scene: bpy.types.Scene, collection: bpy.types.Collection) -> Non
     background.inputs["Strength"].default_value = SKY_STRENGTH
     world.color = tuple(SKY_STRENGTH * channel for channel in SKY)
     scene.world = world
-    sun = _light("Sun", "SUN", SUN_STRENGTH, (1.0, 0.93, 0.82), (-20, -30, 40), SUN_ANGLES, collection)
+    sun = _light("Sun", "SUN", SUN_STRENGTH, (1.0, 0.93, 0.82), (-20, -30, 40), angles, collection)
     sun.angle = np.radians(0.5)
+    set_view(scene)
+
+
+def _lamplight(collection: bpy.types.Collection) -> None:
+    """The glow of two street lamps and a fill light for the shaded side."""
     fill = _light("Fill", "AREA", 260.0, (0.85, 0.92, 1.0), (6.0, 7.5, 5.0), (-60.0, 0.0, -38.7), collection)
     fill.shape, fill.size, fill.size_y = "RECTANGLE", 4.0, 2.5
     for name, x, y in (("Lamp glow left", -5.7, 12.0), ("Lamp glow right", 5.7, 12.0)):
@@ -390,8 +399,9 @@ def build_scene(scene: bpy.types.Scene) -> bpy.types.Object:
     parked = group("Parked cars")
     for name, colour, x, y, turn in PARKED:
         copy_car(car, name, material(f"{name} paint", colour, 0.25), parked, (x, y, 0.0), turn)
-    _illuminate(scene, group("Lights"))
-    set_view(scene)
+    lights = group("Lights")
+    daylight(scene, lights)
+    _lamplight(lights)
     return car
 
 

@@ -35,6 +35,7 @@ def read_light(lamp, matrix: Array) -> Light | None:
         matrix=placed,
         casts_shadow=lamp.use_shadow,
         radius=lamp.shadow_soft_size if lamp.type in {"POINT", "SPOT"} else 0.0,
+        angle=lamp.angle if lamp.type == "SUN" else 0.0,
         size=size,
         ellipse=lamp.type == "AREA" and lamp.shape in {"DISK", "ELLIPSE"},
         spot_angle=lamp.spot_size if lamp.type == "SPOT" else 0.0,

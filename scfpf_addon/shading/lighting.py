@@ -44,7 +44,8 @@ class Incidence(NamedTuple):
 class Lamp:
     """A light in cast space, with a place for each sample of the film.
 
-    color: (3,) radiant intensity, or irradiance of a sun. places: (3, S).
+    color: (3,) radiant intensity, or irradiance of a sun. places: (3, S); of a sun from the point that
+    is lit, on a disc at the distance 1.
     axis: (3,) unit, where it shines. local: (3, 3) from directions in cast space to
     those in the light's own space, where a spot's cone is round. softness: the squared
     radius of a point or spot, which lights as a disc that faces whatever it lights.
@@ -70,7 +71,8 @@ class Lamp:
         scale = float(np.linalg.norm(matrix[:3, 0]))
         axes = placed[:3, :3]
         if light.kind == "SUN":
-            strength, offsets = 1.0, np.zeros((3, samples))
+            strength, placed[:3, 3] = 1.0, axes[:, 2] / scale
+            offsets = axes[:, :2] / scale @ (lamp_positions(samples, "DISC") * (2 * np.tan(light.angle / 2)))
         elif light.kind == "AREA":
             strength = scale**2 / np.pi
             plane = lamp_positions(samples, "DISC" if light.ellipse else "SQUARE")
@@ -90,7 +92,8 @@ class Lamp:
     def incidence(self, position: Single, sample: int) -> Incidence:
         """What arrives at position (3, N) from the lamp's place of this sample."""
         if self.light.kind == "SUN":
-            return Incidence(-self.axis[:, None], np.ones(1, np.float32), np.full(1, np.inf, np.float32))
+            direction = self.places[:, sample, None] / np.linalg.norm(self.places[:, sample])
+            return Incidence(direction, np.ones(1, np.float32), np.full(1, np.inf, np.float32))
         direction = self.places[:, sample, None] - position
         squared = np.maximum(dot(direction, direction), TINY)
         distance = np.sqrt(squared)

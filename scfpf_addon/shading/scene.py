@@ -31,8 +31,8 @@ class Light:
 
     color: (3,) colour times power: watts for POINT, SPOT and AREA, W/m² for SUN.
     matrix: (4, 4), the lamp shines along its local -Z. radius: soft size of POINT
-    and SPOT. size: (2,) extents of AREA along local X and Y; ellipse: AREA is an
-    ellipse. spot_angle: full cone angle, radians; spot_blend in [0, 1].
+    and SPOT; angle: that a SUN fills in the sky, radians. size: (2,) extents of AREA along
+    local X and Y; ellipse: AREA is an ellipse. spot_angle: full cone angle, radians; spot_blend in [0, 1].
     """
 
     kind: LightKind
@@ -40,6 +40,7 @@ class Light:
     matrix: Array
     casts_shadow: bool = True
     radius: float = 0.0
+    angle: float = 0.0
     size: tuple[float, float] = (1.0, 1.0)
     ellipse: bool = False
     spot_angle: float = np.pi / 4

@@ -139,7 +139,7 @@ def test_the_room_round_the_car_is_free(scene):
 def test_the_volume_round_the_car_stays_in_the_free_room(scene, addon):
     text = render_demo.preset_files()["around_the_car"].read_text(encoding="utf-8")
     preset = addon("scfpf_addon.projection.preset").load_preset(text)
-    camera = render_demo.add_shot(scene, "around_the_car", text)
+    camera = render_demo.add_shot(scene, text, render_demo.SHOTS["around_the_car"])
     bpy.context.view_layer.update()
     width, height = render_demo.SHOTS["around_the_car"].size
     volume = preset.projection(width / height).volume.transformed(np.array(camera.matrix_world, np.float64))
@@ -162,7 +162,7 @@ def test_the_file_keeps_a_scene_with_its_camera_for_every_shot(scene, tmp_path):
     files = render_demo.preset_files()
     stems = ("perspective", "around_the_car")
     for own, stem in zip((scene, render_demo.another_scene(scene)), stems, strict=True):
-        render_demo.add_shot(own, stem, files[stem].read_text(encoding="utf-8"))
+        render_demo.add_shot(own, files[stem].read_text(encoding="utf-8"), render_demo.SHOTS[stem])
     render_demo.open_on(bpy.data.scenes["Around the Car"])
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "demo.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "demo.blend"))
@@ -187,7 +187,7 @@ def test_the_file_keeps_a_scene_with_its_camera_for_every_shot(scene, tmp_path):
 
 def test_the_picture_round_the_car_shows_its_back_at_both_borders(scene, tmp_path):
     text = render_demo.preset_files()["around_the_car"].read_text(encoding="utf-8")
-    camera = render_demo.add_shot(scene, "around_the_car", text)
+    camera = render_demo.add_shot(scene, text, render_demo.SHOTS["around_the_car"])
     camera.scfpf.samples, camera.scfpf.pixel_error = 1, 1.0
     scene.render.resolution_x, scene.render.resolution_y = 300, 100
     report = render_demo.render(scene, tmp_path / "around.png")

@@ -50,6 +50,7 @@ def test_colour_is_energy_times_colour_times_exposure(read, shape):
     light = read(obj)
     assert light.color == pytest.approx((400.0, 200.0, 100.0))
     assert light.kind == (shape if shape in {"POINT", "SPOT", "SUN"} else "AREA")
+    assert light.angle == pytest.approx(0.2 if shape == "SUN" else 0.0)
     assert light.casts_shadow is True
     obj.data.use_shadow = False
     assert read(obj).casts_shadow is False

@@ -219,6 +219,22 @@ def test_the_edge_of_a_sun_s_shadow(build):
     assert lit.tolist() == [True, False, False, True]
 
 
+def test_the_rim_of_a_wide_sun_s_shadow(build):
+    """A disc of the sky of 0.2 rad, straight above: its rim is 2 tan 0.1 wide at the depth 1.
+
+    Where the fraction s of its diameter is hidden, by a straight edge, the segment of a disc is.
+    """
+    sun = Light("SUN", np.ones(3), build.placed((0, 0, 0), DOWN), angle=0.2)
+    scene = blocked(build, sun)
+    reach = np.tan(0.1)
+    for share in (0.1, 0.5, 0.8):
+        x = 0.25 + reach * (2 * share - 1)
+        lit = np.mean([build.shade(scene, 0, [x, 0, 0], sample=k, samples=256)[0, 0] for k in range(256)])
+        height = 2 * share - 1
+        seen = 1 - (np.arccos(height) - height * np.sqrt(1 - height**2)) / np.pi
+        assert lit == pytest.approx(seen / np.pi, abs=0.02 / np.pi)
+
+
 def test_the_edge_of_a_point_lamp_s_shadow(build):
     """From (0, 0, 3) the square's edge at (0.25, ·, 1) falls on x = 0.375."""
     scene = blocked(build, Light("POINT", np.ones(3), build.placed((0, 0, 3))))

@@ -1,0 +1,475 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the gallery shows: the paper's figures in their order, then what lies beyond them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import cos, pi
+
+from .render_demo import ROOT, SHOTS, Shot
+
+HALL_EYE = Shot((0.0, 0.0, 1.7), (0.0, 1.0, 1.7), size=(1280, 640))
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A picture of a plate: a preset in a scene.
+
+    title: under the picture. projectors: how many are drawn across and upwards. direction: from where the
+    set-up is seen, degrees to the right of the camera's back and above it. changed: values of single
+    control surfaces that replace the preset's, by their number; drawn: the same for the diagram and the
+    set-up alone, where the true surface is too small or too far away to be drawn; reach: these end at this
+    distance from the camera. hidden: collections that would stand in the set-up's way.
+    """
+
+    preset: str
+    scene: str
+    shot: Shot
+    title: str = ""
+    projectors: tuple[int, int] = (7, 4)
+    direction: tuple[float, float] = (50.0, 25.0)
+    changed: Mapping[int, Mapping[str, object]] = field(default_factory=dict)
+    drawn: Mapping[int, Mapping[str, object]] = field(default_factory=dict)
+    reach: float = float("inf")
+    hidden: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plate:
+    """One or more pictures under a heading. stem: of the pictures' files.
+
+    paper: whether it is one of the paper's figures.
+    """
+
+    stem: str
+    heading: str
+    text: str
+    panels: tuple[Panel, ...]
+    paper: bool = True
+
+
+def _sizes(*sizes: tuple[float, float, float]) -> dict[int, dict[str, object]]:
+    """Widths, heights and distances of rectangles across the view."""
+    return {
+        number: {"width": width, "height": height, "location": [0, 0, -distance]}
+        for number, (width, height, distance) in enumerate(sizes)
+    }
+
+
+HOUSE = Shot((0.0, -21.0, 10.0), (0.0, 0.0, 2.6), 1.3)
+LEVEL = Shot((0.0, -4.0, 0.8), (0.0, 12.0, 0.8))
+FISHEYE = SHOTS["angular_fisheye"]
+SPHERES = {0: {"radius": 1.2}, 1: {"radius": 7}}
+TWIST = Shot((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), size=(800, 800))
+STREET_VIEW = Shot((0.0, 0.0, 1.7), (0.0, 1.0, 1.7), size=(1800, 200))
+PASSAGE = Shot((0.0, -1.0, 2.6), (0.0, 10.0, 2.6), size=(1024, 768))
+
+
+def _waves(low: float, high: float) -> dict[int, dict[str, object]]:
+    """The curved street's far surface, its height times low ... high ... low ... high from left to right."""
+    data = json.loads((ROOT / "presets" / "street_panorama_curved.json").read_text(encoding="utf-8"))
+    rows = data["surfaces"][2]["points"]
+
+    def height(x: float) -> float:
+        return (low + high) / 2 - (high - low) / 2 * cos(pi * (x + 60) / 40)
+
+    points = [[(x, 1.7 + (y - 1.7) * height(x), z) for x, y, z in row] for row in rows]
+    return {2: {"points": points}}
+
+
+PLATES = (
+    Plate(
+        "figure-1",
+        "Figure 1: almost all round a car",
+        "Projectors start on a wide rectangle, bend round the car and end inside it. Its front is in the "
+        "middle of the picture, both sides beside it, the back at the borders: one picture, one camera, "
+        "no seam.",
+        (
+            Panel(
+                "around_the_car",
+                "street",
+                SHOTS["around_the_car"],
+                projectors=(15, 3),
+                direction=(35.0, 35.0),
+                hidden=("Houses", "Street furniture"),
+            ),
+        ),
+    ),
+    Plate(
+        "figure-2",
+        "Figure 2: where it starts, an orthographic volume",
+        "Two equal rectangles, parallel projectors. All else is this box, deformed.",
+        (Panel("orthographic", "house", HOUSE, drawn=_sizes((16, 9, 1), (16, 9, 32)), hidden=("Trees",)),),
+    ),
+    Plate(
+        "figure-3",
+        "Figure 3: a volume of curved surfaces and curved projectors",
+        "Three bicubic patches: the near one bulges, the middle one stands aside, the far one is a saddle.",
+        (
+            Panel(
+                "deep_curvy_volume",
+                "square",
+                Shot((-5.0, -7.0, 7.5), (-3.0, 12.0, 0.5), 1.8, (1024, 768)),
+                projectors=(6, 5),
+            ),
+        ),
+    ),
+    Plate(
+        "figure-4",
+        "Figure 4: perspective, orthographic, inverted perspective",
+        "The same two rectangles: the far one larger, equal, or smaller. What is far away shrinks, keeps "
+        "its size, or grows; in the last picture both sides of the house are seen at once.",
+        (
+            Panel(
+                "perspective",
+                "house",
+                Shot((0.0, -33.0, 15.0), (0.0, 0.0, 2.6)),
+                "Perspective",
+                drawn=_sizes((3.6, 2.025, 5), (33.12, 18.63, 46)),
+                hidden=("Trees",),
+            ),
+            Panel(
+                "orthographic",
+                "house",
+                HOUSE,
+                "Orthographic",
+                drawn=_sizes((16, 9, 1), (16, 9, 32)),
+                hidden=("Trees",),
+            ),
+            Panel(
+                "inverted_perspective",
+                "house",
+                Shot((0.0, -21.0, 10.0), (0.0, 0.0, 2.6), 1.45),
+                "Inverted perspective",
+                hidden=("Trees",),
+            ),
+        ),
+    ),
+    Plate(
+        "figure-5",
+        "Figure 5: a hall without wide-angle distortion",
+        "The left picture is a wide perspective: columns grow fat towards its borders. On the right the "
+        "near rectangle is much wider; projectors no longer meet in a point, and columns keep their "
+        "width.",
+        (
+            Panel(
+                "perspective",
+                "hall",
+                HALL_EYE,
+                "Perspective, 127° wide",
+                changed=_sizes((4, 2, 1), (80, 40, 20)),
+                direction=(60.0, 30.0),
+            ),
+            Panel("irregular_perspective", "hall", HALL_EYE, "Irregular perspective", direction=(60.0, 30.0)),
+        ),
+    ),
+    Plate(
+        "figure-6",
+        "Figure 6: a cylindrical panorama",
+        "A cylinder in a larger one: the picture is 360° wide.",
+        (
+            Panel(
+                "cylindrical_panorama",
+                "street",
+                SHOTS["cylindrical_panorama"],
+                projectors=(25, 4),
+                direction=(35.0, 40.0),
+                drawn={0: {"radius": 1.5, "height": 5.3}, 1: {"radius": 7, "height": 24.7}},
+            ),
+        ),
+    ),
+    Plate(
+        "figure-7",
+        "Figure 7: a twist that stays, a twist that passes",
+        "Left: the far square is turned by 90°, so the farther a frame, the more it is turned, and the "
+        "arrow on the far wall points aside. Right: curved projectors through three squares of which only"
+        " the middle one is turned: the arrow points upwards again.",
+        (
+            Panel("linear_twist", "frames", TWIST, "Linear twist", direction=(62.0, 22.0)),
+            Panel("nonlinear_twist", "frames", TWIST, "Nonlinear twist", direction=(62.0, 22.0)),
+        ),
+    ),
+    Plate(
+        "figure-8",
+        "Figure 8: an angular fisheye",
+        "A small hemisphere in a large one, unrolled in polar coordinates: the distance from the "
+        "picture's middle is the angle to the axis.",
+        (
+            Panel(
+                "angular_fisheye",
+                "street",
+                FISHEYE,
+                projectors=(9, 9),
+                direction=(115.0, 25.0),
+                drawn=SPHERES,
+            ),
+        ),
+    ),
+    Plate(
+        "figure-9",
+        "Figure 9: parallels that converge along curves",
+        "Three rectangles of different shapes. Rails, beams and blue lines run straight away from the "
+        "viewer; in the picture they bend.",
+        (Panel("curved_convergence", "colonnade", PASSAGE, projectors=(6, 5), direction=(65.0, 20.0)),),
+    ),
+    Plate(
+        "figure-10",
+        "Figure 10: the occlusion camera",
+        "A plain perspective up to the car; from there on projectors bend towards the picture's middle "
+        "and reach round its sides, which a perspective (left) hides.",
+        (
+            Panel(
+                "perspective",
+                "street",
+                Shot((0.0, -10.0, 0.9), (0.0, 0.0, 0.9), size=(1024, 768)),
+                "Perspective",
+                changed=_sizes((0.12, 0.09, 0.1), (120, 90, 100)),
+                drawn=_sizes((1.2, 0.9, 1), (19.2, 14.4, 16)),
+                hidden=("Houses",),
+            ),
+            Panel(
+                "occlusion_camera",
+                "street",
+                Shot((0.0, -10.0, 0.9), (0.0, 0.0, 0.9), size=(1024, 768)),
+                "Occlusion camera",
+                projectors=(9, 5),
+                reach=19.0,
+                hidden=("Houses",),
+            ),
+        ),
+    ),
+    Plate(
+        "figure-11",
+        "Figure 11: a long street, straight and with views into A and B",
+        "With straight projectors the side streets show nothing of themselves but their ends. Curved ones"
+        " bend apart in the two regions A and B, and each side street is seen in a perspective of its "
+        "own, while the fronts stay as they are.",
+        (
+            Panel(
+                "street_panorama", "long street", STREET_VIEW, "Straight projectors", (25, 2), (20.0, 40.0)
+            ),
+            Panel(
+                "street_panorama_curved",
+                "long street",
+                STREET_VIEW,
+                "Curved projectors",
+                (25, 2),
+                (20.0, 40.0),
+            ),
+            Panel(
+                "street_panorama_curved",
+                "long street",
+                STREET_VIEW,
+                "The far surface's height varied: areas of differing zoom",
+                (25, 2),
+                (20.0, 40.0),
+                _waves(0.5, 1.6),
+            ),
+        ),
+    ),
+    Plate(
+        "figure-12",
+        "Figure 12: orthographic near by, perspective far away",
+        "What is near is drawn to scale, as in a plan; behind it the view opens into a perspective.",
+        (
+            Panel(
+                "orthographic_to_perspective",
+                "square",
+                Shot((0.0, -4.0, 7.0), (0.0, 30.0, -3.0), 2.2, (1024, 768)),
+                projectors=(6, 5),
+            ),
+        ),
+    ),
+    Plate(
+        "figure-13",
+        "Figure 13: the House of Stairs",
+        "After M. C. Escher's study of 1951. Left a perspective of the shaft; right all of it from zenith"
+        " to nadir, its verticals bent towards both.",
+        (
+            Panel(
+                "perspective",
+                "shaft",
+                Shot((0.0, -5.5, 0.0), (0.0, 1.0, 0.0), size=(600, 900)),
+                "Perspective",
+                changed=_sizes((0.12, 0.18, 0.1), (60, 90, 50)),
+                drawn=_sizes((1.2, 1.8, 1), (12, 18, 10)),
+                direction=(75.0, 10.0),
+                hidden=("Side walls",),
+            ),
+            Panel(
+                "house_of_stairs",
+                "shaft",
+                Shot((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), size=(600, 900)),
+                "House of Stairs",
+                projectors=(3, 13),
+                direction=(75.0, 10.0),
+                hidden=("Side walls",),
+            ),
+        ),
+    ),
+    Plate(
+        "equirectangular",
+        "Equirectangular panorama",
+        "A sphere in a larger one: everything around the camera, above and below it.",
+        (
+            Panel(
+                "equirectangular",
+                "street",
+                Shot((-2.4, -4.2, 1.6), (0.0, 0.0, 1.6), size=(1280, 640)),
+                projectors=(17, 7),
+                direction=(35.0, 30.0),
+                drawn={0: {"radius": 1.2}, 1: {"radius": 6}},
+                hidden=("Houses",),
+            ),
+        ),
+        paper=False,
+    ),
+    Plate(
+        "stereographic",
+        "Stereographic wide view",
+        "More than half of what is around the camera, and every small thing in its true shape.",
+        (
+            Panel(
+                "stereographic",
+                "street",
+                Shot((-2.4, -4.2, 1.6), (0.2, 1.0, 1.6)),
+                projectors=(9, 6),
+                direction=(140.0, 30.0),
+                reach=14.0,
+                hidden=("Houses",),
+            ),
+        ),
+        paper=False,
+    ),
+    Plate(
+        "oblique",
+        "Oblique: a cabinet drawing",
+        "Parallel projectors that meet the rectangles at a slant: the front keeps its true shape, depth "
+        "rises to the right.",
+        (Panel("oblique", "house", Shot((0.0, -22.0, 3.6), (0.0, 0.0, 3.6), 1.25), hidden=("Trees",)),),
+        paper=False,
+    ),
+    Plate(
+        "off-centre",
+        "Off centre: an architect's shift lens",
+        "The far rectangle lies higher than the near one: the view goes up while verticals stay upright.",
+        (
+            Panel(
+                "off_centre",
+                "street",
+                Shot((-3.0, -20.0, 1.9), (-3.0, 1.0, 1.9)),
+                drawn={
+                    0: {"width": 2.88, "height": 1.62, "location": [0, 0.6, -2]},
+                    1: {"width": 28.8, "height": 16.2, "location": [0, 6.0, -20]},
+                },
+                hidden=("Houses", "Street furniture"),
+            ),
+        ),
+        paper=False,
+    ),
+    Plate(
+        "telephoto",
+        "Telephoto",
+        "From fifty metres away near and far look nearly equally large.",
+        (
+            Panel(
+                "telephoto",
+                "street",
+                Shot((0.6, -54.0, 3.0), (0.3, 2.0, 2.2)),
+                drawn=_sizes((0.6, 0.3375, 5), (7.2, 4.05, 60)),
+                hidden=("Houses", "Street furniture"),
+            ),
+        ),
+        paper=False,
+    ),
+    Plate(
+        "digital-cubism",
+        "Digital cubism",
+        "After Glassner: the upper, the middle and the lower part of the picture look from other sides.",
+        (
+            Panel(
+                "digital_cubism",
+                "street",
+                Shot((0.0, -10.0, 1.2), (0.0, 0.0, 1.2), 0.9, (800, 800)),
+                projectors=(5, 9),
+                direction=(30.0, 40.0),
+                hidden=("Houses", "Street furniture"),
+            ),
+        ),
+        paper=False,
+    ),
+    Plate(
+        "strip-camera",
+        "A slit camera on a circle",
+        "After Rademacher and Bishop: the centre of projection moves round the car, which is peeled.",
+        (
+            Panel(
+                "strip_camera",
+                "street",
+                Shot((0.0, -12.0, 1.0), (0.0, 0.0, 1.0), 1.2, (1500, 500)),
+                projectors=(25, 3),
+                direction=(30.0, 45.0),
+                hidden=("Houses", "Street furniture"),
+            ),
+        ),
+        paper=False,
+    ),
+    Plate(
+        "magic-lens",
+        "A magic lens in space",
+        "A plan whose middle is magnified: there projectors run together on the far surface.",
+        (
+            Panel(
+                "magic_lens",
+                "square",
+                Shot((0.0, 12.0, 40.0), (0.0, 12.001, 0.0), 2.6),
+                projectors=(13, 9),
+                direction=(20.0, 20.0),
+            ),
+        ),
+        paper=False,
+    ),
+    Plate(
+        "barrel-lens",
+        "A bulging front lens",
+        "Projectors start on a bulging glass and spread faster towards the borders.",
+        (
+            Panel(
+                "barrel_lens",
+                "colonnade",
+                Shot((0.0, -1.5, 2.6), (0.0, 10.0, 2.6)),
+                projectors=(9, 6),
+                reach=9.0,
+                direction=(70.0, 20.0),
+            ),
+        ),
+        paper=False,
+    ),
+    Plate(
+        "linear-cameras",
+        "General linear cameras",
+        "After Yu and McMillan, where three projectors determine all others: pushbroom (a slit that flies "
+        "past), crossed slits, pencil (through one line), bilinear (no two projectors meet), twisted "
+        "orthographic, and the epipolar plane image: one level slice, seen from along a line.",
+        tuple(
+            Panel(
+                stem,
+                "square",
+                Shot((0.0, -9.0, 6.0), (0.0, 12.0, 1.0)) if stem != "epi" else LEVEL,
+                title,
+                (7, 5),
+            )
+            for stem, title in (
+                ("pushbroom", "Pushbroom"),
+                ("cross_slit", "Crossed slits"),
+                ("pencil", "Pencil"),
+                ("bilinear", "Bilinear"),
+                ("twisted_orthographic", "Twisted orthographic"),
+                ("epi", "Epipolar plane image"),
+            )
+        ),
+        paper=False,
+    ),
+)

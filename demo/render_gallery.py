@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Renders the gallery: for each picture the volume's diagram, its set-up in the scene, and the result.
+
+    python demo/render_gallery.py --output PAGE [--percentage N] [--only PLATE ...]
+
+`python3 dev.py gallery` runs it under a Python that has bpy, for docs/gallery.md and docs/gallery/.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from string import ascii_lowercase
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from demo.gallery_plates import Panel, Plate
+
+ROOT = Path(__file__).resolve().parents[1]
+# The pictures of a panel and their files' kinds.
+PARTS = {"diagram": "png", "set-up": "jpg", "result": "jpg"}
+# Pictures wider than this times their height are shown in a row of their own; others in so many columns.
+WIDE, ACROSS = 2.5, 3
+HEAD = """# Gallery
+
+Every picture here is made by `python3 dev.py gallery`. For each there is the volume from above and from the
+right (control surfaces green, projectors blue), the same volume in the scene, and what its camera sees. Where
+the near surface is too small or the far one too far away to be drawn, diagram and set-up show others of the
+same view.
+"""
+QUALITY = 85
+SAMPLES = 4
+
+
+def preset_text(stem: str, changed: Mapping[int, Mapping[str, object]], aspect: float | None = None) -> str:
+    """A preset's JSON with some values of its control surfaces replaced."""
+    data = json.loads((ROOT / "presets" / f"{stem}.json").read_text(encoding="utf-8"))
+    for number, values in changed.items():
+        data["surfaces"][number].update(values)
+    if aspect is not None:
+        data["aspect"] = aspect
+    return json.dumps(data)
+
+
+def save_jpeg(source: Path, path: Path) -> None:
+    """A rendered PNG on white paper."""
+    import bpy
+    import numpy as np
+
+    image = bpy.data.images.load(str(source))
+    pixels = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    pixels = pixels.reshape(-1, 4)
+    pixels[:, :3] = pixels[:, :3] * pixels[:, 3:] + 1.0 - pixels[:, 3:]
+    pixels[:, 3] = 1.0
+    paper = bpy.data.images.new("Paper", *image.size)
+    paper.pixels.foreach_set(pixels.ravel())
+    paper.file_format, paper.filepath_raw = "JPEG", str(path)
+    paper.save(quality=QUALITY)
+    for used in (image, paper):
+        bpy.data.images.remove(used)
+    source.unlink()
+
+
+def page(plates: Sequence[Plate], folder: str) -> str:
+    """docs/gallery.md: the pictures of all plates, which lie in a folder beside it."""
+    lines = [HEAD]
+    for beyond in (False, True):
+        lines += ["## " + ("Beyond the paper" if beyond else "The figures of the paper"), ""]
+        for plate in plates:
+            if plate.paper != beyond:
+                lines += [f"### {plate.heading}", "", plate.text, "", *_table(plate, folder)]
+    return "\n".join(lines)
+
+
+def _table(plate: Plate, folder: str) -> list[str]:
+    """A column a panel; very wide results stand one below the other."""
+
+    def picture(stem: str, panel: Panel, part: str) -> str:
+        title = panel.title or plate.heading
+        return f"![{title}: {part}]({folder}/{stem}-{part}.{PARTS[part]})"
+
+    columns = list(zip(stems(plate), plate.panels, strict=True))
+    wide = any(panel.shot.size[0] > WIDE * panel.shot.size[1] for panel in plate.panels)
+    lines = []
+    for first in range(0, len(columns), ACROSS):
+        some = columns[first : first + ACROSS]
+        lines += ["| " + " | ".join(panel.title or " " for _, panel in some) + " |", "|---" * len(some) + "|"]
+        for part in ("diagram", "set-up") if wide else PARTS:
+            lines += ["| " + " | ".join(picture(stem, panel, part) for stem, panel in some) + " |"]
+        lines += [""]
+    if wide:
+        for stem, panel in columns:
+            lines += [*([f"{panel.title}:", ""] if panel.title else []), picture(stem, panel, "result"), ""]
+    return lines
+
+
+def stems(plate: Plate) -> list[str]:
+    """The beginnings of the names of each panel's pictures."""
+    if len(plate.panels) == 1:
+        return [plate.stem]
+    return [f"{plate.stem}-{letter}" for letter, _ in zip(ascii_lowercase, plate.panels, strict=False)]
+
+
+def build(name: str):
+    """A fresh file with one of the gallery's scenes; returns the scene."""
+    import bpy
+
+    from demo.gallery_scenes import SCENES
+    from demo.render_demo import build_street
+
+    if name == "street":
+        return build_street()
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    SCENES[name](scene)
+    return scene
+
+
+def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
+    """The three pictures of a panel; street: the scene whose collections it shows."""
+    import bpy
+
+    from demo import render_demo, volume_pictures
+
+    scene = render_demo.another_scene(street)
+    aspect = panel.shot.size[0] / panel.shot.size[1]
+    camera = render_demo.add_shot(scene, preset_text(panel.preset, panel.changed), panel.shot)
+    camera.scfpf.samples = SAMPLES
+    scene.render.resolution_percentage = percentage
+    files = [stem.with_name(f"{stem.name}-{part}.{end}") for part, end in PARTS.items()]
+    raw = files[2].with_suffix(".png")
+    print(f"  {stem.name}: {render_demo.render(scene, raw)}", flush=True)
+    save_jpeg(raw, files[2])
+    presets = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.projection.preset")
+    drawn = presets.load_preset(preset_text(panel.preset, {**panel.changed, **panel.drawn}))
+    projection = drawn.projection(aspect)
+    volume_pictures.draw_diagram(render_demo.MODULE, projection, panel.projectors, panel.reach, files[0])
+    set_up = render_demo.another_scene(street)
+    for name in panel.hidden:
+        set_up.collection.children.unlink(set_up.collection.children[name])
+    scaled = projection.transformed(_scaling(panel.shot.scale))
+    volume_pictures.add_set_up(
+        render_demo.MODULE,
+        set_up,
+        camera,
+        scaled,
+        panel.projectors,
+        panel.reach * panel.shot.scale,
+        panel.direction,
+    )
+    set_up.render.engine = "SCFPF"
+    set_up.render.filepath = str(files[1].with_suffix(".png"))
+    set_up.render.image_settings.file_format = "PNG"
+    set_up.render.resolution_percentage = percentage
+    with bpy.context.temp_override(scene=set_up, view_layer=set_up.view_layers[0]):
+        bpy.ops.render.render(write_still=True, scene=set_up.name)
+    save_jpeg(files[1].with_suffix(".png"), files[1])
+    return files
+
+
+def _scaling(factor: float):
+    import numpy as np
+
+    return np.diag([factor, factor, factor, 1.0])
+
+
+def main(arguments: list[str]) -> None:
+    from demo.gallery_plates import PLATES
+
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--output", type=Path, required=True, metavar="PAGE", help="the page; its pictures go beside it"
+    )
+    parser.add_argument(
+        "--percentage", type=int, default=75, metavar="N", help="size of the pictures in percent (default 75)"
+    )
+    parser.add_argument(
+        "--only", metavar="PLATE", choices=[plate.stem for plate in PLATES], nargs="+", help="some plates"
+    )
+    options = parser.parse_args(arguments)
+    output = options.output.absolute()
+    folder = output.with_suffix("")
+    folder.mkdir(parents=True, exist_ok=True)
+    output.write_text(page(PLATES, folder.name), encoding="utf-8")
+    plates = [plate for plate in PLATES if options.only is None or plate.stem in options.only]
+    with tempfile.TemporaryDirectory(prefix="scfpf-gallery-", ignore_cleanup_errors=True) as scratch:
+        os.environ["BLENDER_USER_RESOURCES"] = str(Path(scratch, "profile"))
+        Path(scratch, "profile").mkdir()  # Blender passes over a folder that is not there.
+        render_all(Path(scratch), folder, plates, options.percentage)
+
+
+def render_all(scratch: Path, folder: Path, plates, percentage: int) -> None:
+    from demo import render_demo
+
+    started = time.perf_counter()
+    render_demo.enable_add_on(scratch)
+    wanted = [
+        (panel.scene, number, panel, plate) for plate in plates for number, panel in enumerate(plate.panels)
+    ]
+    # Scene by scene: each is built once.
+    for name in dict.fromkeys(scene for scene, *_ in wanted):
+        street = build(name)
+        print(f"{name} ({time.perf_counter() - started:.0f} s)", flush=True)
+        for scene, number, panel, plate in wanted:
+            if scene == name:
+                render_panel(street, panel, folder / stems(plate)[number], percentage)
+    print(f"All done in {time.perf_counter() - started:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    sys.path.insert(0, str(ROOT))
+    main(sys.argv[1:])
