@@ -25,9 +25,10 @@ __all__ = ["CastCounts", "Hits", "cast"]
 # cannot be told from infinity in float32; their projectors count as not finite.
 FARTHEST = 1e15
 
-# Where a hit is in doubt a projector is followed again by so many times as many chords, which
-# stray by the square of this less.
-FINER = 4
+# Where a hit is in doubt a projector is followed again by chords that stray this share of the
+# pixel error, or by the chords cut in so many, which is quicker to plan and as near.
+FINE_SHARE = 1.0 / 16.0
+FINER = 6
 
 # Pixel errors below this are beyond float32 and count as this.
 SMALLEST_ERROR = 1e-4
@@ -129,7 +130,7 @@ def _cast_curved(
             if spans.point_weights is None:
                 fine = split(spans, schedule, FINER)
             else:
-                fine = plan(spans, curves, reach, error / FINER**2, 1)
+                fine = plan(spans, curves, reach, FINE_SHARE * error, 1)
             own = CastCounts()
             some, there = bundle.take(doubtful), where.take(doubtful)
             hits.put(doubtful, cast_chords(scene, some, group[doubtful], fine, own, there)[0])
