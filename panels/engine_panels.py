@@ -64,6 +64,29 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
             layout.label(text="An ordinary camera: its own view is rendered", icon="INFO")
 
 
+class SCFPF_PT_engine_light_paths(_EnginePanel, bpy.types.Panel):
+    """How often mirrors, glass and what is transparent send light on; the scene's settings for Cycles"""
+
+    bl_label = "Light Paths"
+    bl_context = "render"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and hasattr(context.scene, "cycles")
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        cycles = context.scene.cycles
+        column = layout.column(align=True)
+        column.prop(cycles, "max_bounces", text="Max Bounces")
+        column.prop(cycles, "glossy_bounces", text="Mirrors")
+        column.prop(cycles, "transmission_bounces", text="Glass")
+        layout.prop(cycles, "transparent_max_bounces", text="Transparent")
+
+
 class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
     """What the picture shows where nothing is"""
 
@@ -127,6 +150,7 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
         SCFPF_PT_engine_camera,
+        SCFPF_PT_engine_light_paths,
         SCFPF_PT_engine_film,
         SCFPF_PT_engine_performance,
         SCFPF_PT_engine_passes,

@@ -8,8 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..projection.typing import Array
+from ..shading.materials.graph import MaterialGraph
 from ..shading.scene import Materials
 from . import versions
+from .read_graph import read_graph
 from .shader_nodes import color_input, output_shaders, value_input
 
 # Reflectance at normal incidence of the default specular level ½ at IOR 1.5.
@@ -38,7 +40,9 @@ class MaterialTable:
         self._rows = [DEFAULT_GREY]
         self.pass_indices = [0]
         self._numbers: dict[int, int] = {}
-        self._textured: list[str] = []
+        self._odd: list[str] = []
+        self._notes: dict[str, list[str]] = {}
+        self.graphs: dict[int, MaterialGraph] = {}
 
     def number(self, material) -> int:
         """The number of an evaluated material, or of None."""
@@ -46,13 +50,24 @@ class MaterialTable:
             return 0
         key = material.as_pointer()
         if key not in self._numbers:
+            number = self._numbers[key] = len(self._rows)
             constants, whole = read_material(material)
-            self._numbers[key] = len(self._rows)
             self._rows.append(constants)
             self.pass_indices.append(material.pass_index)
-            if not whole:
-                self._textured.append(material.name)
+            self._add_graph(material, number, whole)
         return self._numbers[key]
+
+    def _add_graph(self, material, number: int, whole: bool) -> None:
+        """Take the material as a graph, if it is more than the constants that were read of it."""
+        if not versions.uses_nodes(material):
+            return
+        reading = read_graph(material.node_tree)
+        for note in reading.notes:
+            self._notes.setdefault(note, []).append(material.name)
+        if reading.graph is None:
+            self._odd.append(material.name)
+        elif not (reading.plain and whole):
+            self.graphs[number] = reading.graph
 
     def materials(self) -> Materials:
         """All of them as arrays, colours and values in their allowed ranges."""
@@ -63,13 +78,14 @@ class MaterialTable:
         for name in ("metallic", "roughness", "specular_f0"):
             columns[name] = columns[name].clip(0.0, 1.0)
         columns["base_color"] = columns["base_color"].clip(0.0)
-        return Materials(**columns)
+        return Materials(**columns, graphs=self.graphs)
 
     def warnings(self) -> tuple[str, ...]:
         """What the picture cannot show of the materials."""
-        if not self._textured:
-            return ()
-        return (f"Shown in viewport colours, as textures are not read: {listing(self._textured)}",)
+        lines = [f"Not shown as it is: {note} (in {listing(names)})" for note, names in self._notes.items()]
+        if self._odd:
+            lines.append(f"Shown in viewport colours, as they have no surface: {listing(self._odd)}")
+        return tuple(lines)
 
 
 def listing(names: list[str], most: int = 3) -> str:

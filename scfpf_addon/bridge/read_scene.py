@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from ..casting.geometry import Geometry
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
+from .light_paths import read_bounces
+from .read_layers import join_layers, read_layer
 from .read_lights import read_light, read_world
 from .read_materials import MaterialTable, listing
 
@@ -39,6 +41,7 @@ class MeshArrays:
     the shading normal at each corner. slot: (T,) int32, material slot numbers.
     finite: False if triangles were left out because of non-finite vertices. uv: (T, 3, 2)
     float32 texture coordinates of the corners, None if there are none or they are not wanted.
+    kept: of the mesh's triangles, None for all. layers: by name, what materials ask for.
     """
 
     vertices: NDArray[np.float32]
@@ -47,6 +50,8 @@ class MeshArrays:
     slot: NDArray[np.int32]
     finite: bool = True
     uv: NDArray[np.float32] | None = None
+    kept: NDArray[np.bool_] | None = None
+    layers: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -55,14 +60,16 @@ class Instances:
 
     mesh: (N,) number of each instance's mesh. look: (N,) number of its look.
     matrix: (N, 4, 4) float64. look_object: (L,) object number of each look.
-    look_material: (L, S) material number of each slot, the last slot repeated.
+    slots: material number of each look's slots, look after look; first_slot: (L + 1,) where each
+    look's begin.
     """
 
     mesh: NDArray[np.int32]
     look: NDArray[np.int32]
     matrix: Array
     look_object: NDArray[np.int32]
-    look_material: NDArray[np.int32]
+    slots: NDArray[np.int32]
+    first_slot: NDArray[np.int32]
 
 
 def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> Scene:
@@ -95,6 +102,7 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
         + world_warnings,
         object_index=tuple(reader.pass_indices),
         material_index=tuple(reader.materials.pass_indices),
+        bounces=read_bounces(depsgraph.scene_eval),
     )
 
 
@@ -174,7 +182,7 @@ class _SceneReader:
         mesh = self._mesh_numbers.get(mesh_pointer)
         if mesh is None:
             mesh = self._mesh_numbers[mesh_pointer] = len(self.meshes)
-            self.meshes.append(_read_object_mesh(thing, self._with_uv))
+            self.meshes.append(_of_mesh(thing, lambda data: read_mesh(data, self._with_uv)))
         look = self._look_numbers.get((pointer, mesh_pointer))
         if look is None:
             look = self._look_numbers[pointer, mesh_pointer] = len(self._looks)
@@ -184,16 +192,28 @@ class _SceneReader:
                 self.pass_indices.append(thing.pass_index)
             slots = [self.materials.number(slot.material) for slot in thing.material_slots]
             self._looks.append((number, slots or [0]))
+            self._read_layers(thing, mesh, slots)
             if not self.meshes[mesh].finite:
                 self._bad_shape[name] = None
         return mesh, look
+
+    def _read_layers(self, thing, mesh: int, slots: list[int]) -> None:
+        """Read the layers that the materials ask for and that were not read of the mesh before."""
+        graphs = [self.materials.graphs[number] for number in set(slots) & self.materials.graphs.keys()]
+        arrays = self.meshes[mesh]
+        wanted = {name for graph in graphs for name in graph.layers} - arrays.layers.keys()
+        if not wanted:
+            return
+        found = _of_mesh(thing, lambda data: {name: read_layer(data, name) for name in wanted})
+        for name, values in found.items():
+            if values is not None:
+                arrays.layers[name] = values if arrays.kept is None else values[arrays.kept]
 
     def instances(self) -> Instances:
         """All that was added and stands at a finite place, as arrays."""
         placed = np.array(self._placed, np.int32).reshape(-1, 2)
         matrix = np.array(self._matrices).reshape(-1, 4, 4)
         look_object = np.array([number for number, _ in self._looks], np.int32)
-        width = max((len(slots) for _, slots in self._looks), default=1)
         finite = (np.abs(matrix) <= LARGEST_COORDINATE).all(axis=(1, 2))
         names = list(self.object_numbers)
         for number in np.unique(look_object[placed[~finite, 1]]):
@@ -203,7 +223,8 @@ class _SceneReader:
             placed[finite, 1],
             matrix[finite],
             look_object,
-            np.array([slots + slots[-1:] * (width - len(slots)) for _, slots in self._looks], np.int32),
+            np.array([number for _, slots in self._looks for number in slots], np.int32),
+            np.cumsum([0, *(len(slots) for _, slots in self._looks)], dtype=np.int32),
         )
 
     def warnings(self) -> tuple[str, ...]:
@@ -229,14 +250,16 @@ def _rendered_objects(view_layer) -> set[str]:
     return names
 
 
-def _read_object_mesh(thing, with_uv: bool) -> MeshArrays:
-    if not thing.data.is_editmode:
-        return read_mesh(thing.data, with_uv)
-    # The evaluated mesh of an object in Edit Mode has no arrays yet: to_mesh() makes them.
+def _of_mesh(thing, read):
+    """read(mesh) of an evaluated object's mesh, with its triangles reckoned."""
     try:
-        return read_mesh(thing.to_mesh(), with_uv)
+        # The evaluated mesh of an object in Edit Mode has no arrays yet: to_mesh() makes them.
+        mesh = thing.to_mesh() if thing.data.is_editmode else thing.data
+        mesh.calc_loop_triangles()
+        return read(mesh)
     finally:
-        thing.to_mesh_clear()
+        if thing.data.is_editmode:
+            thing.to_mesh_clear()
 
 
 def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
@@ -292,6 +315,7 @@ def _finite(mesh: MeshArrays) -> MeshArrays:
         mesh.slot[keep],
         finite=False,
         uv=None if mesh.uv is None else mesh.uv[keep],
+        kept=keep,
     )
 
 
@@ -319,6 +343,7 @@ def join(
     )
     normal_matrix, mirrored = normal_transforms(instances.matrix[:, :3, :3])
     triangle = vertex = done = 0
+    blocks = []
     for mesh, count in zip(meshes, counts, strict=True):
         mine = order[done : done + count]
         done += count
@@ -327,8 +352,9 @@ def join(
             _turn_over(mirrored[mine], result, triangle, len(mesh.triangles))
             triangle += len(mine) * len(mesh.triangles)
             vertex += len(mine) * len(mesh.vertices)
+            blocks.append((len(mesh.triangles), mesh.layers, mirrored[mine]))
     normalize(result.corner_normals)
-    return result
+    return replace(result, layers=join_layers(blocks, triangles))
 
 
 def _place(
@@ -351,9 +377,10 @@ def _place(
     np.add(mesh.triangles, first[:, None, None], out=into.triangles[own].reshape(count, many, 3))
     normals = into.corner_normals[own].reshape(count, 3 * many, 3)
     np.matmul(mesh.normals.reshape(-1, 3), normal_matrix.swapaxes(1, 2), out=normals)
-    slots = instances.look_material[look]
-    slot = mesh.slot.clip(0, slots.shape[1] - 1)
-    into.material[own].reshape(count, many)[:] = slots[:, slot]
+    # A face's slot that an object does not have is its last one.
+    first, last = instances.first_slot[look], instances.first_slot[look + 1] - 1
+    slot = np.minimum(first[:, None] + mesh.slot.clip(0), last[:, None])
+    into.material[own].reshape(count, many)[:] = instances.slots[slot]
     into.object_index[own].reshape(count, many)[:] = instances.look_object[look][:, None]
     if into.uv is not None and mesh.uv is not None:
         into.uv[own].reshape(count, many, 3, 2)[:] = mesh.uv

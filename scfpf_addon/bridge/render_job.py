@@ -15,6 +15,7 @@ from ..shading.frame import Border, Frame, FrameSettings, render_frame
 from ..shading.passes import DataPasses
 from ..shading.scene import Scene
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
+from .read_images import with_images
 from .read_projection import ProjectionError, read_projection
 from .read_scene import SceneError, read_scene
 from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
@@ -129,9 +130,11 @@ def read_inputs(
         projection, plane = read_projection(camera, depsgraph, aspect), None
     else:
         projection, plane = frustum_projection(evaluated, depsgraph, aspect), depth_plane(evaluated)
+    if scene is None:
+        scene = with_images(read_scene(depsgraph, may_be_empty, with_uv="UV" in passes), projection)
     return RenderInputs(
         projection,
-        read_scene(depsgraph, may_be_empty, with_uv="UV" in passes) if scene is None else scene,
+        scene,
         FrameSettings(
             width,
             height,

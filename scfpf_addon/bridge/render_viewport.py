@@ -19,6 +19,7 @@ from ..projection.surfaces import BilinearPatch
 from ..projection.volume import Projection, ViewingVolume
 from ..shading.frame import Border, FrameSettings
 from ..shading.scene import Scene
+from .read_images import KnownImages, with_images
 from .read_scene import read_scene
 from .render_job import RENDER_ERRORS, RenderInputs, read_inputs
 from .view_painter import Commission, Painting, ViewPainter
@@ -55,6 +56,7 @@ class ViewportRender:
         # With its engine Blender drops this object, but for the engine there is no last word.
         weakref.finalize(self, self._painter.stop)
         self._scene: Scene | None = None
+        self._images: KnownImages = {}
         self._view: tuple | None = None
         self._drawn = -1
         self._texture = None
@@ -88,7 +90,7 @@ class ViewportRender:
     def _ask(self, context, depsgraph) -> None:
         try:
             if self._scene is None:
-                self._scene = read_scene(depsgraph, may_be_empty=True)
+                self._scene = with_images(read_scene(depsgraph, may_be_empty=True), known=self._images)
             commission = read_commission(context, depsgraph, self._scene)
         except RENDER_ERRORS as error:
             self._message = str(error) or "There is not enough memory for this picture"

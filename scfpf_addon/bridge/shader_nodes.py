@@ -18,15 +18,22 @@ def resolve(socket, groups: tuple = ()) -> Place:
     """What feeds an input socket, through reroutes and node groups.
 
     Returns the output socket of a node, or the unlinked input socket whose own
-    value counts. Muted and invalid links count as none.
+    value counts. Muted and invalid links count as none; a muted node passes on what its
+    internal links say, or nothing.
     """
     while not socket.is_output:
-        link = next((one for one in socket.links if one.is_valid and not one.is_muted), None)
+        link = _link(socket)
         if link is None:
             break
         node, output = link.from_node, link.from_socket
         inside = _group_output(node) if node.type == "GROUP" else None
-        if node.type == "REROUTE":
+        if node.mute:
+            passed = next((one.from_socket for one in node.internal_links if one.to_socket == output), None)
+            # As in Cycles an input without a link is not passed on.
+            if passed is None or _link(passed) is None:
+                break
+            socket = passed
+        elif node.type == "REROUTE":
             socket = node.inputs[0]
         elif inside is not None:
             socket = _by_identifier(inside.inputs, output.identifier)
@@ -37,6 +44,14 @@ def resolve(socket, groups: tuple = ()) -> Place:
         else:
             socket = output
     return socket, groups
+
+
+def _link(socket):
+    """The link that feeds an input, if any."""
+    # Blender goes through all links of the tree for a socket's.
+    if not socket.is_linked:
+        return None
+    return next((one for one in socket.links if one.is_valid and not one.is_muted), None)
 
 
 def _group_output(node):

@@ -3,12 +3,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray
+
+
+@dataclass(frozen=True)
+class Layer:
+    """What is painted on triangles: texture coordinates, colours, any attribute.
+
+    row: (T,) int32, which row of ``values`` is a triangle's, -1 for none. values:
+    (R, 3, C) float32, a value for each corner; copies of a mesh share them.
+    """
+
+    row: NDArray[np.int32]
+    values: NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -19,7 +32,7 @@ class Geometry:
     corner_normals: (T, 3, 3) float32, unit, world space: the shading normal at
     each corner. material, object_index: (T,) int32. object_names: one name an index.
     uv: (T, 3, 2) float32, texture coordinates of the corners, NaN where a mesh has none;
-    None where they were not asked for.
+    None where they were not asked for. layers: by name, those that materials ask for.
     """
 
     vertices: Array
@@ -29,6 +42,7 @@ class Geometry:
     object_index: NDArray[np.int32]
     object_names: tuple[str, ...] = ()
     uv: NDArray[np.float32] | None = None
+    layers: Mapping[str, Layer] = field(default_factory=dict)
 
     def part(self, kept: BoolArray) -> Geometry:
         """The triangles ``kept`` (T,) alone, with the vertices that they use."""
@@ -44,4 +58,5 @@ class Geometry:
             self.object_index[kept],
             self.object_names,
             None if self.uv is None else self.uv[kept],
+            {name: Layer(layer.row[kept], layer.values) for name, layer in self.layers.items()},
         )

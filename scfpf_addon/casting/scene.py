@@ -281,6 +281,11 @@ class CastScene:
         origins: Array = positions + normal * (side * self._reach.take(triangles))
         return origins
 
+    def offsets(self, triangles: IndexArray) -> Array:
+        """How far off ``triangles`` (N,) the origins of ``offset_origins`` are, (N,) float64."""
+        offsets: Array = ORIGIN_OFFSET * self._reach.take(triangles).astype(np.float64)
+        return offsets
+
     def normals(self, triangles: IndexArray) -> Array:
         """Unit geometric normals (3, N), counter-clockwise corners seen from their tip."""
         normals: Array = self.planes[:3].take(triangles, 1)

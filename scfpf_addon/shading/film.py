@@ -88,14 +88,16 @@ class Film:
         """One sample of every pixel.
 
         shown: (count,), False where the image shows nothing: transparent black.
-        hit: (n,) the pixels that see the scene, color: (3, n) what they see.
+        hit: (n,) the pixels that see the scene, color: (3, n) what they see, or (4, n)
+        with its alpha.
         """
+        alpha = color[3] if len(color) > 3 else np.float32(1)
         if len(hit) == len(shown):
-            self._sum[:3] += color
-            self._sum[3] += 1
+            self._sum[:3] += color[:3]
+            self._sum[3] += alpha
         else:
             sample = self._empty[:, None] * shown
-            for channel, values in zip(sample, (*color, np.float32(1)), strict=True):
+            for channel, values in zip(sample, (*color[:3], alpha), strict=True):
                 channel[hit] = values
             self._sum += sample
         self._samples += 1

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..casting.behind import Onward
 from ..casting.cast import cast
 from ..casting.culling import within_volume
 from ..casting.hits import CastCounts, Hits
@@ -25,6 +26,7 @@ from .passes import DataPasses, PassSource, Seen, empty_passes, fill_passes
 from .report import RenderReport
 from .scene import Scene
 from .surface import PhongTable, SurfaceTable
+from .tracing import Tracer
 from .typing import Single
 
 
@@ -173,20 +175,26 @@ class Shading:
     surface: SurfaceTable
     phong: PhongTable
     lamps: tuple[Lamp, ...]
+    tracer: Tracer | None
 
     @classmethod
-    def of(cls, scene: Scene, cast_scene: CastScene, samples: int) -> Shading:
-        """Prepared for frames of ``samples`` samples. Lights without power are left out."""
+    def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
+        """Prepared for frames of these settings. Lights without power are left out."""
         lights = [light for light in scene.lights if np.any(light.color)]
         shadows = any(light.casts_shadow for light in lights)
-        return cls(
-            SurfaceTable.of(scene.geometry, cast_scene, shadows),
-            PhongTable.of(scene.materials, scene.world_color),
-            tuple(Lamp.of(light, cast_scene.matrix, samples) for light in lights),
-        )
+        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
+        phong = PhongTable.of(scene.materials, scene.world_color)
+        lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
+        tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
+        return cls(surface, phong, lamps, tracer)
 
-    def color(self, hits: Hits, where: IndexArray, sample: int) -> Single:
-        """Radiance towards the viewer of the hits at ``where`` (n,), (3, n)."""
+    def color(self, hits: Hits, where: IndexArray, sample: int, onward: Onward) -> Single:
+        """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
+
+        onward: follows the projectors of ``hits`` on.
+        """
+        if self.tracer is not None and self.tracer.needed(hits.triangle.take(where)):
+            return self.tracer.color(hits.take(where), sample, onward.of(where))
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
@@ -219,14 +227,15 @@ class Pipeline:
         if cast_scene is None and len(scene.geometry.triangles):
             whole = scene.geometry
             kept = within_volume(whole.vertices, whole.triangles, projection.volume)
-            if kept.all():
+            # Mirrors and glass show what lies beyond, too.
+            if kept.all() or any(graph.reflects for graph in scene.materials.graphs.values()):
                 cast_scene = CastScene(whole.vertices, whole.triangles)
             elif kept.any():
                 beyond = whole.vertices, whole.triangles[~kept]
                 scene = replace(scene, geometry=whole.part(kept))
                 cast_scene = CastScene(scene.geometry.vertices, scene.geometry.triangles, beyond)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, cast_scene, settings.samples) if cast_scene else None
+        shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
         return cls(
             inside,
             settings,
@@ -247,17 +256,24 @@ class Pipeline:
         counts, hit_count = CastCounts(), 0
         inside = self.inside(job.rows)
         film = Film(len(pixels), self.background, self.settings.transparent)
+        pixel_size, error = (1 / self.settings.width, 1 / self.settings.height), self.settings.pixel_error
         for sample in range(self.settings.samples):
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
-            hits = self.cast(*self.image_positions(job.rows, self.offsets[:, sample]), counts)
+            x, y = self.image_positions(job.rows, self.offsets[:, sample])
+            hits = self.cast(x, y, counts)
+            mask = hits.mask
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             if inside is not None:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
-            color = self.shading.color(hits, where, sample) if self.shading else np.zeros((3, 0), np.float32)
+            color = np.zeros((3, 0), np.float32)
+            if self.shading:
+                scene = self.shading.surface.cast_scene
+                onward = Onward(scene, self.projection, x, y, mask, inside, pixel_size, error)
+                color = self.shading.color(hits, where, sample, onward)
             film.add(hits.mask, where, color)
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)

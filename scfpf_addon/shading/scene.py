@@ -3,26 +3,49 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ..casting.geometry import Geometry
 from ..projection.typing import Array
 
+if TYPE_CHECKING:
+    from .materials.graph import MaterialGraph
+    from .materials.image import ImageData
+
 LightKind = Literal["POINT", "SUN", "SPOT", "AREA"]
 
 
 @dataclass(frozen=True)
 class Materials:
-    """Constants of M materials, scene-linear. colours (M, 3), the rest (M,), float64."""
+    """Constants of M materials, scene-linear. colours (M, 3), the rest (M,), float64.
+
+    ambient: the share of the world's light that is not left to mirrors, None for all of it.
+    graphs: by number, the materials that are more than constants.
+    """
 
     base_color: Array
     metallic: Array
     roughness: Array
     specular_f0: Array
     emission: Array
+    ambient: Array | None = None
+    graphs: Mapping[int, MaterialGraph] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LightPaths:
+    """How often light may be sent on before it counts as black: in all, by mirrors, by what
+    refracts, and through what is transparent, which does not count as one of all.
+    """
+
+    total: int = 12
+    glossy: int = 4
+    transmission: int = 12
+    transparent: int = 8
 
 
 @dataclass(frozen=True)
@@ -53,7 +76,8 @@ class Scene:
 
     world_color: (3,) radiance of the background. warnings: what the reader had to
     leave out, a line each. object_index, material_index: the number that the user gave
-    each object of ``geometry.object_names`` and each of the materials.
+    each object of ``geometry.object_names`` and each of the materials. images: the pictures that
+    materials look up, by name; one that is not there is missing. bounces: of light.
     """
 
     geometry: Geometry
@@ -63,3 +87,5 @@ class Scene:
     warnings: tuple[str, ...] = ()
     object_index: tuple[int, ...] = ()
     material_index: tuple[int, ...] = ()
+    images: Mapping[str, ImageData] = field(default_factory=dict)
+    bounces: LightPaths = field(default_factory=LightPaths)

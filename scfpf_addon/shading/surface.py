@@ -54,6 +54,21 @@ class SurfacePoints(NamedTuple):
     material: IndexArray
     shadow: ShadowStart | None
 
+    def take(self, index: IndexArray) -> SurfacePoints:
+        """The points at ``index``."""
+        shadow = self.shadow
+        if shadow is not None:
+            shadow = ShadowStart(
+                shadow.origin.take(index, 1), shadow.flat.take(index, 1), shadow.height.take(index)
+            )
+        return SurfacePoints(
+            self.position.take(index, 1),
+            self.normal.take(index, 1),
+            self.view.take(index, 1),
+            self.material.take(index),
+            shadow,
+        )
+
 
 def dot(a: Single, b: Single) -> Single:
     """Scalar products of two (3, N) arrays, (N,); either may be (3, 1)."""
@@ -202,7 +217,7 @@ class PhongTable:
         Beckmann distribution of Blender's roughness, 2/α² - 2 with α = roughness²
         (Walter et al. 2007), divided by 4: that one counts the angle of the half
         vector, which is half the angle between R and V. The world lights a surface
-        with base colour × radiance, whatever share of it is metallic.
+        with base colour × radiance, whatever share of it is metallic, but for what mirrors show.
         """
         base = np.asarray(materials.base_color, np.float64).reshape(-1, 3).T
         metallic = np.asarray(materials.metallic, np.float64)
@@ -210,8 +225,11 @@ class PhongTable:
         exponent = np.maximum(2 / alpha**2 - 2, 0) / 4
         reflectance = materials.specular_f0 + (base - materials.specular_f0) * metallic
         emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
+        world = np.reshape(world_color, (3, 1))
+        if materials.ambient is not None:
+            world = world * materials.ambient
         return cls(
-            (emission + base * np.reshape(world_color, (3, 1))).astype(np.float32),
+            (emission + base * world).astype(np.float32),
             (base * (1 - metallic) / np.pi).astype(np.float32),
             (reflectance * (exponent + 2) / (2 * np.pi)).astype(np.float32),
             exponent.astype(np.float32),

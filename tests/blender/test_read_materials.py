@@ -261,12 +261,36 @@ def test_the_table_numbers_each_material_once_and_starts_with_grey(addon):
     assert table.warnings() == ()
 
 
-def test_the_table_names_a_few_of_the_textured_materials(addon):
+def test_the_table_names_a_few_of_the_materials_that_are_not_shown_as_they_are(addon):
     table = addon("scfpf_addon.bridge.read_materials").MaterialTable()
     for name in "ABCDE":
         material = new_material()
         material.name = name
-        show(material.node_tree, add(material.node_tree, "ShaderNodeBsdfGlass"))
+        show(material.node_tree, add(material.node_tree, "ShaderNodeBsdfToon"))
         table.number(material)
     (line,) = table.warnings()
-    assert line.endswith("A, B, C and 2 more")
+    assert line.endswith("(in A, B, C and 2 more)")
+
+
+def test_constants_are_no_graph_and_everything_else_is(addon):
+    """Opaque constants go the fast way; textures, alpha, mirrors and several shaders do not."""
+    table = addon("scfpf_addon.bridge.read_materials").MaterialTable()
+    plain = (
+        {},
+        {"Base_Color": RED, "Metallic": 0.5, "Roughness": 0.3},
+        {"Roughness": 0.1, "Specular_IOR_Level": 0.0},
+        {"Emission_Color": RED, "Emission_Strength": 2.0},
+    )
+    graphs = ({"Alpha": 0.5}, {"Transmission_Weight": 1.0}, {"Roughness": 0.2})
+    for inputs in (*plain, *graphs):
+        material = new_material()
+        show(material.node_tree, principled(material.node_tree, **inputs))
+        table.number(material)
+    assert sorted(table.graphs) == [5, 6, 7]
+    material = new_material()
+    shader, checker = principled(material.node_tree), material.node_tree.nodes.new("ShaderNodeTexChecker")
+    show(material.node_tree, shader)
+    material.node_tree.links.new(checker.outputs[0], shader.inputs["Base Color"])
+    number = table.number(material)
+    assert number in table.graphs and not table.graphs[number].reflects
+    assert table.warnings() == ()

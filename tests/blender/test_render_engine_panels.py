@@ -92,6 +92,7 @@ def test_settings_are_those_of_the_scenes_camera(addon, engine_scene):
     engine_scene.camera = None
     assert "scfpf.camera_add" in draw(addon, "SCFPF_PT_engine_camera")
     assert "film_transparent" in draw(addon, "SCFPF_PT_engine_film")
+    assert "transparent_max_bounces" in draw(addon, "SCFPF_PT_engine_light_paths")
     assert "threads" in draw(addon, "SCFPF_PT_engine_performance")
 
 

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the shaders of a surface do with light: shine, scatter, mirror, refract, let through.
+
+A surface is the sum of its closures. Each is taken apart into lobes: a *body*, the constants that
+lamps and the world light (``Materials``), and shares that are sent on along straight lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ...projection.typing import Array
+from ..scene import Materials
+from .graph import MaterialGraph, registers
+from .inputs import fresnel_dielectric
+from .operations import OPERATIONS
+from .place import Place, dot
+
+# A reflection is sharp up to the first roughness, and left to the lamps' highlights from the second.
+SHARP_ROUGHNESS = 0.1
+BLURRED_ROUGHNESS = 0.3
+
+SentKind = Literal["THROUGH", "MIRROR", "REFRACTED"]
+
+
+@dataclass(frozen=True)
+class Body:
+    """What is lit at n hits. weight: (1, n). materials: a row a hit. normal: (3, n)."""
+
+    weight: Array
+    materials: Materials
+    normal: Array
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What goes on. tint: (3, n) share of light. normal: (3, n). ior: (1, n), far over near side."""
+
+    kind: SentKind
+    tint: Array
+    normal: Array
+    ior: Array
+
+
+def lobes(graph: MaterialGraph, place: Place) -> Iterator[Body | Sent]:
+    """The lobes of a material at its hits."""
+    results = registers(graph, place, OPERATIONS)
+    for closure in graph.closures:
+        values = {name: results[ref.operation][ref.output] for name, ref in closure.inputs.items()}
+        values = {name: clean(value) for name, value in values.items()}
+        weight = np.maximum(clean(results[closure.weight.operation][closure.weight.output]), 0.0)
+        if weight.any():
+            yield from READERS[closure.kind](_Reader(values, weight, place))
+
+
+def clean(values: Array) -> Array:
+    """Values without what is no number."""
+    return values if np.isfinite(values).all() else np.nan_to_num(values, posinf=0.0, neginf=0.0)
+
+
+class _Reader:
+    """The inputs of a closure at n hits."""
+
+    def __init__(self, values: Mapping[str, Array], weight: Array, place: Place) -> None:
+        self._values, self._place = values, place
+        self.count = place.count
+        self.weight = self.spread(weight)
+        self.normal = np.broadcast_to(values["normal"], (3, place.count))
+
+    def spread(self, values: Array) -> Array:
+        """Values of all hits, (channels, n)."""
+        return np.broadcast_to(values, (len(values), self.count))
+
+    def share(self, name: str) -> Array:
+        """An input in [0, 1], (1, n)."""
+        return self.spread(np.clip(self._values[name], 0.0, 1.0))
+
+    def color(self, name: str) -> Array:
+        """A colour without negative channels, (3, n)."""
+        return self.spread(np.maximum(self._values[name], 0.0))
+
+    def value(self, name: str) -> Array:
+        """A number, (1, n), or light of any sign, (3, n)."""
+        return self.spread(self._values[name])
+
+    @property
+    def facing(self) -> Array:
+        """Cosine between normal and view, (1, n)."""
+        return np.clip(dot(self.normal, self._place.view), 0.0, 1.0)
+
+    def relative_ior(self) -> Array:
+        """Index of refraction of the far side over the near side, (1, n)."""
+        ior = np.maximum(self.value("ior"), 1e-5)
+        return np.where(self._place.back > 0.0, 1.0 / ior, ior)
+
+    def body(
+        self,
+        weight: Array,
+        color: Array,
+        metallic: Array | float = 0.0,
+        roughness: Array | float = 1.0,
+        f0: Array | float = 0.0,
+        emission: Array | float = 0.0,
+        ambient: Array | float = 1.0,
+    ) -> Body:
+        """A body with one row of constants a hit."""
+        count = self.count
+        rows = [np.broadcast_to(each, (1, count))[0] for each in (metallic, roughness, f0, ambient)]
+        light = np.broadcast_to(emission, (3, count)).T
+        return Body(weight, Materials(color.T, rows[0], rows[1], rows[2], light, rows[3]), self.normal)
+
+    def sent(self, kind: SentKind, tint: Array, ior: Array | None = None) -> Sent:
+        """A share that goes on."""
+        return Sent(kind, tint, self.normal, np.ones((1, self.count)) if ior is None else ior)
+
+
+def sharpness(roughness: Array) -> Array:
+    """How much of a reflection is a mirror's, 1 to 0."""
+    share = np.clip((BLURRED_ROUGHNESS - roughness) / (BLURRED_ROUGHNESS - SHARP_ROUGHNESS), 0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+def _principled(reader: _Reader) -> Iterator[Body | Sent]:
+    """Metal, a dielectric under Fresnel's reflection, glass by its transmission; alpha outside of all."""
+    alpha = reader.share("alpha")
+    through = reader.weight * (1.0 - alpha)
+    if through.any():
+        yield reader.sent("THROUGH", np.repeat(through, 3, axis=0))
+    weight = reader.weight * alpha
+    base, metallic, roughness = (
+        reader.color("base_color"),
+        reader.share("metallic"),
+        reader.share("roughness"),
+    )
+    emission, level = reader.value("emission"), np.maximum(reader.value("specular_level"), 0.0)
+    ior = np.maximum(reader.value("ior"), 1e-5)
+    f0 = np.clip(((ior - 1.0) / (ior + 1.0)) ** 2 * 2.0 * level, 0.0, 1.0)
+    glass = (1.0 - metallic) * reader.share("transmission")
+    sharp, clear = sharpness(roughness), reader.share("transmission")
+    polished, coat = metallic * sharp, (1.0 - metallic) * (1.0 - clear) * sharp
+    coat = coat * fresnel_from(f0, reader.facing)
+    glass = (1.0 - metallic) * clear
+    if polished.any():
+        tint = base + (1.0 - base) * (1.0 - reader.facing) ** 5
+        yield reader.sent("MIRROR", weight * polished * tint)
+    if coat.any():
+        yield reader.sent("MIRROR", np.repeat(weight * coat, 3, axis=0))
+    if glass.any():
+        # What goes in and out again is coloured twice.
+        yield from _boundary(reader, weight * glass, 1.0, np.sqrt(base))
+    # Highlights of lamps stay whole; what the world lights is what no mirror shows.
+    lit = base * np.maximum(1.0 - glass - coat, 0.0)
+    yield reader.body(weight, lit, metallic, roughness, f0, emission, 1.0 - polished)
+
+
+def fresnel_from(f0: Array, cosine: Array) -> Array:
+    """Reflected share of a surface that reflects ``f0`` head-on (Schlick 1994)."""
+    return np.where(f0 > 0.0, f0 + (1.0 - f0) * (1.0 - cosine) ** 5, 0.0)
+
+
+def _diffuse(reader: _Reader) -> Iterator[Body | Sent]:
+    yield reader.body(reader.weight, reader.color("color"))
+
+
+def _glossy(reader: _Reader) -> Iterator[Body | Sent]:
+    color, roughness = reader.color("color"), reader.share("roughness")
+    sharp = sharpness(roughness)
+    if sharp.any():
+        yield reader.sent("MIRROR", reader.weight * sharp * color)
+    yield reader.body(reader.weight, color, 1.0, roughness, ambient=1.0 - sharp)
+
+
+def _emission(reader: _Reader) -> Iterator[Body | Sent]:
+    yield reader.body(reader.weight, np.zeros((3, reader.count)), emission=reader.value("color"))
+
+
+def _transparent(reader: _Reader) -> Iterator[Body | Sent]:
+    yield reader.sent("THROUGH", reader.weight * reader.color("color"))
+
+
+def _boundary(reader: _Reader, weight: Array, mirror: Array | float, color: Array) -> Iterator[Body | Sent]:
+    """What glass does: mirrors Fresnel's share, refracts the rest."""
+    ior = reader.relative_ior()
+    mirrored = fresnel_dielectric(reader.facing, ior)
+    yield reader.sent("MIRROR", np.broadcast_to(weight * mirrored * mirror, (3, reader.count)))
+    yield reader.sent("REFRACTED", weight * (1.0 - mirrored) * color, ior)
+
+
+def _glass(reader: _Reader) -> Iterator[Body | Sent]:
+    color = reader.color("color")
+    yield from _boundary(reader, reader.weight, color, color)
+    # Highlights of lamps, which no straight ray meets.
+    ior = np.maximum(reader.value("ior"), 1e-5)
+    f0 = ((ior - 1.0) / (ior + 1.0)) ** 2
+    yield reader.body(reader.weight, np.zeros((3, reader.count)), 0.0, reader.share("roughness"), f0)
+
+
+def _refraction(reader: _Reader) -> Iterator[Body | Sent]:
+    ior = reader.relative_ior()
+    # Nothing where all would be reflected.
+    let_in = fresnel_dielectric(reader.facing, ior) < 1.0
+    yield reader.sent("REFRACTED", reader.weight * let_in * reader.color("color"), ior)
+
+
+READERS = {
+    "DIFFUSE": _diffuse,
+    "EMISSION": _emission,
+    "GLASS": _glass,
+    "GLOSSY": _glossy,
+    "PRINCIPLED": _principled,
+    "REFRACTION": _refraction,
+    "TRANSPARENT": _transparent,
+}

@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All operations of material graphs by name."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from . import colors, inputs, noise, numbers, textures
+from .bump import bump
+from .graph import Evaluator
+
+OPERATIONS: dict[str, Evaluator] = {
+    **colors.OPERATIONS,
+    **inputs.OPERATIONS,
+    **noise.OPERATIONS,
+    **numbers.OPERATIONS,
+    **textures.OPERATIONS,
+}
+OPERATIONS["BUMP"] = partial(bump, OPERATIONS)
