@@ -92,6 +92,23 @@ def open_fan(count: int) -> Mesh:
     return joined([(np.concatenate([[foot, head], tips]), leaves), loose(cube(6))])
 
 
+def flakes(cells: int) -> Mesh:
+    """A wavy sheet with a loose flake over every triangle, a millionth to a hundredth above it."""
+    generator = np.random.default_rng(4)
+    vertices, triangles = stacked_sheets(cells, 0.0)
+    ground = vertices[: len(vertices) // 2], triangles[: len(triangles) // 2]
+    corners = ground[0][ground[1]]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    middle = corners.mean(axis=1, keepdims=True)
+    size, height = (
+        generator.uniform(0.2, 0.8, (len(corners), 1, 1)),
+        10 ** generator.uniform(-6, -2, len(corners)),
+    )
+    small = middle + (corners - middle) * size + (normal * height[:, None])[:, None]
+    return joined([ground, (small.reshape(-1, 3), np.arange(small.size // 3, dtype=np.int32).reshape(-1, 3))])
+
+
 HARD_SCENES: dict[str, Any] = {
     "unwelded": lambda: loose(boxes(1000)),
     "doubled": lambda: doubled(600),
@@ -99,6 +116,7 @@ HARD_SCENES: dict[str, Any] = {
     "slivers": lambda: slivers(500),
     "dust": lambda: dust(500),
     "fan": lambda: open_fan(40),
+    "flakes": lambda: flakes(24),
 } | {
     f"sheets {gap:g}": (lambda gap=gap: stacked_sheets(16, gap))
     for gap in (0.0, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)

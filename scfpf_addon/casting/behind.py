@@ -14,10 +14,11 @@ from ..projection.bezier import restrict
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume import Projection
 from .cast import SMALLEST_ERROR
-from .chords import NEIGHBOURHOOD, OVERLAP, complete
+from .chords import NEIGHBOURHOOD, complete
 from .curves import Bundle
 from .exact import cast_exact
 from .hits import CastCounts, Hits
+from .march import OVERLAP
 from .scene import CastScene
 from .schedule import Schedule, corners, plan, sample_curves, scene_reach
 from .straight import cast_straight

@@ -20,23 +20,18 @@ from numpy.typing import NDArray
 from ..projection.typing import BoolArray, IndexArray
 from .curves import Bundle, Solutions
 from .hits import CastCounts, Hits
-from .occupancy import Stretches
+from .march import OVERLAP, Traced, march
+from .occupancy import Stretches, everywhere
 from .records import Records
 from .scene import CastScene
 from .schedule import Schedule
 
-# Chords overlap by this share of their length, so that no hit falls between two.
-OVERLAP = 1e-5
-
 # A solution may lie this share of a chord before or after the chord that found it.
 NEIGHBOURHOOD = 0.25
 
-# Rays that have hit stay in their block's batch, switched off, until they are more than
-# this share of it: picking out single ones costs as much as casting some for nothing.
-MOST_DEAD = 0.5
-
-# Projectors that lie in memory one after the other, where no blocks are known.
-RUN = 64
+# Fewer projectors than this are cast with all their chords at once, those behind a hit for
+# nothing: to step through the chords costs more.
+FEW = 1024
 
 # float32 is good enough for chord ends while its rounding of the control points
 # is a smaller share than this of the tolerance.
@@ -107,63 +102,53 @@ def complete(hits: Hits, bundle: Bundle) -> Hits:
 
 
 def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
-    """The first chord that hits, for every projector, all in step; chords through nothing are left out.
-
-    Projectors lie block by block: what is taken of them at a chord are whole blocks, in
-    one piece of memory each, and their rays are near each other.
-    """
+    """The first chord that hits, for every projector; chords through nothing are left out."""
     bundle, schedule = work.bundle, work.schedule
     reach = np.abs(bundle.single).max(initial=0.0)
     narrow = reach * np.finfo(np.float32).eps < ROUNDING_SHARE * schedule.finest
     source: NDArray[Any] = bundle.single if narrow else bundle.points
     if where is None:
-        everything = np.ones((1, -(-bundle.count // RUN)), bool)
-        where = Stretches(np.array([0.0, 1.0]), everything, np.arange(bundle.count) // RUN)
-    members = where.members()
-    size = members.shape[1]
-    controls = source.take(members.ravel(), 2)
-    searching = mask[members] & (members >= 0)
-    # Of each ray, negative where none is cast, and how many of a block are.
-    limits = np.where(searching, np.float32(1.0 + OVERLAP), np.float32(-1.0))
-    left = searching.sum(axis=1)
+        where = everywhere(bundle.count)
     slack = NEIGHBOURHOOD * np.diff(schedule.breaks)
     held = where.within(schedule.breaks[:-1] - slack, schedule.breaks[1:] + slack)
-    weights = schedule.ends.astype(source.dtype)
+    if np.count_nonzero(mask) < FEW:
+        return _at_once(work, np.flatnonzero(mask), source, held, where.block)
+
+    def trace(start: NDArray[Any], way: NDArray[Any], limits: NDArray[np.float32]) -> Traced:
+        single = np.float32
+        found = work.scene.trace(start.astype(single, copy=False), way.astype(single, copy=False), limits)
+        return found, None
+
+    records, _, rays = march(source, schedule.ends, held, where.members(), mask, trace)
+    work.counts.rays += rays
+    work.counts.chords += rays
+    return records
+
+
+def _at_once(
+    work: Work, projectors: IndexArray, source: NDArray[Any], held: BoolArray, block: IndexArray
+) -> Records:
+    """As _march for few projectors: all their chords in one batch, of which the first that hits counts."""
+    schedule = work.schedule
+    chord, which = np.nonzero(held.take(block.take(projectors), 1))
+    controls = source.take(projectors.take(which), 2)
+    start = np.einsum("kn,kcn->cn", schedule.ends.astype(source.dtype).T.take(chord, 1), controls)
     ways = np.diff(schedule.ends, axis=0).astype(source.dtype)
-    triangle = np.full(members.size, -1, np.int32)
-    chords = np.zeros(members.size, np.intp)
-    for chord in range(schedule.count):
-        blocks = np.flatnonzero(held[chord] & (left > 0))
-        count = int(left[blocks].sum())
-        if count == 0:
-            continue
-        work.counts.chords += count
-        now = limits.take(blocks, 0).ravel()
-        sparse = count < (1.0 - MOST_DEAD) * len(now)
-        if sparse:
-            rays = np.flatnonzero(now > 0.0)
-            slots = blocks[rays // size] * size + rays % size
-            some, now = controls.take(slots, 2), now.take(rays)
-        elif len(blocks) < len(members):
-            some = controls.reshape(*source.shape[:2], *members.shape).take(blocks, 2)
-            some = some.reshape(*source.shape[:2], -1)
-        else:
-            some = controls
-        start = np.einsum("k,kcn->cn", weights[chord], some)
-        way = np.einsum("k,kcn->cn", ways[chord], some)
-        work.counts.rays += count
-        found = work.scene.trace(
-            start.astype(np.float32, copy=False), way.astype(np.float32, copy=False), now
-        )
-        hit = np.flatnonzero(found >= 0)
-        if len(hit) == 0:
-            continue
-        slot = slots[hit] if sparse else blocks[hit // size] * size + hit % size
-        triangle[slot], chords[slot] = found[hit], chord
-        limits.ravel()[slot] = -1.0
-        left -= np.bincount(slot // size, minlength=len(left))
-    slot = np.flatnonzero(triangle >= 0)
-    return Records(members.ravel()[slot], chords[slot], triangle[slot])
+    way = np.einsum("kn,kcn->cn", ways.T.take(chord, 1), controls)
+    work.counts.rays += len(chord)
+    work.counts.chords += len(chord)
+    found = work.scene.trace(
+        start.astype(np.float32, copy=False),
+        way.astype(np.float32, copy=False),
+        np.full(len(chord), 1.0 + OVERLAP, np.float32),
+    )
+    # The chords come in order: of several hits of a projector the last to be written is the first.
+    hit = np.flatnonzero(found >= 0)[::-1]
+    first = np.full(len(projectors), -1)
+    first[which[hit]] = hit
+    of = np.flatnonzero(first >= 0)
+    first = first[of]
+    return Records(projectors[of], chord[first], found[first])
 
 
 def _chord_hits(work: Work, records: Records) -> Solutions:

@@ -170,6 +170,30 @@ class Bundle:
                 best.inside[better] = True
         return best
 
+    def next_root(
+        self, scene: CastScene, triangle: IndexArray, span: IndexArray, low: Array, high: Array
+    ) -> Solutions:
+        """The first meeting with the triangles' planes in [low, high] of t, in the spans; all (N,)."""
+        plane = scene.planes.take(triangle, 1)
+        heights = np.einsum("cn,kcn->kn", plane[:3], self.points)
+        heights += plane[3]
+        start, length, coefficients = self._span_coefficients(heights, span)
+        if len(coefficients) > 3:
+            # A short part nearly always rises or falls throughout, which makes roots easy.
+            first, last = np.maximum((low - start) / length, 0.0), np.minimum((high - start) / length, 1.0)
+            roots = first + unit_roots(restrict(coefficients, first, last)) * (last - first)
+        else:
+            roots = unit_roots(coefficients)
+        roots *= length
+        roots += start
+        t = roots[0]
+        with np.errstate(invalid="ignore"):
+            for root in roots[1:]:
+                early = np.flatnonzero(t < low)
+                t[early] = root[early]
+            t[(t < low) | (t > high)] = np.nan
+        return self._inside(scene, triangle, t)
+
     def walk(self, scene: CastScene, span: IndexArray, low: Array, high: Array, found: Solutions) -> int:
         """Move solutions outside their triangle to the neighbour that they are in.
 

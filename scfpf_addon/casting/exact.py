@@ -6,7 +6,9 @@ points within ε of each triangle (``prisms``). Where a chord enters or leaves a
 the curve itself is met with that triangle in float64; a hit bounds the walk, which
 goes on until nothing lies before it that was not entered. Prisms that are entered at
 one place, which Embree cannot tell apart, are left to a look at the triangles
-themselves, as far as the thickness of a prism.
+themselves, as far as the thickness of a prism. Where the first prism that is met holds a
+hit well within its triangle, that look is all that is needed; only the others are walked.
+Chords through space that certainly holds no prism (``occupancy``) are not cast.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from ..projection.typing import Array, BoolArray, IndexArray
 from .certify import Chords, certain_chords
 from .curves import T_ROUNDING, Bundle, Solutions
 from .hits import CastCounts, Hits
+from .march import OVERLAP, march
+from .occupancy import stretches
 from .prisms import Float32Array
 from .scene import CastScene, PrismScene
 
@@ -33,17 +37,6 @@ SLIGHT = np.float32(0.1)
 # Shorter ways than this have no direction.
 SHORTEST = 1e-300
 
-# Rays end this share late, so that float32 cannot lose what lies at their end.
-OVERLAP = 1e-5
-
-# Rays that have met a prism stay in the batch, switched off, until they are this share.
-MOST_DEAD = 0.15
-
-# Projectors begin where the empty space before them ends: in this many groups at most,
-# each of this many projectors at least.
-GROUPS = 6
-LEAST_GROUP = 4096
-
 # Chord ends are computed in float32 where their rounding is less than this, in cast units.
 LARGEST_ROUNDING = 1e-6
 
@@ -55,6 +48,14 @@ GROWTH = 1.05
 # What lies beyond the prisms' box, in cast units, is passed at once.
 BORDER = 1e-3
 
+# A straight look from a prism's face to a hit strays this far from the curve at most: a few
+# roundings (2⁻²⁴) of a coordinate of 1.
+STRAY = 3e-7
+
+# A way is well within its triangle where it stays this far from the edges, in cast units: float32
+# cannot take a neighbour for it.
+WELL_WITHIN = 2e-6
+
 # Where projectors begin in a prism their way out of it is looked at in so many straight pieces.
 FIRST_LOOKS = 16
 
@@ -63,8 +64,8 @@ LAYERS = 4
 
 
 class Rays(NamedTuple):
-    """Places where walks go on. projector, chord: (M,); share: (M,) of the chord; each
-    walk's last two triangles: (2, M).
+    """Places where walks go on. projector, chord: (M,); share: (M,) of the chord; the last
+    two triangles that were met on this chord: (2, M), -1 for none.
     """
 
     projector: NDArray[np.intp]
@@ -81,7 +82,9 @@ class Walk(NamedTuple):
     """What every step of a tile's walk looks at and fills in.
 
     looked: (N,) t up to which the triangles themselves have been looked at, inf at first.
-    far: whether projectors reach so far out that float32 would move chords in the scene.
+    block: (N,) of each projector. following: (n+1, B) for each chord and block the first from
+    there on that may enter a prism, n if none does. far: whether projectors reach so far out
+    that float32 would move chords in the scene.
     """
 
     scene: CastScene
@@ -90,6 +93,8 @@ class Walk(NamedTuple):
     chords: Chords
     hits: Hits
     looked: Array
+    block: IndexArray
+    following: NDArray[np.intp]
     counts: CastCounts
     far: bool
 
@@ -143,12 +148,29 @@ def cast_exact(
     if chords is None:
         return hits
     # Rounding of a sum of that many terms.
-    rounding = (len(bundle.points) + 1) * float(np.abs(bundle.points).max()) * 2.0**-24
-    looked = np.full(bundle.count, np.inf)
-    walk = Walk(scene, prisms, bundle, chords, hits, looked, counts, rounding > LARGEST_ROUNDING)
+    farthest = max(float(bundle.points.max()), -float(bundle.points.min()))
+    rounding = (len(bundle.points) + 1) * farthest * 2.0**-24
+    where = stretches(prisms.occupancy, bundle.spans, bundle.single, columns, prisms.epsilon)
+    held = where.within(chords.breaks[:-1], chords.breaks[1:])
+    walk = Walk(
+        scene,
+        prisms,
+        bundle,
+        chords,
+        hits,
+        np.full(bundle.count, np.inf),
+        where.block,
+        _following(held),
+        counts,
+        rounding > LARGEST_ROUNDING,
+    )
     if chords.breaks[0] == 0.0:
-        _look_around(walk, present)
-    rays, found = _first_wave(walk, _starts(walk, columns, present))
+        _look_around(walk, present[where.held[0].take(where.block.take(present))])
+    rays, found = _first_wave(walk, held, where.members(), mask)
+    # A bound on rational chords says nothing of ‖q''‖.
+    rational = bundle.spans.point_weights is not None
+    doubtful = np.arange(len(found)) if rational else _settle(walk, rays, found)
+    rays, found = rays.take(doubtful), found[doubtful]
     step, faces = RESTART, 0
     while len(rays.projector):
         faces += 1
@@ -157,7 +179,7 @@ def cast_exact(
             counts.unresolved += len(rays.projector)
         fresh = np.flatnonzero((found != rays.last).all(axis=0))
         tested = rays.take(fresh)
-        _meet(walk, tested.projector, chords.span[tested.chord], found[fresh])
+        _meet_near(walk, tested, found[fresh])
         _overtaken(walk, rays, found, step)
         _look(walk, tested, found[fresh], _crossing(walk, tested, found[fresh]))
         rays.last[1], rays.last[0] = rays.last[0], found
@@ -171,15 +193,15 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
     A way along one of the three axes leaves the two caps of any prism within √3 times
     the distance between them.
     """
-    near = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points)
-    hull = walk.prisms.hull
-    alive = alive[hull.contains(near.take(alive, 1), hull.holding)]
+    at = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points.take(alive, 2))
+    held = np.flatnonzero(walk.prisms.occupancy.holds_finely(at - RESTART, at + RESTART))
+    alive, at = alive.take(held), at.take(held, 1)
     if len(alive) == 0:
         return
     length = 2.0 * np.sqrt(3.0) * (walk.prisms.thickness + RESTART)
     for axis in np.eye(3):
         projector = alive
-        start, gone = near.take(alive, 1), np.zeros(len(alive))
+        start, gone = at, np.zeros(len(alive))
         while len(projector):
             way = np.repeat(axis[:, None] * length, len(projector), axis=1)
             origin = start + axis[:, None] * gone
@@ -197,65 +219,69 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
         _look(walk, Rays(alive, zero, step * share, none), none[0], share * walk.chords.breaks[1])
 
 
-def _starts(walk: Walk, columns: int | None, alive: NDArray[np.intp]) -> list[tuple[int, IndexArray]]:
-    """The projectors ``alive`` in groups, each with the chord that the group begins at."""
-    chords, prisms = walk.chords, walk.prisms
-    if columns is None or len(alive) == 0:
-        return [(0, alive)]
-    box = (prisms.lower, prisms.upper)
-    until = prisms.hull.empty_until(
-        walk.bundle.spans, walk.bundle.points, columns, float(chords.breaks[-1]), box, 2.0 * prisms.epsilon
+def _following(held: BoolArray) -> NDArray[np.intp]:
+    """See Walk.following; held: (n, B)."""
+    count, blocks = held.shape
+    following = np.full((count + 1, blocks), count)
+    for chord in range(count - 1, -1, -1):
+        following[chord] = np.where(held[chord], chord, following[chord + 1])
+    return following
+
+
+def _first_wave(
+    walk: Walk, held: BoolArray, members: IndexArray, mask: BoolArray
+) -> tuple[Rays, NDArray[np.int32]]:
+    """Follow the chords of all projectors, in step, until each enters a prism."""
+    source: NDArray[Any] = walk.bundle.points if walk.far else walk.bundle.single
+    before = walk.counts.rays
+    records, share, cast = march(source, walk.chords.ends, held, members, mask, walk.trace)
+    walk.counts.chords += cast
+    walk.counts.rays = before + cast
+    last = np.full((2, len(share)), -1, np.int32)
+    return Rays(records.projector, records.chord, np.minimum(share, 1.0), last), records.triangle
+
+
+def _settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
+    """Keep the hits of which it is certain that they are the first; the other rays have to be walked on.
+
+    rays: at the first face that each projector meets. triangle: (M,) whose prism that is. Its
+    prism is the only one that was entered, but for some that are entered at the same place,
+    and its neighbours', which are not entered where a hit is well within the triangle. A
+    look at the triangles themselves, straight from there to the hit, finds what is between.
+    """
+    scene, chords = walk.scene, walk.chords
+    curves = walk.bundle.take(rays.projector)
+    low = chords.breaks.take(rays.chord)
+    steps = np.diff(chords.breaks)
+    met_t = low + rays.share * steps.take(rays.chord)
+    # Chords of steps h are ‖q''‖ h²/16 from their curves, at most ε, a straight line over a
+    # share of one ‖q''‖ (share h)²/8; it may end on the next chord.
+    length = np.minimum(steps, np.append(steps[1:], steps[-1])).take(rays.chord)
+    straight = min(float(np.sqrt(0.5 * STRAY / walk.prisms.epsilon)), 1.0)
+    found = curves.next_root(scene, triangle, chords.span.take(rays.chord), met_t, met_t + straight * length)
+    walk.counts.tested += len(triangle)
+    start = curves.place(met_t)
+    way = curves.place(np.where(found.inside, found.t, met_t)) - start
+    margin = WELL_WITHIN * walk.prisms.steepest.take(triangle)
+    with np.errstate(invalid="ignore"):
+        certain = found.inside & (found.t < walk.hits.t.take(rays.projector))
+        for second, third in (found.barycentric, scene.barycentric(start, triangle)):
+            certain &= (second > margin) & (third > margin) & (1.0 - second - third > margin)
+    some = np.flatnonzero(certain)
+    way, start = way.take(some, 1), start.take(some, 1)
+    slack = way * (RESTART / np.maximum(np.sqrt(np.einsum("cn,cn->n", way, way)), SHORTEST))
+    walk.counts.rays += len(some)
+    seen = scene.trace(
+        (start - slack).astype(np.float32),
+        (way + 2.0 * slack).astype(np.float32),
+        np.ones(len(some), np.float32),
     )
-    until = until.take(alive)
-    chord = np.searchsorted(chords.breaks, until, side="right") - 1
-    chord[until >= chords.breaks[-1]] = chords.count
-    order = np.argsort(chord, kind="stable")
-    order = order[: int(np.count_nonzero(chord < chords.count))]
-    groups = np.array_split(order, max(1, min(GROUPS, len(order) // LEAST_GROUP)))
-    return [(int(chord[group[0]]), np.sort(alive[group])) for group in groups if len(group)]
-
-
-def _first_wave(walk: Walk, groups: list[tuple[int, IndexArray]]) -> tuple[Rays, NDArray[np.int32]]:
-    """Follow the chords of the groups' projectors, all in step, until each meets a prism."""
-    empty = np.empty(0, np.intp)
-    parts = [(Rays(empty, empty, np.empty(0), np.empty((2, 0), np.int32)), np.empty(0, np.int32))]
-    kind = np.float64 if walk.far else np.float32
-    for chord, projectors in groups:
-        parts += _follow(walk, chord, projectors, kind)
-    rays = Rays(*(np.concatenate([rays[k] for rays, _ in parts], axis=-1) for k in range(4)))
-    return rays, np.concatenate([found for _, found in parts])
-
-
-def _follow(walk: Walk, first: int, alive: IndexArray, kind: Any) -> list[tuple[Rays, NDArray[np.int32]]]:
-    """One group of _first_wave, from the chord ``first`` on, computed in ``kind``."""
-    weights: NDArray[Any] = walk.chords.ends.astype(kind)
-    controls: NDArray[Any] = walk.bundle.points.astype(kind, copy=False)
-    if len(alive) < walk.bundle.count:
-        controls = controls.take(alive, 2)
-    limits = np.full(len(alive), 1.0 + OVERLAP, np.float32)
-    start = np.einsum("k,kcn->cn", weights[first], controls)
-    parts, dead = [], 0
-    for chord in range(first, walk.chords.count):
-        end = np.einsum("k,kcn->cn", weights[chord + 1], controls)
-        found, far = walk.trace(start, end - start, limits)
-        walk.counts.chords += len(alive) - dead
-        met = np.flatnonzero(found >= 0)
-        start = end
-        if len(met) == 0:
-            continue
-        share = np.minimum(far[met], 1.0).astype(np.float64)
-        last = np.full((2, len(met)), -1, np.int32)
-        parts.append((Rays(alive[met], np.full(len(met), chord), share, last), found[met]))
-        limits[met] = -1.0
-        dead += len(met)
-        if dead == len(alive):
-            break
-        if dead > MOST_DEAD * len(alive):
-            kept = np.flatnonzero(limits > 0.0)
-            alive, limits, dead = alive[kept], limits[kept], 0
-            controls = controls.take(kept, 2)
-            start = start.take(kept, 1)
-    return parts
+    clear = (seen < 0) | (seen == triangle.take(some))
+    some = some[clear]
+    certain[:] = False
+    certain[some] = True
+    _store(walk.hits, rays.projector.take(some), found.take(some))
+    return np.flatnonzero(~certain)
 
 
 def _time(walk: Walk, rays: Rays) -> Array:
@@ -283,10 +309,14 @@ def _advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
             at = share[met] + far[met] * (1.0 - share[met])
             parts.append(Rays(projector[met], chord[met], np.minimum(at, 1.0), last[:, met]))
             triangles.append(found[met])
-        going = np.flatnonzero((found < 0) & (chord + 1 < chords.count) & (walk.hits.t[projector] > high))
-        projector, chord, last = projector[going], chord[going] + 1, last[:, going]
+        chord = walk.following[chord + 1, walk.block[projector]]
+        going = np.flatnonzero((found < 0) & (chord < chords.count))
+        going = going[walk.hits.t[projector[going]] > chords.breaks[chord[going]]]
+        projector, chord = projector[going], chord[going]
+        last = np.full((2, len(going)), -1, np.int32)
         share = np.zeros(len(going))
-        controls, start = controls.take(going, 2), end.take(going, 1)
+        controls = controls.take(going, 2)
+        start = np.einsum("kn,kcn->cn", chords.ends.T.take(chord, 1), controls)
         end = np.einsum("kn,kcn->cn", chords.ends.T.take(chord + 1, 1), controls)
     if not parts:
         return rays.take(np.empty(0, np.intp)), np.empty(0, np.int32)
@@ -310,6 +340,28 @@ def _meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray
         projector, triangle, span = projector[going], triangle[going], span[going] + 1
 
 
+def _meet_near(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> None:
+    """Meet curves with the triangles whose prisms their chords enter or leave.
+
+    Where both ends of a chord lie outside the slab that a prism is in, all that it holds of the curve is
+    on this chord. Otherwise the whole curve is met with the triangle.
+    """
+    scene, chords = walk.scene, walk.chords
+    curves = walk.bundle.take(rays.projector)
+    ends = (np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + k, 1), curves.points) for k in (0, 1))
+    slab = walk.prisms.thickness + RESTART
+    near = np.logical_or.reduce([np.abs(scene.heights(end, triangle)) <= slab for end in ends])
+    long, short = np.flatnonzero(near), np.flatnonzero(~near)
+    _meet(walk, rays.projector[long], chords.span[rays.chord[long]], triangle[long])
+    walk.counts.tested += len(short)
+    chord, projector = rays.chord[short], rays.projector[short]
+    found = curves.take(short).solve(
+        scene, triangle[short], chords.span[chord], chords.breaks[chord], chords.breaks[chord + 1]
+    )
+    nearer = np.flatnonzero(found.inside & (found.t < walk.hits.t[projector]))
+    _store(walk.hits, projector[nearer], found.take(nearer))
+
+
 def _store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
     hits.t[projector] = found.t
     hits.triangle[projector] = found.triangle
@@ -325,9 +377,10 @@ def _behind(walk: Walk, rays: Rays, step: float) -> Rays:
     length = np.sqrt(((end - start) ** 2).sum(axis=0))
     share = rays.share + step / np.maximum(length, SHORTEST)
     over = share >= 1.0
-    chord = rays.chord + over
+    beyond = walk.following[rays.chord + 1, walk.block[rays.projector]]
+    chord = np.where(over, beyond, rays.chord)
     share = np.where(over, 0.0, share)
-    rays = Rays(rays.projector, chord, share, rays.last)
+    rays = Rays(rays.projector, chord, share, np.where(over, np.int32(-1), rays.last))
     rays = rays.take(np.flatnonzero(chord < chords.count))
     return rays.take(np.flatnonzero(_time(walk, rays) < walk.hits.t[rays.projector]))
 

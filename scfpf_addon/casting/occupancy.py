@@ -8,8 +8,8 @@ projectors are looked for by boxes around the control points of their pieces.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import NamedTuple
+from itertools import pairwise, product
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +20,23 @@ from .pieces import piece_bounds, piece_edges, piece_weights
 
 Float32Array = NDArray[np.float32]
 
-# Cells along an axis of the scene's bounds.
-CELLS = 128
+# Cells of a scene's bounds, nearly cubes, and the most along an axis.
+CELLS = 1 << 21
+MOST_ALONG = 512
 
-# Triangles whose boxes fill more than this many cells are cut in four, so often at most:
-# a box around a large one that lies askew holds mostly nothing.
-LARGE = 12.0
-CUTS = 5
+# Finer cells along an axis of a cell.
+FINER = 2
+
+# The finer cells are counted modulo this: boxes of fewer cells are told apart all the same.
+MODULUS = 256
+
+# Triangles whose boxes fill more than this many of the finer cells are cut in four, so often at
+# most: a box around a large one that lies askew holds mostly nothing.
+LARGE = 18.0
+CUTS = 6
+
+# Boxes of more cells than this are marked by their corners alone.
+MOST_MARKED = 96
 
 # No more pieces than this are made: what is still large then keeps its box.
 MOST_PIECES = 4_000_000
@@ -41,63 +51,124 @@ GROUPS = 8
 # Side in pixels, about, of the blocks of projectors that are looked at together.
 BLOCK = 8
 
+# Parts of a piece that are looked at in the finer cells where the piece meets something.
+PARTS = 4
+
 
 @dataclass(frozen=True)
 class Occupancy:
     """A grid over the scene's bounds that can be asked whether boxes are empty.
 
-    sums: (CELLS+1,) * 3 int32, how many cells before (x, y, z) hold something: an
-    integral image (Crow 1984) in three dimensions. lower: (3,), scale: (3,), cells in
-    a cast unit.
+    sums: (X+1, Y+1, Z+1) int32, how many cells before (x, y, z) hold something: an
+    integral image (Crow 1984) in three dimensions. finer: the same of FINER times as many
+    cells along each axis, uint8, modulo MODULUS. lower: (3,), scale: (3,), cells in a cast unit.
     """
 
     sums: IndexArray
+    finer: NDArray[np.uint8]
     lower: Array
     scale: Array
 
     @classmethod
-    def of(cls, corners: Array) -> Occupancy:
-        """The grid of triangles (3 corners, 3, T) in cast space."""
-        lower, upper = corners.min(axis=(0, 2)), corners.max(axis=(0, 2))
+    def of(cls, corners: Array, around: float = 0.0) -> Occupancy:
+        """The grid of triangles (3 corners, 3, T) in cast space, with all that is as near as ``around``."""
+        lower, upper = corners.min(axis=(0, 2)) - around, corners.max(axis=(0, 2)) + around
         size = np.maximum(upper - lower, SLACK)
         lower, size = lower - SLACK, size + 2.0 * SLACK
-        scale = CELLS / size
-        side = CELLS + 1
-        changes = np.zeros(side**3, np.int32)
-        slack = (SLACK * scale)[:, None]
+        cells = FINER * np.clip(size * np.cbrt(CELLS / size.prod()), 1, MOST_ALONG).astype(np.intp)
+        scale = cells / size
+        held = np.zeros(cells, bool)
+        slack = ((SLACK + around) * scale)[:, None]
         for piece in _small_pieces((corners - lower[:, None]) * scale[:, None]):
-            first = np.clip(piece.min(axis=0) - slack, 0, CELLS - 1).astype(np.intp)
-            last = np.clip(piece.max(axis=0) + slack, 0, CELLS - 1).astype(np.intp) + 1
-            # A box is the running sum of +1 and -1 at its corners.
-            for sign, x in ((1, first[0]), (-1, last[0])):
-                for also, y in ((sign, first[1]), (-sign, last[1])):
-                    for then, z in ((also, first[2]), (-also, last[2])):
-                        np.add.at(changes, (x * side + y) * side + z, then)
-        held = changes.reshape(side, side, side)
+            first = np.clip(piece.min(axis=0) - slack, 0, cells[:, None] - 1).astype(np.intp)
+            last = np.clip(piece.max(axis=0) + slack, 0, cells[:, None] - 1).astype(np.intp)
+            _mark(held, first, last - first + 1)
+        coarse = held
         for axis in range(3):
-            np.cumsum(held, axis=axis, out=held)
-        sums = np.zeros((CELLS + 1,) * 3, np.int32)
-        sums[1:, 1:, 1:] = held[:CELLS, :CELLS, :CELLS] > 0
-        for axis in range(3):
-            np.cumsum(sums, axis=axis, out=sums)
-        return cls(sums, lower, scale)
+            parts = np.moveaxis(coarse, axis, 0)
+            coarse = np.moveaxis(np.logical_or.reduce([parts[k::FINER] for k in range(FINER)]), 0, axis)
+        sums, finer = np.zeros(cells // FINER + 1, np.int32), np.zeros(cells + 1, np.uint8)
+        sums[1:, 1:, 1:], finer[1:, 1:, 1:] = coarse, held
+        return cls(_running_sums(sums), _running_sums(finer), lower, scale / FINER)
 
     def holds(self, lower: Array, upper: Array) -> BoolArray:
         """Whether boxes from lower to upper (3, …), cast space, meet a cell that holds something."""
-        shape = (3,) + (1,) * (lower.ndim - 1)
-        origin, scale = (a.reshape(shape).astype(lower.dtype) for a in (self.lower, self.scale))
-        with np.errstate(invalid="ignore", over="ignore"):
-            first = np.clip(np.floor((lower - origin) * scale), 0, CELLS).astype(np.int32)
-            last = np.clip(np.floor((upper - origin) * scale) + 1, 0, CELLS).astype(np.int32)
-        row, plane = CELLS + 1, (CELLS + 1) ** 2
-        x0, x1 = first[0] * plane, last[0] * plane
-        y0, y1 = first[1] * row, last[1] * row
-        flat = self.sums.ravel()
-        count = np.zeros(lower.shape[1:], np.int32)
-        for z, sign in ((last[2], 1), (first[2], -1)):
-            count += sign * (flat[x1 + y1 + z] - flat[x0 + y1 + z] - flat[x1 + y0 + z] + flat[x0 + y0 + z])
-        held: BoolArray = count > 0
+        first, last = self._cells(lower, upper, 1)
+        held: BoolArray = _counted(self.sums, first, last) != 0
         return held
+
+    def holds_finely(self, lower: Array, upper: Array) -> BoolArray:
+        """As ``holds``, by the finer cells; boxes over too many of these hold something."""
+        first, last = self._cells(lower, upper, FINER)
+        size = last - first
+        held: BoolArray = _counted(self.finer, first, last) != 0
+        held |= size[0] * size[1] * size[2] >= MODULUS
+        return held
+
+    def _cells(self, lower: Array, upper: Array, finer: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """The first cell of each box along each axis and the one after the last, (3, …) both."""
+        shape = (3,) + (1,) * (lower.ndim - 1)
+        origin, scale = (a.reshape(shape).astype(lower.dtype) for a in (self.lower, finer * self.scale))
+        most = finer * (np.array(self.sums.shape) - 1).reshape(shape)
+        with np.errstate(invalid="ignore", over="ignore"):
+            first = np.clip(np.floor((lower - origin) * scale), 0, most).astype(np.int32)
+            last = np.clip(np.floor((upper - origin) * scale) + 1, 0, most).astype(np.int32)
+        return first, last
+
+
+def _mark(held: BoolArray, first: IndexArray, size: IndexArray) -> None:
+    """Set the cells of boxes; first: (3, M) lowest cells, size: (3, M) cells along each axis."""
+    few = size.prod(axis=0) <= MOST_MARKED
+    flat, (_, row, plane) = held.reshape(-1), held.shape
+    number = (first[0] * row + first[1]) * plane + first[2]
+    # Boxes of one shape together.
+    shape = (size[0] * (MOST_MARKED + 1) + size[1]) * (MOST_MARKED + 1) + size[2]
+    shape[~few] = 0
+    order = np.argsort(shape.astype(np.int32))
+    ends = np.flatnonzero(np.diff(shape[order], append=-1)) + 1
+    for start, end in pairwise((0, *ends.tolist())):
+        if shape[order[start]] == 0:
+            _mark_large(held, first.take(order[start:end], 1), size.take(order[start:end], 1))
+            continue
+        base = number.take(order[start:end])
+        for x, y, z in product(*(range(n) for n in size[:, order[start]].tolist())):
+            flat[base + ((x * row + y) * plane + z)] = True
+
+
+def _mark_large(held: BoolArray, first: IndexArray, size: IndexArray) -> None:
+    """As _mark: a box is the running sum of +1 and -1 at its corners."""
+    changes = np.zeros(np.array(held.shape) + 1, np.int32)
+    for corner in product((0, 1), repeat=3):
+        place = tuple(first + size * np.array(corner)[:, None])
+        np.add.at(changes, place, 1 - 2 * (sum(corner) % 2))
+    held |= _running_sums(changes)[:-1, :-1, :-1] > 0
+
+
+def _running_sums(cells: NDArray[Any]) -> NDArray[Any]:
+    """Running sums along all three axes, in place; slice by slice is four times as fast as cumsum."""
+    for k in range(1, len(cells)):
+        cells[k] += cells[k - 1]
+    for k in range(1, cells.shape[1]):
+        cells[:, k] += cells[:, k - 1]
+    np.cumsum(cells, axis=2, out=cells)
+    return cells
+
+
+def _counted(sums: NDArray[Any], first: NDArray[np.int32], last: NDArray[np.int32]) -> NDArray[Any]:
+    """The cells in boxes that hold something, from their running sums, in their precision."""
+    row, plane = sums.shape[2], sums.shape[1] * sums.shape[2]
+    x0, x1 = first[0] * plane, last[0] * plane
+    y0, y1 = first[1] * row, last[1] * row
+    flat = sums.ravel()
+    corners = [x1 + y1, x0 + y1, x1 + y0, x0 + y0]
+    count = np.zeros(first.shape[1:], sums.dtype)
+    for z, far in ((last[2], True), (first[2], False)):
+        for corner, adds in zip(corners, (True, False, False, True), strict=True):
+            if adds == far:
+                count += flat.take(corner + z)
+            else:
+                count -= flat.take(corner + z)
+    return count
 
 
 def _small_pieces(corners: Array) -> list[Array]:
@@ -156,19 +227,34 @@ class Stretches(NamedTuple):
 
     def within(self, low: Array, high: Array) -> BoolArray:
         """Whether blocks may meet something in [low, high] (C,) of t, (C, B)."""
-        before = np.zeros((len(self.edges), self.held.shape[1]), np.int32)
-        np.cumsum(self.held, axis=0, out=before[1:])
+        few = len(self.held) <= np.iinfo(np.int16).max
+        before = np.zeros((len(self.edges), self.held.shape[1]), np.int16 if few else np.int32)
+        for piece, held in enumerate(self.held):
+            np.add(before[piece], held, out=before[piece + 1])
         first = np.clip(np.searchsorted(self.edges, low, side="right") - 1, 0, len(self.held))
         last = np.clip(np.searchsorted(self.edges, high, side="left"), 0, len(self.held))
-        held: BoolArray = before[last] > before[first]
-        return held
+        some: BoolArray = before[last] > before[first]
+        return some
 
 
-def stretches(occupancy: Occupancy, spans: SpanBasis, points: Float32Array, columns: int | None) -> Stretches:
+def everywhere(count: int) -> Stretches:
+    """Stretches of ``count`` projectors in runs that may meet something anywhere."""
+    runs = -(-count // (BLOCK * BLOCK))
+    return Stretches(np.array([0.0, 1.0]), np.ones((1, runs), bool), np.arange(count) // (BLOCK * BLOCK))
+
+
+def stretches(
+    occupancy: Occupancy,
+    spans: SpanBasis,
+    points: Float32Array,
+    columns: int | None,
+    apart: float = 0.0,
+) -> Stretches:
     """Look for blocks of projectors in the grid.
 
     points: (K, 3, N) finite control points, cast space, float32. columns: the projectors
-    are rows of so many pixels; otherwise runs of them are blocks.
+    are rows of so many pixels; otherwise runs of them are blocks. apart: what is that near
+    counts as met.
     """
     if columns is None:
         rows, height, width = points[:, :, None], 1, BLOCK * BLOCK
@@ -180,7 +266,7 @@ def stretches(occupancy: Occupancy, spans: SpanBasis, points: Float32Array, colu
     row, column = np.arange(rows.shape[2]) // height, np.arange(rows.shape[3]) // width
     block = (row[:, None] * (column[-1] + 1) + column).ravel()
     weights = piece_weights(spans)
-    slack = np.float32(SLACK * (1.0 + max(float(upper.max()), -float(lower.min()))))
+    slack = np.float32(apart + SLACK * (1.0 + max(float(upper.max()), -float(lower.min()))))
     held = np.zeros((len(weights), *lower.shape[2:]), bool)
     # Groups of blocks are looked at first: where they meet nothing, their blocks need not be.
     starts = range(0, held.shape[2], -(-held.shape[2] // GROUPS))
@@ -194,7 +280,37 @@ def stretches(occupancy: Occupancy, spans: SpanBasis, points: Float32Array, colu
             low, high = piece_bounds(weights[some], *boxes)
             inside = occupancy.holds(low - slack, high + slack)
             held[some, :, start:end] = inside.reshape(len(some), *least.shape[2:])
-    return Stretches(piece_edges(spans), held.reshape(len(held), -1), block)
+    least, most = (a.reshape(*a.shape[:2], -1) for a in (lower, upper))
+    parts = _parts(occupancy, spans, held.reshape(len(held), -1), least, most, slack)
+    return Stretches(piece_edges(spans, PARTS), parts, block)
+
+
+def _parts(
+    occupancy: Occupancy,
+    spans: SpanBasis,
+    held: BoolArray,
+    lower: Float32Array,
+    upper: Float32Array,
+    slack: np.float32,
+) -> BoolArray:
+    """Which of the PARTS of pieces meet something where the pieces do, (PARTS·P, B).
+
+    held: (P, B). lower, upper: (K, 3, B) of the blocks' control points.
+    """
+    weights = piece_weights(spans, PARTS).reshape(len(held), PARTS, spans.degree + 1, -1)
+    pieces = np.flatnonzero(held.any(axis=1))
+    parts = np.zeros((len(held), PARTS, held.shape[1]), bool)
+    if len(pieces) == 0:
+        return parts.reshape(-1, held.shape[1])
+    blocks = [np.flatnonzero(held[piece]) for piece in pieces]
+    bounds = [
+        piece_bounds(weights[piece], lower.take(some, 2), upper.take(some, 2))
+        for piece, some in zip(pieces, blocks, strict=True)
+    ]
+    low, high = (np.concatenate([both[k] for both in bounds], axis=2) for k in (0, 1))
+    inside = occupancy.holds_finely(low - slack, high + slack)
+    parts[np.repeat(pieces, [len(some) for some in blocks]), :, np.concatenate(blocks)] = inside.T
+    return parts.reshape(-1, held.shape[1])
 
 
 def _reduced(values: Float32Array, least: np.ufunc, axis: int, length: int) -> Float32Array:

@@ -16,19 +16,19 @@ from ..projection.typing import Array
 PIECES = 64
 
 
-def piece_edges(spans: SpanBasis) -> Array:
-    """Where the S·PIECES pieces begin and end in t, (S·PIECES + 1,)."""
-    starts = np.linspace(0.0, 1.0, PIECES + 1)[:-1]
+def piece_edges(spans: SpanBasis, parts: int = 1) -> Array:
+    """Where the P = S·PIECES·parts pieces begin and end in t, (P + 1,)."""
+    starts = np.linspace(0.0, 1.0, PIECES * parts + 1)[:-1]
     lengths = np.diff(spans.breaks)[:, None]
     edges: Array = np.append((spans.breaks[:-1, None] + starts * lengths).ravel(), spans.breaks[-1])
     return edges
 
 
-def piece_weights(spans: SpanBasis) -> Array:
-    """How the pieces' control points are made of the projector's, (S·PIECES, degree+1, K)."""
-    edges = np.linspace(0.0, 1.0, PIECES + 1)
+def piece_weights(spans: SpanBasis, parts: int = 1) -> Array:
+    """How the pieces' control points are made of the projector's, (S·PIECES·parts, degree+1, K)."""
+    edges = np.linspace(0.0, 1.0, PIECES * parts + 1)
     degree = spans.degree
-    identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
+    identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES * parts))
     pieces = restrict(identity, edges[:-1], edges[1:])
     if spans.point_weights is None:
         weights = np.einsum("jip,sik->spjk", pieces, spans.matrices)
@@ -51,6 +51,11 @@ def piece_bounds(
     """
     rounded = weights.astype(lower.dtype, copy=False)
     positive, negative = np.maximum(rounded, 0.0), np.minimum(rounded, 0.0)
+    if not negative.any():
+        # Pieces of Bézier and B-spline projectors, nearly all.
+        shape = len(weights), weights.shape[1], 3, -1
+        low, high = ((positive.reshape(-1, len(b)) @ b.reshape(len(b), -1)) for b in (lower, upper))
+        return low.reshape(shape).min(axis=1).swapaxes(0, 1), high.reshape(shape).max(axis=1).swapaxes(0, 1)
     low, high = np.empty((2, 3, len(weights), lower.shape[2]), lower.dtype)
     for axis in range(3):
         least, most = lower[:, axis], upper[:, axis]

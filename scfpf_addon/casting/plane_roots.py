@@ -110,7 +110,9 @@ def _general(coefficients: Array) -> Array:
     simple = (slopes > 0.0).all(axis=0) | (slopes < 0.0).all(axis=0)
     single = np.flatnonzero(simple & (coefficients[0] * coefficients[-1] <= 0.0))
     roots[0, single] = _monotone(coefficients.take(single, 1))
-    several = np.flatnonzero(~simple)
+    # Coefficients of one sign: no roots.
+    apart = (coefficients > 0.0).all(axis=0) | (coefficients < 0.0).all(axis=0)
+    several = np.flatnonzero(~(simple | apart))
     if len(several):
         roots[:, several] = _piecewise(coefficients.take(several, 1), slopes.take(several, 1))
     return roots

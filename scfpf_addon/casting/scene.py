@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
-from .hull import Hull
 from .memory import available_memory
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
@@ -193,7 +192,10 @@ class CastScene:
                         "or hide what the picture does not show"
                     )
                 corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
-                self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable))
+                second, third = self._corners[:3], self._corners[4:7]
+                slopes = np.stack([second, third, second + third])
+                steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
+                self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
             return self._prisms
 
     @property
@@ -289,6 +291,13 @@ class CastScene:
         normals: Array = self.planes[:3].take(triangles, 1)
         return normals
 
+    def heights(self, positions: Array, triangles: IndexArray) -> Array:
+        """How high positions (3, N) are over the triangles' planes, (N,)."""
+        plane = self.planes.take(triangles, 1)
+        height: Array = np.einsum("cn,cn->n", plane[:3], positions)
+        height += plane[3]
+        return height
+
     def barycentric(self, positions: Array, triangles: IndexArray) -> Array:
         """Weights (2, N) of the triangles' second and third corners at positions (3, N)."""
         rows = self._corners.take(triangles, 1)
@@ -303,16 +312,20 @@ class PrismScene:
     """Prisms round all triangles, in Embree (see ``prisms``).
 
     epsilon: how far chords may be from their curves, cast units. lower, upper: (3,) the
-    box that holds all prisms. Safe to use from several threads.
+    box that holds all prisms. occupancy: where there are prisms. steepest: (T,) the largest slope
+    of the triangles' barycentric weights, 1 over the least height. Safe to use from several threads.
     """
 
-    def __init__(self, prisms: Prisms) -> None:
+    def __init__(self, prisms: Prisms, steepest: Array) -> None:
+        self.steepest = steepest
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
         modules = _load_embreex()
         self._embree, self._mesh = prisms.embree_scene(*modules)
-        self.hull = Hull(prisms, *modules)
+        outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
+        # One cap of a prism is nowhere farther than this from the other.
+        self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)
         nowhere = np.zeros((3, 1), np.float32)
         self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
 

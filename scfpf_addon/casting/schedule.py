@@ -207,6 +207,26 @@ def corners(spans: SpanBasis, reach: tuple[float, float]) -> Schedule:
     )
 
 
+def split(spans: SpanBasis, schedule: Schedule, parts: int) -> Schedule:
+    """The schedule with each chord cut in ``parts``, which stray by half the square of that less.
+
+    Half, because the steps in a chord are only about as long as they should be. Not for rational spans.
+    """
+    span = spans.locate(0.5 * (schedule.breaks[:-1] + schedule.breaks[1:]))[0]
+    steps = np.arange(parts) / parts
+    pieces = []
+    for number in np.unique(span):
+        chords = np.flatnonzero(span == number)
+        start, end = spans.breaks[number], spans.breaks[number + 1]
+        local = np.clip((schedule.breaks[chords[0] : chords[-1] + 2] - start) / (end - start), 0.0, 1.0)
+        # Even steps in θ, as in the plan.
+        edges = np.arccos(1.0 - 2.0 * local)
+        finer = np.append(0.5 - 0.5 * np.cos(edges[:-1, None] + steps * np.diff(edges)[:, None]), local[-1])
+        finer[::parts] = local
+        pieces.append(_chords(spans, int(number), finer, 1, None))
+    return replace(_joined(pieces), error=2.0 * schedule.error / parts**2, finest=schedule.finest / parts**2)
+
+
 def _spans_within(spans: SpanBasis, reach: tuple[float, float]) -> list[tuple[int, tuple[float, float]]]:
     """The spans that ``reach`` in t touches, with the part of each in its own parameter."""
     result = []

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from benchmarks.scenes import SCENES, bent_projection
 from scfpf_addon.casting.cast import CastCounts
 from scfpf_addon.casting.frame import pixel_centres
-from scfpf_addon.casting.occupancy import CELLS, Occupancy, stretches
+from scfpf_addon.casting.occupancy import CELLS, FINER, Occupancy, stretches
 from scfpf_addon.casting.scene import CastScene
 
 WIDTH, HEIGHT = 75, 43
@@ -24,18 +24,48 @@ def test_no_point_of_a_triangle_is_in_an_empty_box(seed, size, count):
     shares = generator.dirichlet(np.ones(3) * 0.3, (200, count))
     points = np.einsum("skc,cxk->xsk", shares, corners).reshape(3, -1)
     extent = np.abs(generator.normal(size=points.shape)) * 10.0 ** generator.uniform(-6, -1)
-    assert grid.holds(points, points).all()
-    assert grid.holds(points - extent, points + extent * generator.integers(0, 2)).all()
+    for holds in (grid.holds, grid.holds_finely):
+        assert holds(points, points).all()
+        assert holds(points - extent, points + extent * generator.integers(0, 2)).all()
 
 
 def test_a_slanted_sheet_fills_few_cells_and_boxes_outside_are_empty():
     corners = np.array([[-1.0, -1, -1], [1, 1, -1], [-1, 1, 1]])[:, :, None]
     grid = Occupancy.of(corners)
-    assert grid.sums[-1, -1, -1] < 8 * CELLS**2
+    assert grid.sums[-1, -1, -1] < 8 * CELLS ** (2 / 3)
     low = np.array([[0.9, 1.1, -9], [-0.9, 1.1, -9], [0.9, 1.1, -9]])
-    assert grid.holds(low, low + 0.05).tolist() == [False, False, False]
     huge = np.array([[-1e300], [-1e300], [-1e300]])
-    assert grid.holds(huge, -huge).all() and not grid.holds(huge, huge).any()
+    for holds in (grid.holds, grid.holds_finely):
+        assert holds(low, low + 0.01).tolist() == [False, False, False]
+        assert holds(huge, -huge).all() and not holds(huge, huge).any()
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.003, 0.1])
+def test_what_is_near_is_held_too(apart):
+    generator = np.random.default_rng(7)
+    corners = generator.uniform(-1, 1, (3, 1, 20)) + generator.normal(size=(3, 3, 20)) * 0.2
+    grid = Occupancy.of(corners, apart)
+    shares = generator.dirichlet(np.ones(3), (500, 20))
+    points = np.einsum("skc,cxk->xsk", shares, corners)
+    points += apart * generator.uniform(-1, 1, points.shape)
+    assert grid.holds(points, points).all() and grid.holds_finely(points, points).all()
+
+
+def test_cells_are_counted_modulo_a_byte_without_harm():
+    """Boxes over exactly as many full cells as leave no remainder."""
+    generator = np.random.default_rng(5)
+    corners = generator.uniform(-1, 1, (3, 3, 4000))
+    grid = Occupancy.of(corners)
+    cell = 1.0 / (FINER * grid.scale[:, None])
+    for cells in ((15, 17, 1), (4, 7, 9), (255, 1, 1), (3, 5, 17)):
+        size = np.array(cells)[:, None]
+        place = generator.integers(0, np.array(grid.finer.shape)[:, None] - size, (3, 20_000))
+        low, high = (grid.lower[:, None] + cell * (place + shift) for shift in (0.5, size - 0.5))
+        middle = [low + cell * generator.integers(0, size, low.shape) for _ in range(8)]
+        sampled = np.any([grid.holds_finely(m, m) for m in middle], axis=0)
+        held = grid.holds_finely(low, high)
+        assert sampled.mean() > 0.3 and not (sampled & ~held).any()
+        assert not (held & ~grid.holds(low, high)).any()
 
 
 @pytest.mark.parametrize("scene", SCENES)
@@ -53,7 +83,7 @@ def test_every_hit_lies_in_a_stretch_that_is_not_empty(scene, degree, angle, col
     held = np.take_along_axis(held, found.block[None, :, None], axis=2)[..., 0]
     weights = projection.volume.spans.weights(t.ravel())[0].reshape(-1, *t.shape)
     position = np.einsum("ksn,kcn->csn", weights, points)
-    meets = cast_scene.occupancy.holds(position, position)
+    meets = cast_scene.occupancy.holds_finely(position, position)
     assert 0.005 < meets.mean() < 0.9
     assert not (meets & ~held).any()
     low, high = found.reach
@@ -66,8 +96,10 @@ def test_empty_space_is_not_cast_at(reference):
     projection = bent_projection(3, np.pi)
     hits = reference.cast_image(scene, projection, 96, 54, 0.01, grid=False, counts=counts)
     assert (hits.triangle >= 0).mean() > 0.3
-    full, cells = CastCounts(), np.arange(CELLS + 1)
-    scene.occupancy.sums[:] = cells[:, None, None] * cells[:, None] * cells
+    full = CastCounts()
+    for sums in (scene.occupancy.sums, scene.occupancy.finer):
+        x, y, z = np.indices(sums.shape)
+        sums[:] = x * y * z
     again = reference.cast_image(scene, projection, 96, 54, 0.01, grid=False, counts=full)
     assert counts.chords < 0.8 * full.chords
     assert np.array_equal(hits.triangle, again.triangle)

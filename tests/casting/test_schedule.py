@@ -12,7 +12,7 @@ from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.hits import CastCounts
 from scfpf_addon.casting.scene import CastScene
-from scfpf_addon.casting.schedule import MOST_CHORDS, plan, sample_curves, scene_reach
+from scfpf_addon.casting.schedule import MOST_CHORDS, plan, sample_curves, scene_reach, split
 from scfpf_addon.projection.bezier import chord_count
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import Disc, Grid, Plane, Point, SphereSector
@@ -115,6 +115,15 @@ def test_breaks_rise_from_near_to_far_and_ends_start_and_stop_on_the_surfaces(na
     count = len(VOLUMES[name].volume.surfaces)
     np.testing.assert_allclose(chords.ends[[0, -1]], np.eye(count)[[0, -1]], atol=1e-12)
     np.testing.assert_allclose(chords.ends.sum(axis=1), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", VOLUMES)
+def test_chords_cut_in_six_stray_a_sixteenth(name):
+    chords = schedule(VOLUMES[name], 1.0)
+    fine = split(VOLUMES[name].volume.spans, chords, 6)
+    np.testing.assert_allclose(fine.breaks[::6], chords.breaks, rtol=0, atol=1e-15)
+    assert fine.count == 6 * chords.count and fine.error == chords.error / 18
+    assert displacement(VOLUMES[name], fine) <= 1.2 / 16
 
 
 def test_the_number_of_chords_grows_as_the_root_of_the_accuracy():
