@@ -32,7 +32,7 @@ from scfpf_addon.cycles.rig_data import make_rig, write_sheets
 CHORDS = (1, 8, 16, 32)
 # Cells of a sheet across and up, as curved volumes need them.
 CELLS = (64, 64)
-# The goals of issue 8 on the heavy scene, by number of chords.
+# The goals on the heavy scene, by number of chords.
 GOALS = {1: 1.2, 16: 3.0}
 SIZE, RUNS = (160, 90), 5
 # Samples a pixel, by scene: plain cameras take some seconds.

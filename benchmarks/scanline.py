@@ -27,7 +27,7 @@ from scfpf_addon.scanline import place_nodes, preview, preview_properties
 from scfpf_addon.scanline.field_nodes import FieldBuilder, node_group
 from scfpf_addon.scanline.remap_nodes import remap_group, table_object
 
-# The goals of issue 4, in times of the Lattice modifier.
+# The goals, in times of the Lattice modifier.
 REMAP_GOAL, WHOLE_GOAL = 3.0, 6.0
 RUNS = 5
 

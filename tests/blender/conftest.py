@@ -8,8 +8,10 @@ import sys
 import tempfile
 from types import SimpleNamespace
 
+# Of a Python that has bpy as a module; inside a Blender, tests/run_in_blender.py has loaded it before.
+IS_MODULE = "bpy" not in sys.modules
 SCRATCH = tempfile.TemporaryDirectory(prefix="scfpf-tests-", ignore_cleanup_errors=True)
-if "bpy" not in sys.modules:  # inside a Blender, tests/run_in_blender.py has done it before Blender started
+if IS_MODULE:  # inside a Blender, tests/run_in_blender.py has done it before Blender started
     os.environ["BLENDER_USER_RESOURCES"] = os.path.join(SCRATCH.name, "profile")
     os.mkdir(os.environ["BLENDER_USER_RESOURCES"])  # Blender passes over a folder that is not there
 
@@ -21,6 +23,23 @@ import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.checkout.scfpf"
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_unconfigure(config):
+    """Leave without Blender's own end: after some runs of this length 4.5's module waits for itself there.
+
+    (A static object's destructor, after the module was not freed; reports are written by now.)
+    """
+    if IS_MODULE and hasattr(config, "scfpf_exit_status"):
+        SCRATCH.cleanup()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(config.scfpf_exit_status)
+
+
+def pytest_sessionfinish(session, exitstatus):
+    session.config.scfpf_exit_status = int(exitstatus)
 
 
 def link_folder(link, target):

@@ -57,18 +57,31 @@ def rendered(path):
     return pixels
 
 
+def steady(driver):
+    """Generator: wait until the viewport has come to rest; its pixels."""
+    end = time.monotonic() + PATIENCE
+    pixels = driver.region_pixels()
+    while True:
+        yield DRAW
+        before, pixels = pixels, driver.region_pixels()
+        if differing(before, pixels) == 0 or time.monotonic() > end:
+            return pixels
+
+
 def rig(driver):
     """The panel's button, F12, `blender -b --factory-startup`, and the button again."""
     scene = prepare(driver)
     camera = scene.camera
     driver.show_data_tab()
     yield DRAW
-    before, looked = counts(), driver.region_pixels()
+    before, looked = counts(), (yield from steady(driver))
     with driver.override():
         assert bpy.ops.scfpf.cycles_rig("INVOKE_DEFAULT") == {"FINISHED"}
     yield DRAW
     assert scene.camera != camera and scene.render.engine == "CYCLES"
-    assert differing(looked, driver.region_pixels()) < HARDLY, "the viewport shows something of the rig"
+    changed = differing(looked, (yield from steady(driver)))
+    driver.shot("switched")
+    assert changed < HARDLY, f"the viewport shows something of the rig: {changed} pixels"
     with driver.override():
         bpy.ops.wm.call_panel(name="SCFPF_PT_view_cycles")
     yield DRAW
