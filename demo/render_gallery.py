@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 # The pictures of a panel and their files' kinds.
 PARTS = {"diagram": "png", "set-up": "jpg", "result": "jpg"}
+# Pictures that are made with Cycles too: samples a pixel, before denoising.
+WITH_CYCLES = {"figure-8": 48, "figure-11-b": 32, "figure-13-b": 48}
 # Pictures wider than this times their height are shown in a row of their own; others in so many columns.
 WIDE, ACROSS = 2.5, 3
 HEAD = """# Gallery
@@ -37,6 +39,9 @@ same view.
 """
 QUALITY = 85
 SAMPLES = 4
+
+CYCLES_TEXT = """The same volumes, path-traced by Cycles in a stock Blender: *Render with Cycles* sends its
+rays along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
 
 
 def preset_text(stem: str, changed: Mapping[int, Mapping[str, object]], aspect: float | None = None) -> str:
@@ -77,6 +82,10 @@ def page(plates: Sequence[Plate], folder: str) -> str:
         for plate in plates:
             if plate.paper != beyond:
                 lines += [f"### {plate.heading}", "", plate.text, "", *_table(plate, folder)]
+    lines += ["## Rendered with Cycles", "", CYCLES_TEXT, ""]
+    for plate in plates:
+        for stem in sorted(WITH_CYCLES.keys() & set(stems(plate))):
+            lines += [f"![{plate.heading}, with Cycles]({folder}/{stem}-cycles.jpg)", ""]
     return "\n".join(lines)
 
 
@@ -139,6 +148,9 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     raw = files[2].with_suffix(".png")
     print(f"  {stem.name}: {render_demo.render(scene, raw)}", flush=True)
     save_jpeg(raw, files[2])
+    if stem.name in WITH_CYCLES:
+        files.append(stem.with_name(f"{stem.name}-cycles.jpg"))
+        render_with_cycles(scene, camera, WITH_CYCLES[stem.name], files[-1])
     presets = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.projection.preset")
     drawn = presets.load_preset(preset_text(panel.preset, {**panel.changed, **panel.drawn}))
     projection = drawn.projection(aspect)
@@ -164,6 +176,24 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
         bpy.ops.render.render(write_still=True, scene=set_up.name)
     save_jpeg(files[1].with_suffix(".png"), files[1])
     return files
+
+
+def render_with_cycles(scene, camera, samples: int, path: Path) -> None:
+    """Switch a camera's Cycles rig on, render what it sees, and switch it off."""
+    import bpy
+
+    raw = path.with_suffix(".png")
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising = samples, True
+    scene.render.filepath, scene.render.image_settings.file_format = str(raw), "PNG"
+    layer = scene.view_layers[0]
+    layer.objects.active = camera
+    bpy.context.window.scene = scene
+    if bpy.ops.scfpf.cycles_rig() != {"FINISHED"}:
+        sys.exit(f"The Cycles rig of {scene.name} was not made; the lines above say why.")
+    bpy.ops.render.render(write_still=True)
+    bpy.ops.scfpf.cycles_rig()
+    save_jpeg(raw, path)
 
 
 def _scaling(factor: float):
