@@ -10,12 +10,11 @@ from ..scfpf_addon.bridge.mapping_properties import MAPPING_KINDS
 from ..scfpf_addon.bridge.read_projection import read_projection
 from ..scfpf_addon.bridge.render_job import picture_aspect, picture_size
 from ..scfpf_addon.bridge.st_map_image import CONTENTS, write_st_map
-from .pick import image_position, picture_regions
+from .picture_click import PictureClick
 from .target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
 from .tool import Tool
 
 MAPPING_NAMES = {kind: name for kind, name, _ in MAPPING_KINDS}
-NO_PICTURE = "Open the picture in an Image Editor of this window first (Show Picture), then click in it"
 
 
 def active_mapping(camera):
@@ -102,12 +101,13 @@ class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
         context.view_layer.objects.active = grid
 
 
-class SCFPF_OT_mapping_place(bpy.types.Operator):
+class SCFPF_OT_mapping_place(PictureClick, bpy.types.Operator):
     """Click in the picture: the selected mapping gets its centre there"""
 
     bl_idname = "scfpf.mapping_place"
     bl_label = "Place on Picture"
     bl_options = {"REGISTER", "UNDO"}
+    cursor, hint = "CROSSHAIR", "Click where the mapping's centre is to be"
 
     x: FloatProperty(
         name="X",
@@ -131,35 +131,6 @@ class SCFPF_OT_mapping_place(bpy.types.Operator):
     def execute(self, context):
         active_mapping(flexible_camera_of(context)).centre = self.x, self.y
         return {"FINISHED"}
-
-    def invoke(self, context, _event):
-        if context.window is None or not picture_regions(context.window):
-            self.report({"ERROR"}, NO_PICTURE)
-            return {"CANCELLED"}
-        context.window_manager.modal_handler_add(self)
-        context.window.cursor_modal_set("CROSSHAIR")
-        context.workspace.status_text_set("Click where the mapping's centre is to be    Esc: cancel")
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
-            self.cancel(context)
-            return {"CANCELLED"}
-        if event.type == "LEFTMOUSE" and event.value == "PRESS":
-            position = image_position(context.window, event.mouse_x, event.mouse_y)
-            if position is not None:
-                self.cancel(context)
-                self.x, self.y = position
-                return self.execute(context)
-            return {"RUNNING_MODAL"}
-        return {"PASS_THROUGH"}
-
-    def cancel(self, context):
-        """Take back what invoke put up."""
-        if context.window is not None:
-            context.window.cursor_modal_restore()
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
 
 
 class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):

@@ -8,10 +8,9 @@ from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.shading.pick import pick
 from .errors import BAD_INPUT
+from .picture_click import PictureClick
 from .render import NO_CAMERA, redraw_interface
 from .target import render_camera
-
-NO_PICTURE = "Open the picture in an Image Editor of this window first (Show Picture), then click in it"
 
 
 def pick_readout(settings) -> list[str]:
@@ -34,34 +33,13 @@ def store_pick(settings, x: float, y: float, found) -> None:
     settings.show_pick = True
 
 
-def picture_regions(window) -> list:
-    """The regions of a window's Image Editors that show our picture."""
-    image = result_image()
-    return [
-        region
-        for area in window.screen.areas
-        if area.ui_type == "IMAGE_EDITOR" and image is not None and area.spaces.active.image == image
-        for region in area.regions
-        if region.type == "WINDOW"
-    ]
-
-
-def image_position(window, x: int, y: int) -> tuple[float, float] | None:
-    """The position in the picture, each share in [0, 1], under a pixel of the window; None beside it."""
-    for region in picture_regions(window):
-        inside = 0 <= x - region.x < region.width and 0 <= y - region.y < region.height
-        if inside:
-            u, v = region.view2d.region_to_view(x - region.x, y - region.y)
-            return (u, v) if 0 <= u <= 1 and 0 <= v <= 1 else None
-    return None
-
-
-class SCFPF_OT_pick(bpy.types.Operator):
+class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
     """Click in the picture: the 3D viewport shows the projector through that pixel and what it meets"""
 
     bl_idname = "scfpf.pick"
     bl_label = "Pick Projector"
     bl_options = {"REGISTER", "UNDO"}
+    hint = "Click in the picture to pick a projector"
 
     x: FloatProperty(
         name="X",
@@ -126,35 +104,6 @@ class SCFPF_OT_pick(bpy.types.Operator):
         self.report({"INFO"}, " · ".join(pick_readout(settings)))
         redraw_interface(context.window_manager)
         return {"FINISHED"}
-
-    def invoke(self, context, _event):
-        if context.window is None or not picture_regions(context.window):
-            self.report({"ERROR"}, NO_PICTURE)
-            return {"CANCELLED"}
-        context.window_manager.modal_handler_add(self)
-        context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set("Click in the picture to pick a projector    Esc: cancel")
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
-            self.cancel(context)
-            return {"CANCELLED"}
-        if event.type == "LEFTMOUSE" and event.value == "PRESS":
-            position = image_position(context.window, event.mouse_x, event.mouse_y)
-            if position is not None:
-                self.cancel(context)
-                self.x, self.y = position
-                return self.execute(context)
-            return {"RUNNING_MODAL"}
-        return {"PASS_THROUGH"}
-
-    def cancel(self, context):
-        """Take back what invoke put up."""
-        if context.window is not None:
-            context.window.cursor_modal_restore()
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
 
 
 def _image_header(header, context):

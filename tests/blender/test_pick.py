@@ -105,22 +105,22 @@ def image_editor():
 
 
 def test_the_place_under_the_mouse_is_found_in_the_picture_only(addon, camera, image_editor):
-    pick, area = addon("operators.pick"), image_editor
+    click, area = addon("operators.picture_click"), image_editor
     window = bpy.context.window_manager.windows[0]
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 32
     bpy.ops.scfpf.render()
     assert area.spaces.active.image.name == "SCFPF Render"
-    (region,) = pick.picture_regions(window)
+    (region,) = click.picture_regions(window)
     for u, v in ((0.25, 0.25), (0.5, 0.75)):
         x, y = region.view2d.view_to_region(u, v, clip=False)
-        found = pick.image_position(window, region.x + x, region.y + y)
+        found = click.image_position(window, region.x + x, region.y + y)
         inside = 0 <= x < region.width and 0 <= y < region.height
         assert (found is not None) == inside
         if inside:
             assert found == pytest.approx((u, v), abs=0.05)
-    assert pick.image_position(window, -5, -5) is None
+    assert click.image_position(window, -5, -5) is None
     area.spaces.active.image = None
-    assert pick.picture_regions(window) == []
+    assert click.picture_regions(window) == []
 
 
 def test_pick_survives_save_and_reload(camera, tmp_path):
