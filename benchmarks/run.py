@@ -31,8 +31,9 @@ from scfpf_addon.casting.geometry import Geometry
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.casting.tiles import image_tiles
 from scfpf_addon.projection.volume import Projection
-from scfpf_addon.shading.frame import FrameSettings, render_frame
+from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.scene import Light, Materials, Scene
+from scfpf_addon.shading.settings import FrameSettings
 
 THREADS = 2
 PIXEL_ERROR = 0.1

@@ -13,8 +13,10 @@ import bpy
 import numpy as np
 
 from ..casting.scene import CastScene
-from ..shading.frame import Border, render_frame, within_reach
+from ..shading.frame import render_frame
 from ..shading.passes import DataPasses
+from ..shading.reach import within_reach
+from ..shading.settings import Border
 from ..shading.typing import Single
 from .kept_scene import KeptScene
 from .render_delivery import Delivery

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ..casting.scene import CastError
 from ..projection.volume import Projection
 from ..shading.cryptomatte import identifiers
-from ..shading.frame import Border, Frame, FrameSettings, render_frame
+from ..shading.frame import Frame, render_frame
 from ..shading.motion import Moment
 from ..shading.passes import DataPasses
 from ..shading.scene import Scene
+from ..shading.settings import Border, FrameSettings
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_images import with_images
 from .read_lens import read_lens

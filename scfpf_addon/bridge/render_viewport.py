@@ -17,8 +17,8 @@ from mathutils import Matrix
 
 from ..projection.surfaces import BilinearPatch
 from ..projection.volume import Projection, ViewingVolume
-from ..shading.frame import Border, FrameSettings
 from ..shading.scene import Scene
+from ..shading.settings import Border, FrameSettings
 from .read_images import KnownImages, with_images
 from .read_scene import read_scene
 from .render_job import RENDER_ERRORS, RenderInputs, read_inputs

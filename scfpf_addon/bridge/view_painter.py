@@ -8,7 +8,8 @@ import traceback
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from ..shading.frame import Border, render_frame
+from ..shading.frame import render_frame
+from ..shading.settings import Border
 from ..shading.typing import Single
 from .kept_scene import KeptScene
 from .render_job import RENDER_ERRORS, RenderInputs

@@ -1,46 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A frame, from the projection and the scene to pixels: the pipeline of the whole program."""
+"""A frame, from the projection and the scene to pixels and a report: tiles in threads."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
 
-from ..casting.behind import Onward
-from ..casting.cast import cast
-from ..casting.chord_map import chord_map
-from ..casting.culling import within_volume
-from ..casting.geometry import Geometry
-from ..casting.hits import CastCounts, Hits
+from ..casting.hits import CastCounts
 from ..casting.memory import peak_memory
 from ..casting.scene import CastScene
 from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.folds import find_folds
-from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
-from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
-from .film import Film
-from .lens import Lens, through
-from .lighting import Lamp, radiance
-from .motion import Moment, moment_of_samples
-from .passes import CryptoPasses, DataPasses, PassSource, Seen, empty_passes, fill_passes
+from .motion import Moment
+from .passes import empty_passes
+from .pipeline import Pipeline, TileCounts
 from .report import RenderReport
-from .samples import SamplePlaces, row_pixels
 from .scene import Scene
-from .settings import Border, FrameSettings
-from .surface import PhongTable, SurfaceTable
-from .tracing import Tracer
+from .settings import FrameSettings
 from .typing import Single
-
-__all__ = ["Border", "Frame", "FrameSettings", "Pipeline", "Shading", "TileCounts", "render_frame"]
-
-# Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
-# a render should end soon after it is told to.
-PASS_PIXELS = 1 << 13
 
 
 class Frame(NamedTuple):
@@ -114,12 +96,23 @@ def render_frame(
     ]
     if not run_tiles(render, tiles, settings.threads, finished, progress, cancelled):
         return None
+    report = report_of(projection, scene, pipeline, counts, hits)
+    return Frame(
+        pixels, replace(report, seconds=perf_counter() - started, build_seconds=build_seconds), passes
+    )
+
+
+def report_of(
+    projection: Projection, scene: Scene, pipeline: Pipeline, counts: CastCounts, hits: int
+) -> RenderReport:
+    """What is said of a frame but the time that it took. projection: in world space."""
     folds = find_folds(projection)
-    report = RenderReport(
-        width,
-        height,
-        perf_counter() - started,
-        build_seconds,
+    settings = pipeline.settings
+    return RenderReport(
+        settings.width,
+        settings.height,
+        0.0,
+        0.0,
         len(projection.volume.surfaces) == 2,
         counts.projectors,
         counts.rays,
@@ -134,366 +127,3 @@ def render_frame(
         len(pipeline.cast_scene.triangles) if pipeline.cast_scene else 0,
         peak_memory(),
     )
-    return Frame(pixels, report, passes)
-
-
-class TileCounts(NamedTuple):
-    """What a tile did: the casting's counts, and how many projectors hit the scene."""
-
-    cast: CastCounts
-    hits: int
-
-
-def within_reach(scene: Scene, projection: Projection, alone: bool = True) -> tuple[Scene, CastScene | None]:
-    """The part of a scene that a projection can meet, built to cast at; the rest is left for shadows.
-
-    None where nothing can be met. alone: no other projection will see it; else all is built.
-    """
-    whole = scene.geometry
-    if not len(whole.triangles):
-        return scene, None
-    if not alone:
-        return scene, CastScene(whole.vertices, whole.triangles)
-    kept = within_volume(whole.vertices, whole.triangles, projection.volume)
-    # Mirrors and glass show what lies beyond, too.
-    if kept.all() or any(graph.reflects for graph in scene.materials.graphs.values()):
-        return scene, CastScene(whole.vertices, whole.triangles)
-    if not kept.any():
-        return scene, None
-    beyond = whole.vertices, whole.triangles[~kept]
-    part = replace(scene, geometry=whole.part(kept))
-    return part, CastScene(part.geometry.vertices, part.geometry.triangles, beyond)
-
-
-@dataclass(frozen=True)
-class Shading:
-    """All that colours a hit: lookup tables, and lamps in cast space."""
-
-    surface: SurfaceTable
-    phong: PhongTable
-    lamps: tuple[Lamp, ...]
-    tracer: Tracer | None
-
-    @classmethod
-    def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
-        """Prepared for frames of these settings. Lights without power are left out."""
-        lights = [light for light in scene.lights if np.any(light.color)]
-        shadows = any(light.casts_shadow for light in lights)
-        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
-        phong = PhongTable.of(scene.materials, scene.world_color)
-        lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
-        tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
-        return cls(surface, phong, lamps, tracer)
-
-    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
-        """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
-
-        sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
-        """
-        tracer = self.tracer
-        if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            return tracer.color(hits.take(where), sample, onward.of(where))
-        triangle, barycentric, position, tangent = hits[1:5]
-        if len(where) < len(triangle):
-            triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
-            position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
-        points = self.surface.points(triangle, barycentric, position, tangent)
-        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)
-
-
-@dataclass(frozen=True)
-class Pipeline:
-    """What the threads share while a frame is made.
-
-    projection: in cast space. places: where samples are. cast_scene and
-    shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
-    cast space. moments: what takes the place of this one for the picture, while the shutter is open.
-    """
-
-    projection: Projection
-    settings: FrameSettings
-    background: Array
-    places: SamplePlaces
-    cast_scene: CastScene | None
-    shading: Shading | None
-    passes: PassSource | None
-    lens: Lens | None
-    geometry: Geometry | None
-    moments: tuple[Pipeline, ...] = ()
-
-    @classmethod
-    def of(
-        cls,
-        projection: Projection,
-        scene: Scene,
-        settings: FrameSettings,
-        cast_scene: CastScene | None,
-        alone: bool = True,
-    ) -> Pipeline:
-        """Everything that is done once a frame. What the volume cannot meet is left for shadows.
-
-        alone: no other projection will see the same scene.
-        """
-        if cast_scene is None:
-            scene, cast_scene = within_reach(scene, projection, alone)
-        inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
-        return cls(
-            inside,
-            settings,
-            np.asarray(scene.world_color, np.float64),
-            SamplePlaces(
-                settings.width,
-                settings.height,
-                settings.samples,
-                settings.pixel_filter,
-                settings.scrambled or settings.adaptive is not None,
-            ),
-            cast_scene,
-            shading,
-            PassSource(
-                settings.passes, (settings.width, settings.height), inside, scene, cast_scene, shading.surface
-            )
-            if cast_scene and shading and settings.passes.names
-            else None,
-            settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
-            scene.geometry if cast_scene else None,
-        )
-
-    def with_moments(
-        self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None
-    ) -> Pipeline:
-        """The pipeline, of ``scene``, of a picture that is exposed while things move.
-
-        It is left as it is when cancelled.
-        """
-        made: list[tuple[Scene, Pipeline]] = [(scene, self)]
-        bare = replace(self.settings, passes=DataPasses())
-        for moment in moments:
-            if cancelled and cancelled():
-                return self
-            settings = replace(bare, lens=moment.lens)
-            same = next((known for seen, known in made if seen is moment.scene), None)
-            if same is None:
-                each = Pipeline.of(moment.projection, moment.scene, settings, None, False)
-            else:
-                # All but the projection is there.
-                matrix = same.cast_scene.matrix if same.cast_scene else np.eye(4)
-                lens = moment.lens.transformed(matrix) if moment.lens else None
-                each = replace(same, projection=moment.projection.transformed(matrix), lens=lens)
-            made.append((moment.scene, each))
-        return replace(self, moments=tuple(each for _, each in made[1:]))
-
-    def at(self, sample: int) -> Pipeline:
-        """What a sample sees."""
-        if not self.moments:
-            return self
-        return self.moments[moment_of_samples(self.settings.samples, len(self.moments))[sample]]
-
-    def render_tile(self, job: TileJob, pixels: Single, passes: dict[str, Single]) -> TileCounts:
-        """Samples → projectors → hits → colours → film, into pixels (n, 4) and passes (n, channels).
-
-        Gives up between two steps of a sample when the job is to stop.
-        """
-        counts, hit_count = CastCounts(), 0
-        inside = self.inside(job.rows)
-        if self.settings.adaptive and self.settings.samples > self.settings.adaptive.least:
-            return self.render_adaptively(self.settings.adaptive, job, inside, pixels, passes)
-        mine = row_pixels(job.rows, self.settings.width)
-        if inside is not None:
-            mine = mine[inside]
-        crypto = CryptoPasses(self.passes, len(pixels))
-        film = Film(len(pixels), self.background, self.settings.transparent)
-        for sample in range(self.settings.samples):
-            if job.stop.is_set():
-                return TileCounts(counts, hit_count)
-            now = self.at(sample)
-            hits, onward = now.cast_sample(job.rows, sample, counts)
-            hit_count += int(np.count_nonzero(hits.triangle >= 0))
-            if job.stop.is_set():
-                return TileCounts(counts, hit_count)
-            if inside is not None:
-                hits = hits.take(inside)
-            where = np.flatnonzero(hits.triangle >= 0)
-            color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside))
-            film.add(hits.mask, where, color)
-            if now.geometry:
-                crypto.add(where, now.geometry, hits.triangle[where])
-            job.done = (sample + 1) / self.settings.samples
-        film.develop(pixels)
-        crypto.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
-        if self.passes and not job.stop.is_set():
-            self.fill_passes(self.passes, job, inside, passes)
-        return TileCounts(counts, hit_count)
-
-    def render_adaptively(
-        self,
-        adaptive: Adaptive,
-        job: TileJob,
-        inside: IndexArray | None,
-        pixels: Single,
-        passes: dict[str, Single],
-    ) -> TileCounts:
-        """As ``render_tile``, with more samples for pixels that differ."""
-        counts, hit_count = CastCounts(), 0
-        width = self.settings.width
-        rows = margin(job.rows, self.settings.height)
-        block = row_pixels(rows, width)
-        film = AdaptiveFilm(len(block), self.background, self.settings.transparent)
-        crypto = CryptoPasses(self.passes, len(block))
-
-        def take(some: IndexArray | None, samples: range) -> None:
-            nonlocal hit_count
-            which = np.arange(len(block)) if some is None else some
-            for sample, hits, onward in self.cast_samples(rows, samples, counts, some):
-                where = np.flatnonzero(hits.triangle >= 0)
-                hit_count += len(where)
-                now = self.at(sample)
-                film.add(which, hits.mask, where, now.color(hits, where, sample, block[which], onward))
-                if now.geometry:
-                    crypto.add(which[where], now.geometry, hits.triangle[where])
-
-        def stopped(done: float) -> bool:
-            job.done = done
-            return job.stop.is_set()
-
-        own = slice(job.rows.start - rows.start, job.rows.stop - rows.start)
-        shape = rows.stop - rows.start, width
-        sample_adaptively(take, film, adaptive, shape, own, self.settings.samples, stopped)
-        if job.stop.is_set():
-            return TileCounts(counts, hit_count)
-        mine = np.arange(own.start * width, own.stop * width)
-        mine = mine if inside is None else mine[inside]
-        film.develop(mine, pixels)
-        crypto.develop(mine, film.samples(mine), passes)
-        if self.passes:
-            self.fill_passes(self.passes, job, inside, passes)
-        return TileCounts(counts, hit_count)
-
-    def fill_passes(
-        self, source: PassSource, job: TileJob, inside: IndexArray | None, into: dict[str, Single]
-    ) -> None:
-        """The data passes of a tile, from one projector a pixel, which the report does not count."""
-        x, y = self.pixel_centres(job.rows)
-        hits = self.cast(x, y, CastCounts(), self.settings.passes.weighted)
-        if "CHORD_COUNT" in into or "CHORD_ERROR" in into:
-            self.fill_chords(x, y, hits, inside, into)
-        if inside is not None:
-            hits, x, y = hits.take(inside), x[inside], y[inside]
-        where = np.flatnonzero(hits.triangle >= 0)
-        for first in range(0, len(where), PASS_PIXELS):
-            some = where[first : first + PASS_PIXELS]
-            if not job.stop.is_set():
-                fill_passes(source, Seen(x[some], y[some], hits.take(some)), some, into)
-
-    def fill_chords(
-        self, x: Array, y: Array, hits: Hits, inside: IndexArray | None, into: dict[str, Single]
-    ) -> None:
-        """The passes of a tile that show its chords, hit or not."""
-        if self.cast_scene is None:
-            return
-        size = 1 / self.settings.width, 1 / self.settings.height
-        error = self.settings.pixel_error
-        chords = chord_map(self.cast_scene, self.projection, x, y, hits.t, size, error, self.settings.width)
-        for name, values in (("CHORD_COUNT", chords.count), ("CHORD_ERROR", chords.error)):
-            if name in into:
-                into[name][:, 0] = values if inside is None else values[inside]
-
-    def inside(self, rows: slice) -> IndexArray | None:
-        """Which pixels of the rows are in the border, row by row; None for all."""
-        left, bottom, right, top = self.settings.region
-        width = self.settings.width
-        first, last = max(rows.start, bottom), min(rows.stop, top)
-        if (first, last, left, right) == (rows.start, rows.stop, 0, width):
-            return None
-        lines = np.arange(first - rows.start, last - rows.start)
-        columns = np.arange(left, right)
-        return (lines[:, None] * width + columns).reshape(-1)
-
-    def pixel_centres(self, rows: slice) -> tuple[Array, Array]:
-        """Image positions (x, y) of the middle of each pixel of the rows, each (n,)."""
-        x = (np.arange(self.settings.width) + 0.5) / self.settings.width
-        y = (np.arange(rows.start, rows.stop) + 0.5) / self.settings.height
-        return np.tile(x, len(y)), np.repeat(y, len(x))
-
-    def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Hits, Onward | None]:
-        """What a sample of the pixels of whole rows hits, and what follows it on."""
-        if self.lens is None:
-            return self.followed(*self.places.of_rows(rows, sample), counts, True)
-        pixel = row_pixels(rows, self.settings.width)
-        x, y = self.places.of_pixels(pixel, sample)
-        return self.through_lens(self.places.on_lens(pixel, sample)).followed(x, y, counts, True)
-
-    def followed(self, x: Array, y: Array, counts: CastCounts, in_rows: bool) -> tuple[Hits, Onward | None]:
-        """``cast`` with what follows its projectors on."""
-        hits = self.cast(x, y, counts, in_rows=in_rows)
-        if self.cast_scene is None:
-            return hits, None
-        size = 1 / self.settings.width, 1 / self.settings.height
-        return hits, Onward(
-            self.cast_scene, self.projection, x, y, hits.mask, None, size, self.settings.pixel_error
-        )
-
-    def cast_samples(
-        self, rows: slice, samples: range, counts: CastCounts, some: IndexArray | None
-    ) -> Iterator[tuple[int, Hits, Onward | None]]:
-        """What each of several samples of the pixels of whole rows hits, or of ``some`` (n,) of these alone.
-
-        Samples that see the same moment are cast together, a pixel's one after the other: they
-        are as near as neighbours.
-        """
-        if some is None:
-            for sample in samples:
-                yield sample, *self.at(sample).cast_sample(rows, sample, counts)
-            return
-        pixel = row_pixels(rows, self.settings.width)[some]
-        for together in [samples] if not self.moments else [range(s, s + 1) for s in samples]:
-            now, many = self.at(together[0]), len(together)
-            places = [self.places.of_pixels(pixel, sample) for sample in together]
-            x, y = (np.stack(axis, axis=1).ravel() for axis in zip(*places, strict=True))
-            if now.lens is not None:
-                share = np.stack([self.places.on_lens(pixel, sample) for sample in together], axis=2)
-                now = now.through_lens(share.reshape(2, -1))
-            hits, onward = now.followed(x, y, counts, False)
-            for number, sample in enumerate(together):
-                mine = np.arange(number, len(x), many)
-                yield sample, hits.take(mine), onward and replace(onward, known=mine)
-
-    def through_lens(self, share: Array) -> Pipeline:
-        """The pipeline for projectors that each pass the lens at a place of its own, shares (2, n)."""
-        return replace(self, projection=through(self.projection, self.lens, share)) if self.lens else self
-
-    def color(
-        self, hits: Hits, where: IndexArray, sample: int, pixel: IndexArray, onward: Onward | None
-    ) -> Single:
-        """As ``Shading.color``, of nothing where nothing is there. pixel: (n,) the image's, of the hits."""
-        if self.shading is None or onward is None:
-            return np.zeros((3, 0), np.float32)
-        own: int | IndexArray = sample
-        # What is sent on belongs to no pixel any more.
-        if self.places.scrambled and self.shading.tracer is None:
-            own = self.places.on_lamps(pixel[where], sample)
-        return self.shading.color(hits, where, own, onward)
-
-    def cast(
-        self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
-    ) -> Hits:
-        """The hits of the projectors at image positions (n,); nothing is hit where nothing is there.
-
-        weighted: barycentric weights are wanted though nothing is smooth. in_rows: the positions
-        are whole rows.
-        """
-        if self.cast_scene is None:
-            return Hits.empty(len(x))._replace(mask=self.projection.projectors(x, y).valid)
-        pixel_size = (1 / self.settings.width, 1 / self.settings.height)
-        return cast(
-            self.cast_scene,
-            self.projection,
-            x,
-            y,
-            pixel_size,
-            self.settings.pixel_error,
-            counts,
-            self.settings.width if in_rows else None,
-            weighted or self.shading is None or self.shading.surface.weighted,
-        )

@@ -134,12 +134,13 @@ def exact_passes(addon, camera, pixel_error=0.0):
     """What the exact caster sees: data passes by name, (H, W, channels)."""
     shading = addon("scfpf_addon.shading.passes")
     frames = addon("scfpf_addon.shading.frame")
+    settings = addon("scfpf_addon.shading.settings")
     scene = bpy.context.scene
     contents = addon("scfpf_addon.bridge.render_depsgraph").with_render_depsgraph(
         scene, bpy.context.view_layer, addon("scfpf_addon.bridge.read_scene").read_scene
     )
     wanted = shading.DataPasses(("OBJECT_INDEX", "POSITION", "PARAMETERS", "DEPTH"))
-    settings = frames.FrameSettings(
+    settings = settings.FrameSettings(
         scene.render.resolution_x, scene.render.resolution_y, 1, pixel_error, passes=wanted
     )
     return frames.render_frame(project(addon, camera), contents, settings).passes

@@ -260,7 +260,7 @@ def test_duplicate_with_hidden_surfaces_renders_before_anything_is_evaluated(eng
 
 
 def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene, tmp_path):
-    kept_scene, pipeline = addon("scfpf_addon.bridge.kept_scene"), addon("scfpf_addon.shading.frame")
+    kept_scene, pipeline = addon("scfpf_addon.bridge.kept_scene"), addon("scfpf_addon.shading.reach")
     built = []
 
     class Counted(kept_scene.CastScene):

@@ -124,15 +124,15 @@ def test_exception_in_the_core_is_a_message(addon, engine_scene, monkeypatch, er
 
 def test_exception_in_a_tile_after_others_are_delivered(addon, engine_scene, monkeypatch):
     """Half of the picture is with Blender when a tile fails."""
-    frame = addon("scfpf_addon.shading.frame")
-    whole = frame.Pipeline.render_tile
+    pipeline = addon("scfpf_addon.shading.pipeline")
+    whole = pipeline.Pipeline.render_tile
 
     def fail(self, job, *arguments):
         if job.rows.start > 20:
             raise FloatingPointError("in a tile")
         return whole(self, job, *arguments)
 
-    monkeypatch.setattr(frame.Pipeline, "render_tile", fail)
+    monkeypatch.setattr(pipeline.Pipeline, "render_tile", fail)
     monkeypatch.setattr(addon("scfpf_addon.bridge.render_delivery"), "TICK", 0.0)
     refused(engine_scene, "FloatingPointError: in a tile")
 

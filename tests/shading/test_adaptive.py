@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from scfpf_addon.shading.adaptive import Adaptive, with_neighbours
-from scfpf_addon.shading.frame import Border, FrameSettings, render_frame
+from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light
+from scfpf_addon.shading.settings import Border, FrameSettings
 
 SETTINGS = FrameSettings(
     96, 64, samples=32, pixel_filter=PixelFilter("GAUSSIAN", 3.0), adaptive=Adaptive(0.02, 4), threads=2

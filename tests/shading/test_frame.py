@@ -14,10 +14,11 @@ from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import Disc
 from scfpf_addon.projection.volume import Projection, ViewingVolume
-from scfpf_addon.shading import frame as frame_module
-from scfpf_addon.shading.frame import FrameSettings, render_frame
+from scfpf_addon.shading import hit_colors, pipeline
+from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.report import RenderReport
 from scfpf_addon.shading.scene import Light, Scene
+from scfpf_addon.shading.settings import FrameSettings
 
 
 def overhead(build, **more):
@@ -228,7 +229,7 @@ def test_cancelling_drops_the_rest_and_leaves_no_thread(build, monkeypatch):
             casts_then.append(len(casts))
         return bool(finished)
 
-    monkeypatch.setattr(frame_module, "cast", counting)
+    monkeypatch.setattr(pipeline, "cast", counting)
     settings = FrameSettings(160, 160, samples=8, threads=2)
     result = render_frame(projection, scene, settings, None, finished.append, cancelled)
     assert result is None
@@ -243,11 +244,11 @@ def test_cancelling_at_once_renders_nothing(build, monkeypatch):
     assert render_frame(projection, scene, FrameSettings(64, 64), cancelled=lambda: True) is None
 
 
-@pytest.mark.parametrize("where", ["cast", "radiance"])
-def test_what_a_tile_raises_is_raised_after_the_threads_have_ended(build, monkeypatch, where):
+@pytest.mark.parametrize(("room", "where"), [(pipeline, "cast"), (hit_colors, "radiance")])
+def test_what_a_tile_raises_is_raised_after_the_threads_have_ended(build, monkeypatch, room, where):
     projection, scene = busy(build)
     before, calls = threading.active_count(), []
-    proper = getattr(frame_module, where)
+    proper = getattr(room, where)
 
     def fails(*arguments):
         calls.append(1)
@@ -255,7 +256,7 @@ def test_what_a_tile_raises_is_raised_after_the_threads_have_ended(build, monkey
             raise ZeroDivisionError("in a tile")
         return proper(*arguments)
 
-    monkeypatch.setattr(frame_module, where, fails)
+    monkeypatch.setattr(room, where, fails)
     with pytest.raises(ZeroDivisionError, match="in a tile"):
         render_frame(projection, scene, FrameSettings(64, 64, samples=2))
     assert threading.active_count() == before

@@ -7,9 +7,10 @@ import pytest
 from scfpf_addon.projection.between import projection_between
 from scfpf_addon.projection.surfaces import Cylinder, Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
-from scfpf_addon.shading.frame import FrameSettings, render_frame
+from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.lens import Aperture, lens_of
 from scfpf_addon.shading.motion import Moment, moment_of_samples, shutter_times
+from scfpf_addon.shading.settings import FrameSettings
 
 AXES = np.diag([1.0, 1.0, -1.0])
 

@@ -12,12 +12,13 @@ from scfpf_addon.casting.geometry import Geometry, Layer
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
-from scfpf_addon.shading.frame import FrameSettings, render_frame
+from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.materials.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.materials.image import MISSING, ImageData, linear_from_srgb, sample
 from scfpf_addon.shading.materials.inputs import fresnel_dielectric
 from scfpf_addon.shading.materials.place import Place
 from scfpf_addon.shading.scene import LightPaths, Materials, Scene
+from scfpf_addon.shading.settings import FrameSettings
 from scfpf_addon.shading.tracing import mirrored, refracted
 
 

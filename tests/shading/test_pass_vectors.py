@@ -12,9 +12,10 @@ from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.inverse import follow
 from scfpf_addon.shading.adaptive import Adaptive
 from scfpf_addon.shading.cryptomatte import CryptoFilm, float_bits, identifiers, manifest, name_hash
-from scfpf_addon.shading.frame import Border, FrameSettings, render_frame
+from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.passes import DataPasses
 from scfpf_addon.shading.pixel_filter import PixelFilter
+from scfpf_addon.shading.settings import Border, FrameSettings
 from scfpf_addon.shading.vectors import Neighbour
 
 # Motion vectors

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All that colours a hit: tables that are prepared once a frame, and the colour of what was hit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..casting.behind import Onward
+from ..casting.hits import Hits
+from ..casting.scene import CastScene
+from ..projection.typing import IndexArray
+from .lighting import Lamp, radiance
+from .scene import Scene
+from .settings import FrameSettings
+from .surface import PhongTable, SurfaceTable
+from .tracing import Tracer
+from .typing import Single
+
+
+@dataclass(frozen=True)
+class Shading:
+    """All that colours a hit: lookup tables, and lamps in cast space."""
+
+    surface: SurfaceTable
+    phong: PhongTable
+    lamps: tuple[Lamp, ...]
+    tracer: Tracer | None
+
+    @classmethod
+    def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
+        """Prepared for frames of these settings. Lights without power are left out."""
+        lights = [light for light in scene.lights if np.any(light.color)]
+        shadows = any(light.casts_shadow for light in lights)
+        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
+        phong = PhongTable.of(scene.materials, scene.world_color)
+        lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
+        tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
+        return cls(surface, phong, lamps, tracer)
+
+    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+        """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
+
+        sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
+        """
+        tracer = self.tracer
+        if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
+            return tracer.color(hits.take(where), sample, onward.of(where))
+        triangle, barycentric, position, tangent = hits[1:5]
+        if len(where) < len(triangle):
+            triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
+            position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
+        points = self.surface.points(triangle, barycentric, position, tangent)
+        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What of a scene is built: the part that a volume can meet, and the rest for shadows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..casting.culling import within_volume
+from ..casting.scene import CastScene
+from ..projection.volume import Projection
+from .scene import Scene
+
+
+def within_reach(scene: Scene, projection: Projection, alone: bool = True) -> tuple[Scene, CastScene | None]:
+    """The part of a scene that a projection can meet, built to cast at; the rest is left for shadows.
+
+    None where nothing can be met. alone: no other projection will see it; else all is built.
+    """
+    whole = scene.geometry
+    if not len(whole.triangles):
+        return scene, None
+    if not alone:
+        return scene, CastScene(whole.vertices, whole.triangles)
+    kept = within_volume(whole.vertices, whole.triangles, projection.volume)
+    # Mirrors and glass show what lies beyond, too.
+    if kept.all() or any(graph.reflects for graph in scene.materials.graphs.values()):
+        return scene, CastScene(whole.vertices, whole.triangles)
+    if not kept.any():
+        return scene, None
+    beyond = whole.vertices, whole.triangles[~kept]
+    part = replace(scene, geometry=whole.part(kept))
+    return part, CastScene(part.geometry.vertices, part.geometry.triangles, beyond)
