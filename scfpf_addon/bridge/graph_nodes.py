@@ -270,6 +270,18 @@ def _image(inputs: NodeInputs) -> Outputs:
     return {"Color": refs[0], "Alpha": refs[1]}
 
 
+def _environment(inputs: NodeInputs) -> Outputs:
+    node = inputs.node
+    color = inputs.builder.one(
+        "ENVIRONMENT",
+        inputs.coordinates("GENERATED"),
+        image="" if node.image is None else node.image.name_full,
+        projection=node.projection,
+        interpolation=INTERPOLATIONS[node.interpolation],
+    )
+    return {"Color": color}
+
+
 def _checker(inputs: NodeInputs) -> Outputs:
     refs = inputs.builder.add(
         "CHECKER",
@@ -368,6 +380,7 @@ NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "SEPARATE_COLOR": _separate_color,
     "SEPXYZ": _separate("XYZ", "Vector"),
     "TEX_CHECKER": _checker,
+    "TEX_ENVIRONMENT": _environment,
     "TEX_COORD": _texture_coordinates,
     "TEX_GRADIENT": _gradient,
     "TEX_IMAGE": _image,

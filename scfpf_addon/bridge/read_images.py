@@ -34,6 +34,11 @@ def with_images(
     read now is put in.
     """
     graphs = scene.materials.graphs
+    if scene.world is not None and scene.world.graph.images:
+        images, warnings = read_images(scene.world.graph.images, known)
+        scene = replace(
+            scene, world=replace(scene.world, images=images), warnings=scene.warnings + warnings
+        )
     if not any(graph.images for graph in graphs.values()):
         return scene
     geometry = scene.geometry

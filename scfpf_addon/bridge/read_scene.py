@@ -14,8 +14,9 @@ from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
 from .light_paths import read_bounces
 from .read_layers import join_layers, read_layer
-from .read_lights import read_light, read_world
+from .read_lights import read_light
 from .read_materials import MaterialTable, listing
+from .read_world import read_world
 
 # Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
 MAXIMUM_TRIANGLES = (2**31 - 1) // 9
@@ -90,7 +91,7 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
     if not len(geometry.triangles) and not may_be_empty:
         raise SceneError(NOTHING)
-    world_color, world_warnings = read_world(depsgraph.scene_eval)
+    world_color, world, world_warnings = read_world(depsgraph.scene_eval)
     return Scene(
         geometry,
         reader.materials.materials(),
@@ -104,6 +105,7 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
         material_index=tuple(reader.materials.pass_indices),
         material_names=tuple(reader.materials.names),
         bounces=read_bounces(depsgraph.scene_eval),
+        world=world,
     )
 
 

@@ -14,6 +14,7 @@ from ..projection.typing import IndexArray
 from .lighting import Lamp, radiance
 from .scene import Scene
 from .settings import FrameSettings
+from .sky_light import SkyLight
 from .surface import PhongTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
@@ -32,21 +33,30 @@ class Shading:
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
         """Prepared for frames of these settings. Lights without power are left out."""
         lights = [light for light in scene.lights if np.any(light.color)]
-        shadows = any(light.casts_shadow for light in lights)
+        sky = SkyLight.of(scene.world.light, settings.samples) if scene.world else None
+        shadows = any(light.casts_shadow for light in lights) or sky is not None
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
-        phong = PhongTable.of(scene.materials, scene.world_color)
+        phong = PhongTable.of(scene.materials, scene.world_color, sky)
         lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
+        lamps += sky.lamps if sky else ()
         tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
         return cls(surface, phong, lamps, tracer)
 
-    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+    def color(
+        self,
+        hits: Hits,
+        where: IndexArray,
+        sample: int | IndexArray,
+        pixel: IndexArray,
+        onward: Onward,
+    ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
-        sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
+        sample: a number, or with no tracer one for each hit. pixel: (N,) the image's, of all hits. onward: follows the projectors of ``hits`` on.
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            return tracer.color(hits.take(where), sample, onward.of(where))
+            return tracer.color(hits.take(where), sample, pixel[where], onward.of(where))
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)

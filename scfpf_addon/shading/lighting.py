@@ -131,11 +131,13 @@ def radiance(
 ) -> Single:
     """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 
-    Emission and the world's light, plus for every lamp Lambert's and Phong's share
+    Emission and the world's or the sky's light, plus for every lamp Lambert's and Phong's share
     of what arrives. The highlight is (R·V)ⁿ with V against the projector's tangent.
     """
     color = np.empty_like(points.normal)
     color[:] = by_material(table.emitted, points.material)
+    if table.sky:
+        color += table.sky.scattered(points, table.albedo, sample, cast_scene)
     exponent = by_material(table.exponent, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:

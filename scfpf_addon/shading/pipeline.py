@@ -12,6 +12,8 @@ import numpy as np
 from ..casting.behind import Onward
 from ..casting.cast import cast
 from ..casting.chord_map import chord_map
+from ..casting.chords import complete
+from ..casting.curves import Bundle
 from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
@@ -29,6 +31,7 @@ from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
 from .typing import Single
+from .world import World
 
 # Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
 # a render should end soon after it is told to.
@@ -48,7 +51,7 @@ class Pipeline:
 
     projection: in cast space. places: where samples are. cast_scene and
     shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
-    cast space. moments: what takes the place of this one for the picture, while the shutter is open.
+    cast space. world: what is seen where nothing is, instead of the background. moments: what takes the place of this one for the picture, while the shutter is open.
     """
 
     projection: Projection
@@ -60,6 +63,7 @@ class Pipeline:
     passes: PassSource | None
     lens: Lens | None
     geometry: Geometry | None
+    world: World | None = None
     moments: tuple[Pipeline, ...] = ()
 
     @classmethod
@@ -99,6 +103,7 @@ class Pipeline:
             else None,
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
+            None if settings.transparent else scene.world,
         )
 
     def with_moments(
@@ -157,7 +162,7 @@ class Pipeline:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
             color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside))
-            film.add(hits.mask, where, color)
+            film.add(hits.mask, *now.with_world(hits, where, color))
             if now.geometry:
                 crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
@@ -190,7 +195,8 @@ class Pipeline:
                 where = np.flatnonzero(hits.triangle >= 0)
                 hit_count += len(where)
                 now = self.at(sample)
-                film.add(which, hits.mask, where, now.color(hits, where, sample, block[which], onward))
+                color = now.color(hits, where, sample, block[which], onward)
+                film.add(which, hits.mask, *now.with_world(hits, where, color))
                 if now.geometry:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
@@ -314,7 +320,21 @@ class Pipeline:
         # What is sent on belongs to no pixel any more.
         if self.places.scrambled and self.shading.tracer is None:
             own = self.places.on_lamps(pixel[where], sample)
-        return self.shading.color(hits, where, own, onward)
+        return self.shading.color(hits, where, own, pixel, onward)
+
+    def with_world(self, hits: Hits, where: IndexArray, color: Single) -> tuple[IndexArray, Single]:
+        """The hits at ``where`` (n,) and their colours, with the projectors that the world is seen by.
+
+        It is seen in the direction in which a projector leaves the volume.
+        """
+        if self.world is None:
+            return where, color
+        missed = np.flatnonzero(hits.mask & (hits.triangle < 0))
+        if not len(missed):
+            return where, color
+        light = np.ones((len(color), len(missed)), np.float32)
+        light[:3] = self.world.radiance(hits.tangent.take(missed, axis=1))
+        return np.concatenate([where, missed]), np.concatenate([color, light], axis=1)
 
     def cast(
         self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
@@ -325,7 +345,9 @@ class Pipeline:
         are whole rows.
         """
         if self.cast_scene is None:
-            return Hits.empty(len(x))._replace(mask=self.projection.projectors(x, y).valid)
+            projectors = self.projection.projectors(x, y)
+            nothing = Hits.empty(len(x))._replace(mask=projectors.valid)
+            return complete(nothing, Bundle(self.projection.volume.spans, projectors.points))
         pixel_size = (1 / self.settings.width, 1 / self.settings.height)
         return cast(
             self.cast_scene,

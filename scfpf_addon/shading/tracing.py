@@ -100,10 +100,10 @@ class Tracer:
         """Whether any of the triangles has a material of nodes."""
         return bool(self.has_graph.take(self.surface.material.take(triangle)).any())
 
-    def color(self, hits: Hits, sample: int, behind: Behind) -> Single:
+    def color(self, hits: Hits, sample: int, pixel: IndexArray, behind: Behind) -> Single:
         """Radiance towards the viewer and alpha of n hits, (4, n).
 
-        behind: of the hits by their place in the list.
+        pixel: (n,) of the image. behind: of the hits by their place in the list.
         """
         count = len(hits.t)
         film = np.zeros((4, count))
@@ -184,7 +184,7 @@ class Tracer:
         some = np.flatnonzero(weight > 0.0)
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
-        table = PhongTable.of(_stacked([body.materials for _, body in bodies], some), self.scene.world_color)
+        table = PhongTable.of(_stacked([body.materials for _, body in bodies], some), self.scene.world_color, self.phong.sky)
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
         color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene)
         add(film, wave.pixel[which], wave.share[:, which] * weight * color)
@@ -231,9 +231,21 @@ class Tracer:
     def _miss(self, wave: Wave, film: Array) -> None:
         """Add what is seen where nothing is: the world, or through the film what lies behind the picture."""
         through = ~wave.straight if self.transparent else np.zeros(len(wave.pixel), bool)
-        world = np.reshape(self.scene.world_color, (3, 1))
-        add(film, wave.pixel, wave.share * world * ~through)
+        add(film, wave.pixel, wave.share * self._world(wave) * ~through)
         film[3] -= np.bincount(wave.pixel, wave.share.mean(axis=0) * through, film.shape[1])
+
+    def _world(self, wave: Wave) -> Array:
+        """What places that are nowhere show of the world, (3, n) or (3, 1)."""
+        world = self.scene.world
+        if world is None:
+            return np.reshape(self.scene.world_color, (3, 1))
+        light = world.radiance(wave.hits.tangent)
+        mirrored = np.flatnonzero(wave.depth[GLOSSY] > 0)
+        if len(mirrored):
+            light[:, mirrored] = world.light.without_lamps(
+                unit(wave.hits.tangent[:, mirrored]), light[:, mirrored]
+            )
+        return light
 
 
 DEPTHS = {
