@@ -332,9 +332,11 @@ class Pipeline:
         missed = np.flatnonzero(hits.mask & (hits.triangle < 0))
         if not len(missed):
             return where, color
-        light = np.ones((len(color), len(missed)), np.float32)
-        light[:3] = self.world.radiance(hits.tangent.take(missed, axis=1))
-        return np.concatenate([where, missed]), np.concatenate([color, light], axis=1)
+        light = np.ones((len(color), len(hits.mask)), np.float32)
+        light[:3, missed] = self.world.radiance(hits.tangent.take(missed, axis=1))
+        light[:, where] = color
+        shown = np.flatnonzero(hits.mask)
+        return shown, light.take(shown, axis=1)
 
     def cast(
         self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True

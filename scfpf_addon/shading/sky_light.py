@@ -11,6 +11,7 @@ from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
 from .film import SILVER, pixel_positions, shuffled
 from .lighting import Incidence, Lamp, by_material, cut_shadows
+from .samples import BITS, Bits, scramble
 from .scene import Light
 from .sky_map import COLUMNS, LUMINANCE, NORMAL_ROWS, ROWS, Gathered, WorldLight, map_places
 from .surface import SurfacePoints, dot
@@ -18,51 +19,68 @@ from .typing import Single
 
 # Directions in which a pixel looks for what hides the sky, at least.
 HIDING = 32
+# Equal parts of the even light, and directions in each.
+PARTS, CHOICES = 64, 16
+FAR = np.full(1, np.inf, np.float32)
 
 @dataclass(frozen=True)
 class SkyLight:
     """A world's light as a frame sees it.
 
-    lamps: in cast space, which is not turned. towards: (3, samples * each) directions
-    in which the even light may be hidden, and lost: (3, samples * each) the irradiance that is missing
-    then; those of sample s are s, s + samples, …
+    lamps: in cast space, which is not turned. parts: (3, PARTS) directions of equal parts of the even light.
+    towards: (3, PARTS * CHOICES) directions in each, one part after the other. tint: (3, PARTS) colours
+    of the parts, of luminance 1. share: (samples, n) where each sample looks for what hides the sky.
     """
 
     light: WorldLight
     lamps: tuple[Lamp, ...]
+    parts: Single
     towards: Single
-    lost: Single
-    samples: int
+    tint: Single
+    share: Array
 
     @classmethod
     def of(cls, light: WorldLight, samples: int) -> SkyLight:
         """For frames of so many samples a pixel."""
         each = -(-HIDING // samples)
-        towards, lost = equal_parts(light.hiding, samples * each)
-        order = shuffled(samples, SILVER)
-        order = (order + samples * np.arange(each)[:, None]).ravel()
+        middles, tint = equal_parts(light.hiding, PARTS)
+        luminance = LUMINANCE @ tint
         return cls(
             light,
             tuple(world_lamp(*lamp, samples) for lamp in light.lamps),
-            towards[:, order].astype(np.float32),
-            (lost[:, order] * samples).astype(np.float32),
-            samples,
+            middles.astype(np.float32),
+            equal_parts(light.hiding, PARTS * CHOICES)[0].astype(np.float32),
+            (tint / np.where(luminance > 0.0, luminance, 1.0)).astype(np.float32),
+            shuffled(samples, SILVER)[:, None] + samples * np.arange(each),
         )
 
     def scattered(
         self, points: SurfacePoints, albedo: Single, sample: int | IndexArray, cast_scene: CastScene
     ) -> Single:
-        """What points send on of the even light, (3, N). albedo: (3, M) of M materials, over π."""
+        """What points send on of the even light, (3, N). albedo: (3, M) of M materials, over π.
+
+        A ray looks for what hides a part that is chosen by how much of the light comes from there, so that
+        rays in the open change nothing. Each point looks by a chance of its own place: the
+        shadows of fixed directions would be seen one by one.
+        """
         arriving = self.irradiance(points.normal)
-        for first in range(0, self.towards.shape[1], self.samples):
-            mine = np.atleast_1d(sample) + first
-            direction = self.towards.take(mine, axis=1)
+        each = self.share.shape[1]
+        lost = LUMINANCE.astype(np.float32) @ arriving / np.float32(each)
+        until = self.parts.T @ points.normal
+        np.cumsum(np.maximum(until, 0, out=until), axis=0, out=until)
+        mark = place_marks(points.position)
+        for number in range(each):
+            chance = scramble(mark, 2 * number).astype(np.float32) * np.float32(2.0**-BITS)
+            place = (self.share[np.atleast_1d(sample), number] + chance) / self.share.size
+            part = np.minimum((until < place * until[-1]).sum(axis=0), PARTS - 1)
+            choice = scramble(mark, 2 * number + 1).astype(np.intp) % CHOICES
+            direction = self.towards.take(part * CHOICES + choice, axis=1)
             facing = np.maximum(dot(points.normal, direction), 0)
             seen = facing.copy()
-            away = Incidence(direction, facing, np.full(1, np.inf, np.float32))
-            cut_shadows(seen, points, away, cast_scene)
-            arriving -= self.lost.take(mine, axis=1) * (facing - seen)
-        scattered: Single = by_material(albedo, points.material) * np.maximum(arriving, 0)
+            cut_shadows(seen, points, Incidence(direction, facing, FAR), cast_scene)
+            hidden = np.flatnonzero(seen < facing)
+            arriving[:, hidden] -= self.tint.take(part[hidden], axis=1) * lost[hidden]
+        scattered: Single = by_material(albedo, points.material) * arriving
         return scattered
 
     def irradiance(self, normal: Single) -> Single:
@@ -83,6 +101,13 @@ class SkyLight:
         )
         found: Single = below * (1 - up) + above * up
         return found
+
+
+def place_marks(position: Single) -> Bits:
+    """A number by place (3, N), (N,): whatever ray came there."""
+    x, y, z = np.ascontiguousarray(position).view(np.uint32)
+    marks: Bits = x * np.uint32(73856093) ^ y * np.uint32(19349663) ^ z * np.uint32(83492791)
+    return marks
 
 
 def equal_parts(along: Gathered, count: int) -> tuple[Array, Array]:

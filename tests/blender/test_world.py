@@ -38,6 +38,8 @@ def new_world(link, strength=1.0):
     background = add(tree, "ShaderNodeBackground", Color=link(tree), Strength=strength)
     output = add(tree, "ShaderNodeOutputWorld")
     tree.links.new(background.outputs[0], output.inputs["Surface"])
+    # Cycles' own way takes seconds to get ready.
+    world.cycles.sampling_method = "NONE"
     return world
 
 
@@ -130,3 +132,52 @@ def test_the_background_is_that_of_cycles(name, tmp_path):
     print(name, off.sum(), np.abs(ours - cycles).max(), ours[0,0], cycles[0,0], ours[-1,-1], cycles[-1,-1])
     assert np.ptp(cycles[..., :3]) > 0.1 or name == "missing"
     assert off.sum() <= MOST_PIXELS
+
+
+def diffuse(color=(0.8, 0.8, 0.8)):
+    material = new_material("Diffuse")
+    show(material.node_tree, add(material.node_tree, "ShaderNodeBsdfDiffuse", Color=color).outputs[0])
+    return material
+
+
+def ball(material, location=(0, 0, 0), radius=0.9):
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=64, ring_count=32, radius=radius, location=location)
+    bpy.ops.object.shade_smooth()
+    bpy.context.object.data.materials.append(material)
+
+
+def lit(scene, folder, samples, cycles_samples):
+    """The scene by both engines; Cycles' light that has been scattered once only."""
+    scene.camera.scfpf.samples = samples
+    scene.cycles.samples, scene.cycles.max_bounces = cycles_samples, 0
+    scene.cycles.use_light_tree = False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 1.0
+    scene.world.cycles.sampling_method, scene.world.cycles.sample_map_resolution = "MANUAL", 512
+    scene.cycles.sample_clamp_direct = scene.cycles.sample_clamp_indirect = 0.0
+    return both(scene, folder)
+
+
+@pytest.mark.parametrize("sun", [0.0, 400.0])
+def test_light_on_a_ball_is_that_of_cycles(sun, tmp_path):
+    scene = scene_with_camera(SIZE)
+    new_world(environment(lambda: sky_image(256, 128, sun=sun)))
+    ball(diffuse())
+    ours, cycles = lit(scene, tmp_path, 16, 256)
+    y, x = np.mgrid[:SIZE, :SIZE]
+    on = np.hypot(x - SIZE / 2 + 0.5, y - SIZE / 2 + 0.5) < SIZE * 0.25
+    ratio = ours[on][:, :3].sum(0) / cycles[on][:, :3].sum(0)
+    print(ratio, np.abs(ours[on] - cycles[on]).max(), cycles[on].max(), (np.abs(ours - cycles)[on]).mean())
+    np.save("/tmp/lab/skytest/ball.npy", np.stack([ours, cycles]))
+
+
+@pytest.mark.parametrize("sun", [0.0, 400.0])
+def test_shadows_of_the_sky(sun, tmp_path):
+    scene = scene_with_camera(SIZE)
+    new_world(environment(lambda: sky_image(256, 128, sun=sun)))
+    bpy.ops.mesh.primitive_plane_add(size=20, location=(0, 0, -0.5))
+    bpy.context.object.data.materials.append(diffuse())
+    ball(diffuse(), radius=0.5)
+    scene.render.resolution_x = scene.render.resolution_y = 96
+    ours, cycles = lit(scene, tmp_path, 16, 256)
+    print("plane", ours[..., :3].mean((0, 1)) / cycles[..., :3].mean((0, 1)), np.abs(ours - cycles).mean())
+    np.save(f"/tmp/lab/skytest/plane{int(sun)}.npy", np.stack([ours, cycles]))
