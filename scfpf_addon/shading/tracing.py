@@ -9,7 +9,7 @@ straight rays, since the volume's distortion is not the scene's (paper §6.1).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,10 @@ from ..casting.behind import Behind, cast_rays
 from ..casting.hits import Hits
 from ..projection.typing import Array, BoolArray, IndexArray
 from .lighting import Lamp, radiance
+from .materials.glossy import EVEN, MIRROR_ROUGHNESS, reflected, sent_on_at_once
 from .materials.lobes import Body, Sent, lobes
 from .materials.place import Place, dot, unit
+from .samples import Bits, scramble
 from .scene import Materials, Scene
 from .surface import PhongTable, SurfacePoints, SurfaceTable
 from .typing import Single
@@ -30,6 +32,9 @@ LEAST_SHARE = 1.0 / 2560.0
 
 # Hits of which a material is reckoned at once: a large graph keeps a hundred arrays of them.
 MOST_AT_ONCE = 1 << 14
+
+# What scrambles the places at which rough reflections begin.
+GLOSS = 6
 
 # Rows of ``Wave.depth``.
 TOTAL, GLOSSY, TRANSMISSION, TRANSPARENT = range(4)
@@ -57,6 +62,24 @@ class Wave(NamedTuple):
             self.straight[index],
             self.depth[:, index],
         )
+
+
+class Chances(NamedTuple):
+    """Where rough reflections of a sample look, by pixel: pixel (n,) of the image."""
+
+    pixel: Bits
+    sample: int
+
+    def of(self, which: IndexArray, depth: IndexArray) -> Array:
+        """(2, m) in [0, 1) for pixels by place in the list, where light was sent on ``depth`` times before.
+
+        A pixel's samples fill the square evenly, those of each depth and pixel from another place on.
+        """
+        own = scramble(self.pixel[which] ^ scramble(depth.astype(np.uint32), GLOSS), GLOSS)
+        start = np.stack([own & np.uint32(0xFFFF), own >> np.uint32(16)]) / 65536.0
+        step = np.where(depth == 0, EVEN[:, None], EVEN[::-1, None])
+        chance: Array = (start + self.sample * step) % 1.0
+        return chance
 
 
 def joined(waves: Sequence[Wave]) -> Wave:
@@ -108,6 +131,7 @@ class Tracer:
         count = len(hits.t)
         film = np.zeros((4, count))
         film[3] = 1.0
+        chances = Chances(pixel.astype(np.uint32), sample)
         wave = Wave(
             hits,
             np.arange(count),
@@ -117,7 +141,7 @@ class Tracer:
         )
         while len(wave.pixel):
             onward = self._gather(wave, sample, film)
-            sent = [self._send(wave, each, film, behind) for each in onward]
+            sent = [self._send(wave, each, film, behind, chances) for each in onward]
             if not sent:
                 break
             wave = joined(sent)
@@ -189,7 +213,14 @@ class Tracer:
         color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene)
         add(film, wave.pixel[which], wave.share[:, which] * weight * color)
 
-    def _send(self, wave: Wave, onward: tuple[IndexArray, Sent], film: Array, behind: Behind) -> Wave:
+    def _send(
+        self,
+        wave: Wave,
+        onward: tuple[IndexArray, Sent],
+        film: Array,
+        behind: Behind,
+        chances: Chances,
+    ) -> Wave:
         """What is met by what a lobe sends on; what meets nothing is added to the film."""
         which, lobe = onward
         share = wave.share[:, which] * lobe.tint
@@ -200,7 +231,7 @@ class Tracer:
         most = np.array([limits.total, limits.glossy, limits.transmission, limits.transparent])
         going = np.flatnonzero((share.max(axis=0) >= LEAST_SHARE) & (depth <= most[:, None]).all(axis=0))
         came = wave.take(which[going])
-        lobe = replace(lobe, normal=lobe.normal[:, going], ior=lobe.ior[:, going])
+        lobe = lobe.take(going)
         straight = came.straight | (lobe.kind != "THROUGH")
         hits = Hits.empty(len(going))
         on = np.flatnonzero(~straight)
@@ -208,24 +239,45 @@ class Tracer:
             hits.put(on, behind(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
         off = np.flatnonzero(straight)
         if len(off):
-            hits.put(off, self._rays(came.take(off), lobe, off))
+            part = lobe.take(off)
+            direction, passed = self._directions(came.take(off), part, chances)
+            hits.put(off, self._rays(came.take(off), direction))
+            share[:, going[off]] *= passed
         sent = Wave(hits, came.pixel, share[:, going], straight, depth[:, going])
         self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film)
         return sent.take(np.flatnonzero(hits.triangle >= 0))
 
-    def _rays(self, came: Wave, lobe: Sent, index: IndexArray) -> Hits:
-        """What straight rays from places meet. index: of the places in the lobe."""
-        hits, cast_scene = came.hits, self.surface.cast_scene
-        ahead = unit(hits.tangent)
-        flat = cast_scene.normals(hits.triangle)
+    def _directions(self, came: Wave, lobe: Sent, chances: Chances) -> tuple[Array, Array]:
+        """Where a lobe's light is looked for from places, (3, n), and the share of it that counts, (3, n)."""
+        ahead = unit(came.hits.tangent)
+        flat = self.surface.cast_scene.normals(came.hits.triangle)
         flat = flat * -np.copysign(1.0, dot(flat, ahead))
         if lobe.kind == "THROUGH":
-            direction = ahead
-        elif lobe.kind == "MIRROR":
-            direction = mirrored(ahead, lobe.normal[:, index], flat)
-        else:
-            direction = refracted(ahead, lobe.normal[:, index], flat, lobe.ior[:, index])
-        origin = cast_scene.offset_origins(hits.position, hits.triangle, direction)
+            return ahead, np.ones_like(ahead)
+        if lobe.kind == "REFRACTED":
+            return refracted(ahead, lobe.normal, flat, lobe.ior), np.ones_like(ahead)
+        direction = mirrored(ahead, lobe.normal, flat)
+        if lobe.gloss is None:
+            return direction, np.ones_like(ahead)
+        cosine = np.clip(-dot(ahead, lobe.normal), 0.0, 1.0)[0]
+        passed = np.ones_like(cosine)
+        rough = np.flatnonzero(lobe.gloss.roughness[0] >= MIRROR_ROUGHNESS)
+        once = np.ones_like(cosine)
+        if len(rough):
+            roughness = lobe.gloss.roughness[0, rough]
+            once[rough] = sent_on_at_once(cosine[rough], roughness)
+            share = chances.of(came.pixel[rough], came.depth[TOTAL, rough])
+            direction[:, rough], passed[rough], cosine[rough] = reflected(
+                ahead[:, rough], lobe.normal[:, rough], flat[:, rough], roughness, share
+            )
+        front, edge = lobe.gloss.front, lobe.gloss.edge
+        tint = front + (edge - front) * (1.0 - cosine) ** 5
+        return direction, tint * passed * (1.0 + lobe.gloss.again * (1.0 - once) / once)
+
+    def _rays(self, came: Wave, direction: Array) -> Hits:
+        """What straight rays from places meet."""
+        cast_scene = self.surface.cast_scene
+        origin = cast_scene.offset_origins(came.hits.position, came.hits.triangle, direction)
         return cast_rays(cast_scene, origin, direction)
 
     def _miss(self, wave: Wave, film: Array) -> None:
