@@ -21,7 +21,7 @@ from .hits import CastCounts, Hits
 from .march import OVERLAP
 from .scene import CastScene
 from .schedule import Schedule, corners, plan, sample_curves, scene_reach
-from .straight import cast_straight
+from .straight import OFF_VERTICES, cast_straight
 
 # A projector goes on off the triangle that it passed, but not farther than this in t where it grazes it.
 LARGEST_STEP = 1e-4
@@ -179,5 +179,7 @@ def cast_rays(scene: CastScene, origins: Array, directions: Array) -> Hits:
     Their t counts in BEYOND. What the scene was made without (``beyond`` of it) is not met.
     """
     count = origins.shape[1]
-    points = np.stack([origins, origins + directions * BEYOND])
+    # Casting moves rays by a rounding of the scene's size, which would lead back through a small thing's face.
+    start = origins - OFF_VERTICES
+    points = np.stack([start, start + directions * BEYOND])
     return cast_straight(scene, points, np.ones(count, bool), (0.0, 1.0), CastCounts())
