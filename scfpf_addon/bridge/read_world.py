@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..projection.typing import Array
+from ..shading.scene import Scene
 from ..shading.world import World
 from . import versions
 from .read_graph import read_graph
@@ -28,3 +29,16 @@ def read_world(scene) -> tuple[Array, World | None, tuple[str, ...]]:
     if made.uniform:
         return made.radiance(np.array([[0.0], [0.0], [1.0]]))[:, 0], None, warnings
     return np.zeros(3), made, warnings
+
+
+def shows_world(scene: Scene) -> bool:
+    """Whether any surface is lit or mirrors, so that the world counts where it is not seen itself."""
+    materials, triangles = scene.materials, scene.geometry.material
+    for number in np.unique(triangles).tolist():
+        graph = materials.graphs.get(number)
+        if graph is None:
+            if materials.base_color[number].any():
+                return True
+        elif any(closure.kind not in {"EMISSION", "TRANSPARENT"} for closure in graph.closures):
+            return True
+    return False

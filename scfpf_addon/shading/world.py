@@ -29,7 +29,7 @@ class Surroundings(Place):
     """Directions (3, n), unit, as nodes ask for places: what is generated is the direction itself."""
 
     @classmethod
-    def of(cls, direction: Array, images: Mapping[str, ImageData]) -> Surroundings:
+    def of(cls, direction: Array, images: Mapping[str, ImageData], blur: float) -> Surroundings:
         """Where light comes from."""
         count = direction.shape[1]
         nothing = np.zeros((1, count))
@@ -43,6 +43,7 @@ class Surroundings(Place):
             -direction,
             -direction,
             nothing,
+            blur,
         )
 
     def layer(self, name: str, channels: int) -> tuple[Array, Array]:
@@ -88,7 +89,7 @@ class World:
 
     def radiance(self, direction: Array) -> Array:
         """What comes from directions (3, n), of any length, in world space: (3, n), never negative."""
-        return shining(self.graph, self.images, direction)
+        return shining(self.graph, self.images, direction, 0.0)
 
     @cached_property
     def light(self) -> WorldLight:
@@ -97,17 +98,19 @@ class World:
         Images are averaged to texels no smaller than the map's, so that no sun is missed between two.
         """
         images = {name: reduced(image) for name, image in self.images.items()}
-        light = shining(self.graph, images, map_directions(COLUMNS, ROWS))
+        light = shining(self.graph, images, map_directions(COLUMNS, ROWS), np.pi / ROWS)
         return WorldLight.of(light.reshape(3, ROWS, COLUMNS))
 
 
-def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array) -> Array:
-    """What a graph shines from directions (3, n): (3, n)."""
+def shining(
+    graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float
+) -> Array:
+    """What a graph shines from directions (3, n): (3, n). blur: between two of them, radians."""
     count = direction.shape[1]
     light = np.zeros((3, count))
     for first in range(0, count, MOST_AT_ONCE):
         some = slice(first, first + MOST_AT_ONCE)
-        place = Surroundings.of(unit(direction[:, some]), images)
+        place = Surroundings.of(unit(direction[:, some]), images, blur)
         results = registers(graph, place, OPERATIONS)
         for closure in graph.closures:
             if closure.kind == "EMISSION":
