@@ -42,9 +42,7 @@ def with_images(
         scene = replace(scene, world=None)
     if scene.world is not None and scene.world.graph.images:
         images, warnings = read_images(scene.world.graph.images, known)
-        scene = replace(
-            scene, world=replace(scene.world, images=images), warnings=scene.warnings + warnings
-        )
+        scene = replace(scene, world=replace(scene.world, images=images), warnings=scene.warnings + warnings)
     if not any(graph.images for graph in graphs.values()):
         return scene
     geometry = scene.geometry

@@ -179,7 +179,7 @@ def cast_rays(scene: CastScene, origins: Array, directions: Array) -> Hits:
     Their t counts in BEYOND. What the scene was made without (``beyond`` of it) is not met.
     """
     count = origins.shape[1]
-    # Casting moves rays by a rounding of the scene's size, which would lead back through a small thing's face.
+    # Casting moves rays by a rounding of the scene's size: back through the face of a thing that is small.
     start = origins - OFF_VERTICES
     points = np.stack([start, start + directions * BEYOND])
     return cast_straight(scene, points, np.ones(count, bool), (0.0, 1.0), CastCounts())

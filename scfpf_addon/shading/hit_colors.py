@@ -52,7 +52,8 @@ class Shading:
     ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
-        sample: a number, or with no tracer one for each hit. pixel: (N,) the image's, of all hits. onward: follows the projectors of ``hits`` on.
+        sample: a number, or with no tracer one for each hit. pixel: (N,) the image's, of all
+        hits. onward: follows the projectors of ``hits`` on.
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):

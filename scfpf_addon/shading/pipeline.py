@@ -51,7 +51,8 @@ class Pipeline:
 
     projection: in cast space. places: where samples are. cast_scene and
     shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
-    cast space. world: what is seen where nothing is, instead of the background. moments: what takes the place of this one for the picture, while the shutter is open.
+    cast space. world: what is seen where nothing is, instead of the background. moments: what takes the
+    place of this one for the picture, while the shutter is open.
     """
 
     projection: Projection

@@ -13,7 +13,7 @@ from .film import SILVER, pixel_positions, shuffled
 from .lighting import Incidence, Lamp, by_material, cut_shadows
 from .samples import BITS, Bits, scramble
 from .scene import Light
-from .sky_map import COLUMNS, LUMINANCE, NORMAL_ROWS, ROWS, Gathered, WorldLight, map_places
+from .sky_map import COLUMNS, LUMINANCE, NORMAL_ROWS, ROWS, Gathered, WorldLight, brightness, map_places
 from .surface import SurfacePoints, dot
 from .typing import Single
 
@@ -22,6 +22,7 @@ HIDING = 32
 # Equal parts of the even light, and directions in each.
 PARTS, CHOICES = 64, 16
 FAR = np.full(1, np.inf, np.float32)
+
 
 @dataclass(frozen=True)
 class SkyLight:
@@ -51,7 +52,7 @@ class SkyLight:
             middles.astype(np.float32),
             equal_parts(light.hiding, PARTS * CHOICES)[0].astype(np.float32),
             (tint / np.where(luminance > 0.0, luminance, 1.0)).astype(np.float32),
-            shuffled(samples, SILVER)[:, None] + samples * np.arange(each),
+            (shuffled(samples, SILVER)[:, None] + samples * np.arange(each)).astype(np.float64),
         )
 
     def scattered(
@@ -65,8 +66,10 @@ class SkyLight:
         """
         arriving = self.irradiance(points.normal)
         each = self.share.shape[1]
-        lost = LUMINANCE.astype(np.float32) @ arriving / np.float32(each)
-        until = self.parts.T @ points.normal
+        lost = (brightness(arriving) / each).astype(np.float32)
+        # Sums of products in a fixed order: a choice must not depend on how many points there are.
+        x, y, z = (part[:, None] * normal for part, normal in zip(self.parts, points.normal, strict=True))
+        until = x + y + z
         np.cumsum(np.maximum(until, 0, out=until), axis=0, out=until)
         mark = place_marks(points.position)
         for number in range(each):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A map of the light from all directions, taken apart: lamps for what is bright and small, even light for the rest.
+"""A map of the light from all directions, taken apart: lamps for what is small, even light for the rest.
 
 A sun in a picture of the sky holds most of its light in a few texels. That part is lamps, with shadows
 and highlights as of other lamps. What is left has no peaks: its irradiance is known in advance for each
@@ -28,11 +28,9 @@ BLOCK, MEASURE, BRIGHT = 32, 75.0, 10.0
 MOST_LAMPS, CONE, LEAST_LAMP = 4, np.cos(np.radians(10.0)), 0.01
 # The map that irradiance is gathered from, and the one of normals: between these it is read with an
 # error below 0.2 %.
-SOURCE_ROWS, NORMAL_ROWS = 32, 64
+SOURCE_ROWS, NORMAL_ROWS = 32, 32
 # The map whose directions are looked along for what hides the sky.
 HIDING_ROWS = 128
-
-
 
 
 class Gathered(NamedTuple):
@@ -92,8 +90,15 @@ class WorldLight:
         last = len(self.limit) - 1
         block = np.clip(np.floor(row), 0, last).astype(np.intp), np.floor(column).astype(np.intp)
         ceiling = self.limit[block[0], block[1] % (2 * (last + 1))]
-        luminance = LUMINANCE @ light
+        luminance = brightness(light)
         return light * np.divide(ceiling, luminance, out=np.ones_like(ceiling), where=luminance > ceiling)
+
+
+def brightness(light: Array) -> Array:
+    """Luminance of colours (3, n), rounded the same whatever stands beside them."""
+    red, green, blue = (channel * share for channel, share in zip(light, LUMINANCE, strict=True))
+    total: Array = red + green + blue
+    return total
 
 
 def brightness_limit(luminance: Array, areas: Array) -> Array:
@@ -147,11 +152,11 @@ def irradiance_map(source: Gathered) -> Single:
     for first in range(0, normals.shape[1], 1024):
         cosine = normals[:, first : first + 1024].T @ towards
         made[:, first : first + 1024] = light @ np.maximum(cosine, 0, out=cosine).T
-    made = made.reshape(3, NORMAL_ROWS, 2 * NORMAL_ROWS)
+    inner = made.reshape(3, NORMAL_ROWS, 2 * NORMAL_ROWS)
     # Beyond a pole the map goes on half way around.
-    over = np.roll(made, NORMAL_ROWS, axis=2)
-    made = np.concatenate([over[:, :1], made, over[:, -1:]], axis=1)
-    wrapped: Single = np.concatenate([made[:, :, -1:], made, made[:, :, :1]], axis=2)
+    over = np.roll(inner, NORMAL_ROWS, axis=2)
+    tall = np.concatenate([over[:, :1], inner, over[:, -1:]], axis=1)
+    wrapped: Single = np.concatenate([tall[:, :, -1:], tall, tall[:, :, :1]], axis=2)
     return wrapped
 
 
@@ -164,7 +169,7 @@ def map_places(direction: Array | Single, rows: int) -> tuple[Array, Array]:
 
 
 def curve_places(rows: int) -> IndexArray:
-    """The place of each texel of a map of rows × 2 rows, row after row, on Hilbert's curve through both halves."""
+    """The place of each texel of a map (rows, 2 rows) on Hilbert's curve through one half and the other."""
     y, x = (each.ravel() for each in np.mgrid[:rows, : 2 * rows])
     half, x = x // rows, x % rows
     place = np.zeros_like(x)

@@ -208,7 +208,9 @@ class Tracer:
         some = np.flatnonzero(weight > 0.0)
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
-        table = PhongTable.of(_stacked([body.materials for _, body in bodies], some), self.scene.world_color, self.phong.sky)
+        table = PhongTable.of(
+            _stacked([body.materials for _, body in bodies], some), self.scene.world_color, self.phong.sky
+        )
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
         color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene)
         add(film, wave.pixel[which], wave.share[:, which] * weight * color)

@@ -102,9 +102,7 @@ class World:
         return WorldLight.of(light.reshape(3, ROWS, COLUMNS))
 
 
-def shining(
-    graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float
-) -> Array:
+def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float) -> Array:
     """What a graph shines from directions (3, n): (3, n). blur: between two of them, radians."""
     count = direction.shape[1]
     light = np.zeros((3, count))
@@ -130,7 +128,9 @@ def reduced(image: ImageData) -> ImageData:
     columns: IndexArray = np.arange(0, width, along)
     share = np.diff(np.append(columns, width))[:, None].astype(np.float32)
     # A row at a time: an image may be large.
-    made = [_mean_rows(image, slice(first, first + down), columns) / share for first in range(0, height, down)]
+    made = [
+        _mean_rows(image, slice(first, first + down), columns) / share for first in range(0, height, down)
+    ]
     return replace(image, pixels=np.stack(made), encoded=False)
 
 
@@ -140,6 +140,6 @@ def _mean_rows(image: ImageData, rows: slice, columns: IndexArray) -> Single:
     if image.pixels.dtype == np.uint8:
         pixels /= np.float32(255)
     if image.encoded:
-        pixels[..., :3] = linear_from_srgb(pixels[..., :3])
+        pixels[..., :3] = linear_from_srgb(pixels[..., :3].astype(np.float64))
     sums: Single = np.add.reduceat(pixels.mean(axis=0), columns, axis=0)
     return sums

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from shown_materials import add, both, new_material, picture, scene_with_camera, show
+from shown_materials import add, both, new_material, scene_with_camera, show
 
 SIZE = 32
 

@@ -4,10 +4,10 @@
 import bpy
 import numpy as np
 import pytest
-from shown_materials import add, both, new_material, picture, scene_with_camera, show
+from shown_materials import add, both, new_material, scene_with_camera, show
 
 SIZE = 24
-# A texel of an image is met at a place that float32 has rounded: so many pixels may differ by more than a step.
+# Cycles meets a texel at a place that float32 has rounded: so many pixels may differ by more than a step.
 STEP, MOST_PIXELS = 2 / 255, 3
 
 
@@ -64,7 +64,12 @@ def mixed(tree):
     node = add(tree, "ShaderNodeTexEnvironment")
     node.image = sky_image(sun=0)
     return add(
-        tree, "ShaderNodeMixRGB", {"blend_type": "MULTIPLY"}, Fac=0.7, Color1=node.outputs[0], Color2=(1, 0.5, 0.2)
+        tree,
+        "ShaderNodeMixRGB",
+        {"blend_type": "MULTIPLY"},
+        Fac=0.7,
+        Color1=node.outputs[0],
+        Color2=(1, 0.5, 0.2),
     ).outputs[0]
 
 
@@ -82,7 +87,14 @@ def gradient(tree):
 def geometry_node(name):
     def link(tree):
         vector = add(tree, "ShaderNodeNewGeometry").outputs[name]
-        return add(tree, "ShaderNodeVectorMath", {"operation": "MULTIPLY_ADD"}, _0=vector, _1=(0.4,) * 3, _2=(0.5,) * 3).outputs[0]
+        return add(
+            tree,
+            "ShaderNodeVectorMath",
+            {"operation": "MULTIPLY_ADD"},
+            _0=vector,
+            _1=(0.4,) * 3,
+            _2=(0.5,) * 3,
+        ).outputs[0]
 
     return link
 
@@ -90,7 +102,14 @@ def geometry_node(name):
 def coordinate(name):
     def link(tree):
         vector = add(tree, "ShaderNodeTexCoord").outputs[name]
-        return add(tree, "ShaderNodeVectorMath", {"operation": "MULTIPLY_ADD"}, _0=vector, _1=(0.4,) * 3, _2=(0.5,) * 3).outputs[0]
+        return add(
+            tree,
+            "ShaderNodeVectorMath",
+            {"operation": "MULTIPLY_ADD"},
+            _0=vector,
+            _1=(0.4,) * 3,
+            _2=(0.5,) * 3,
+        ).outputs[0]
 
     return link
 
@@ -111,7 +130,9 @@ def clear_sky(tree):
 BACKGROUNDS = {
     "floats": environment(lambda: sky_image(sun=0)),
     "bytes, closest": environment(lambda: sky_image(sun=0, as_bytes=True), interpolation="Closest"),
-    "mirror ball, cubic": environment(lambda: sky_image(32, 32, 0), projection="MIRROR_BALL", interpolation="Cubic"),
+    "mirror ball, cubic": environment(
+        lambda: sky_image(32, 32, 0), projection="MIRROR_BALL", interpolation="Cubic"
+    ),
     "missing": environment(lambda: None),
     "turned": turned,
     "mixed": mixed,
@@ -138,7 +159,9 @@ def test_the_background_is_that_of_cycles(name, tmp_path):
     look_up(scene)
     ours, cycles = both(scene, tmp_path)
     off = np.abs(ours - cycles).max(axis=2) > STEP
-    print(name, off.sum(), np.abs(ours - cycles).max(), ours[0,0], cycles[0,0], ours[-1,-1], cycles[-1,-1])
+    print(
+        name, off.sum(), np.abs(ours - cycles).max(), ours[0, 0], cycles[0, 0], ours[-1, -1], cycles[-1, -1]
+    )
     assert np.ptp(cycles[..., :3]) > 0.1 or name == "missing"
     assert off.sum() <= MOST_PIXELS
 

@@ -77,7 +77,9 @@ def _add_sun(light: Array, way: Array, settings: Settings, blur: float) -> None:
     brightness = settings["intensity"] / (2.0 * np.pi * (1.0 - np.cos(half)))
     if blur > 0.0:
         share = np.clip((radius - apart[near]) / blur + 0.5, 0.0, 1.0)
-        color = sun_color(what, max(height, 0.0)) * (LIMB_MEAN * brightness * half**2 / (radius**2 + blur**2 / 12))
+        color = sun_color(what, max(height, 0.0)) * (
+            LIMB_MEAN * brightness * half**2 / (radius**2 + blur**2 / 12)
+        )
         light[:, near] += color[:, None] * share
         return
     seen = np.arcsin(np.clip(way[2, near], -1.0, 1.0))

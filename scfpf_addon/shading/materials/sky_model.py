@@ -9,6 +9,7 @@ matching functions of Wyman, Sloan and Shirley 2013. Heights and lengths in metr
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -20,16 +21,36 @@ AIR_HEIGHT, DUST_HEIGHT = 8e3, 1.2e3
 WAVELENGTHS = np.arange(380.0, 781.0, 20.0)
 # Molecules in a cubic metre of air, and its refractive index.
 AIR_NUMBER, AIR_INDEX = 2.504e25, 1.0002926
-AIR_SCATTERING = (
-    8 * np.pi**3 * (AIR_INDEX**2 - 1) ** 2 / (3 * AIR_NUMBER * (WAVELENGTHS * 1e-9) ** 4)
-)
+AIR_SCATTERING = 8 * np.pi**3 * (AIR_INDEX**2 - 1) ** 2 / (3 * AIR_NUMBER * (WAVELENGTHS * 1e-9) ** 4)
 # Of dust at sea level, how much more of light is lost than scattered, and how much goes ahead.
 DUST_SCATTERING, DUST_LOSS, DUST_AHEAD = 2e-5, 1.11, 0.76
 # Where ozone is densest, 300 Dobson units of it in a layer, and its cross-sections (University of Bremen).
 OZONE_LOW, OZONE_PEAK, OZONE_HIGH = 10e3, 25e3, 40e3
 OZONE_NUMBER = 300 * 2.687e20 / 15e3
 OZONE_SECTION = 1e-27 * np.array(
-    [0.28, 1.53, 5.52, 15.8, 36.7, 77.5, 148, 214, 309, 427, 440, 502, 374, 266, 185, 121, 74.6, 51, 42.3, 24.5, 25.3]
+    [
+        0.28,
+        1.53,
+        5.52,
+        15.8,
+        36.7,
+        77.5,
+        148,
+        214,
+        309,
+        427,
+        440,
+        502,
+        374,
+        266,
+        185,
+        121,
+        74.6,
+        51,
+        42.3,
+        24.5,
+        25.3,
+    ]
 )
 # A black body's sunlight outside of the atmosphere, W/m²/nm (Planck's law at the sun's size).
 SUN_HEAT, SUN_SOLID_ANGLE = 5778.0, 6.8e-5
@@ -41,7 +62,11 @@ STEPS, LIGHT_STEPS = 32, 24
 # Rows and columns of the table: elevations are closer near the horizon.
 ROWS, COLUMNS = 64, 96
 XYZ_TO_RGB = np.array(
-    [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
+    [
+        [3.2404542, -1.5371385, -0.4985314],
+        [-0.9692660, 1.8760108, 0.0415560],
+        [0.0556434, -0.2040259, 1.0572252],
+    ]
 )
 
 
@@ -98,7 +123,11 @@ def _densities(height: Array, what: Air) -> Array:
 def _lost(depth: Array) -> Array:
     """Share of light of each wavelength that passes depths (3, ...) of air, dust and ozone, (..., W)."""
     extinction = np.stack(
-        [AIR_SCATTERING, np.full_like(AIR_SCATTERING, DUST_SCATTERING * DUST_LOSS), OZONE_SECTION * OZONE_NUMBER]
+        [
+            AIR_SCATTERING,
+            np.full_like(AIR_SCATTERING, DUST_SCATTERING * DUST_LOSS),
+            OZONE_SECTION * OZONE_NUMBER,
+        ]
     )
     share: Array = np.exp(-np.tensordot(np.moveaxis(depth, 0, -1), extinction, 1))
     return share
@@ -116,7 +145,10 @@ def _depth_to_sun(radius: Array, cosine: Array, what: Air) -> Array:
     middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
     length = _to_top(radius, cosine)[..., None]
     along = middle * length
-    height = np.sqrt(radius[..., None] ** 2 + along**2 + 2.0 * radius[..., None] * cosine[..., None] * along) - GROUND
+    height = (
+        np.sqrt(radius[..., None] ** 2 + along**2 + 2.0 * radius[..., None] * cosine[..., None] * along)
+        - GROUND
+    )
     depth: Array = (_densities(height, what) * (width * length)).sum(axis=-1)
     return depth
 
@@ -171,7 +203,7 @@ def _scattering(density: Array) -> Array:
 
 
 def scattered_again(what: Air, radius: Array, cosine: Array) -> Array:
-    """Radiance per irradiance of the sun that has been scattered more than once, (n, W), from everywhere alike."""
+    """Radiance that was scattered before, per irradiance of the sun, (n, W), from everywhere alike."""
     table = _again_table(what._replace(elevation=0.0, altitude=0.0))
     row = np.sqrt(np.clip((radius - GROUND) / (TOP - GROUND), 0.0, 1.0)) * (len(table) - 1)
     column = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0) * (table.shape[1] - 1)
@@ -203,8 +235,8 @@ def _again_table(what: Air) -> Array:
     ends = np.where((up < 0.0) & (down > 0.0), to_ground, _to_top(eye, up)) + 0.0 * sun
     edges = np.linspace(0.0, 1.0, 17) ** 2
     depth = np.zeros((3, *ends.shape))
-    once, on = 0.0, 0.0
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
+    once = on = np.zeros((heights, cosines, len(WAVELENGTHS)))
+    for first, last in pairwise(edges):
         along, step = 0.5 * (first + last) * ends, (last - first) * ends
         radius = np.sqrt(eye**2 + along**2 + 2.0 * eye * up * along)
         density = _densities(radius - GROUND, what) * step
