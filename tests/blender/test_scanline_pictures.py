@@ -7,6 +7,8 @@ import pytest
 from chosen_presets import FOLDER, PRESETS
 from mathutils import Euler, Matrix
 
+pytestmark = pytest.mark.usefixtures("built_groups")
+
 WIDTH = 240
 # Pixels nearer than this to a silhouette are not compared.
 SILHOUETTE = 1.5
