@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 RAMP_ENTRIES, CURVE_ENTRIES = 256, 1025
 
 # Skies that are shown by single scattering, and how bright Cycles has them compared with that.
-OTHER_SKIES = {"PREETHAM": 0.19, "HOSEK_WILKIE": 0.023}
+OTHER_SKIES = {"PREETHAM": 0.25, "HOSEK_WILKIE": 0.023}
 
 Outputs = dict[str, Ref]
 

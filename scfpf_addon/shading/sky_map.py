@@ -94,11 +94,10 @@ class WorldLight:
         return light * np.divide(ceiling, luminance, out=np.ones_like(ceiling), where=luminance > ceiling)
 
 
-def brightness(light: Array) -> Array:
+def brightness(light: Array | Single) -> Array:
     """Luminance of colours (3, n), rounded the same whatever stands beside them."""
     red, green, blue = (channel * share for channel, share in zip(light, LUMINANCE, strict=True))
-    total: Array = red + green + blue
-    return total
+    return np.asarray(red + green + blue, np.float64)
 
 
 def brightness_limit(luminance: Array, areas: Array) -> Array:
