@@ -272,8 +272,7 @@ class Tracer:
             direction[:, rough], passed[rough], cosine[rough] = reflected(
                 ahead[:, rough], lobe.normal[:, rough], flat[:, rough], roughness, share
             )
-        front, edge = lobe.gloss.front, lobe.gloss.edge
-        tint = front + (edge - front) * (1.0 - cosine) ** 5
+        tint = lobe.gloss.reflectance(cosine)
         return direction, tint * passed * (1.0 + lobe.gloss.again * (1.0 - once) / once)
 
     def _rays(self, came: Wave, direction: Array) -> Hits:

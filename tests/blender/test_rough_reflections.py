@@ -57,7 +57,7 @@ def test_a_glow_is_reflected_as_by_cycles(name, tmp_path):
     ratio = ours.mean(axis=(0, 1)) / cycles.mean(axis=(0, 1))
     print(name, ratio, np.abs(ours - cycles).mean() / cycles.mean())
     assert ratio == pytest.approx(np.ones(3), abs=0.03)
-    assert np.abs(ours - cycles).mean() < 0.08 * cycles.mean()
+    assert np.abs(ours - cycles).mean() < 0.12 * cycles.mean()
 
 
 def test_what_is_no_ggx_is_listed(addon):

@@ -41,13 +41,22 @@ class Body:
 
 class Gloss(NamedTuple):
     """How a rough surface reflects. roughness: (1, n). front, edge: (3, n) reflectance, head-on and grazing.
-    again: (3, n) share of what facets send to each other that leaves the surface in the end.
+    again: (3, n) share of what facets send to each other that leaves the surface in the end. ior: (1, n) of
+    a dielectric, whose share is Fresnel's; 0 for Schlick's from front to edge.
     """
 
     roughness: Array
     front: Array
     edge: Array
     again: Array
+    ior: Array
+
+    def reflectance(self, cosine: Array) -> Array:
+        """(3, n), by the cosine to the facet (n,)."""
+        schlick = self.front + (self.edge - self.front) * (1.0 - cosine) ** 5
+        if not self.ior.any():
+            return schlick
+        return np.where(self.ior > 0.0, fresnel_dielectric(cosine[None], np.maximum(self.ior, 1.0)), schlick)
 
 
 @dataclass(frozen=True)
@@ -144,8 +153,10 @@ class _Reader:
         """A share that goes on."""
         return Sent(kind, tint, self.normal, np.ones((1, self.count)) if ior is None else ior)
 
-    def glossy(self, weight: Array, roughness: Array, front: Array, edge: Array) -> Sent:
-        """A share (1, n) that is reflected, sharp or not. front, edge: (3, n) reflectance."""
+    def glossy(
+        self, weight: Array, roughness: Array, front: Array, edge: Array, ior: Array | None = None
+    ) -> Sent:
+        """A share (1, n) that is reflected, sharp or not. The others as in ``Gloss``."""
         again = (front + (edge - front) * SCHLICK_MEAN) * self.share("multiple")
         nothing = np.ones((1, self.count))
         return Sent(
@@ -153,7 +164,7 @@ class _Reader:
             np.repeat(weight, 3, axis=0),
             self.normal,
             nothing,
-            Gloss(roughness, front, edge, again),
+            Gloss(roughness, front, edge, again, 0.0 * nothing if ior is None else ior),
         )
 
 
@@ -182,13 +193,14 @@ def _principled(reader: _Reader) -> Iterator[Body | Sent]:
     clear = reader.share("transmission")
     polished = metallic * followed(roughness, METAL_ROUGHNESS)
     coated = (1.0 - metallic) * (1.0 - clear) * followed(roughness, COAT_ROUGHNESS) * (f0 > 0.0)
-    coat = coated * fresnel_from(f0, reader.facing)
+    coat_ior = ior_of(f0)
+    coat = coated * fresnel_dielectric(reader.facing, coat_ior)
     glass = (1.0 - metallic) * clear
     if polished.any():
         yield reader.glossy(weight * polished, roughness, base, np.ones_like(base))
     if coat.any():
         front = np.repeat(f0, 3, axis=0)
-        yield reader.glossy(weight * coated, roughness, front, np.ones_like(front))
+        yield reader.glossy(weight * coated, roughness, front, np.ones_like(front), coat_ior)
     if glass.any():
         # What goes in and out again is coloured twice.
         yield from _boundary(reader, weight * glass, 1.0, np.sqrt(base))
@@ -197,9 +209,11 @@ def _principled(reader: _Reader) -> Iterator[Body | Sent]:
     yield reader.body(weight, lit, metallic, roughness, f0, emission, 1.0 - polished)
 
 
-def fresnel_from(f0: Array, cosine: Array) -> Array:
-    """Reflected share of a surface that reflects ``f0`` head-on (Schlick 1994)."""
-    return np.where(f0 > 0.0, f0 + (1.0 - f0) * (1.0 - cosine) ** 5, 0.0)
+def ior_of(f0: Array) -> Array:
+    """The index of refraction of what reflects ``f0`` head-on."""
+    root = np.sqrt(np.minimum(f0, 0.999))
+    result: Array = (1.0 + root) / (1.0 - root)
+    return result
 
 
 def _diffuse(reader: _Reader) -> Iterator[Body | Sent]:
