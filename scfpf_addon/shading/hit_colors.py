@@ -11,6 +11,7 @@ from ..casting.behind import Onward
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
 from ..projection.typing import IndexArray
+from .light_passes import LightParts
 from .lighting import Lamp, radiance
 from .scene import Scene
 from .settings import FrameSettings
@@ -39,17 +40,25 @@ class Shading:
         tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
         return cls(surface, phong, lamps, tracer)
 
-    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+    def color(
+        self,
+        hits: Hits,
+        where: IndexArray,
+        sample: int | IndexArray,
+        onward: Onward,
+        parts: LightParts | None = None,
+    ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
         sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
+        parts: of n hits, gets what the colours are the sum of.
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            return tracer.color(hits.take(where), sample, onward.of(where))
+            return tracer.color(hits.take(where), sample, onward.of(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
             position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
         points = self.surface.points(triangle, barycentric, position, tangent)
-        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)
+        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene, parts)

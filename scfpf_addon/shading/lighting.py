@@ -16,6 +16,7 @@ import numpy as np
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
 from .film import lamp_positions
+from .light_passes import DIFFUSE, SPECULAR, LightParts
 from .scene import Light
 from .surface import TINY, PhongTable, SurfacePoints, dot
 from .typing import Single
@@ -128,14 +129,18 @@ def radiance(
     lamps: Sequence[Lamp],
     sample: int | IndexArray,
     cast_scene: CastScene,
+    parts: LightParts | None = None,
 ) -> Single:
     """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 
     Emission and the world's light, plus for every lamp Lambert's and Phong's share
     of what arrives. The highlight is (R·V)ⁿ with V against the projector's tangent.
+    parts: gets what it is the sum of, where that is asked for.
     """
     color = np.empty_like(points.normal)
     color[:] = by_material(table.emitted, points.material)
+    if parts:
+        parts.shine(by_material(table.emission, points.material), color)
     exponent = by_material(table.exponent, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:
@@ -143,10 +148,15 @@ def radiance(
         cosine = dot(points.normal, light.direction)
         received = np.maximum(cosine, 0)
         received *= light.strength
+        full = received.copy() if parts else received
         if lamp.light.casts_shadow:
             cut_shadows(received, points, light, cast_scene)
         tint = lamp.color[:, None]
-        color += by_material(table.diffuse * tint, points.material) * received
+        lit = by_material(table.diffuse * tint, points.material) * received
+        color += lit
+        if parts:
+            parts.receive(full, received, lamp.color)
+            parts.rows[DIFFUSE] += lit
         if table.glossy:
             mirror = 2 * cosine
             mirror *= facing
@@ -155,7 +165,10 @@ def radiance(
             mirror = np.log(np.maximum(mirror, TINY, out=mirror), out=mirror)
             mirror *= exponent
             received *= np.exp(mirror, out=mirror)
-            color += by_material(table.gloss * tint, points.material) * received
+            lit = by_material(table.gloss * tint, points.material) * received
+            color += lit
+            if parts:
+                parts.rows[SPECULAR] += lit
     return color
 
 

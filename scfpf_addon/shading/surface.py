@@ -197,12 +197,13 @@ def smooth_height(heights: Single, weight: Single, side: Single) -> Single:
 class PhongTable:
     """M materials, turned into the coefficients of the Phong sum, float32.
 
-    emitted: (3, M) radiance that needs no lamp. diffuse: (3, M) albedo/π.
-    gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
+    emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
+    diffuse: (3, M) albedo/π. gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
     exponent: (M,). glossy: whether any material has a highlight.
     """
 
     emitted: Single
+    emission: Single
     diffuse: Single
     gloss: Single
     exponent: Single
@@ -230,6 +231,7 @@ class PhongTable:
             world = world * materials.ambient
         return cls(
             (emission + base * world).astype(np.float32),
+            emission.astype(np.float32),
             (base * (1 - metallic) / np.pi).astype(np.float32),
             (reflectance * (exponent + 2) / (2 * np.pi)).astype(np.float32),
             exponent.astype(np.float32),

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..casting.behind import Behind, cast_rays
 from ..casting.hits import Hits
 from ..projection.typing import Array, BoolArray, IndexArray
+from .light_passes import LightParts
 from .lighting import Lamp, radiance
 from .materials.lobes import Body, Sent, lobes
 from .materials.place import Place, dot, unit
@@ -100,14 +101,16 @@ class Tracer:
         """Whether any of the triangles has a material of nodes."""
         return bool(self.has_graph.take(self.surface.material.take(triangle)).any())
 
-    def color(self, hits: Hits, sample: int, behind: Behind) -> Single:
+    def color(self, hits: Hits, sample: int, behind: Behind, parts: LightParts | None = None) -> Single:
         """Radiance towards the viewer and alpha of n hits, (4, n).
 
-        behind: of the hits by their place in the list.
+        behind: of the hits by their place in the list. parts: gets what the colours are the sum of.
         """
         count = len(hits.t)
         film = np.zeros((4, count))
         film[3] = 1.0
+        # Many small shares are summed.
+        split = LightParts(count, np.float64) if parts else None
         wave = Wave(
             hits,
             np.arange(count),
@@ -116,22 +119,29 @@ class Tracer:
             np.zeros((4, count), np.int16),
         )
         while len(wave.pixel):
-            onward = self._gather(wave, sample, film)
-            sent = [self._send(wave, each, film, behind) for each in onward]
+            onward = self._gather(wave, sample, film, split)
+            sent = [self._send(wave, each, film, behind, split) for each in onward]
             if not sent:
                 break
             wave = joined(sent)
+        if parts and split:
+            parts.rows[:] = split.rows
         return film.astype(np.float32)
 
-    def _gather(self, wave: Wave, sample: int, film: Array) -> list[tuple[IndexArray, Sent]]:
+    def _gather(
+        self, wave: Wave, sample: int, film: Array, split: LightParts | None
+    ) -> list[tuple[IndexArray, Sent]]:
         """Add the light of the wave's places to the film; what they send on, and which do."""
         hits = wave.hits
         points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         plain = np.flatnonzero(~self.has_graph.take(points.material))
         cast_scene = self.surface.cast_scene
         if len(plain):
-            color = radiance(points.take(plain), self.phong, self.lamps, sample, cast_scene)
+            parts = LightParts(len(plain)) if split else None
+            color = radiance(points.take(plain), self.phong, self.lamps, sample, cast_scene, parts)
             add(film, wave.pixel[plain], wave.share[:, plain] * color)
+            if split and parts:
+                split.gather(wave.pixel[plain], wave.share[:, plain], parts, wave.straight[plain])
         bodies: list[tuple[IndexArray, Body]] = []
         onward: list[tuple[IndexArray, Sent]] = []
         for number in np.unique(points.material):
@@ -147,7 +157,7 @@ class Tracer:
                     else:
                         onward.append((which, lobe))
         if bodies:
-            self._light(wave, points, bodies, sample, film)
+            self._light(wave, points, bodies, sample, film, split)
         return onward
 
     def place(self, hits: Hits, points: SurfacePoints, which: IndexArray) -> Place:
@@ -177,6 +187,7 @@ class Tracer:
         bodies: list[tuple[IndexArray, Body]],
         sample: int,
         film: Array,
+        split: LightParts | None,
     ) -> None:
         """Add what lamps and the world make of the bodies, all at once."""
         which = np.concatenate([index for index, _ in bodies])
@@ -186,10 +197,21 @@ class Tracer:
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
         table = PhongTable.of(_stacked([body.materials for _, body in bodies], some), self.scene.world_color)
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
-        color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene)
-        add(film, wave.pixel[which], wave.share[:, which] * weight * color)
+        parts = LightParts(len(some)) if split else None
+        color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene, parts)
+        share = wave.share[:, which] * weight
+        add(film, wave.pixel[which], share * color)
+        if split and parts:
+            split.gather(wave.pixel[which], share, parts, wave.straight[which])
 
-    def _send(self, wave: Wave, onward: tuple[IndexArray, Sent], film: Array, behind: Behind) -> Wave:
+    def _send(
+        self,
+        wave: Wave,
+        onward: tuple[IndexArray, Sent],
+        film: Array,
+        behind: Behind,
+        split: LightParts | None,
+    ) -> Wave:
         """What is met by what a lobe sends on; what meets nothing is added to the film."""
         which, lobe = onward
         share = wave.share[:, which] * lobe.tint
@@ -210,7 +232,7 @@ class Tracer:
         if len(off):
             hits.put(off, self._rays(came.take(off), lobe, off))
         sent = Wave(hits, came.pixel, share[:, going], straight, depth[:, going])
-        self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film)
+        self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film, split)
         return sent.take(np.flatnonzero(hits.triangle >= 0))
 
     def _rays(self, came: Wave, lobe: Sent, index: IndexArray) -> Hits:
@@ -228,11 +250,13 @@ class Tracer:
         origin = cast_scene.offset_origins(hits.position, hits.triangle, direction)
         return cast_rays(cast_scene, origin, direction)
 
-    def _miss(self, wave: Wave, film: Array) -> None:
+    def _miss(self, wave: Wave, film: Array, split: LightParts | None) -> None:
         """Add what is seen where nothing is: the world, or through the film what lies behind the picture."""
         through = ~wave.straight if self.transparent else np.zeros(len(wave.pixel), bool)
         world = np.reshape(self.scene.world_color, (3, 1))
         add(film, wave.pixel, wave.share * world * ~through)
+        if split:
+            split.miss(wave.pixel, wave.share * world, wave.straight)
         film[3] -= np.bincount(wave.pixel, wave.share.mean(axis=0) * through, film.shape[1])
 
 
