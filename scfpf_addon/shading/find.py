@@ -14,6 +14,7 @@ from ..projection.inverse import ImagePlaces, find_in_image
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
 from .pick import PIXEL_ERROR
+from .reach import seen_directly
 from .scene import Scene
 
 # Of a thing with more points these are looked up: the outermost in so many directions, and so many others.
@@ -110,7 +111,9 @@ def _hidden(
     geometry = scene.geometry
     if not len(geometry.triangles):
         return 0.0, ""
-    cast_scene = CastScene(geometry.vertices, geometry.triangles)
+    cast_scene = seen_directly(geometry, CastScene(geometry.vertices, geometry.triangles))
+    if cast_scene is None:
+        return 0.0, ""
     moved = projection.transformed(cast_scene.matrix)
     hits = cast(cast_scene, moved, place.x, place.y, pixel_size, PIXEL_ERROR)
     met = geometry.object_index[hits.triangle]

@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..casting.behind import Onward
+from ..casting.geometry import Geometry
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
-from ..projection.typing import IndexArray
+from ..casting.visibility import HOLDOUT, SHADOW, visible_to
+from ..projection.typing import BoolArray, IndexArray
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
 from .scene import Scene
@@ -22,12 +24,16 @@ from .typing import Single
 
 @dataclass(frozen=True)
 class Shading:
-    """All that colours a hit: lookup tables, and lamps in cast space."""
+    """All that colours a hit: lookup tables, and lamps in cast space.
+
+    held_out: (T,) the triangles that leave a hole in the picture, None for none.
+    """
 
     surface: SurfaceTable
     phong: PhongTable
     lamps: tuple[Lamp, ...]
     tracer: Tracer | None
+    held_out: BoolArray | None = None
 
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
@@ -36,9 +42,12 @@ class Shading:
         shadows = any(light.casts_shadow for light in lights)
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
         phong = PhongTable.of(scene.materials, scene.world_color)
-        lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
+        lamps = tuple(
+            shadowed(Lamp.of(light, cast_scene.matrix, settings.samples), scene, cast_scene)
+            for light in lights
+        )
         tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
-        return cls(surface, phong, lamps, tracer)
+        return cls(surface, phong, lamps, tracer, held_out(scene.geometry))
 
     def color(
         self,
@@ -61,4 +70,32 @@ class Shading:
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
             position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
         points = self.surface.points(triangle, barycentric, position, tangent)
-        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene, parts)
+        color = radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene, parts)
+        if self.held_out is None:
+            return color
+        held = self.held_out.take(triangle)
+        if parts:
+            parts.rows[:, held] = 0.0
+        return np.concatenate([color * ~held, ~held[None]]).astype(np.float32)
+
+
+def held_out(geometry: Geometry) -> BoolArray | None:
+    """Which triangles leave a hole in the picture, (T,); None for none."""
+    if geometry.visibility is None:
+        return None
+    held: BoolArray = (geometry.visibility & HOLDOUT) != 0
+    return held if held.any() else None
+
+
+def shadowed(lamp: Lamp, scene: Scene, cast_scene: CastScene) -> Lamp:
+    """The lamp with those things in its way alone that cast its shadows."""
+    if not lamp.light.casts_shadow:
+        return lamp
+    kept, blockers = visible_to(scene.geometry.visibility, SHADOW), lamp.light.blockers
+    if blockers is not None and scene.geometry.linked is not None:
+        linked: BoolArray = blockers.take(scene.geometry.linked)
+        kept = linked if kept is None else kept & linked
+    part = cast_scene.only(kept)
+    if part is None:
+        return replace(lamp, light=replace(lamp.light, casts_shadow=False))
+    return lamp if part is cast_scene else replace(lamp, occluders=part)

@@ -49,7 +49,8 @@ class Lamp:
     is lit, on a disc at the distance 1.
     axis: (3,) unit, where it shines. local: (3, 3) from directions in cast space to
     those in the light's own space, where a spot's cone is round. softness: the squared
-    radius of a point or spot, which lights as a disc that faces whatever it lights.
+    radius of a point or spot, which lights as a disc that faces whatever it lights. occluders: what
+    stands in its way, None for everything.
     """
 
     light: Light
@@ -58,6 +59,7 @@ class Lamp:
     axis: Single
     local: Single
     softness: np.float32
+    occluders: CastScene | None = None
 
     @classmethod
     def of(cls, light: Light, matrix: Array, samples: int) -> Lamp:
@@ -148,16 +150,20 @@ def radiance(
         cosine = dot(points.normal, light.direction)
         received = np.maximum(cosine, 0)
         received *= light.strength
+        if lamp.light.receivers is not None and points.linked is not None:
+            received *= lamp.light.receivers.take(points.linked)
         full = received.copy() if parts else received
         if lamp.light.casts_shadow:
-            cut_shadows(received, points, light, cast_scene)
+            cut_shadows(received, points, light, lamp.occluders or cast_scene)
         tint = lamp.color[:, None]
-        lit = by_material(table.diffuse * tint, points.material) * received
-        color += lit
         if parts:
             parts.receive(full, received, lamp.color)
-            parts.rows[DIFFUSE] += lit
-        if table.glossy:
+        if lamp.light.scattered:
+            lit = by_material(table.diffuse * tint, points.material) * received
+            color += lit
+            if parts:
+                parts.rows[DIFFUSE] += lit
+        if table.glossy and lamp.light.mirrored:
             mirror = 2 * cosine
             mirror *= facing
             mirror -= dot(points.view, light.direction)

@@ -25,7 +25,7 @@ from .lens import Lens, through
 from .light_passes import LightFilm, LightParts
 from .motion import Moment, moment_of_samples
 from .passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
-from .reach import within_reach
+from .reach import seen_directly, within_reach
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
@@ -78,8 +78,9 @@ class Pipeline:
         """
         if cast_scene is None:
             scene, cast_scene = within_reach(scene, projection, alone)
+        everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
+        shading = Shading.of(scene, everything, settings) if everything and cast_scene else None
         return cls(
             inside,
             settings,

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from ..casting.behind import Behind, cast_rays
 from ..casting.hits import Hits
+from ..casting.scene import CastScene
+from ..casting.visibility import GLASS, HOLDOUT, MIRROR, visible_to
 from ..projection.typing import Array, BoolArray, IndexArray
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
@@ -40,13 +42,15 @@ class Wave(NamedTuple):
     """n places. hits: of them, tangents point where light is looked for. pixel: (n,) whose they are.
 
     share: (3, n) of the light that leaves them. straight: (n,) whether they are on a ray, not on a
-    projector. depth: (4, n) how often light was sent on till here.
+    projector, glass: (n,) whether glass has sent them last. depth: (4, n) how often light was sent on till
+    here.
     """
 
     hits: Hits
     pixel: IndexArray
     share: Array
     straight: BoolArray
+    glass: BoolArray
     depth: NDArray[np.int16]
 
     def take(self, index: IndexArray) -> Wave:
@@ -56,6 +60,7 @@ class Wave(NamedTuple):
             self.pixel[index],
             self.share[:, index],
             self.straight[index],
+            self.glass[index],
             self.depth[:, index],
         )
 
@@ -70,7 +75,8 @@ def joined(waves: Sequence[Wave]) -> Wave:
 class Tracer:
     """What colours hits where some materials are graphs.
 
-    has_graph: (M,) by material. transparent: what hits nothing is see-through.
+    has_graph: (M,) by material. transparent: what hits nothing is see-through. mirrors, glass: what
+    mirrors and glass show, None for nothing at all.
     """
 
     scene: Scene
@@ -79,6 +85,8 @@ class Tracer:
     lamps: tuple[Lamp, ...]
     has_graph: BoolArray
     transparent: bool
+    mirrors: CastScene | None
+    glass: CastScene | None
 
     @classmethod
     def of(
@@ -95,7 +103,10 @@ class Tracer:
             return None
         has_graph = np.zeros(len(scene.materials.metallic), bool)
         has_graph[list(graphs)] = True
-        return cls(scene, surface, phong, lamps, has_graph, transparent)
+        mirrors, glass = (
+            surface.cast_scene.only(visible_to(scene.geometry.visibility, ray)) for ray in (MIRROR, GLASS)
+        )
+        return cls(scene, surface, phong, lamps, has_graph, transparent, mirrors, glass)
 
     def needed(self, triangle: IndexArray) -> bool:
         """Whether any of the triangles has a material of nodes."""
@@ -116,9 +127,11 @@ class Tracer:
             np.arange(count),
             np.ones((3, count)),
             np.zeros(count, bool),
+            np.zeros(count, bool),
             np.zeros((4, count), np.int16),
         )
         while len(wave.pixel):
+            wave = self._hold_out(wave, film)
             onward = self._gather(wave, sample, film, split)
             sent = [self._send(wave, each, film, behind, split) for each in onward]
             if not sent:
@@ -127,6 +140,15 @@ class Tracer:
         if parts and split:
             parts.rows[:] = split.rows
         return film.astype(np.float32)
+
+    def _hold_out(self, wave: Wave, film: Array) -> Wave:
+        """The wave without what projectors meet of holdouts: there the picture has a hole."""
+        visibility = self.scene.geometry.visibility
+        if visibility is None:
+            return wave
+        held = ((visibility.take(wave.hits.triangle) & HOLDOUT) != 0) & ~wave.straight
+        film[3] -= np.bincount(wave.pixel, wave.share.mean(axis=0) * held, film.shape[1])
+        return wave.take(np.flatnonzero(~held))
 
     def _gather(
         self, wave: Wave, sample: int, film: Array, split: LightParts | None
@@ -231,7 +253,8 @@ class Tracer:
         off = np.flatnonzero(straight)
         if len(off):
             hits.put(off, self._rays(came.take(off), lobe, off))
-        sent = Wave(hits, came.pixel, share[:, going], straight, depth[:, going])
+        glass = (came.glass & (lobe.kind != "MIRROR")) | (lobe.kind == "REFRACTED")
+        sent = Wave(hits, came.pixel, share[:, going], straight, glass, depth[:, going])
         self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film, split)
         return sent.take(np.flatnonzero(hits.triangle >= 0))
 
@@ -248,7 +271,16 @@ class Tracer:
         else:
             direction = refracted(ahead, lobe.normal[:, index], flat, lobe.ior[:, index])
         origin = cast_scene.offset_origins(hits.position, hits.triangle, direction)
-        return cast_rays(cast_scene, origin, direction)
+        if self.mirrors is self.glass is cast_scene:
+            return cast_rays(cast_scene, origin, direction)
+        glass = came.glass if lobe.kind == "THROUGH" else np.full(len(came.pixel), lobe.kind == "REFRACTED")
+        # Where nothing is met a ray goes on as cast_rays leaves it, to its end.
+        met = Hits.empty(len(glass))._replace(position=origin + direction, tangent=direction.copy())
+        for scene, which in ((self.mirrors, ~glass), (self.glass, glass)):
+            some = np.flatnonzero(which)
+            if scene and len(some):
+                met.put(some, cast_rays(scene, origin[:, some], direction[:, some]))
+        return met
 
     def _miss(self, wave: Wave, film: Array, split: LightParts | None) -> None:
         """Add what is seen where nothing is: the world, or through the film what lies behind the picture."""
