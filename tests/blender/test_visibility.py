@@ -110,6 +110,8 @@ def test_each_ray_meets_what_is_visible_to_it(stage, tmp_path):
 @pytest.mark.parametrize("transparent", [False, True])
 def test_holdouts_leave_a_hole(stage, tmp_path, transparent):
     stage.render.film_transparent = transparent
+    # No lots are drawn for what is seen through the veil.
+    stage.cycles.min_transparent_bounces = 8
     sun()
     thing("Hole", matt((1, 1, 1)), (-0.4, 0, 0)).is_holdout = True
     veil = thing("Veil", shader("Transparent", Color=(0.5, 0.7, 0.6)), (-0.3, 0.1, 0.5))
