@@ -14,8 +14,8 @@ from ..projection.inverse import ImagePlaces, find_in_image
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
 from .pick import PIXEL_ERROR
-from .reach import seen_directly
 from .scene import Scene
+from .visible import seen_directly
 
 # Of a thing with more points these are looked up: the outermost in so many directions, and so many others.
 DIRECTIONS, OTHERS = 96, 300

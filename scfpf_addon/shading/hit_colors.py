@@ -3,15 +3,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..casting.behind import Onward
-from ..casting.geometry import Geometry
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
-from ..casting.visibility import HOLDOUT, SHADOW, visible_to
 from ..projection.typing import BoolArray, IndexArray
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
@@ -20,6 +18,7 @@ from .settings import FrameSettings
 from .surface import PhongTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
+from .visible import held_out, shadowed
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Shading:
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
         phong = PhongTable.of(scene.materials, scene.world_color)
         lamps = tuple(
-            shadowed(Lamp.of(light, cast_scene.matrix, settings.samples), scene, cast_scene)
+            shadowed(Lamp.of(light, cast_scene.matrix, settings.samples), scene.geometry, cast_scene)
             for light in lights
         )
         tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
@@ -77,25 +76,3 @@ class Shading:
         if parts:
             parts.rows[:, held] = 0.0
         return np.concatenate([color * ~held, ~held[None]]).astype(np.float32)
-
-
-def held_out(geometry: Geometry) -> BoolArray | None:
-    """Which triangles leave a hole in the picture, (T,); None for none."""
-    if geometry.visibility is None:
-        return None
-    held: BoolArray = (geometry.visibility & HOLDOUT) != 0
-    return held if held.any() else None
-
-
-def shadowed(lamp: Lamp, scene: Scene, cast_scene: CastScene) -> Lamp:
-    """The lamp with those things in its way alone that cast its shadows."""
-    if not lamp.light.casts_shadow:
-        return lamp
-    kept, blockers = visible_to(scene.geometry.visibility, SHADOW), lamp.light.blockers
-    if blockers is not None and scene.geometry.linked is not None:
-        linked: BoolArray = blockers.take(scene.geometry.linked)
-        kept = linked if kept is None else kept & linked
-    part = cast_scene.only(kept)
-    if part is None:
-        return replace(lamp, light=replace(lamp.light, casts_shadow=False))
-    return lamp if part is cast_scene else replace(lamp, occluders=part)

@@ -11,8 +11,8 @@ from ..casting.cast import cast
 from ..casting.scene import CastScene
 from ..projection.typing import Array
 from ..projection.volume import Projection
-from .reach import seen_directly
 from .scene import Scene
+from .visible import seen_directly
 
 # Pixels that the hit may be off at a silhouette: one projector can be followed finely.
 PIXEL_ERROR = 1e-3

@@ -25,11 +25,12 @@ from .lens import Lens, through
 from .light_passes import LightFilm, LightParts
 from .motion import Moment, moment_of_samples
 from .passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
-from .reach import seen_directly, within_reach
+from .reach import within_reach
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
 from .typing import Single
+from .visible import seen_directly
 
 # Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
 # a render should end soon after it is told to.

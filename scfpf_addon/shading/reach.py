@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of a scene is built: the part that a volume can meet, the rest for shadows, parts for single rays."""
+"""What of a scene is built: the part that a volume can meet, and the rest for shadows."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from ..casting.culling import within_volume
-from ..casting.geometry import Geometry
 from ..casting.scene import CastScene
 from ..casting.visibility import CAMERA, SHADOW, visible_to
 from ..projection.volume import Projection
@@ -39,8 +38,3 @@ def within_reach(scene: Scene, projection: Projection, alone: bool = True) -> tu
     beyond = whole.vertices, whole.triangles[~kept]
     part = replace(scene, geometry=whole.part(kept))
     return part, CastScene(part.geometry.vertices, part.geometry.triangles, beyond)
-
-
-def seen_directly(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
-    """What of a scene projectors meet; None where that is nothing."""
-    return cast_scene.only(visible_to(geometry.visibility, CAMERA))
