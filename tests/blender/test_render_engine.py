@@ -201,8 +201,10 @@ def test_each_view_layer_has_its_own_picture(engine_scene):
     hidden.objects.link(bpy.data.objects["Cube"])
     engine_scene.collection.objects.unlink(bpy.data.objects["Cube"])
     second.layer_collection.children["Hidden"].exclude = True
+    second.scfpf.use_pass_diffuse = True
     layers = f12(engine_scene)
     assert np.array_equal(layers[COMBINED], button())
+    assert "ViewLayer.Diffuse" not in layers and not layers["Second.Diffuse"].any()
     assert np.ptp(layers[COMBINED]) > 0.01
     # Nothing is left in it: its background.
     assert np.ptp(layers["Second.Combined"][..., :3]) == 0 and layers["Second.Combined"].shape == (36, 64, 4)
