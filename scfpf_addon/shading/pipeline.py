@@ -24,6 +24,7 @@ from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
 from .film import Film
 from .hit_colors import Shading
 from .lens import Lens, through
+from .light_passes import ENVIRONMENT, LightFilm, LightParts
 from .motion import Moment, moment_of_samples
 from .passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
 from .reach import within_reach
@@ -31,6 +32,7 @@ from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
 from .typing import Single
+from .visible import seen_directly
 from .world import World
 
 # Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
@@ -82,8 +84,9 @@ class Pipeline:
         """
         if cast_scene is None:
             scene, cast_scene = within_reach(scene, projection, alone)
+        everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
+        shading = Shading.of(scene, everything, settings) if everything and cast_scene else None
         return cls(
             inside,
             settings,
@@ -104,7 +107,7 @@ class Pipeline:
             else None,
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
-            None if settings.transparent else scene.world,
+            scene.world,
         )
 
     def with_moments(
@@ -151,6 +154,7 @@ class Pipeline:
             mine = mine[inside]
         crypto = CryptoPasses(self.passes, len(pixels))
         film = Film(len(pixels), self.background, self.settings.transparent)
+        light = LightFilm.of(passes, len(pixels), self.background)
         for sample in range(self.settings.samples):
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
@@ -162,14 +166,20 @@ class Pipeline:
             if inside is not None:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
-            color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside))
-            film.add(hits.mask, *now.with_world(hits, where, color))
+            parts = LightParts(len(where)) if light else None
+            color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside), parts)
+            shown, color, parts = now.with_world(hits, where, color, parts)
+            film.add(hits.mask, shown, color)
+            if light and parts:
+                light.add(np.arange(len(pixels)), hits.mask, shown, parts)
             if now.geometry:
                 crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
-        crypto.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
-        if self.passes and not job.stop.is_set():
+        for each in (crypto, light):
+            if each:
+                each.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
+        if self.passes and self.settings.passes.central and not job.stop.is_set():
             self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
 
@@ -188,6 +198,7 @@ class Pipeline:
         block = row_pixels(rows, width)
         film = AdaptiveFilm(len(block), self.background, self.settings.transparent)
         crypto = CryptoPasses(self.passes, len(block))
+        light = LightFilm.of(passes, len(block), self.background)
 
         def take(some: IndexArray | None, samples: range) -> None:
             nonlocal hit_count
@@ -196,8 +207,12 @@ class Pipeline:
                 where = np.flatnonzero(hits.triangle >= 0)
                 hit_count += len(where)
                 now = self.at(sample)
-                color = now.color(hits, where, sample, block[which], onward)
-                film.add(which, hits.mask, *now.with_world(hits, where, color))
+                parts = LightParts(len(where)) if light else None
+                color = now.color(hits, where, sample, block[which], onward, parts)
+                shown, color, parts = now.with_world(hits, where, color, parts)
+                film.add(which, hits.mask, shown, color)
+                if light and parts:
+                    light.add(which, hits.mask, shown, parts)
                 if now.geometry:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
@@ -213,8 +228,10 @@ class Pipeline:
         mine = np.arange(own.start * width, own.stop * width)
         mine = mine if inside is None else mine[inside]
         film.develop(mine, pixels)
-        crypto.develop(mine, film.samples(mine), passes)
-        if self.passes:
+        for each in (crypto, light):
+            if each:
+                each.develop(mine, film.samples(mine), passes)
+        if self.passes and self.settings.passes.central:
             self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
 
@@ -312,7 +329,13 @@ class Pipeline:
         return replace(self, projection=through(self.projection, self.lens, share)) if self.lens else self
 
     def color(
-        self, hits: Hits, where: IndexArray, sample: int, pixel: IndexArray, onward: Onward | None
+        self,
+        hits: Hits,
+        where: IndexArray,
+        sample: int,
+        pixel: IndexArray,
+        onward: Onward | None,
+        parts: LightParts | None,
     ) -> Single:
         """As ``Shading.color``, of nothing where nothing is there. pixel: (n,) the image's, of the hits."""
         if self.shading is None or onward is None:
@@ -321,23 +344,32 @@ class Pipeline:
         # What is sent on belongs to no pixel any more.
         if self.places.scrambled and self.shading.tracer is None:
             own = self.places.on_lamps(pixel[where], sample)
-        return self.shading.color(hits, where, own, pixel, onward)
+        return self.shading.color(hits, where, own, pixel, onward, parts)
 
-    def with_world(self, hits: Hits, where: IndexArray, color: Single) -> tuple[IndexArray, Single]:
-        """The hits at ``where`` (n,) and their colours, with the projectors that the world is seen by.
+    def with_world(
+        self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None
+    ) -> tuple[IndexArray, Single, LightParts | None]:
+        """The hits at ``where`` (n,), their colours and parts, with the projectors that the world is seen by.
 
         It is seen in the direction in which a projector leaves the volume.
         """
-        if self.world is None:
-            return where, color
+        clear = self.settings.transparent
+        if self.world is None or (clear and parts is None):
+            return where, color, parts
         missed = np.flatnonzero(hits.mask & (hits.triangle < 0))
         if not len(missed):
-            return where, color
-        light = np.ones((len(color), len(hits.mask)), np.float32)
-        light[:3, missed] = self.world.radiance(hits.tangent.take(missed, axis=1))
-        light[:, where] = color
+            return where, color, parts
         shown = np.flatnonzero(hits.mask)
-        return shown, light.take(shown, axis=1)
+        light = self.world.radiance(hits.tangent.take(missed, axis=1))
+        whole = np.ones((4, len(hits.mask)), np.float32)
+        whole[: len(color), where] = color
+        whole[:3, missed], whole[3, missed] = (0.0, 0.0) if clear else (light, 1.0)
+        if parts:
+            rows = np.zeros((len(parts.rows), len(hits.mask)), np.float32)
+            rows[:, where], rows[ENVIRONMENT, missed] = parts.rows, light
+            parts = LightParts(len(shown))
+            parts.rows[:] = rows[:, shown]
+        return shown, whole.take(shown, axis=1), parts
 
     def cast(
         self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True

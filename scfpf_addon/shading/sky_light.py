@@ -30,7 +30,7 @@ class SkyLight:
 
     lamps: in cast space, which is not turned. parts: (3, PARTS) directions of equal parts of the even light.
     towards: (3, PARTS * CHOICES) directions in each, one part after the other. tint: (3, PARTS) colours
-    of the parts, of luminance 1. share: (samples, n) where each sample looks for what hides the sky.
+    of the parts, of luminance 1. share: (samples, n) where each sample looks for what hides the sky. occluders: what does, None for nothing.
     """
 
     light: WorldLight
@@ -39,6 +39,7 @@ class SkyLight:
     towards: Single
     tint: Single
     share: Array
+    occluders: CastScene | None = None
 
     @classmethod
     def of(cls, light: WorldLight, samples: int) -> SkyLight:
@@ -55,9 +56,7 @@ class SkyLight:
             (shuffled(samples, SILVER)[:, None] + samples * np.arange(each)).astype(np.float64),
         )
 
-    def scattered(
-        self, points: SurfacePoints, albedo: Single, sample: int | IndexArray, cast_scene: CastScene
-    ) -> Single:
+    def scattered(self, points: SurfacePoints, albedo: Single, sample: int | IndexArray) -> Single:
         """What points send on of the even light, (3, N). albedo: (3, M) of M materials, over π.
 
         A ray looks for what hides a part that is chosen by how much of the light comes from there, so that
@@ -65,6 +64,15 @@ class SkyLight:
         shadows of fixed directions would be seen one by one.
         """
         arriving = self.irradiance(points.normal)
+        if self.occluders is not None:
+            self._hide(arriving, points, sample, self.occluders)
+        scattered: Single = by_material(albedo, points.material) * arriving
+        return scattered
+
+    def _hide(
+        self, arriving: Single, points: SurfacePoints, sample: int | IndexArray, occluders: CastScene
+    ) -> None:
+        """Take from what arrives at points, (3, N), what others hide."""
         each = self.share.shape[1]
         lost = (brightness(arriving) / each).astype(np.float32)
         # Sums of products in a fixed order: a choice must not depend on how many points there are.
@@ -80,11 +88,9 @@ class SkyLight:
             direction = self.towards.take(part * CHOICES + choice, axis=1)
             facing = np.maximum(dot(points.normal, direction), 0)
             seen = facing.copy()
-            cut_shadows(seen, points, Incidence(direction, facing, FAR), cast_scene)
+            cut_shadows(seen, points, Incidence(direction, facing, FAR), occluders)
             hidden = np.flatnonzero(seen < facing)
             arriving[:, hidden] -= self.tint.take(part[hidden], axis=1) * lost[hidden]
-        scattered: Single = by_material(albedo, points.material) * arriving
-        return scattered
 
     def irradiance(self, normal: Single) -> Single:
         """On surfaces of unit normals (3, N) without anything in the way, (3, N)."""
