@@ -30,7 +30,8 @@ class SkyLight:
 
     lamps: in cast space, which is not turned. parts: (3, PARTS) directions of equal parts of the even light.
     towards: (3, PARTS * CHOICES) directions in each, one part after the other. tint: (3, PARTS) colours
-    of the parts, of luminance 1. share: (samples, n) where each sample looks for what hides the sky. occluders: what does, None for nothing.
+    of the parts, of luminance 1. share: (samples, n) where each sample looks for what hides the sky.
+    occluders: what does, None for nothing.
     """
 
     light: WorldLight
