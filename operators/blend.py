@@ -172,7 +172,9 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
             name = other.name
         else:
             if ends.preset not in {stem for stem, _name, _text in preset_items()}:
-                raise BlendError(f"There is no preset '{ends.preset}': choose a camera that the blend comes to")
+                raise BlendError(
+                    f"There is no preset '{ends.preset}': choose a camera that the blend comes to"
+                )
             preset = shipped_preset(ends.preset)
             second, name = _preset_before(context, first, preset), preset.name
         own, blend = _blend(context, first, second, camera)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera between two others, in the panel: its factor, what it goes between, the button that looks again."""
+"""A camera between two others in the panel: its factor, what it goes between, the button that updates it."""
 
 from ..operators.presets import preset_items
 from ..scfpf_addon.bridge.camera_blend import is_blend, knows_its_ends

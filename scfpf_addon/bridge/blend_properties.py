@@ -31,8 +31,8 @@ class SCFPF_BlendEnds(bpy.types.PropertyGroup):
     )
     second: PointerProperty(
         name="To",
-        description="The flexible camera whose picture the blend comes to at 1, in place of a preset if it came "
-        "to one; another one counts from the next Update Blend",
+        description="The flexible camera whose picture the blend comes to at 1, in place of a preset if it "
+        "came to one; another one counts from the next Update Blend",
         type=bpy.types.Object,
         poll=_may_be_end,
         update=_changed,

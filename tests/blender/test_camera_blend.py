@@ -206,7 +206,9 @@ def test_other_kinds_and_another_resolution_make_other_surfaces(camera, two, see
     for frame in (1, 11):
         bpy.context.scene.frame_set(frame)
         widths.append(seen(blend)[0])
-    assert is_near(widths[0], ends[0][0], ends[1][1], 4e-4) and is_near(widths[1], ends[1][0], ends[1][1], 4e-4)
+    assert is_near(widths[0], ends[0][0], ends[1][1], 4e-4) and is_near(
+        widths[1], ends[1][0], ends[1][1], 4e-4
+    )
 
 
 def test_a_preset_s_end_follows_the_first_camera_or_gives_way_to_a_camera(camera, seen):
@@ -234,7 +236,7 @@ def test_a_preset_s_end_follows_the_first_camera_or_gives_way_to_a_camera(camera
 
 
 def test_updates_say_what_is_missing_and_undo_takes_them_back(camera, two, seen):
-    first, second = two
+    _, second = two
     assert not bpy.ops.scfpf.blend_update.poll()
     assert bpy.ops.scfpf.camera_blend() == {"FINISHED"}
     blend = bpy.context.object
