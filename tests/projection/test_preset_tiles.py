@@ -91,7 +91,7 @@ def test_tiles_that_meet_agree_along_their_edge_and_differ_beyond_it(shown):
 
 
 def test_the_tiles_fill_the_picture_and_are_cameras_of_several_types(shown):
-    """Twice the area of the rays' triangle at depth λ is Aλ² + Bλ + C: its roots are slits, if it has some."""
+    """Twice the area of the rays' triangle at depth λ is Aλ² + Bλ + C: its roots are slits, if there are."""
     uv, _ = tiles(shown)
     side, other = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     area = (side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]) / 2
