@@ -54,7 +54,7 @@ def change(before, after):
 
 def lens_on_picture(driver):
     """Add a lens, click where it is to be: render and preview change there, alike, and nowhere else."""
-    build_scene(percentage=40)
+    build_scene(percentage=25)
     driver.add_camera()
     camera = bpy.context.scene.camera
     yield from driver.show_sidebar()
@@ -92,8 +92,9 @@ def lens_on_picture(driver):
         # Outside, edges of larger faces move by less than a pixel as the preview divides them anew.
         assert inside > 0.05 and outside < 0.004, f"{name}: {inside} of the lens, {outside} of the rest"
     with driver.override():
+        bpy.ops.ed.undo()  # of the render
         bpy.ops.ed.undo()
-    yield SETTLE
+    yield DRAW
     centre = bpy.context.scene.camera.scfpf.mappings[0].centre
     assert tuple(centre) == (0.5, 0.5), f"undo leaves the lens at {tuple(centre)}"
 
