@@ -21,18 +21,20 @@ FINER = 4
 TURN, RISE = np.radians(40.0), np.radians(24.0)
 # Left free on each side, as a share of the picture.
 MARGIN = 0.06
-# Colour on the menus' dark and light, and the line's half width in pixels: surfaces, projectors, borders.
-GRID = (0.24, 0.62, 0.30), 0.22
-PROJECTOR = (0.42, 0.58, 1.0), 0.28
-BORDER = (0.30, 0.82, 0.38), 0.5
-PROJECTORS = 7, 5
+# Behind the lines, so that they are as plain in a light menu as in a dark one.
+PAPER = (0.17, 0.19, 0.22)
+# Colour, and the line's half width in pixels: surfaces, projectors, borders.
+GRID = (0.26, 0.60, 0.32), 0.25
+PROJECTOR = (0.47, 0.64, 1.0), 0.5
+BORDER = (0.36, 0.95, 0.44), 0.8
+PROJECTORS = 5, 4
 
 Colour = tuple[float, float, float]
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 def volume_picture(projection: Projection) -> Array:
-    """The lines of a volume in camera space on nothing, (HEIGHT, WIDTH, 4) from 0 to 1, row 0 on top."""
+    """The lines of a volume in camera space, (HEIGHT, WIDTH, 4) from 0 to 1, row 0 on top."""
     count = len(projection.volume.surfaces)
     drawn = (
         (np.concatenate([surface_lines(projection, i) for i in range(count)]), *GRID),
@@ -41,7 +43,8 @@ def volume_picture(projection: Projection) -> Array:
     )
     flat = [(_seen(lines), colour, half) for lines, colour, half in drawn]
     ends = np.concatenate([lines.reshape(-1, 2) for lines, _, _ in flat])
-    canvas = np.zeros((HEIGHT * FINER, WIDTH * FINER, 4))
+    canvas = np.empty((HEIGHT * FINER, WIDTH * FINER, 4))
+    canvas[:] = (*PAPER, 1.0)
     if len(ends) == 0:
         return canvas[::FINER, ::FINER]
     low, high = ends.min(axis=0), ends.max(axis=0)
@@ -50,10 +53,8 @@ def volume_picture(projection: Projection) -> Array:
     scale = float((frame * (1 - 2 * MARGIN) / size).min())
     for lines, colour, half in flat:
         _stroke(canvas, (lines - (low + high) / 2) * scale + frame / 2, colour, half * FINER)
-    cells = canvas.reshape(HEIGHT, FINER, WIDTH, FINER, 4)
-    alpha: Array = cells[..., 3:].mean(axis=(1, 3))
-    colours: Array = cells[..., :3].sum(axis=(1, 3)) / np.maximum(cells[..., 3:].sum(axis=(1, 3)), 1.0)
-    return np.concatenate([colours, alpha], axis=-1)
+    picture: Array = canvas.reshape(HEIGHT, FINER, WIDTH, FINER, 4).mean(axis=(1, 3))
+    return picture
 
 
 def _seen(lines: Segments) -> Array:
