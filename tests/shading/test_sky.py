@@ -10,10 +10,12 @@ from scfpf_addon.casting.behind import cast_rays
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.shading.adaptive import Adaptive
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.materials import glossy
 from scfpf_addon.shading.materials.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.materials.image import ImageData
+from scfpf_addon.shading.passes import DataPasses
 from scfpf_addon.shading.settings import Border, FrameSettings
 from scfpf_addon.shading.sky_light import SkyLight
 from scfpf_addon.shading.sky_map import COLUMNS, LUMINANCE, ROWS, curve_places, map_areas, map_directions
@@ -172,6 +174,22 @@ def test_threads_and_borders_change_nothing(build):
     part = render_frame(bent(), scene, replace(settings, border=border)).pixels
     assert (part == whole[7:16, 5:20]).all()
     assert len(np.unique(whole.reshape(-1, 4), axis=0)) > 300
+
+
+@pytest.mark.parametrize("adaptive", [None, Adaptive(0.02, 2)])
+def test_passes_of_light_are_the_picture(build, adaptive):
+    """The sky's light on things is diffuse or specular, the sky that is seen the environment."""
+    world, _ = sunny(500.0)
+    scene = build.scene([build.square(0.6), build.sphere(8, (0.1, 0.1, 0.4), 0.3)])
+    scene = replace(scene, materials=replace(scene.materials, graphs={0: mirror(0.3)}), world=world)
+    names = ("DIFFUSE", "SPECULAR", "EMISSION", "ENVIRONMENT")
+    settings = FrameSettings(12, 12, samples=4, passes=DataPasses(names), adaptive=adaptive)
+    frame = render_frame(bent(), scene, settings)
+    assert sum(frame.passes[name] for name in names) == pytest.approx(frame.pixels[..., :3], abs=1e-5)
+    assert all(frame.passes[name].any() for name in ("DIFFUSE", "SPECULAR", "ENVIRONMENT"))
+    clear = render_frame(bent(), scene, replace(settings, transparent=True, adaptive=None))
+    assert (clear.pixels[..., 3] < 1.0).any()
+    assert clear.passes["ENVIRONMENT"].max() > 0.1
 
 
 @pytest.mark.parametrize("roughness", [0.3, 0.8])
