@@ -19,6 +19,8 @@ from ..casting.tiles import TileJob
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
 from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
+from .drawn.drawing import Drawing
+from .drawn.tones import DrawnShading
 from .film import Film
 from .hit_colors import Shading
 from .lens import Lens, through
@@ -49,6 +51,7 @@ class Pipeline:
     projection: in cast space. places: where samples are. cast_scene and
     shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
     cast space. moments: what takes the place of this one for the picture, while the shutter is open.
+    drawing: what draws over finished tiles.
     """
 
     projection: Projection
@@ -61,6 +64,7 @@ class Pipeline:
     lens: Lens | None
     geometry: Geometry | None
     moments: tuple[Pipeline, ...] = ()
+    drawing: Drawing | None = None
 
     @classmethod
     def of(
@@ -78,11 +82,17 @@ class Pipeline:
         if cast_scene is None:
             scene, cast_scene = within_reach(scene, projection, alone)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
-        return cls(
+        drawn = settings.drawn
+        shading = None
+        if cast_scene and drawn:
+            shading = DrawnShading.drawn_of(scene, cast_scene, settings, drawn)
+        elif cast_scene:
+            shading = Shading.of(scene, cast_scene, settings)
+        paper = drawn.paper if drawn else None
+        made = cls(
             inside,
             settings,
-            np.asarray(scene.world_color, np.float64),
+            np.asarray(scene.world_color if paper is None else paper, np.float64),
             SamplePlaces(
                 settings.width,
                 settings.height,
@@ -100,6 +110,7 @@ class Pipeline:
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
         )
+        return replace(made, drawing=Drawing.of(made, scene, drawn)) if drawn else made
 
     def with_moments(
         self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None
@@ -162,6 +173,8 @@ class Pipeline:
                 crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
+        if self.drawing:
+            self.drawing.draw_over(job, inside, pixels)
         crypto.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
         if self.passes and not job.stop.is_set():
             self.fill_passes(self.passes, job, inside, passes)
@@ -206,6 +219,8 @@ class Pipeline:
         mine = np.arange(own.start * width, own.stop * width)
         mine = mine if inside is None else mine[inside]
         film.develop(mine, pixels)
+        if self.drawing:
+            self.drawing.draw_over(job, inside, pixels)
         crypto.develop(mine, film.samples(mine), passes)
         if self.passes:
             self.fill_passes(self.passes, job, inside, passes)

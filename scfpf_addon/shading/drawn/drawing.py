@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A tile of a picture drawn over: paper, hatching, lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import ceil
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...casting.hits import CastCounts
+from ...casting.tiles import TileJob
+from ...projection.typing import IndexArray
+from ..hit_colors import Shading
+from ..passes import DataPasses
+from ..scene import Scene
+from ..typing import Single
+from .canvas import see
+from .edges import Edges, find_edges
+from .settings import OUTER, Drawn
+from .strokes import (
+    cover_lines,
+    depth_lines,
+    in_pixels,
+    inked,
+    mean_of_blocks,
+    reach_of,
+    tone_of,
+    tone_strokes,
+)
+from .tones import clay, on_paper
+
+if TYPE_CHECKING:
+    from ..pipeline import Pipeline
+
+# Places that are looked at in one go, at most, but for those at their borders: their arrays take 60 MB.
+BAND_PLACES = 1 << 19
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """What draws over the tiles of a frame.
+
+    fine: the pipeline of a picture of ``detail`` times the pixels along each axis, in which lines are
+    found. light: as white clay shows it, None where no strokes depend on it.
+    """
+
+    drawn: Drawn
+    fine: Pipeline
+    light: Shading | None
+
+    @classmethod
+    def of(cls, pipeline: Pipeline, scene: Scene, drawn: Drawn) -> Drawing:
+        """Prepared once a frame. scene: that of the pipeline."""
+        settings, detail = pipeline.settings, drawn.detail
+        finer = replace(
+            settings,
+            width=settings.width * detail,
+            height=settings.height * detail,
+            pixel_error=settings.pixel_error * detail,
+            border=None,
+            passes=DataPasses(),
+            lens=None,
+            drawn=None,
+        )
+        light = None
+        if drawn.hatching and drawn.hatching.kind == "TONE" and pipeline.cast_scene:
+            light = clay(scene, pipeline.cast_scene, finer)
+        return cls(drawn, replace(pipeline, settings=finer, passes=None, lens=None, moments=()), light)
+
+    @property
+    def margin(self) -> int:
+        """Rows of the image beyond a tile's that may have a line that reaches into it."""
+        lines = self.drawn.lines
+        return ceil(reach_of(max(lines.width, lines.inner_width))) if lines else 0
+
+    def draw_over(self, job: TileJob, inside: IndexArray | None, pixels: Single) -> None:
+        """Draw over the finished pixels (n, 4) of a tile: all of it, or those ``inside`` (n,) a border.
+
+        All of the tile's rows are looked at, and some more on either side, whatever the border:
+        what a line is depends on the whole image only.
+        """
+        paper = None if self.fine.settings.transparent else self.drawn.paper
+        on_paper(pixels, paper, self.drawn.sheet, self.drawn.fade)
+        if self.fine.cast_scene is None or not (self.drawn.lines or self.drawn.hatching):
+            return
+        width = self.fine.settings.width // self.drawn.detail
+        rows = job.rows.stop - job.rows.start
+        bands = ceil(rows * width * self.drawn.detail**2 / BAND_PLACES)
+        bounds = [job.rows.start + rows * band // bands for band in range(bands + 1)]
+        lines, hatching = [], []
+        for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+            line, hatch = self.ink(slice(start, stop), job)
+            lines.append(line)
+            hatching.append(hatch)
+        if job.stop.is_set():
+            return
+        for parts, style in ((hatching, self.drawn.hatching), (lines, self.drawn.lines)):
+            if style:
+                ink = np.concatenate(parts)
+                inked(pixels, ink if inside is None else ink[inside], style.color)
+
+    def ink(self, rows: slice, job: TileJob) -> tuple[Single, Single]:
+        """What lines and hatching cover of the pixels of whole rows of the image, each (n,)."""
+        detail, settings = self.drawn.detail, self.fine.settings
+        height, columns = settings.height // detail, settings.width // detail
+        wide = slice(max(rows.start - self.margin, 0), min(rows.stop + self.margin, height))
+        fine_rows = slice(wide.start * detail, wide.stop * detail)
+        line = np.zeros((rows.stop - rows.start) * columns, np.float32)
+        hatch = np.zeros_like(line)
+        if job.stop.is_set():
+            return line, hatch
+        x, y = self.fine.pixel_centres(fine_rows)
+        hits, onward = self.fine.followed(x, y, CastCounts(), True)
+        if onward is None or not np.any(hits.triangle >= 0):
+            return line, hatch
+        view = see(self.fine, x, y, hits)
+        lines, hatching = self.drawn.lines, self.drawn.hatching
+        if lines:
+            edges = find_edges(self.fine, view, fine_rows, lines, job.stop.is_set)
+            line = self.cover(edges, rows, columns)
+        if hatching and not job.stop.is_set():
+            own = slice(rows.start - wide.start, rows.stop - wide.start)
+            mine = slice(own.start * detail * settings.width, own.stop * detail * settings.width)
+            if self.light is None:
+                ink = depth_lines(view, hatching, detail)[mine]
+            else:
+                where = np.flatnonzero(hits.triangle[mine] >= 0)
+                light = self.light.color(hits, where + mine.start, 0, onward)
+                ink = np.zeros(mine.stop - mine.start, np.float32)
+                right, up = (axis[where] for axis in in_pixels(rows, columns, detail))
+                ink[where] = tone_strokes(right, up, tone_of(light, self.drawn.exposure), hatching, detail)
+            hatch = mean_of_blocks(ink, (rows.stop - rows.start, columns), detail)
+        return line, hatch
+
+    def cover(self, edges: Edges, rows: slice, columns: int) -> Single:
+        """What lines cover of the pixels of whole rows."""
+        lines, detail = self.drawn.lines, self.drawn.detail
+        ink = np.zeros((rows.stop - rows.start) * columns, np.float32)
+        outer = (edges.kinds & OUTER) > 0
+        if lines:
+            for some, width in ((outer, lines.width), (~outer, lines.inner_width)):
+                x, y = edges.x[some] / detail, edges.y[some] / detail
+                if len(x):
+                    np.maximum(ink, cover_lines(x, y, width, rows, columns), out=ink)
+        return ink

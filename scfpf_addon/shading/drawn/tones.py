@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is between lines: materials' colours in steps of light, or none of it but paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from ...casting.behind import Onward
+from ...casting.hits import Hits
+from ...casting.scene import CastScene
+from ...projection.typing import Array, IndexArray
+from ..hit_colors import Shading
+from ..scene import Materials, Scene
+from ..settings import FrameSettings
+from ..typing import Single
+from .settings import Drawn
+from .strokes import tone_of
+
+
+def of_clay(scene: Scene) -> Scene:
+    """The scene as if all was white and matt."""
+    white = Materials(np.ones((1, 3)), np.zeros(1), np.ones(1), np.zeros(1), np.zeros((1, 3)))
+    return replace(scene, materials=white)
+
+
+def without_light(scene: Scene) -> Scene:
+    """The scene in even white light, in which things have the colours of their materials."""
+    return replace(scene, lights=(), world_color=np.ones(3))
+
+
+def clay(scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
+    """What light does: lamps are seen from the middle, so that shadows have the edges of drawn ones."""
+    return Shading.of(of_clay(scene), cast_scene, replace(settings, samples=1, transparent=False))
+
+
+def stepped(tone: Single, drawn: Drawn) -> Single:
+    """Tones (n,) in [0, 1] in so many steps, from ``darkest`` to 1."""
+    if drawn.steps == 1:
+        return np.ones_like(tone)
+    place = tone * np.float32(drawn.steps)
+    half = np.float32(max(drawn.softness, 1e-6) / 2)
+    level = np.zeros_like(tone)
+    for step in range(1, drawn.steps):
+        if drawn.softness > 0.0:
+            rise = np.clip((place - step + half) / (2 * half), 0, 1)
+            level += rise * rise * (3 - 2 * rise)
+        else:
+            level += place >= step
+    level *= np.float32((1 - drawn.darkest) / (drawn.steps - 1))
+    level += np.float32(drawn.darkest)
+    return level
+
+
+@dataclass(frozen=True)
+class DrawnShading(Shading):
+    """Colours in even light, times steps of the light that there is.
+
+    light: as white clay shows it; None where it has no part.
+    """
+
+    drawn: Drawn
+    light: Shading | None
+
+    @classmethod
+    def drawn_of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings, drawn: Drawn) -> Shading:
+        """What colours the fill of a drawn picture."""
+        if drawn.fill == "RENDERED":
+            return Shading.of(scene, cast_scene, settings)
+        bare = of_clay(scene) if drawn.fill == "PAPER" else scene
+        plain = Shading.of(without_light(bare), cast_scene, settings)
+        light = clay(scene, cast_scene, settings) if drawn.fill == "TOON" and drawn.steps > 1 else None
+        return cls(*(getattr(plain, each.name) for each in fields(Shading)), drawn, light)
+
+    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+        """As ``Shading.color``."""
+        if self.drawn.fill == "PAPER":
+            paper = np.empty((3, len(where)), np.float32)
+            paper[:] = self.drawn.sheet.astype(np.float32)[:, None]
+            return paper
+        color = super().color(hits, where, sample, onward)
+        if self.light is None:
+            return color
+        light = self.light.color(hits, where, 0, onward)
+        brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
+        # Where no light falls none has a colour.
+        tint = np.divide(light, brightest, out=np.ones_like(light), where=brightest > 0)
+        color[:3] *= tint * stepped(tone_of(light, self.drawn.exposure), self.drawn)
+        return color
+
+
+def on_paper(pixels: Single, paper: Array | None, sheet: Array, fade: float) -> None:
+    """Fade pixels (n, 4), premultiplied, and lay them on paper, unless that is None: in place."""
+    color = sheet.astype(np.float32)
+    if fade > 0.0:
+        pixels[:, :3] *= np.float32(1 - fade)
+        pixels[:, :3] += pixels[:, 3:] * (color * np.float32(fade))
+    if paper is not None:
+        pixels[:, :3] += (1 - pixels[:, 3:]) * color
+        pixels[:, 3] = 1
