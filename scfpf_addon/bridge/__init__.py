@@ -6,6 +6,7 @@ from __future__ import annotations
 from . import (
     command_line,
     drawing,
+    drawn,
     image_marks,
     mapping_properties,
     properties,
@@ -22,6 +23,7 @@ MODULES = (
     mapping_properties,
     properties,
     sampling,
+    drawn,
     read_mappings,
     volume_upkeep,
     drawing,

@@ -88,11 +88,10 @@ class Pipeline:
             shading = DrawnShading.drawn_of(scene, cast_scene, settings, drawn)
         elif cast_scene:
             shading = Shading.of(scene, cast_scene, settings)
-        paper = drawn.paper if drawn else None
         made = cls(
             inside,
             settings,
-            np.asarray(scene.world_color if paper is None else paper, np.float64),
+            np.asarray(drawn.paper if drawn and drawn.on_paper else scene.world_color, np.float64),
             SamplePlaces(
                 settings.width,
                 settings.height,

@@ -30,7 +30,8 @@ class FrameSettings:
     that the whole image would have. passes: besides the picture. pixel_filter: by which
     samples lie about the pixel's centre. scrambled: each pixel has places of its own for
     them. adaptive: which pixels get fewer, and that they are scrambled. lens: in world space, for
-    straight projectors only. drawn: how the picture, not its passes, is drawn. Raises ValueError for what makes no picture.
+    straight projectors only. drawn: how the picture, not its passes, is drawn. Raises ValueError for what
+    makes no picture.
     """
 
     width: int

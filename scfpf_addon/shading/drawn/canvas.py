@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +31,8 @@ class View(NamedTuple):
     counts where it is. t: (n,). position: (3, n). normal: (3, n) of the triangle, on the side of the
     viewer. facing: (n,) cosine of the shading normal, on that side, with the projector's tangent reversed:
     below 0 a smooth surface turns away. triangle, thing, material: (n,) numbers. reach: (2, n) how far
-    the surface goes on in a pixel along x and y. footprint: (2, n) how wide a pixel is there. slope: (n,) the length
-    of t's gradient, a pixel.
+    the surface goes on in a pixel along x and y. footprint: (2, n) how wide a pixel is there. slope:
+    (n,) the length of t's gradient, a pixel.
     """
 
     mask: BoolArray
@@ -49,18 +50,19 @@ class View(NamedTuple):
 
     def take(self, index: IndexArray) -> View:
         """The places at ``index``."""
-        return View(*(values[..., index] for values in self))
+        return View._make(values[..., index] for values in self)
 
     def put(self, where: IndexArray, other: View) -> View:
         """The same places, with those at ``where`` replaced by other ones, in order."""
-        made = View(*(values.copy() for values in self))
-        for mine, its in zip(made, other, strict=True):
+        made = View._make(values.copy() for values in self)
+        pairs: Iterator[tuple[Any, Any]] = zip(made, other, strict=True)
+        for mine, its in pairs:
             mine[..., where] = its
         return made
 
 
 def see(pipeline: Pipeline, x: Array, y: Array, hits: Hits) -> View:
-    """What the pipeline's projectors at x, y (n,) have hit. Its pixels are those that lengths are measured in.
+    """What the pipeline's projectors at x, y (n,) have hit, lengths in its pixels.
 
     The pipeline must have something to hit.
     """

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -81,8 +82,7 @@ class Drawing:
         All of the tile's rows are looked at, and some more on either side, whatever the border:
         what a line is depends on the whole image only.
         """
-        paper = None if self.fine.settings.transparent else self.drawn.paper
-        on_paper(pixels, paper, self.drawn.sheet, self.drawn.fade)
+        on_paper(pixels, self.drawn, self.fine.settings.transparent)
         if self.fine.cast_scene is None or not (self.drawn.lines or self.drawn.hatching):
             return
         width = self.fine.settings.width // self.drawn.detail
@@ -90,7 +90,7 @@ class Drawing:
         bands = ceil(rows * width * self.drawn.detail**2 / BAND_PLACES)
         bounds = [job.rows.start + rows * band // bands for band in range(bands + 1)]
         lines, hatching = [], []
-        for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+        for start, stop in pairwise(bounds):
             line, hatch = self.ink(slice(start, stop), job)
             lines.append(line)
             hatching.append(hatch)

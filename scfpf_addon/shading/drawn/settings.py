@@ -24,6 +24,11 @@ def black() -> Array:
     return np.zeros(3)
 
 
+def white() -> Array:
+    """The colour of paper."""
+    return np.ones(3)
+
+
 @dataclass(frozen=True)
 class Lines:
     """kinds: bits of the above. width, inner_width: of outlines and of lines within them. color: (3,)
@@ -70,9 +75,9 @@ class Drawn:
     """fill: what is between the lines: the picture as rendered, the materials' colours in steps of light or
     without light, or paper alone. steps: of light, darkest: the share of its colour that the darkest one
     has. softness: in [0, 1], the share of a step over which one goes over into the next. exposure: of
-    light for steps and strokes, in stops. fade: share of the fill that is paper. paper: (3,) what misses
-    show, None for the world. detail: places a pixel, along each axis, that lines are sought at.
-    Raises ValueError.
+    light for steps and strokes, in stops. fade: share of the fill that is paper. paper: (3,) its colour,
+    scene-linear. on_paper: whether misses show it, not the world. detail: places a pixel, along each axis,
+    that lines are sought at. Raises ValueError.
     """
 
     lines: Lines | None = None
@@ -83,17 +88,13 @@ class Drawn:
     darkest: float = 0.3
     exposure: float = 0.0
     fade: float = 0.0
-    paper: Array | None = None
+    paper: Array = field(default_factory=white)
+    on_paper: bool = False
     detail: int = 2
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.detail < 1:
             raise ValueError("a drawn picture needs at least one step of light and a detail of 1")
-
-    @property
-    def sheet(self) -> Array:
-        """The colour of paper, white if none is chosen."""
-        return np.ones(3) if self.paper is None else self.paper
 
     def scaled(self, factor: float) -> Drawn:
         """The same drawing in a picture whose sides have so many times the pixels."""
@@ -101,7 +102,5 @@ class Drawn:
         if lines:
             lines = replace(lines, width=lines.width * factor, inner_width=lines.inner_width * factor)
         if hatching:
-            hatching = replace(
-                hatching, width=hatching.width * factor, spacing=hatching.spacing * factor
-            )
+            hatching = replace(hatching, width=hatching.width * factor, spacing=hatching.spacing * factor)
         return replace(self, lines=lines, hatching=hatching)

@@ -41,13 +41,15 @@ def cover_lines(x: Array, y: Array, width: float, rows: slice, columns: int) -> 
             )
             np.minimum.at(squared, (j[some] - rows.start) * columns + i[some], away[some])
     thin = min(1.0, width / reach**2)
-    return (np.clip(reach - np.sqrt(squared), 0.0, 1.0) * thin).astype(np.float32)
+    ink: Single = (np.clip(reach - np.sqrt(squared), 0.0, 1.0) * thin).astype(np.float32)
+    return ink
 
 
 def tone_of(light: Single, exposure: float) -> Single:
     """How bright white paper would look in light (3, n): in [0, 1], about even to the eye, (n,)."""
     bright = light[0] * np.float32(0.2126) + light[1] * np.float32(0.7152) + light[2] * np.float32(0.0722)
-    return np.clip(bright * np.float32(2.0**exposure), 0, 1) ** np.float32(1 / 2.2)
+    tone: Single = np.clip(bright * np.float32(2.0**exposure), 0, 1) ** np.float32(1 / 2.2)
+    return tone
 
 
 def stripes(distance: Array, width: Array | float, rim: float) -> Array:
@@ -106,5 +108,3 @@ def inked(pixels: Single, ink: Single, color: Array) -> None:
     pixels *= (1 - ink)[:, None]
     pixels[:, :3] += ink[:, None] * color.astype(np.float32)
     pixels[:, 3] += ink
-
-

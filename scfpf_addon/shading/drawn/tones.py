@@ -10,7 +10,7 @@ import numpy as np
 from ...casting.behind import Onward
 from ...casting.hits import Hits
 from ...casting.scene import CastScene
-from ...projection.typing import Array, IndexArray
+from ...projection.typing import IndexArray
 from ..hit_colors import Shading
 from ..scene import Materials, Scene
 from ..settings import FrameSettings
@@ -71,13 +71,14 @@ class DrawnShading(Shading):
         bare = of_clay(scene) if drawn.fill == "PAPER" else scene
         plain = Shading.of(without_light(bare), cast_scene, settings)
         light = clay(scene, cast_scene, settings) if drawn.fill == "TOON" and drawn.steps > 1 else None
-        return cls(*(getattr(plain, each.name) for each in fields(Shading)), drawn, light)
+        parts = {each.name: getattr(plain, each.name) for each in fields(Shading)}
+        return cls(**parts, drawn=drawn, light=light)
 
     def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
         """As ``Shading.color``."""
         if self.drawn.fill == "PAPER":
             paper = np.empty((3, len(where)), np.float32)
-            paper[:] = self.drawn.sheet.astype(np.float32)[:, None]
+            paper[:] = self.drawn.paper.astype(np.float32)[:, None]
             return paper
         color = super().color(hits, where, sample, onward)
         if self.light is None:
@@ -90,12 +91,12 @@ class DrawnShading(Shading):
         return color
 
 
-def on_paper(pixels: Single, paper: Array | None, sheet: Array, fade: float) -> None:
-    """Fade pixels (n, 4), premultiplied, and lay them on paper, unless that is None: in place."""
-    color = sheet.astype(np.float32)
-    if fade > 0.0:
-        pixels[:, :3] *= np.float32(1 - fade)
-        pixels[:, :3] += pixels[:, 3:] * (color * np.float32(fade))
-    if paper is not None:
+def on_paper(pixels: Single, drawn: Drawn, transparent: bool) -> None:
+    """Fade pixels (n, 4), premultiplied, and lay them on paper if there is any: in place."""
+    color = drawn.paper.astype(np.float32)
+    if drawn.fade > 0.0:
+        pixels[:, :3] *= np.float32(1 - drawn.fade)
+        pixels[:, :3] += pixels[:, 3:] * (color * np.float32(drawn.fade))
+    if drawn.on_paper and not transparent:
         pixels[:, :3] += (1 - pixels[:, 3:]) * color
         pixels[:, 3] = 1
