@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 
@@ -25,18 +26,23 @@ STYLES = {
             "darkest": 0.55,
             "fade": 0.35,
             "use_material": True,
+            "crease_angle": math.radians(40),
         },
     ),
-    "LINES": Style("Line Drawing", "Black lines on white paper and nothing else", {"fill": "PAPER"}),
+    "LINES": Style(
+        "Line Drawing", "Black lines on white paper and nothing else", {"fill": "PAPER", "use_material": True}
+    ),
     "INK": Style(
         "Pen and Ink",
         "Black lines and cross-hatched shadows on cream paper",
         {
             "fill": "PAPER",
+            "use_material": True,
+            "exposure": -0.7,
             "hatching": "TONE",
             "hatch_width": 1.0,
             "hatch_spacing": 5.0,
-            "paper_color": (0.93, 0.88, 0.78),
+            "paper_color": (0.88, 0.8, 0.66),
         },
     ),
     "DEPTH": Style(
@@ -44,6 +50,7 @@ STYLES = {
         "Cuts through the viewing volume drawn on everything that is in it",
         {
             "fill": "PAPER",
+            "use_material": True,
             "hatching": "DEPTH",
             "hatch_width": 0.8,
             "hatch_color": (0.05, 0.15, 0.5),

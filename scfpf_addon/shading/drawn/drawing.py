@@ -18,7 +18,7 @@ from ..passes import DataPasses
 from ..scene import Scene
 from ..typing import Single
 from .canvas import see
-from .edges import Edges, find_edges
+from .edges import Segments, find_edges, joined_up
 from .settings import OUTER, Drawn
 from .strokes import (
     cover_lines,
@@ -74,7 +74,7 @@ class Drawing:
     def margin(self) -> int:
         """Rows of the image beyond a tile's that may have a line that reaches into it."""
         lines = self.drawn.lines
-        return ceil(reach_of(max(lines.width, lines.inner_width))) if lines else 0
+        return ceil(reach_of(max(lines.width, lines.inner_width))) + 1 if lines else 0
 
     def draw_over(self, job: TileJob, inside: IndexArray | None, pixels: Single) -> None:
         """Draw over the finished pixels (n, 4) of a tile: all of it, or those ``inside`` (n,) a border.
@@ -119,7 +119,8 @@ class Drawing:
         lines, hatching = self.drawn.lines, self.drawn.hatching
         if lines:
             edges = find_edges(self.fine, view, fine_rows, lines, job.stop.is_set)
-            line = self.cover(edges, rows, columns)
+            pieces = joined_up(edges, (fine_rows.stop - fine_rows.start, settings.width))
+            line = self.cover(pieces, rows, columns)
         if hatching and not job.stop.is_set():
             own = slice(rows.start - wide.start, rows.stop - wide.start)
             mine = slice(own.start * detail * settings.width, own.stop * detail * settings.width)
@@ -134,14 +135,15 @@ class Drawing:
             hatch = mean_of_blocks(ink, (rows.stop - rows.start, columns), detail)
         return line, hatch
 
-    def cover(self, edges: Edges, rows: slice, columns: int) -> Single:
+    def cover(self, pieces: Segments, rows: slice, columns: int) -> Single:
         """What lines cover of the pixels of whole rows."""
         lines, detail = self.drawn.lines, self.drawn.detail
         ink = np.zeros((rows.stop - rows.start) * columns, np.float32)
-        outer = (edges.kinds & OUTER) > 0
+        outer = (pieces.kinds & OUTER) > 0
         if lines:
             for some, width in ((outer, lines.width), (~outer, lines.inner_width)):
-                x, y = edges.x[some] / detail, edges.y[some] / detail
+                x, y, right, up = (values[some] / detail for values in pieces[:4])
                 if len(x):
-                    np.maximum(ink, cover_lines(x, y, width, rows, columns), out=ink)
+                    part = Segments(x, y, right, up, pieces.kinds[some])
+                    np.maximum(ink, cover_lines(part, width, rows, columns), out=ink)
         return ink

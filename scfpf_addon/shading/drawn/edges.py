@@ -26,13 +26,53 @@ AT_ONCE = 1 << 16
 
 
 class Edges(NamedTuple):
-    """Points on lines. x, y: (n,) in pixels from the bottom left of the image. kinds: (n,) bits, see
-    ``settings``.
+    """Points on lines, each between two neighbouring places. x, y: (n,) in pixels from the bottom left of the
+    image. kinds: (n,) bits, see ``settings``. place: (n,) the number of the left or lower one of the two
+    places among the view's, axis: (n,) in which they are neighbours.
     """
 
     x: Array
     y: Array
     kinds: IndexArray
+    place: IndexArray
+    axis: IndexArray
+
+
+class Segments(NamedTuple):
+    """Pieces of lines from (x, y) by (right, up), each (n,). kinds: (n,) bits."""
+
+    x: Array
+    y: Array
+    right: Array
+    up: Array
+    kinds: IndexArray
+
+
+def joined_up(edges: Edges, shape: tuple[int, int]) -> Segments:
+    """The points of edges joined to lines: in each square of four neighbouring places to their middle.
+
+    shape: rows and columns of the places. A point that has no other one beside it is left out: it
+    is no line, but an edge of almost the angle that counts, or something finer than the places are.
+    """
+    rows, columns = shape
+    row, column = np.divmod(edges.place, columns)
+    parts = []
+    for before in (0, 1):
+        # The square on either side of the pair: above and below, to its right and to its left.
+        square_row, square_column = row - before * (edges.axis == 0), column - before * (edges.axis == 1)
+        there = (square_row >= 0) & (square_column >= 0) & (square_row < rows - 1)
+        there &= square_column < columns - 1
+        parts.append(np.where(there, square_row * columns + square_column, rows * columns))
+    squares = np.concatenate(parts)
+    count = np.bincount(squares, minlength=rows * columns + 1)
+    count[-1] = 0
+    x, y = np.tile(edges.x, 2), np.tile(edges.y, 2)
+    kept = np.flatnonzero(count[squares] > 1)
+    at, many = squares[kept], np.maximum(count, 1)
+    middle_x = np.bincount(squares, x, len(count)) / many
+    middle_y = np.bincount(squares, y, len(count)) / many
+    x, y = x[kept], y[kept]
+    return Segments(x, y, middle_x[at] - x, middle_y[at] - y, np.tile(edges.kinds, 2)[kept])
 
 
 def kinds_between(a: View, b: View, axis: IndexArray, gap: float, lines: Lines) -> IndexArray:
@@ -101,13 +141,15 @@ def find_edges(
     """
     width, height = pipeline.settings.width, pipeline.settings.height
     first, second, axis = neighbours(view, (rows.stop - rows.start, width))
-    parts = [Edges(np.zeros(0), np.zeros(0), np.zeros(0, np.intp))]
+    none = np.zeros(0, np.intp)
+    parts = [Edges(np.zeros(0), np.zeros(0), none, none, none)]
     for start in range(0, len(first), AT_ONCE):
         some = slice(start, start + AT_ONCE)
         a, b, along = view.take(first[some]), view.take(second[some]), axis[some]
         kinds = kinds_between(a, b, along, 1.0, lines)
         kept = np.flatnonzero(kinds)
-        row, column = np.divmod(first[some][kept], width)
+        place = first[some][kept]
+        row, column = np.divmod(place, width)
         x, y = column + 0.5, row + (rows.start + 0.5)
         a, b, along, kinds, gap = a.take(kept), b.take(kept), along[kept], kinds[kept], 1.0
         for _ in range(HALVINGS):
@@ -127,5 +169,6 @@ def find_edges(
             a, b = a.put(starts, middle.take(starts)), b.put(ends, middle.take(ends))
             kept = np.flatnonzero(kinds)
             a, b, along, kinds, x, y = a.take(kept), b.take(kept), along[kept], kinds[kept], x[kept], y[kept]
-        parts.append(Edges(x + gap / 2 * (along == 0), y + gap / 2 * (along == 1), kinds))
+            place = place[kept]
+        parts.append(Edges(x + gap / 2 * (along == 0), y + gap / 2 * (along == 1), kinds, place, along))
     return Edges(*(np.concatenate(each) for each in zip(*parts, strict=True)))

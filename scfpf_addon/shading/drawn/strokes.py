@@ -3,13 +3,18 @@
 
 from __future__ import annotations
 
+from math import ceil
+
 import numpy as np
 
 from ...projection.typing import Array
 from ..typing import Single
 from .canvas import View
+from .edges import Segments
 from .settings import Hatching
 
+# The square of a length below which a piece of a line is a point.
+TINY = 1e-12
 # Tones below which strokes begin, layer by layer, and the range of tones over which they swell.
 LAYERS = (0.8, 0.55, 0.3)
 SWELL = 0.25
@@ -22,25 +27,29 @@ def reach_of(width: float) -> float:
     return width / 2 + 0.5
 
 
-def cover_lines(x: Array, y: Array, width: float, rows: slice, columns: int) -> Single:
-    """How much a line of ``width`` pixels through points x, y (n,) covers of pixels of whole rows, (m,).
+def cover_lines(pieces: Segments, width: float, rows: slice, columns: int) -> Single:
+    """How much lines of ``width`` pixels cover of the pixels of whole rows, (m,).
 
-    Points are dense, and in pixels. Right for a straight line: the integral across it is its width.
+    pieces: of lines, shorter than a pixel. Right for a straight line: the integral across it is its width.
     """
     height = rows.stop - rows.start
     squared = np.full(height * columns, np.inf)
     reach = reach_of(width)
-    column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-    around = range(-int(np.ceil(reach)), int(np.ceil(reach)) + 1)
-    for up in around:
-        for right in around:
-            i, j = column + right, row + up
-            away = (i + 0.5 - x) ** 2 + (j + 0.5 - y) ** 2
+    length = np.maximum(pieces.right**2 + pieces.up**2, TINY)
+    column, row = np.floor(pieces.x).astype(np.intp), np.floor(pieces.y).astype(np.intp)
+    around = range(-ceil(reach + 1), ceil(reach + 1) + 1)
+    for above in around:
+        for beside in around:
+            i, j = column + beside, row + above
+            x, y = i + 0.5 - pieces.x, j + 0.5 - pieces.y
+            share = np.clip((x * pieces.right + y * pieces.up) / length, 0.0, 1.0)
+            away = (x - share * pieces.right) ** 2 + (y - share * pieces.up) ** 2
             some = np.flatnonzero(
                 (away < reach**2) & (i >= 0) & (i < columns) & (j >= rows.start) & (j < rows.stop)
             )
             np.minimum.at(squared, (j[some] - rows.start) * columns + i[some], away[some])
-    thin = min(1.0, width / reach**2)
+    # What the soft rims of a line that is thinner than a pixel would make too much of it.
+    thin = width / reach**2 if width < 1.0 else 1.0
     ink: Single = (np.clip(reach - np.sqrt(squared), 0.0, 1.0) * thin).astype(np.float32)
     return ink
 
