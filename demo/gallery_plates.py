@@ -21,7 +21,8 @@ class Panel:
     set-up is seen, degrees to the right of the camera's back and above it. changed: values of single
     control surfaces that replace the preset's, by their number; drawn: the same for the diagram and the
     set-up alone, where the true surface is too small or too far away to be drawn; reach: these end at this
-    distance from the camera. hidden: collections that would stand in the set-up's way.
+    distance from the camera. hidden: collections that would stand in the set-up's way. style: of
+    ``drawn_styles.STYLES``, in which the picture is drawn.
     """
 
     preset: str
@@ -34,6 +35,7 @@ class Panel:
     drawn: Mapping[int, Mapping[str, object]] = field(default_factory=dict)
     reach: float = float("inf")
     hidden: tuple[str, ...] = ()
+    style: str = ""
 
 
 @dataclass(frozen=True)
@@ -488,6 +490,27 @@ PLATES = (
                 ("twisted_orthographic", "Twisted orthographic"),
                 ("epi", "Epipolar plane image"),
             )
+        ),
+        paper=False,
+    ),
+    Plate(
+        "drawn",
+        "Drawn",
+        "*Drawn Style*: lines where surfaces end, bend or change, flat shades on white; cross-hatching; and "
+        "lines where t is the same, which are cuts through the volume.",
+        (
+            Panel("nonlinear_twist", "street", SHOTS["nonlinear_twist"], "Paper Look", style="PAPER"),
+            Panel(
+                "house_of_stairs",
+                "shaft",
+                Shot((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), size=(600, 900)),
+                "Pen and Ink",
+                projectors=(3, 13),
+                direction=(75.0, 10.0),
+                hidden=("Side walls",),
+                style="INK",
+            ),
+            Panel("nonlinear_twist", "street", SHOTS["nonlinear_twist"], "Lines of Equal t", style="DEPTH"),
         ),
         paper=False,
     ),
