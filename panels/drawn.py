@@ -41,7 +41,7 @@ def draw_fill(layout, options) -> None:
     if options.fill == "TOON" or options.hatching == "TONE":
         column.prop(options, "exposure")
     if options.fill != "PAPER":
-        column.prop(options, "fade")
+        column.prop(options, "fade", text="Fade")
     row = layout.row(heading="Paper")
     row.prop(options, "use_paper", text="")
     row = row.row()
@@ -56,7 +56,7 @@ def draw_lines(layout, options) -> None:
     for name in LINE_KINDS:
         column.prop(options, name)
     column = layout.column(align=True)
-    column.prop(options, "line_width")
+    column.prop(options, "line_width", text="Outlines")
     column.prop(options, "inner_width", text="Inner")
     layout.prop(options, "line_color", text="Colour")
     row = layout.row()

@@ -52,6 +52,7 @@ STYLES = {
             "fill": "PAPER",
             "use_material": True,
             "hatching": "DEPTH",
+            "hatch_count": 120,
             "hatch_width": 0.8,
             "hatch_color": (0.05, 0.15, 0.5),
         },

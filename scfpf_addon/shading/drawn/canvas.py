@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 AT_ONCE = 1 << 15
 # A surface is not taken to be seen at a flatter angle than this sine: float64 ends at 1e-16.
 FLATTEST = 1e-9
+# Keeps a vector of no length from becoming NaN.
+TINY = 1e-300
 
 
 class View(NamedTuple):
@@ -61,19 +63,19 @@ class View(NamedTuple):
         return made
 
 
-def see(pipeline: Pipeline, x: Array, y: Array, hits: Hits) -> View:
-    """What the pipeline's projectors at x, y (n,) have hit, lengths in its pixels.
+def see(pipeline: Pipeline, hits: Hits) -> View:
+    """What projectors of the pipeline have hit, as yet without derivatives.
 
     The pipeline must have something to hit.
     """
     cast_scene, geometry, shading = pipeline.cast_scene, pipeline.geometry, pipeline.shading
     if cast_scene is None or geometry is None or shading is None:
         raise ValueError("there is nothing to see")
-    count = len(x)
+    count = len(hits.t)
     hit = hits.triangle >= 0
     triangle = np.maximum(hits.triangle, 0).astype(np.intp)
     normal = cast_scene.normals(triangle)
-    ahead = hits.tangent / np.maximum(np.sqrt(np.einsum("cn,cn->n", hits.tangent, hits.tangent)), 1e-300)
+    ahead = hits.tangent / np.maximum(np.sqrt(np.einsum("cn,cn->n", hits.tangent, hits.tangent)), TINY)
     corners = shading.surface.smooth
     side = -np.copysign(1.0, np.einsum("cn,cn->n", normal, ahead))
     if corners is None:
@@ -84,14 +86,6 @@ def see(pipeline: Pipeline, x: Array, y: Array, hits: Hits) -> View:
         smooth = smooth_normal(corners.take(triangle, axis=1), hits.barycentric.astype(np.float32), turned)
         facing = -np.einsum("cn,cn->n", smooth, ahead.astype(np.float32))
     normal = normal * side
-    reach, footprint = np.zeros((2, count), np.float32), np.zeros((2, count), np.float32)
-    slope = np.zeros(count, np.float32)
-    where = np.flatnonzero(hit)
-    for first in range(0, len(where), AT_ONCE):
-        some = where[first : first + AT_ONCE]
-        reach[:, some], footprint[:, some], slope[some] = _derivatives(
-            pipeline, x[some], y[some], hits.t[some], normal[:, some], ahead[:, some]
-        )
     return View(
         hits.mask,
         hit,
@@ -102,16 +96,25 @@ def see(pipeline: Pipeline, x: Array, y: Array, hits: Hits) -> View:
         hits.triangle,
         np.where(hit, geometry.object_index.take(triangle), -1).astype(np.int32),
         np.where(hit, geometry.material.take(triangle), -1).astype(np.int32),
-        reach,
-        footprint,
-        slope,
+        np.zeros((2, count), np.float32),
+        np.zeros((2, count), np.float32),
+        np.zeros(count, np.float32),
     )
 
 
+def measure(pipeline: Pipeline, view: View, x: Array, y: Array, where: IndexArray) -> None:
+    """Fill in the derivatives of the view's places ``where`` (m,), which must be hits: half of its cost."""
+    for first in range(0, len(where), AT_ONCE):
+        some = where[first : first + AT_ONCE]
+        view.reach[:, some], view.footprint[:, some], view.slope[some] = _derivatives(
+            pipeline, x[some], y[some], view.t[some], view.normal[:, some]
+        )
+
+
 def _derivatives(
-    pipeline: Pipeline, x: Array, y: Array, t: Array, normal: Array, ahead: Array
+    pipeline: Pipeline, x: Array, y: Array, t: Array, normal: Array
 ) -> tuple[Array, Array, Array]:
-    """``View.reach``, ``footprint`` and ``slope``.
+    """``View.reach``, ``footprint`` and ``slope``, lengths in the pipeline's pixels.
 
     Q(x, y, t) stays on the plane of the triangle: n·(Qx + Qt tx) = 0 gives the derivative of t.
     """
@@ -119,8 +122,9 @@ def _derivatives(
     image = projection.parameters(x, y)
     sample = projection.volume.evaluate(image.u, image.v, t)
     towards = np.einsum("cn,cn->n", normal, sample.dt)
-    speed = np.sqrt(np.einsum("cn,cn->n", sample.dt, sample.dt))
-    towards = np.copysign(np.maximum(np.abs(towards), FLATTEST * np.maximum(speed, 1e-300)), towards)
+    speed = np.maximum(np.sqrt(np.einsum("cn,cn->n", sample.dt, sample.dt)), TINY)
+    towards = np.copysign(np.maximum(np.abs(towards), FLATTEST * speed), towards)
+    ahead = sample.dt / speed
     reach, footprint, squared = np.empty((2, len(x))), np.empty((2, len(x))), np.zeros(len(x))
     sizes = pipeline.settings.width, pipeline.settings.height
     sides = image_derivatives(sample.du, sample.dv, image.jacobian)
@@ -137,4 +141,6 @@ def _derivatives(
 
 def look(pipeline: Pipeline, x: Array, y: Array) -> View:
     """What is seen at any places x, y (n,)."""
-    return see(pipeline, x, y, pipeline.cast(x, y, CastCounts(), in_rows=False))
+    view = see(pipeline, pipeline.cast(x, y, CastCounts(), in_rows=False))
+    measure(pipeline, view, x, y, np.flatnonzero(view.hit))
+    return view

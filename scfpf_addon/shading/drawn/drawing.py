@@ -17,8 +17,8 @@ from ..hit_colors import Shading
 from ..passes import DataPasses
 from ..scene import Scene
 from ..typing import Single
-from .canvas import see
-from .edges import Segments, find_edges, joined_up
+from .canvas import measure, see
+from .edges import Segments, find_edges, joined_up, neighbours
 from .settings import OUTER, Drawn
 from .strokes import (
     cover_lines,
@@ -35,8 +35,9 @@ from .tones import clay, on_paper
 if TYPE_CHECKING:
     from ..pipeline import Pipeline
 
-# Places that are looked at in one go, at most, but for those at their borders: their arrays take 60 MB.
-BAND_PLACES = 1 << 19
+# Places that are looked at in one go, at most, but for those at their borders: their arrays take 60 MB,
+# and a render should end soon after it is told to.
+BAND_PLACES = 1 << 18
 
 
 @dataclass(frozen=True)
@@ -115,16 +116,21 @@ class Drawing:
         hits, onward = self.fine.followed(x, y, CastCounts(), True)
         if onward is None or not np.any(hits.triangle >= 0):
             return line, hatch
-        view = see(self.fine, x, y, hits)
+        view = see(self.fine, hits)
         lines, hatching = self.drawn.lines, self.drawn.hatching
+        shape = fine_rows.stop - fine_rows.start, settings.width
         if lines:
-            edges = find_edges(self.fine, view, fine_rows, lines, job.stop.is_set)
-            pieces = joined_up(edges, (fine_rows.stop - fine_rows.start, settings.width))
+            pairs = neighbours(view, shape)
+            near = np.zeros(len(x), bool)
+            near[pairs.first] = near[pairs.second] = True
+            measure(self.fine, view, x, y, np.flatnonzero(near & view.hit))
+            pieces = joined_up(find_edges(self.fine, view, fine_rows, pairs, lines, job.stop.is_set), shape)
             line = self.cover(pieces, rows, columns)
         if hatching and not job.stop.is_set():
             own = slice(rows.start - wide.start, rows.stop - wide.start)
             mine = slice(own.start * detail * settings.width, own.stop * detail * settings.width)
             if self.light is None:
+                measure(self.fine, view, x, y, np.flatnonzero(view.hit))
                 ink = depth_lines(view, hatching, detail)[mine]
             else:
                 where = np.flatnonzero(hits.triangle[mine] >= 0)

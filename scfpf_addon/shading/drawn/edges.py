@@ -38,6 +38,14 @@ class Edges(NamedTuple):
     axis: IndexArray
 
 
+class Pairs(NamedTuple):
+    """Neighbouring places by their numbers, (n,) each, and the axis along which they are neighbours."""
+
+    first: IndexArray
+    second: IndexArray
+    axis: IndexArray
+
+
 class Segments(NamedTuple):
     """Pieces of lines from (x, y) by (right, up), each (n,). kinds: (n,) bits."""
 
@@ -107,8 +115,8 @@ def kinds_between(a: View, b: View, axis: IndexArray, gap: float, lines: Lines) 
     return found
 
 
-def neighbours(view: View, shape: tuple[int, int]) -> tuple[IndexArray, IndexArray, IndexArray]:
-    """Pairs of neighbours in rows and columns between which something may be: two (n,) indices, axis (n,)."""
+def neighbours(view: View, shape: tuple[int, int]) -> Pairs:
+    """The neighbours in rows and columns of places between which a line may be."""
     number = np.arange(shape[0] * shape[1]).reshape(shape)
     pairs = ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))
     turned = view.facing < 0
@@ -120,7 +128,7 @@ def neighbours(view: View, shape: tuple[int, int]) -> tuple[IndexArray, IndexArr
         firsts.append(first[some])
         seconds.append(second[some])
         axes.append(np.full(np.count_nonzero(some), axis))
-    return np.concatenate(firsts), np.concatenate(seconds), np.concatenate(axes)
+    return Pairs(np.concatenate(firsts), np.concatenate(seconds), np.concatenate(axes))
 
 
 def strongest(kinds: IndexArray) -> IndexArray:
@@ -132,15 +140,16 @@ def find_edges(
     pipeline: Pipeline,
     view: View,
     rows: slice,
+    pairs: Pairs,
     lines: Lines,
     stopped: Callable[[], bool],
 ) -> Edges:
     """The lines that pass between neighbouring pixels of whole rows, in its pixels.
 
-    view: of all of their centres.
+    view: of all of their centres, with derivatives where there are pairs.
     """
     width, height = pipeline.settings.width, pipeline.settings.height
-    first, second, axis = neighbours(view, (rows.stop - rows.start, width))
+    first, second, axis = pairs
     none = np.zeros(0, np.intp)
     parts = [Edges(np.zeros(0), np.zeros(0), none, none, none)]
     for start in range(0, len(first), AT_ONCE):
