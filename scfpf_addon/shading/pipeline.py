@@ -83,7 +83,7 @@ class Pipeline:
             scene, cast_scene = within_reach(scene, projection, alone)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
         drawn = settings.drawn
-        shading = None
+        shading: Shading | None = None
         if cast_scene and drawn:
             shading = DrawnShading.drawn_of(scene, cast_scene, settings, drawn)
         elif cast_scene:
@@ -109,7 +109,7 @@ class Pipeline:
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
         )
-        return replace(made, drawing=Drawing.of(made, scene, drawn)) if drawn else made
+        return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
 
     def with_moments(
         self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None

@@ -52,6 +52,25 @@ def test_a_drawn_picture_has_the_passes_of_a_plain_one(engine_scene, options):
     assert np.array_equal(f12(engine_scene)[COMBINED], plain[COMBINED])
 
 
+def test_paper_and_flat_colours_know_no_world(engine_scene, options):
+    world = engine_scene.world = bpy.data.worlds.new("Gradient")
+    if bpy.app.version < (5, 0, 0):
+        world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    background = next(node for node in nodes if node.type == "BACKGROUND")
+    gradient, place = nodes.new("ShaderNodeTexGradient"), nodes.new("ShaderNodeTexCoord")
+    links.new(place.outputs["Generated"], gradient.inputs["Vector"])
+    links.new(gradient.outputs["Color"], background.inputs["Color"])
+    bpy.ops.scfpf.drawn_style(style="LINES")
+    options.fill = "FLAT"
+    pictures = []
+    for strength in (0.0, 5.0):
+        background.inputs["Strength"].default_value = strength
+        pictures.append(button())
+    assert (pictures[0][0, 0] == 1).all() and pictures[0].min() < 0.1
+    assert np.array_equal(*pictures)
+
+
 def test_a_viewport_shows_it_coarse_ones_too(addon, engine_scene, options):
     bpy.ops.scfpf.drawn_style(style="LINES")
     painter, job = addon("scfpf_addon.bridge.view_painter"), addon("scfpf_addon.bridge.render_job")

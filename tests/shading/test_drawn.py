@@ -177,9 +177,9 @@ def test_widths_follow_the_picture(build):
     assert (drawn.hatching.width, drawn.hatching.spacing) == (0.5, 3.0)
 
 
-@pytest.mark.parametrize("steps", [2, 3, 5])
-def test_steps_of_light_are_so_many_tones(build, steps):
-    sun = Light("SUN", np.full(3, np.pi), build.placed(shines=(0.4, 0.2, -1)))
+@pytest.mark.parametrize(("steps", "shadows"), [(2, True), (3, False), (5, True)])
+def test_steps_of_light_are_so_many_tones(build, steps, shadows):
+    sun = Light("SUN", np.full(3, np.pi), build.placed(shines=(0.4, 0.2, -1)), shadows)
     scene = build.scene([build.sphere(48, (0, 0, 0), 0.8)], [sun], base=(0.5, 0.5, 0.5))
     settings = drawn_with(lines=None, fill="TOON", steps=steps, darkest=0.2)
     pixels = render_frame(build.looking_down(2, -2), scene, settings).pixels

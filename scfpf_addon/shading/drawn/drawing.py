@@ -15,7 +15,6 @@ from ...casting.tiles import TileJob
 from ...projection.typing import IndexArray
 from ..hit_colors import Shading
 from ..passes import DataPasses
-from ..scene import Scene
 from ..typing import Single
 from .canvas import measure, see
 from .edges import Segments, find_edges, joined_up, neighbours
@@ -30,7 +29,7 @@ from .strokes import (
     tone_of,
     tone_strokes,
 )
-from .tones import clay, on_paper
+from .tones import DrawnShading, on_paper
 
 if TYPE_CHECKING:
     from ..pipeline import Pipeline
@@ -45,7 +44,7 @@ class Drawing:
     """What draws over the tiles of a frame.
 
     fine: the pipeline of a picture of ``detail`` times the pixels along each axis, in which lines are
-    found. light: as white clay shows it, None where no strokes depend on it.
+    found. light: as white clay shows it, None where nothing depends on it.
     """
 
     drawn: Drawn
@@ -53,8 +52,8 @@ class Drawing:
     light: Shading | None
 
     @classmethod
-    def of(cls, pipeline: Pipeline, scene: Scene, drawn: Drawn) -> Drawing:
-        """Prepared once a frame. scene: that of the pipeline."""
+    def of(cls, pipeline: Pipeline, drawn: Drawn) -> Drawing:
+        """Prepared once a frame."""
         settings, detail = pipeline.settings, drawn.detail
         finer = replace(
             settings,
@@ -66,9 +65,7 @@ class Drawing:
             lens=None,
             drawn=None,
         )
-        light = None
-        if drawn.hatching and drawn.hatching.kind == "TONE" and pipeline.cast_scene:
-            light = clay(scene, pipeline.cast_scene, finer)
+        light = pipeline.shading.light if isinstance(pipeline.shading, DrawnShading) else None
         return cls(drawn, replace(pipeline, settings=finer, passes=None, lens=None, moments=()), light)
 
     @property
@@ -129,7 +126,7 @@ class Drawing:
         if hatching and not job.stop.is_set():
             own = slice(rows.start - wide.start, rows.stop - wide.start)
             mine = slice(own.start * detail * settings.width, own.stop * detail * settings.width)
-            if self.light is None:
+            if hatching.kind == "DEPTH" or self.light is None:
                 measure(self.fine, view, x, y, np.flatnonzero(view.hit))
                 ink = depth_lines(view, hatching, detail)[mine]
             else:

@@ -96,6 +96,12 @@ class Drawn:
         if self.steps < 1 or self.detail < 1:
             raise ValueError("a drawn picture needs at least one step of light and a detail of 1")
 
+    @property
+    def lit(self) -> bool:
+        """Whether it matters how much light falls on things, but for the picture as rendered."""
+        toned = self.hatching is not None and self.hatching.kind == "TONE"
+        return toned or (self.fill == "TOON" and self.steps > 1)
+
     def scaled(self, factor: float) -> Drawn:
         """The same drawing in a picture whose sides have so many times the pixels."""
         lines, hatching = self.lines, self.hatching

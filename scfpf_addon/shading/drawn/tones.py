@@ -30,11 +30,6 @@ def without_light(scene: Scene) -> Scene:
     return replace(scene, lights=(), world_color=np.ones(3))
 
 
-def clay(scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
-    """What light does: lamps are seen from the middle, so that shadows have the edges of drawn ones."""
-    return Shading.of(of_clay(scene), cast_scene, replace(settings, samples=1, transparent=False))
-
-
 def stepped(tone: Single, drawn: Drawn) -> Single:
     """Tones (n,) in [0, 1] in so many steps, from ``darkest`` to 1."""
     if drawn.steps == 1:
@@ -53,35 +48,44 @@ def stepped(tone: Single, drawn: Drawn) -> Single:
     return level
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class DrawnShading(Shading):
-    """Colours in even light, times steps of the light that there is.
+    """The shading of a scene, and what colours its drawn picture: even light, times steps of light.
 
-    light: as white clay shows it; None where it has no part.
+    flat: in even light, None where colours have no part. light: as white clay shows it, None where it
+    has none.
     """
 
     drawn: Drawn
+    flat: Shading | None
     light: Shading | None
 
     @classmethod
-    def drawn_of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings, drawn: Drawn) -> Shading:
-        """What colours the fill of a drawn picture."""
-        if drawn.fill == "RENDERED":
-            return Shading.of(scene, cast_scene, settings)
-        bare = of_clay(scene) if drawn.fill == "PAPER" else scene
-        plain = Shading.of(without_light(bare), cast_scene, settings)
-        light = clay(scene, cast_scene, settings) if drawn.fill == "TOON" and drawn.steps > 1 else None
+    def drawn_of(
+        cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings, drawn: Drawn
+    ) -> DrawnShading:
+        """Prepared for frames of these settings."""
+        plain = Shading.of(scene, cast_scene, settings)
         parts = {each.name: getattr(plain, each.name) for each in fields(Shading)}
-        return cls(**parts, drawn=drawn, light=light)
+        flat = light = None
+        if drawn.fill in ("TOON", "FLAT"):
+            flat = Shading.of(without_light(scene), cast_scene, settings)
+        if drawn.lit:
+            # Lamps are seen from the middle, so that shadows have the edges of drawn ones.
+            alone = replace(settings, samples=1, transparent=False)
+            light = replace(Shading.of(of_clay(scene), cast_scene, alone), surface=plain.surface)
+        return cls(**parts, drawn=drawn, flat=flat, light=light)
 
     def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
         """As ``Shading.color``."""
-        if self.drawn.fill == "PAPER":
+        if self.drawn.fill == "RENDERED":
+            return super().color(hits, where, sample, onward)
+        if self.flat is None:
             paper = np.empty((3, len(where)), np.float32)
             paper[:] = self.drawn.paper.astype(np.float32)[:, None]
             return paper
-        color = super().color(hits, where, sample, onward)
-        if self.light is None:
+        color = self.flat.color(hits, where, sample, onward)
+        if self.drawn.fill == "FLAT" or self.light is None:
             return color
         light = self.light.color(hits, where, 0, onward)
         brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
