@@ -259,7 +259,7 @@ def view(build):
     scene = build.scene(parts, lights, base=(0.8, 0.6, 0.4), f0=0.04, world=(0.1, 0.1, 0.2))
     settings = replace(
         drawn_with(
-            lines=Lines(EVERY_KIND, 5.0, 2.0), hatching=Hatching("TONE"), fill="TOON", steps=4, size=(80, 64)
+            lines=Lines(EVERY_KIND, 5.0, 2.0), hatching=Hatching("TONE"), fill="TOON", steps=4, size=(48, 40)
         ),
         samples=2,
     )
@@ -269,7 +269,7 @@ def view(build):
 def test_a_border_and_threads_make_no_difference(build, view):
     scene, settings = view
     whole = render_frame(bent(build), scene, settings).pixels
-    for border in (Border(0, 0, 40, 33), Border(40, 33, 80, 64)):
+    for border in (Border(0, 0, 24, 21), Border(24, 21, 48, 40)):
         part = render_frame(bent(build), scene, replace(settings, border=border, threads=1)).pixels
         assert np.array_equal(part, whole[border.bottom : border.top, border.left : border.right])
 
@@ -280,7 +280,7 @@ def test_the_tiling_makes_no_difference(build, view, monkeypatch, kind):
     scene, settings = view
     settings = replace(settings, drawn=replace(settings.drawn, hatching=Hatching(kind)))
     pictures = []
-    for fewest in (1, 64):
+    for fewest in (1, 40):
         monkeypatch.setattr(tiles, "FEWEST_TILES", fewest)
         pictures.append(render_frame(perspective(build), scene, settings).pixels)
     assert np.array_equal(*pictures)
