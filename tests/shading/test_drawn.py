@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import scfpf_addon.casting.tiles as tiles
+from scfpf_addon.casting.visibility import CAMERA, HOLDOUT
 from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 from scfpf_addon.shading.drawn.edges import Segments
@@ -251,6 +252,15 @@ def test_paper_is_where_nothing_is_hit_unless_the_film_is_transparent(build):
     assert not clear[2, 2].any()
 
 
+def test_what_is_held_out_is_a_hole_without_a_rim(build):
+    scene = build.scene([build.square(0.5)])
+    held = replace(scene, geometry=replace(scene.geometry, visibility=np.full(2, CAMERA | HOLDOUT, np.uint8)))
+    for hatching in ("DEPTH", "TONE"):
+        settings = replace(drawn_with(hatching=Hatching(hatching)), transparent=True)
+        assert render_frame(build.looking_down(1, -1), scene, settings).pixels.any()
+        assert not render_frame(build.looking_down(1, -1), held, settings).pixels.any()
+
+
 @pytest.fixture(scope="module")
 def view(build):
     """A ball, a floating square and the ground, lit so that they throw shadows; all of the style on."""
@@ -288,7 +298,7 @@ def test_the_tiling_makes_no_difference(build, view, monkeypatch, kind):
 
 def test_passes_stay_as_they_are_and_off_is_off(build, view):
     scene, settings = view
-    passes = DataPasses(("DEPTH", "NORMAL", "OBJECT_INDEX"))
+    passes = DataPasses(("DEPTH", "NORMAL", "OBJECT_INDEX", "DIFFUSE", "SPECULAR", "ENVIRONMENT", "SHADOW"))
     scene = replace(scene, object_index=(1, 2, 3))
     drawn = render_frame(bent(build), scene, replace(settings, passes=passes))
     plain = render_frame(bent(build), scene, replace(settings, passes=passes, drawn=None))

@@ -72,8 +72,12 @@ def see(pipeline: Pipeline, hits: Hits) -> View:
     if cast_scene is None or geometry is None or shading is None:
         raise ValueError("there is nothing to see")
     count = len(hits.t)
-    hit = hits.triangle >= 0
+    mask, hit = hits.mask, hits.triangle >= 0
     triangle = np.maximum(hits.triangle, 0).astype(np.intp)
+    if shading.held_out is not None:
+        # A hole in the picture has neither rim nor surface.
+        held = shading.held_out.take(triangle) & hit
+        mask, hit = mask & ~held, hit & ~held
     normal = cast_scene.normals(triangle)
     ahead = hits.tangent / np.maximum(np.sqrt(np.einsum("cn,cn->n", hits.tangent, hits.tangent)), TINY)
     corners = shading.surface.smooth
@@ -87,7 +91,7 @@ def see(pipeline: Pipeline, hits: Hits) -> View:
         facing = -np.einsum("cn,cn->n", smooth, ahead.astype(np.float32))
     normal = normal * side
     return View(
-        hits.mask,
+        mask,
         hit,
         np.where(hit, hits.t, 0.0),
         hits.position,

@@ -130,7 +130,7 @@ class Drawing:
                 measure(self.fine, view, x, y, np.flatnonzero(view.hit))
                 ink = depth_lines(view, hatching, detail)[mine]
             else:
-                where = np.flatnonzero(hits.triangle[mine] >= 0)
+                where = np.flatnonzero(view.hit[mine])
                 light = self.light.color(hits, where + mine.start, 0, onward)
                 ink = np.zeros(mine.stop - mine.start, np.float32)
                 right, up = (axis[where] for axis in in_pixels(rows, columns, detail))

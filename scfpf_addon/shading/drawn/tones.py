@@ -12,6 +12,7 @@ from ...casting.hits import Hits
 from ...casting.scene import CastScene
 from ...projection.typing import IndexArray
 from ..hit_colors import Shading
+from ..light_passes import LightParts
 from ..scene import Materials, Scene
 from ..settings import FrameSettings
 from ..typing import Single
@@ -76,18 +77,29 @@ class DrawnShading(Shading):
             light = replace(Shading.of(of_clay(scene), cast_scene, alone), surface=plain.surface)
         return cls(**parts, drawn=drawn, flat=flat, light=light)
 
-    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
-        """As ``Shading.color``."""
+    def color(
+        self,
+        hits: Hits,
+        where: IndexArray,
+        sample: int | IndexArray,
+        onward: Onward,
+        parts: LightParts | None = None,
+    ) -> Single:
+        """As ``Shading.color``. parts: of the picture as it would be rendered."""
         if self.drawn.fill == "RENDERED":
-            return super().color(hits, where, sample, onward)
+            return super().color(hits, where, sample, onward, parts)
+        if parts:
+            super().color(hits, where, sample, onward, parts)
         if self.flat is None:
-            paper = np.empty((3, len(where)), np.float32)
-            paper[:] = self.drawn.paper.astype(np.float32)[:, None]
+            paper = np.ones((4, len(where)), np.float32)
+            paper[:3] = self.drawn.paper.astype(np.float32)[:, None]
+            if self.held_out is not None:
+                paper *= ~self.held_out.take(hits.triangle.take(where))
             return paper
         color = self.flat.color(hits, where, sample, onward)
         if self.drawn.fill == "FLAT" or self.light is None:
             return color
-        light = self.light.color(hits, where, 0, onward)
+        light = self.light.color(hits, where, 0, onward)[:3]
         brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
         # Where no light falls none has a colour.
         tint = np.divide(light, brightest, out=np.ones_like(light), where=brightest > 0)
