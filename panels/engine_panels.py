@@ -4,6 +4,7 @@
 import bpy
 
 from ..scfpf_addon.bridge.render_engine import ENGINE
+from .camera_panels import draw_caster_fault
 
 # Blender's panels that every engine may show come with BLENDER_RENDER; these would promise what is not there,
 # or are the bare siblings of those below.
@@ -47,6 +48,7 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
+        draw_caster_fault(layout)
         layout.use_property_split = True
         scene = context.scene
         layout.prop(scene, "camera")

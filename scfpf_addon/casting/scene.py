@@ -10,6 +10,7 @@ what a hit is, is computed from the float64 triangles.
 from __future__ import annotations
 
 from copy import copy
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from threading import Lock
 from typing import Any
@@ -25,6 +26,7 @@ from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
+REMEDY = "install SCFPF again from the zip for this system, which brings embreex {} or later"
 
 # A larger coordinate cannot be squared twice in float64; it counts as not finite.
 LARGEST_COORDINATE = 1e60
@@ -62,12 +64,20 @@ def _load_embreex() -> tuple[Any, Any]:
 
         found = version("embreex")
     except (ImportError, PackageNotFoundError) as error:
-        raise CastError(
-            f"the ray caster embreex is missing ({error}); install embreex {needed} or later"
-        ) from error
+        raise CastError(f"the ray caster embreex is missing ({error}): {REMEDY.format(needed)}") from error
     if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
-        raise CastError(f"embreex {found} is too old; install embreex {needed} or later")
+        raise CastError(f"the ray caster embreex {found} is too old: {REMEDY.format(needed)}")
     return rtcore_scene, mesh_construction
+
+
+@cache
+def caster_fault() -> str:
+    """Why nothing can be cast, and what to do; empty where all is well. Asked once: it draws panels."""
+    try:
+        _load_embreex()
+    except CastError as error:
+        return str(error)
+    return ""
 
 
 def _keep_freed_memory() -> None:
