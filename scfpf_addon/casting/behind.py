@@ -43,7 +43,8 @@ class Onward:
 
     projection: in cast space. x, y: (N,) image positions of the whole tile, whose projectors share
     their chords, whichever of them go on. mask: (N,) which exist. known: numbers of those that hits are
-    kept of, None for all. pixel_size, pixel_error: as for ``cast``.
+    kept of, None for all. pixel_size, pixel_error: as for ``cast``. pixels: of the image, of the known hits,
+    None where it does not matter.
     """
 
     scene: CastScene
@@ -54,6 +55,11 @@ class Onward:
     known: IndexArray | None
     pixel_size: tuple[float, float]
     pixel_error: float
+    pixels: IndexArray | None = None
+
+    def pixels_of(self, where: IndexArray) -> IndexArray:
+        """What is drawn by lot for the known hits ``where`` is drawn by these numbers."""
+        return where if self.pixels is None else self.pixels[where]
 
     def of(self, where: IndexArray) -> Behind:
         """``hits`` by place among the known hits ``where``."""

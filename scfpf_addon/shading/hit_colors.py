@@ -54,19 +54,17 @@ class Shading:
         hits: Hits,
         where: IndexArray,
         sample: int | IndexArray,
-        pixel: IndexArray,
         onward: Onward,
         parts: LightParts | None = None,
     ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
-        sample: a number, or with no tracer one for each hit. pixel: (N,) the image's, of all
-        hits. onward: follows the projectors of ``hits`` on. parts: of n hits, gets what the colours
-        are the sum of.
+        sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
+        parts: of n hits, gets what the colours are the sum of.
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            return tracer.color(hits.take(where), sample, pixel[where], onward.of(where), parts)
+            return tracer.color(hits.take(where), sample, onward.pixels_of(where), onward.of(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)

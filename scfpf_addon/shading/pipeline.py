@@ -363,7 +363,7 @@ class Pipeline:
         # What is sent on belongs to no pixel any more.
         if self.places.scrambled and self.shading.tracer is None:
             own = self.places.on_lamps(pixel[where], sample)
-        return self.shading.color(hits, where, own, pixel, onward, parts)
+        return self.shading.color(hits, where, own, replace(onward, pixels=pixel), parts)
 
     def with_world(
         self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None
