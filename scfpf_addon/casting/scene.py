@@ -218,6 +218,13 @@ class CastScene:
         found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
         return found
 
+    def trace_weights(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> tuple[NDArray[np.int32], Float32Array]:
+        """As ``trace``, with Embree's own weights (2, N) of the second and third corner."""
+        found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
+        return found["primID"], np.stack([found["u"], found["v"]])
+
     def trace_distance(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:

@@ -102,6 +102,14 @@ class Film:
             self._sum += sample
         self._samples += 1
 
+    def add_whole(self, sample: Single) -> None:
+        """One sample of every pixel, (4, count) with alpha, whatever it sees; the film keeps the array."""
+        if self._samples:
+            self._sum += sample
+        else:
+            self._sum = sample
+        self._samples += 1
+
     def develop(self, pixels: Single) -> None:
         """Write the mean into pixels (count, 4): premultiplied by alpha."""
         for channel, total in zip(pixels.T, self._sum, strict=True):

@@ -18,6 +18,9 @@ from .surface import PhongTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
 
+# In place of positions that do not matter.
+NOWHERE = np.full((3, 1), np.nan)
+
 
 @dataclass(frozen=True)
 class Shading:
@@ -52,4 +55,13 @@ class Shading:
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
             position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
         points = self.surface.points(triangle, barycentric, position, tangent)
+        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)
+
+    def under_suns(self, triangle: IndexArray, weights: Single | None, way: Single, sample: int) -> Single:
+        """As ``color``, (3, n), where there are but suns without shadows, for which places do not matter.
+
+        triangle: (n,), where it is negative any colour comes out. weights: (2, n) of its second and
+        third corner, for smooth shading. way: (3, n) away from the viewer.
+        """
+        points = self.surface.points(triangle, weights, NOWHERE, way)
         return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)

@@ -116,33 +116,36 @@ class SurfaceTable:
         return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material)
 
     def points(
-        self, triangle: IndexArray, barycentric: Array, position: Array, tangent: Array
+        self, triangle: IndexArray, barycentric: Array | Single | None, position: Array, tangent: Array | Single
     ) -> SurfacePoints:
         """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
 
-        The weights are those of the second and third corner. Position is in cast
-        space; the tangent is dQ/dt of the projector, of any length.
+        The weights are those of the second and third corner, None where nothing is smooth. Position is
+        in cast space; the tangent is dQ/dt of the projector, of any length.
         """
         triangle = triangle.astype(np.intp)
-        flat = self.flat.take(triangle, axis=1)
+        # NumPy is quickest at this mode, and takes the last triangle for -1.
+        flat = self.flat.take(triangle, axis=1, mode="wrap")
         view = tangent.astype(np.float32)
         view *= -1 / np.maximum(np.sqrt(dot(view, view)), TINY)
         # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
         side = np.copysign(np.float32(1), dot(flat, view))
         flat *= side
-        weight = barycentric.astype(np.float32)
-        normal = (
-            flat if self.smooth is None else smooth_normal(self.smooth.take(triangle, axis=1), weight, side)
-        )
+        normal = flat
+        if self.smooth is not None and barycentric is not None:
+            weight = barycentric.astype(np.float32)
+            normal = smooth_normal(self.smooth.take(triangle, axis=1, mode="wrap"), weight, side)
         shadow = None
         if self.shadows:
-            if self.bulge is None:
+            if self.bulge is None or barycentric is None:
                 height = np.zeros_like(side)
             else:
-                height = smooth_height(self.bulge.take(triangle, axis=1), weight, side)
+                height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
             origin = self.cast_scene.offset_origins(position, triangle, -tangent)
             shadow = ShadowStart(origin, flat, height)
-        return SurfacePoints(position.astype(np.float32), normal, view, self.material.take(triangle), shadow)
+        return SurfacePoints(
+            position.astype(np.float32), normal, view, self.material.take(triangle, mode="wrap"), shadow
+        )
 
 
 def smooth_normal(corners: Single, weight: Single, side: Single) -> Single:
