@@ -83,7 +83,12 @@ class FlatRays:
             middle, across, up = terms[:, :, None]
             column = (across * (x - 0.5)).astype(np.float32)
             row = (middle + up * y + shift).astype(np.float32)
-            total: Float32Array = row[:, :, None] + column[:, None]
+            total = np.empty((3, len(y), len(x)), np.float32)
+            for each, by_row, by_column in zip(total, row[:, :, None], column, strict=True):
+                if by_column.any():
+                    np.add(by_row, by_column, out=each)
+                else:
+                    each[:] = by_row
             return total.reshape(3, -1)
 
         return sums(self.near, OFF_VERTICES), sums(self.way, 0.0)

@@ -78,7 +78,7 @@ class Film:
     """
 
     def __init__(self, count: int, background: Array, transparent: bool) -> None:
-        self._sum: Single = np.zeros((4, count), np.float32)
+        self._sum: Single = np.empty((4, count), np.float32)
         self._samples = 0
         self._empty = np.zeros(4, np.float32)
         if not transparent:
@@ -91,16 +91,15 @@ class Film:
         hit: (n,) the pixels that see the scene, color: (3, n) what they see, or (4, n)
         with its alpha.
         """
-        alpha = color[3] if len(color) > 3 else np.float32(1)
         if len(hit) == len(shown):
-            self._sum[:3] += color[:3]
-            self._sum[3] += alpha
+            sample = np.empty_like(self._sum)
+            sample[:3], sample[3] = color[:3], color[3] if len(color) > 3 else 1
         else:
             sample = self._empty[:, None] * shown
+            alpha = color[3] if len(color) > 3 else np.float32(1)
             for channel, values in zip(sample, (*color[:3], alpha), strict=True):
                 channel[hit] = values
-            self._sum += sample
-        self._samples += 1
+        self.add_whole(sample)
 
     def add_whole(self, sample: Single) -> None:
         """One sample of every pixel, (4, count) with alpha, whatever it sees; the film keeps the array."""

@@ -25,9 +25,6 @@ from .samples import SamplePlaces
 from .settings import FrameSettings
 from .typing import Single
 
-# Hits that are coloured at once: their dozen arrays fit a core's cache.
-BLOCK = 1 << 15
-
 
 @dataclass(frozen=True)
 class SunsAlone:
@@ -80,14 +77,14 @@ class SunsAlone:
             seen = see(self.scene, self.projection, x, y, counts, weighted)
         hit = seen.triangle >= 0
         color = np.empty((4, len(hit)), np.float32)
+        # Often there are rows of sky without any hit, below or above the others.
         first, last = int(hit.argmax()), len(hit) - int(hit[::-1].argmax())
         if not hit[first]:
             last = first
-        # Often the sky: rows without any hit.
         color[:, :first], color[:, last:] = self.background[:, None], self.background[:, None]
-        for start in range(first, last, BLOCK):
-            part = slice(start, min(start + BLOCK, last))
-            self._fill(color[:, part], seen.part(part), hit[part], sample)
+        if last > first:
+            some = slice(first, last)
+            self._fill(color[:, some], seen.part(some), hit[some], sample)
         if seen.mask is not None:
             color *= seen.mask
         return color, seen.triangle

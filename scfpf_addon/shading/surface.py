@@ -106,10 +106,10 @@ class SurfaceTable:
         for corner in range(3):
             normals[corner] = geometry.corner_normals[:, corner].T
         flat = cast_scene.planes[:3].astype(np.float32)
-        flat *= np.copysign(np.float32(1), sum(dot(flat, normal) for normal in normals))
+        flat *= np.copysign(np.float32(1), dot(flat, normals[0] + normals[1] + normals[2]))
         material = geometry.material.astype(np.intp)
-        hit = np.flatnonzero(flat.any(axis=0))
-        if all(np.abs(normal - flat)[:, hit].max(initial=0) <= FLAT for normal in normals):
+        hit = (flat != 0).any(axis=0)
+        if all(np.abs(normal - flat).max(axis=0)[hit].max(initial=0) <= FLAT for normal in normals):
             return cls(cast_scene, flat, None, None, shadows, material)
         bulge = corner_heights(cast_scene, normals) if shadows else None
         normals[1:] -= normals[0]
@@ -126,14 +126,15 @@ class SurfaceTable:
         triangle = triangle.astype(np.intp)
         # NumPy is quickest at this mode, and takes the last triangle for -1.
         flat = self.flat.take(triangle, axis=1, mode="wrap")
-        view = tangent.astype(np.float32)
-        view *= -1 / np.maximum(np.sqrt(dot(view, view)), TINY)
+        view = tangent.astype(np.float32, copy=False)
+        view = view * (-1 / (np.sqrt(dot(view, view)) + TINY))
         # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
         side = np.copysign(np.float32(1), dot(flat, view))
-        flat *= side
         normal = flat
+        if self.smooth is None or barycentric is None or self.shadows:
+            flat *= side
         if self.smooth is not None and barycentric is not None:
-            weight = barycentric.astype(np.float32)
+            weight = barycentric.astype(np.float32, copy=False)
             normal = smooth_normal(self.smooth.take(triangle, axis=1, mode="wrap"), weight, side)
         shadow = None
         if self.shadows:
@@ -158,7 +159,7 @@ def smooth_normal(corners: Single, weight: Single, side: Single) -> Single:
     third *= weight[1]
     normal += second
     normal += third
-    normal *= side / np.maximum(np.sqrt(dot(normal, normal)), TINY)
+    normal *= side / (np.sqrt(dot(normal, normal)) + TINY)
     return normal
 
 
