@@ -220,10 +220,13 @@ class CastScene:
 
     def trace_weights(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
-    ) -> tuple[NDArray[np.int32], Float32Array]:
-        """As ``trace``, with Embree's own weights (2, N) of the second and third corner."""
-        found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
-        return found["primID"], np.stack([found["u"], found["v"]])
+    ) -> tuple[NDArray[np.int32], tuple[Float32Array, Float32Array]]:
+        """As ``trace``, with Embree's own weights, each (N,), of the second and third corner.
+
+        The limits are used up.
+        """
+        found = self._embree.run(origins.T, directions.T, limits, output=True)
+        return found["primID"], (found["u"], found["v"])
 
     def trace_distance(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array

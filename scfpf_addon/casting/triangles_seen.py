@@ -31,19 +31,19 @@ PARALLELOGRAM = 1e-9
 class TrianglesSeen(NamedTuple):
     """What N straight projectors meet first, in cast space.
 
-    triangle: (N,) int32, -1 for none. weights: (2, N) of its second and third corner, anything on
-    a miss; None where they were not asked for. way: (3, N) along the projectors, of any length.
+    triangle: (N,) int32, -1 for none. weights: of its second and third corner, each (N,), anything
+    on a miss; None where they were not asked for. way: (3, N) along the projectors, of any length.
     mask: (N,) False where there is no projector; None where there is one everywhere.
     """
 
     triangle: NDArray[np.int32]
-    weights: Float32Array | None
+    weights: tuple[Float32Array, Float32Array] | None
     way: Float32Array
     mask: BoolArray | None
 
     def part(self, which: slice) -> TrianglesSeen:
         """Some of the projectors."""
-        weights = None if self.weights is None else self.weights[:, which]
+        weights = None if self.weights is None else (self.weights[0][which], self.weights[1][which])
         mask = None if self.mask is None else self.mask[which]
         return TrianglesSeen(self.triangle[which], weights, self.way[:, which], mask)
 
@@ -84,11 +84,11 @@ class FlatRays:
             column = (across * (x - 0.5)).astype(np.float32)
             row = (middle + up * y + shift).astype(np.float32)
             total = np.empty((3, len(y), len(x)), np.float32)
-            for each, by_row, by_column in zip(total, row[:, :, None], column, strict=True):
-                if by_column.any():
-                    np.add(by_row, by_column, out=each)
+            for axis, each in enumerate(total):
+                if across[axis]:
+                    np.add(row[axis, :, None], column[axis], out=each)
                 else:
-                    each[:] = by_row
+                    each[:] = row[axis, :, None]
             return total.reshape(3, -1)
 
         return sums(self.near, OFF_VERTICES), sums(self.way, 0.0)

@@ -57,11 +57,13 @@ class Shading:
         points = self.surface.points(triangle, barycentric, position, tangent)
         return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)
 
-    def under_suns(self, triangle: IndexArray, weights: Single | None, way: Single, sample: int) -> Single:
+    def under_suns(
+        self, triangle: IndexArray, weights: tuple[Single, Single] | None, way: Single, sample: int
+    ) -> Single:
         """As ``color``, (3, n), where there are but suns without shadows, for which places do not matter.
 
-        triangle: (n,), where it is negative any colour comes out. weights: (2, n) of its second and
-        third corner, for smooth shading. way: (3, n) away from the viewer.
+        triangle: (n,), where it is negative any colour comes out. weights: of its second and third
+        corner, each (n,), for smooth shading. way: (3, n) away from the viewer.
         """
         points = self.surface.points(triangle, weights, NOWHERE, way)
         return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)

@@ -77,13 +77,12 @@ class SunsAlone:
             seen = see(self.scene, self.projection, x, y, counts, weighted)
         hit = seen.triangle >= 0
         color = np.empty((4, len(hit)), np.float32)
-        # Often there are rows of sky without any hit, below or above the others.
-        first, last = int(hit.argmax()), len(hit) - int(hit[::-1].argmax())
-        if not hit[first]:
-            last = first
-        color[:, :first], color[:, last:] = self.background[:, None], self.background[:, None]
-        if last > first:
-            some = slice(first, last)
+        # Often there are rows of sky without any hit, above or below the others.
+        lines = np.flatnonzero(hit.reshape(-1, self.places.width).any(axis=1))
+        first, last = (lines[0], lines[-1] + 1) if len(lines) else (0, 0)
+        some = slice(first * self.places.width, last * self.places.width)
+        color[:, : some.start], color[:, some.stop :] = self.background[:, None], self.background[:, None]
+        if len(lines):
             self._fill(color[:, some], seen.part(some), hit[some], sample)
         if seen.mask is not None:
             color *= seen.mask
@@ -91,13 +90,14 @@ class SunsAlone:
 
     def _fill(self, color: Single, seen: TrianglesSeen, hit: BoolArray, sample: int) -> None:
         """Write the colours of what is seen into color (4, n)."""
-        color[:3] = self.shading.under_suns(seen.triangle, seen.weights, seen.way, sample)
-        color[3] = 1
-        if not hit.all():
-            kept = hit.astype(np.float32)
-            color *= kept
-            if self.background.any():
-                color += self.background[:, None] * (1 - kept)
+        lit = self.shading.under_suns(seen.triangle, seen.weights, seen.way, sample)
+        if hit.all():
+            color[:3], color[3] = lit, 1
+            return
+        np.multiply(lit, hit, out=color[:3])
+        color[3] = hit
+        if self.background.any():
+            color += self.background[:, None] * ~hit
 
 
 def _is_alone(lamp: Lamp, scrambled: bool) -> bool:

@@ -7,7 +7,9 @@ keeps seven digits of it. Nothing here feeds back into where a projector hits.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -94,6 +96,11 @@ class SurfaceTable:
     shadows: bool
     material: IndexArray
 
+    @cached_property
+    def single(self) -> bool:
+        """Whether all is of one material."""
+        return bool((self.material == self.material[0]).all())
+
     @property
     def weighted(self) -> bool:
         """Whether ``points`` needs the barycentric weights of a hit."""
@@ -116,7 +123,7 @@ class SurfaceTable:
         return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material)
 
     def points(
-        self, triangle: IndexArray, barycentric: Array | Single | None, position: Array, tangent: Array | Single
+        self, triangle: IndexArray, barycentric: Iterable[Array | Single] | None, position: Array, tangent: Array | Single
     ) -> SurfacePoints:
         """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
 
@@ -134,8 +141,8 @@ class SurfaceTable:
         if self.smooth is None or barycentric is None or self.shadows:
             flat *= side
         if self.smooth is not None and barycentric is not None:
-            weight = barycentric.astype(np.float32, copy=False)
-            normal = smooth_normal(self.smooth.take(triangle, axis=1, mode="wrap"), weight, side)
+            weight = [row.astype(np.float32, copy=False) for row in barycentric]
+            normal = smooth_normal(self.smooth, triangle, weight, side)
         shadow = None
         if self.shadows:
             if self.bulge is None or barycentric is None:
@@ -144,21 +151,28 @@ class SurfaceTable:
                 height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
             origin = self.cast_scene.offset_origins(position, triangle, -tangent)
             shadow = ShadowStart(origin, flat, height)
-        return SurfacePoints(
-            position.astype(np.float32), normal, view, self.material.take(triangle, mode="wrap"), shadow
-        )
+        if self.single:
+            material = np.broadcast_to(self.material[0], triangle.shape)
+        else:
+            material = self.material.take(triangle, mode="wrap")
+        return SurfacePoints(position.astype(np.float32), normal, view, material, shadow)
 
 
-def smooth_normal(corners: Single, weight: Single, side: Single) -> Single:
+def smooth_normal(table: Single, triangle: IndexArray, weight: Sequence[Single], side: Single) -> Single:
     """Interpolated unit normals (3, N), on the given side.
 
-    corners: (9, N) as in ``SurfaceTable.smooth``, used up; weight: (2, N); side: (N,) ±1.
+    table: (9, T) as in ``SurfaceTable.smooth``; triangle: (N,); weight: two (N,); side: (N,) ±1.
     """
-    normal, second, third = corners.reshape(3, 3, -1)
-    second *= weight[0]
-    third *= weight[1]
-    normal += second
-    normal += third
+    normal = np.empty((3, len(triangle)), np.float32)
+    term = np.empty(len(triangle), np.float32)
+    # One row after the other, so that what is worked on stays in the cache.
+    for axis, first, second, third in zip(normal, table[:3], table[3:6], table[6:], strict=True):
+        second.take(triangle, out=axis, mode="wrap")
+        axis *= weight[0]
+        axis += first.take(triangle, out=term, mode="wrap")
+        third.take(triangle, out=term, mode="wrap")
+        term *= weight[1]
+        axis += term
     normal *= side / (np.sqrt(dot(normal, normal)) + TINY)
     return normal
 
@@ -179,10 +193,10 @@ def corner_heights(cast_scene: CastScene, normals: Single) -> Single:
     return heights
 
 
-def smooth_height(heights: Single, weight: Single, side: Single) -> Single:
+def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Single:
     """Height, along the normal, of the rounded surface that smooth shading pretends to, (N,).
 
-    heights: (6, N) of ``corner_heights``; weight: (2, N); side: (N,) ±1. The mean of
+    heights: (6, N) of ``corner_heights``; weight: two (N,); side: (N,) ±1. The mean of
     the distances by which the point lies below the corners' tangent planes, nought
     where it lies above, in a hollow. After Hanika, Hacking the Shadow Terminator (Ray
     Tracing Gems II, ch. 4).
