@@ -52,12 +52,13 @@ class TrianglesSeen(NamedTuple):
 class FlatRays:
     """Rays between two flat control surfaces: sums of a part by row and a part by column.
 
-    near, way: (3, 3) float64, rows: the value in the middle of the image's lower border, what is
-    added across the image, and what is added up it.
+    middle, across, up: (2, 3) float64 of where they begin and of their way: the value in the middle of
+    the image's lower border, what is added across the image, and what is added up it.
     """
 
-    near: Array
-    way: Array
+    middle: Array
+    across: Array
+    up: Array
 
     @classmethod
     def of(cls, projection: Projection) -> Self | None:
@@ -74,24 +75,24 @@ class FlatRays:
             return None
         points[1] -= points[0]
         left, right, above, _ = points.transpose(2, 0, 1)
-        return cls(*np.stack([0.5 * (left + right), right - left, above - left], axis=1))
+        return cls(0.5 * (left + right), right - left, above - left)
 
     def made(self, x: Array, y: Array) -> tuple[Float32Array, Float32Array]:
         """Origins and directions (3, rows · columns), row by row; x: (columns,), y: (rows,) in [0, 1]."""
 
-        def sums(terms: Array, shift: Array | float) -> Float32Array:
-            middle, across, up = terms[:, :, None]
-            column = (across * (x - 0.5)).astype(np.float32)
-            row = (middle + up * y + shift).astype(np.float32)
-            total = np.empty((3, len(y), len(x)), np.float32)
-            for axis, each in enumerate(total):
-                if across[axis]:
-                    np.add(row[axis, :, None], column[axis], out=each)
-                else:
-                    each[:] = row[axis, :, None]
-            return total.reshape(3, -1)
-
-        return sums(self.near, OFF_VERTICES), sums(self.way, 0.0)
+        column = (self.across[:, :, None] * (x - 0.5)).astype(np.float32)
+        row = self.up[:, :, None] * y
+        row += self.middle[:, :, None]
+        row[0] += OFF_VERTICES
+        row = row.astype(np.float32)[:, :, :, None]
+        rays = np.empty((2, 3, len(y), len(x)), np.float32)
+        for each in np.ndindex(2, 3):
+            if self.across[each]:
+                np.add(row[each], column[each], out=rays[each])
+            else:
+                rays[each] = row[each]
+        origins, directions = rays.reshape(2, 3, -1)
+        return origins, directions
 
 
 def see_rows(

@@ -144,8 +144,8 @@ def row_pixels(rows: slice, width: int) -> IndexArray:
 
 def _reflected(place: Array) -> Array:
     """Places brought back into [0, 1] by mirrors at both ends."""
-    beyond = np.flatnonzero((place < 0.0) | (place > 1.0))
-    if len(beyond):
+    if place.min(initial=0.0) < 0.0 or place.max(initial=1.0) > 1.0:
         # Only these: a rounding of the others would depend on what else is looked at.
+        beyond = np.flatnonzero((place < 0.0) | (place > 1.0))
         place[beyond] = 1.0 - np.abs(1.0 - np.mod(place[beyond], 2.0))
     return place

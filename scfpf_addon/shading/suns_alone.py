@@ -96,8 +96,8 @@ class SunsAlone:
             return
         np.multiply(lit, hit, out=color[:3])
         color[3] = hit
-        if self.background.any():
-            color += self.background[:, None] * ~hit
+        for channel in np.flatnonzero(self.background):
+            color[channel] += self.background[channel] * ~hit
 
 
 def _is_alone(lamp: Lamp, scrambled: bool) -> bool:
