@@ -55,8 +55,10 @@ class SunsAlone:
         if scene is None or shading is None or shading.tracer is not None:
             return None
         spans = projection.volume.spans
-        straight = spans.direct and spans.degree == 1 and type(projection) is Projection
-        if not straight or settings.pixel_error == 0.0 or settings.lens is not None:
+        straight = spans.direct and spans.degree == 1 and spans.point_weights is None
+        if not straight or type(projection) is not Projection:
+            return None
+        if settings.pixel_error == 0.0 or settings.lens is not None:
             return None
         if not all(_is_alone(lamp, places.scrambled) for lamp in shading.lamps):
             return None

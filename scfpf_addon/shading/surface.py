@@ -128,13 +128,13 @@ class SurfaceTable:
         """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
 
         The weights are those of the second and third corner, None where nothing is smooth. Position is
-        in cast space; the tangent is dQ/dt of the projector, of any length.
+        in cast space; the tangent is dQ/dt of the projector, of any length, and used up if it is float32.
         """
         triangle = triangle.astype(np.intp)
         # NumPy is quickest at this mode, and takes the last triangle for -1.
         flat = self.flat.take(triangle, axis=1, mode="wrap")
         view = tangent.astype(np.float32, copy=False)
-        view = view * (-1 / (np.sqrt(dot(view, view)) + TINY))
+        view *= -1 / (np.sqrt(dot(view, view)) + TINY)
         # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
         side = np.copysign(np.float32(1), dot(flat, view))
         normal = flat
@@ -163,16 +163,13 @@ def smooth_normal(table: Single, triangle: IndexArray, weight: Sequence[Single],
 
     table: (9, T) as in ``SurfaceTable.smooth``; triangle: (N,); weight: two (N,); side: (N,) ±1.
     """
-    normal = np.empty((3, len(triangle)), np.float32)
-    term = np.empty(len(triangle), np.float32)
-    # One row after the other, so that what is worked on stays in the cache.
-    for axis, first, second, third in zip(normal, table[:3], table[3:6], table[6:], strict=True):
-        second.take(triangle, out=axis, mode="wrap")
-        axis *= weight[0]
-        axis += first.take(triangle, out=term, mode="wrap")
-        third.take(triangle, out=term, mode="wrap")
-        term *= weight[1]
-        axis += term
+    normal: Single = table[3:6].take(triangle, axis=1, mode="wrap")
+    normal *= weight[0]
+    term = table[:3].take(triangle, axis=1, mode="wrap")
+    normal += term
+    table[6:].take(triangle, axis=1, out=term, mode="wrap")
+    term *= weight[1]
+    normal += term
     normal *= side / (np.sqrt(dot(normal, normal)) + TINY)
     return normal
 
