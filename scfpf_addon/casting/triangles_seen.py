@@ -81,10 +81,10 @@ class FlatRays:
         """Origins and directions (3, rows · columns), row by row; x: (columns,), y: (rows,) in [0, 1]."""
 
         column = (self.across[:, :, None] * (x - 0.5)).astype(np.float32)
-        row = self.up[:, :, None] * y
-        row += self.middle[:, :, None]
-        row[0] += OFF_VERTICES
-        row = row.astype(np.float32)[:, :, :, None]
+        height = self.up[:, :, None] * y
+        height += self.middle[:, :, None]
+        height[0] += OFF_VERTICES
+        row = height.astype(np.float32)[:, :, :, None]
         rays = np.empty((2, 3, len(y), len(x)), np.float32)
         for each in np.ndindex(2, 3):
             if self.across[each]:
@@ -107,7 +107,7 @@ def see_rows(
 def see(
     scene: CastScene, projection: Projection, x: Array, y: Array, counts: CastCounts, weighted: bool
 ) -> TrianglesSeen:
-    """What is met through image positions x, y (N,) by a projection of two control surfaces, in cast space."""
+    """What is met through image positions x, y (N,) by a projection of two surfaces, in cast space."""
     points, mask, farthest = usable_projectors(projection, x, y)
     reach = None if farthest <= FAR else scene_reach(projection.volume.spans, points, scene)
     rays = float32_rays(points[0], points[1] - points[0], mask, reach or (0.0, 1.0))

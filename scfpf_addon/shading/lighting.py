@@ -95,8 +95,7 @@ class Lamp:
     @cached_property
     def towards(self) -> Single:
         """Directions to a sun's places, (3, S), unit."""
-        directions: Single = self.places / np.sqrt(dot(self.places, self.places))
-        return directions
+        return (self.places / np.sqrt(dot(self.places, self.places))).astype(np.float32)
 
     def incidence(self, position: Single, sample: int | IndexArray) -> Incidence:
         """What arrives at position (3, N) from the lamp's place of this sample, or from each point's own."""

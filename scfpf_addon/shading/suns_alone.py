@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..casting.hits import CastCounts
 from ..casting.scene import CastScene
 from ..casting.triangles_seen import FlatRays, TrianglesSeen, see, see_rows
-from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
 from .hit_colors import Shading
 from .lighting import Lamp

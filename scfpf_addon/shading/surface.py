@@ -123,7 +123,11 @@ class SurfaceTable:
         return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material)
 
     def points(
-        self, triangle: IndexArray, barycentric: Iterable[Array | Single] | None, position: Array, tangent: Array | Single
+        self,
+        triangle: IndexArray,
+        barycentric: Iterable[Array | Single] | None,
+        position: Array,
+        tangent: Array | Single,
     ) -> SurfacePoints:
         """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
 

@@ -24,9 +24,9 @@ from scfpf_addon.shading.scene import Light, Materials
 from scfpf_addon.shading.settings import Border, FrameSettings
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
-SAME = 2e-3
+SAME = 1e-4
 # Pixels that may see another triangle: rays differ in the last bit, and edges are met by some of them.
-AT_EDGES = 0.01
+AT_EDGES = 0.003
 
 
 def volume(build, kind, generator):
@@ -55,13 +55,17 @@ def volume(build, kind, generator):
 def scene_of(build, generator, smooth, suns):
     """Squares and a sphere of random materials under random suns."""
     ball = build.sphere(9, generator.uniform(-0.4, 0.4, 3), 0.6)
-    parts = [build.square(1.6, -0.7), ball if smooth else (*ball[:2], None), build.square(0.5, 0.9, (0.6, 0.3))]
+    parts = [
+        build.square(1.6, -0.7),
+        ball if smooth else (*ball[:2], None),
+        build.square(0.5, 0.9, (0.6, 0.3)),
+    ]
     if not smooth:
         # Poles of the sphere are no triangles.
         points, faces = np.asarray(ball[0]), np.asarray(ball[1])
         a, b, c = points[faces].transpose(1, 0, 2)
         parts[1] = points, faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9], None
-    count = int(generator.integers(1, 4))
+    several = bool(generator.integers(2))
     materials = Materials(
         generator.uniform(0, 1, (3, 3)),
         generator.uniform(0, 1, 3),
@@ -80,7 +84,7 @@ def scene_of(build, generator, smooth, suns):
         for _ in range(suns)
     )
     scene = replace(build.scene(parts, lights), materials=materials)
-    if count == 1:
+    if not several:
         geometry = replace(scene.geometry, material=np.zeros_like(scene.geometry.material))
         scene = replace(scene, geometry=geometry)
     return replace(scene, world_color=generator.choice([0.0, 0.2]) * np.array([1, 0.5, 0]))
@@ -93,7 +97,7 @@ def in_general(projection, scene, wanted):
         return render_frame(projection, scene, wanted)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @example("planes", True, 1, 1, False, "BOX", False, False, 0)
 @example("round", True, 2, 3, True, "GAUSSIAN", False, True, 1)
 @example("polar", False, 1, 2, True, "BOX", True, False, 2)
@@ -185,7 +189,7 @@ def test_neither_tiles_nor_threads_change_a_bit(build, monkeypatch):
         assert again.tobytes() == plain.tobytes()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.sampled_from(["planes", "pinhole"]), st.integers(0, 2**32))
 def test_rays_of_flat_surfaces_are_those_of_the_projection(build, kind, seed):
     generator = np.random.default_rng(seed)
