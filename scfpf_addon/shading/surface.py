@@ -125,9 +125,9 @@ class SurfaceTable:
     def points(
         self,
         triangle: IndexArray,
-        barycentric: Iterable[Array | Single] | None,
+        barycentric: Iterable[NDArray[Any]] | None,
         position: Array,
-        tangent: Array | Single,
+        tangent: NDArray[Any],
     ) -> SurfacePoints:
         """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
 
