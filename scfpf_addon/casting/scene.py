@@ -310,7 +310,7 @@ class CastScene:
 
     def barycentric(self, positions: Array, triangles: IndexArray) -> Array:
         """Weights (2, N) of the triangles' second and third corners at positions (3, N)."""
-        rows = self._corners.take(triangles, 1)
+        rows = self._corners.take(triangles, 1, mode="wrap")
         weights = np.empty((2, positions.shape[1]))
         for target, row in zip(weights, (rows[:4], rows[4:]), strict=True):
             np.einsum("cn,cn->n", row[:3], positions, out=target)

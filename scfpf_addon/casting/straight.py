@@ -63,7 +63,7 @@ def cast_straight(
     counts.chords += count
 
     # On a miss the last triangle stands in; what comes of it is overwritten below.
-    plane = scene.planes.take(found, 1)
+    plane = scene.planes.take(found, 1, mode="wrap")
     height = np.einsum("cn,cn->n", plane[:3], start)
     height += plane[3]
     slope = np.einsum("cn,cn->n", plane[:3], way)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The short way to straight pictures under suns makes the same picture as the general one."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -17,11 +17,13 @@ from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import BilinearPatch, Cylinder, Disc, Plane, Point
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
+from scfpf_addon.shading.hit_colors import Shading
 from scfpf_addon.shading.lens import Aperture, lens_of
 from scfpf_addon.shading.pipeline import Pipeline
 from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light, Materials
 from scfpf_addon.shading.settings import Border, FrameSettings
+from scfpf_addon.shading.surface import PhongTable, SurfacePoints
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
 SAME = 1e-4
@@ -175,6 +177,25 @@ def test_a_lens_takes_the_general_way(build):
     assert Pipeline.of(projection, scene, wanted, None).suns_alone is not None
     assert lens is not None
     assert Pipeline.of(projection, scene, replace(wanted, lens=lens), None).suns_alone is None
+
+
+# All that the short way's condition has been thought through for.
+KNOWN = {
+    Pipeline: "projection settings background places cast_scene shading passes lens geometry moments",
+    Shading: "surface phong lamps tracer",
+    PhongTable: "emitted diffuse gloss exponent glossy",
+    SurfacePoints: "position normal view material shadow",
+    Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend",
+    FrameSettings: "width height samples pixel_error transparent threads border passes pixel_filter "
+    "scrambled adaptive lens",
+}
+
+
+@pytest.mark.parametrize("kind", KNOWN)
+def test_what_makes_a_picture_is_known_to_the_short_way(kind):
+    """Whoever adds a field says in ``SunsAlone.of`` whether the short way may make such pictures, then here."""
+    names = kind._fields if hasattr(kind, "_fields") else [field.name for field in fields(kind)]
+    assert list(names) == KNOWN[kind].split()
 
 
 def test_neither_tiles_nor_threads_change_a_bit(build, monkeypatch):
