@@ -193,7 +193,7 @@ KNOWN = {
 
 @pytest.mark.parametrize("kind", KNOWN)
 def test_what_makes_a_picture_is_known_to_the_short_way(kind):
-    """Whoever adds a field says in ``SunsAlone.of`` whether the short way may make such pictures, then here."""
+    """Whoever adds a field says in ``SunsAlone.of`` whether such pictures may go the short way, then here."""
     names = kind._fields if hasattr(kind, "_fields") else [field.name for field in fields(kind)]
     assert list(names) == KNOWN[kind].split()
 
