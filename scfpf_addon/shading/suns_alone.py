@@ -52,7 +52,9 @@ class SunsAlone:
         shading: Shading | None,
     ) -> Self | None:
         """None where the picture has to be made in the general way; ``background``: (3,)."""
-        if scene is None or type(shading) is not Shading or shading.tracer is not None:
+        if scene is None or type(shading) is not Shading:
+            return None
+        if shading.tracer is not None or shading.held_out is not None:
             return None
         spans = projection.volume.spans
         straight = spans.direct and spans.degree == 1 and spans.point_weights is None

@@ -48,7 +48,7 @@ class SurfacePoints(NamedTuple):
 
     position: (3, N). normal: (3, N) unit, interpolated, on the side of the viewer.
     view: (3, N) unit, towards the viewer: against the projector's tangent (paper §4.3).
-    material: (N,) index. shadow: None where no lamp casts any.
+    material: (N,) index. shadow: None where no lamp casts any. linked: (N,), see ``Geometry.linked``.
     """
 
     position: Single
@@ -56,6 +56,7 @@ class SurfacePoints(NamedTuple):
     view: Single
     material: IndexArray
     shadow: ShadowStart | None
+    linked: IndexArray | None = None
 
     def take(self, index: IndexArray) -> SurfacePoints:
         """The points at ``index``."""
@@ -70,6 +71,7 @@ class SurfacePoints(NamedTuple):
             self.view.take(index, 1),
             self.material.take(index),
             shadow,
+            None if self.linked is None else self.linked.take(index),
         )
 
 
@@ -87,7 +89,7 @@ class SurfaceTable:
     smooth: (9, T) float32: the first corner's normal, and the differences to it of the second's
     and third's; None where all are those of their triangles.
     bulge: (6, T) float32, see ``corner_heights``; None where nothing casts a shadow, or
-    nothing is smooth. shadows: whether anything casts one. material: (T,).
+    nothing is smooth. shadows: whether anything casts one. material: (T,). linked: (T,) or None.
     """
 
     cast_scene: CastScene
@@ -96,6 +98,7 @@ class SurfaceTable:
     bulge: Single | None
     shadows: bool
     material: IndexArray
+    linked: IndexArray | None = None
 
     @cached_property
     def single(self) -> bool:
@@ -118,10 +121,10 @@ class SurfaceTable:
         material = geometry.material.astype(np.intp)
         hit = (flat != 0).any(axis=0)
         if all(np.abs(normal - flat).max(axis=0)[hit].max(initial=0) <= FLAT for normal in normals):
-            return cls(cast_scene, flat, None, None, shadows, material)
+            return cls(cast_scene, flat, None, None, shadows, material, geometry.linked)
         bulge = corner_heights(cast_scene, normals) if shadows else None
         normals[1:] -= normals[0]
-        return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material)
+        return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material, geometry.linked)
 
     def points(
         self,
@@ -160,7 +163,8 @@ class SurfaceTable:
             material = np.broadcast_to(self.material[0], triangle.shape)
         else:
             material = self.material.take(triangle, mode="wrap")
-        return SurfacePoints(position.astype(np.float32), normal, view, material, shadow)
+        linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
+        return SurfacePoints(position.astype(np.float32), normal, view, material, shadow, linked)
 
 
 def smooth_normal(table: Single, triangle: IndexArray, weight: Sequence[Single], side: Single) -> Single:
@@ -217,12 +221,13 @@ def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Si
 class PhongTable:
     """M materials, turned into the coefficients of the Phong sum, float32.
 
-    emitted: (3, M) radiance that needs no lamp. diffuse: (3, M) albedo/π.
-    gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
+    emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
+    diffuse: (3, M) albedo/π. gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
     exponent: (M,). glossy: whether any material has a highlight.
     """
 
     emitted: Single
+    emission: Single
     diffuse: Single
     gloss: Single
     exponent: Single
@@ -250,6 +255,7 @@ class PhongTable:
             world = world * materials.ambient
         return cls(
             (emission + base * world).astype(np.float32),
+            emission.astype(np.float32),
             (base * (1 - metallic) / np.pi).astype(np.float32),
             (reflectance * (exponent + 2) / (2 * np.pi)).astype(np.float32),
             exponent.astype(np.float32),

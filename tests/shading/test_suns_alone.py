@@ -13,16 +13,20 @@ from scfpf_addon.casting.cast import usable_projectors
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.casting.straight import OFF_VERTICES
 from scfpf_addon.casting.triangles_seen import FlatRays
+from scfpf_addon.casting.visibility import EVERYWHERE, HOLDOUT
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import BilinearPatch, Cylinder, Disc, Plane, Point
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.hit_colors import Shading
 from scfpf_addon.shading.lens import Aperture, lens_of
+from scfpf_addon.shading.light_passes import LIGHT_PASSES
+from scfpf_addon.shading.passes import DataPasses
 from scfpf_addon.shading.pipeline import Pipeline
 from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light, Materials
 from scfpf_addon.shading.settings import Border, FrameSettings
+from scfpf_addon.shading.suns_alone import SunsAlone
 from scfpf_addon.shading.surface import PhongTable, SurfacePoints
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
@@ -67,7 +71,7 @@ def scene_of(build, generator, smooth, suns):
         points, faces = np.asarray(ball[0]), np.asarray(ball[1])
         a, b, c = points[faces].transpose(1, 0, 2)
         parts[1] = points, faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9], None
-    several = bool(generator.integers(2))
+    several, linked = generator.integers(2, size=2).astype(bool)
     materials = Materials(
         generator.uniform(0, 1, (3, 3)),
         generator.uniform(0, 1, 3),
@@ -82,10 +86,14 @@ def scene_of(build, generator, smooth, suns):
             build.placed(shines=generator.normal(size=3) - [0, 0, 1]),
             casts_shadow=False,
             angle=float(generator.choice([0.0, 0.3])),
+            receivers=generator.uniform(size=3) < 0.7 if linked else None,
         )
         for _ in range(suns)
     )
     scene = replace(build.scene(parts, lights), materials=materials)
+    if linked:
+        geometry = replace(scene.geometry, linked=scene.geometry.object_index.copy())
+        scene = replace(scene, geometry=geometry)
     if not several:
         geometry = replace(scene.geometry, material=np.zeros_like(scene.geometry.material))
         scene = replace(scene, geometry=geometry)
@@ -168,6 +176,18 @@ def test_only_simple_pictures_take_the_short_way(build, light, curved, wanted, a
     assert (pipeline.suns_alone is not None) == alone
 
 
+def test_holdouts_and_passes_of_light_take_the_general_way(build, monkeypatch):
+    scene = build.scene([build.square(), build.square(0.4, 0.3)], [sun(build)])
+    projection, wanted = build.looking_down(1, -1), FrameSettings(8, 6)
+    held = replace(
+        scene.geometry, visibility=np.array([EVERYWHERE] * 2 + [EVERYWHERE | HOLDOUT] * 2, np.uint8)
+    )
+    assert Pipeline.of(projection, replace(scene, geometry=held), wanted, None).suns_alone is None
+    monkeypatch.setattr(SunsAlone, "sample", lambda *_: pytest.fail("the short way was taken"))
+    name = next(iter(LIGHT_PASSES))
+    render_frame(projection, scene, replace(wanted, passes=DataPasses((name,))))
+
+
 def test_a_lens_takes_the_general_way(build):
     surfaces = Point(matrix=build.placed((0, 0, 2))), Plane(3, 3, matrix=build.placed((0, 0, -1)))
     projection = Projection(ViewingVolume(surfaces))
@@ -182,10 +202,11 @@ def test_a_lens_takes_the_general_way(build):
 # All that the short way's condition has been thought through for.
 KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry moments",
-    Shading: "surface phong lamps tracer",
-    PhongTable: "emitted diffuse gloss exponent glossy",
-    SurfacePoints: "position normal view material shadow",
-    Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend",
+    Shading: "surface phong lamps tracer held_out",
+    PhongTable: "emitted emission diffuse gloss exponent glossy",
+    SurfacePoints: "position normal view material shadow linked",
+    Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "
+    "receivers blockers scattered mirrored",
     FrameSettings: "width height samples pixel_error transparent threads border passes pixel_filter "
     "scrambled adaptive lens",
 }
