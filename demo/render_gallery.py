@@ -140,6 +140,9 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     camera = render_demo.add_shot(scene, preset_text(panel.preset, panel.changed), panel.shot)
     camera.scfpf.samples = SAMPLES
     scene.render.resolution_percentage = percentage
+    if panel.style:
+        styles = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.drawn_styles")
+        styles.apply_style(scene, panel.style)
     files = [stem.with_name(f"{stem.name}-{part}.{end}") for part, end in PARTS.items()]
     raw = files[2].with_suffix(".png")
     print(f"  {stem.name}: {render_demo.render(scene, raw)}", flush=True)

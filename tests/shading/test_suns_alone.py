@@ -17,6 +17,7 @@ from scfpf_addon.casting.visibility import EVERYWHERE, HOLDOUT
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import BilinearPatch, Cylinder, Disc, Plane, Point
 from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.shading.drawn.settings import Drawn
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.hit_colors import Shading
 from scfpf_addon.shading.lens import Aperture, lens_of
@@ -167,6 +168,7 @@ def sun(build, **changed):
         ({"kind": "AREA"}, False, {}, False),
         ({}, True, {}, False),
         ({}, False, {"pixel_error": 0.0}, False),
+        ({}, False, {"drawn": Drawn()}, False),
     ],
 )
 def test_only_simple_pictures_take_the_short_way(build, light, curved, wanted, alone):
@@ -201,14 +203,14 @@ def test_a_lens_takes_the_general_way(build):
 
 # All that the short way's condition has been thought through for.
 KNOWN = {
-    Pipeline: "projection settings background places cast_scene shading passes lens geometry moments",
+    Pipeline: "projection settings background places cast_scene shading passes lens geometry moments drawing",
     Shading: "surface phong lamps tracer held_out",
     PhongTable: "emitted emission diffuse gloss exponent glossy",
     SurfacePoints: "position normal view material shadow linked",
     Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "
     "receivers blockers scattered mirrored",
     FrameSettings: "width height samples pixel_error transparent threads border passes pixel_filter "
-    "scrambled adaptive lens",
+    "scrambled adaptive lens drawn",
 }
 
 
