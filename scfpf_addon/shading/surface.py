@@ -167,7 +167,9 @@ class SurfaceTable:
         return SurfacePoints(position.astype(np.float32), normal, view, material, shadow, linked)
 
 
-def smooth_normal(table: Single, triangle: IndexArray, weight: Sequence[Single], side: Single) -> Single:
+def smooth_normal(
+    table: Single, triangle: IndexArray, weight: Sequence[Single] | Single, side: Single
+) -> Single:
     """Interpolated unit normals (3, N), on the given side.
 
     table: (9, T) as in ``SurfaceTable.smooth``; triangle: (N,); weight: two (N,); side: (N,) ±1.
