@@ -38,7 +38,8 @@ class MeshArrays:
     """One mesh as evaluated, in its own space.
 
     vertices: (V, 3) float32. triangles: (T, 3) int32. normals: (T, 3, 3) float32,
-    the shading normal at each corner. slot: (T,) int32, material slot numbers.
+    the shading normal at each corner, or (T, 1, 3) where all corners of a face have the same.
+    slot: (T,) int32, material slot numbers.
     finite: False if triangles were left out because of non-finite vertices. uv: (T, 3, 2)
     float32 texture coordinates of the corners, None if there are none or they are not wanted.
     kept: of the mesh's triangles, None for all. layers: by name, what materials ask for.
@@ -277,11 +278,9 @@ def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
     corner_vertex = np.empty(len(mesh.loops), np.int32)
     # The attribute's memory is copied at once; loops[].vertex_index goes corner by corner.
     mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
-    corner_normal = np.empty((len(mesh.loops), 3), np.float32)
-    mesh.corner_normals.foreach_get("vector", corner_normal.reshape(-1))
+    face = np.empty(count, np.int32)
+    mesh.loop_triangle_polygons.foreach_get("value", face)
     if "material_index" in mesh.attributes:
-        face = np.empty(count, np.int32)
-        mesh.loop_triangle_polygons.foreach_get("value", face)
         face_slot = np.empty(len(mesh.polygons), np.int32)
         mesh.attributes["material_index"].data.foreach_get("value", face_slot)
         slot = face_slot.take(face)
@@ -295,11 +294,23 @@ def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
         MeshArrays(
             vertices,
             corner_vertex.take(corners).reshape(-1, 3),
-            corner_normal.take(corners, axis=0).reshape(-1, 3, 3),
+            _normals(mesh, corners, face),
             slot,
             uv=uv,
         )
     )
+
+
+def _normals(mesh, corners: NDArray[np.int32], face: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Normals as in ``MeshArrays``. corners: (3T,) of the triangles. face: (T,) that they belong to."""
+    if mesh.normals_domain == "FACE":
+        # A third of the memory, and Blender need not spread them to the corners first.
+        normal = np.empty((len(mesh.polygons), 3), np.float32)
+        mesh.polygon_normals.foreach_get("vector", normal.reshape(-1))
+        return normal.take(face, axis=0)[:, None]
+    normal = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", normal.reshape(-1))
+    return normal.take(corners, axis=0).reshape(-1, 3, 3)
 
 
 def _finite(mesh: MeshArrays) -> MeshArrays:
@@ -333,10 +344,12 @@ def join(
             f"The scene has {triangles:,} triangles once every instance is counted, more than "
             f"{MAXIMUM_TRIANGLES:,}: hide instances or lower the subdivision"
         )
+    # Where nothing is smooth the corners of a triangle share one normal, and nothing has to be kept thrice.
+    corners = max((mesh.normals.shape[1] for mesh in meshes if len(mesh.triangles)), default=1)
     result = Geometry(
         np.empty((vertices, 3)),
         np.empty((triangles, 3), np.int32),
-        np.empty((triangles, 3, 3), np.float32),
+        np.empty((triangles, corners, 3), np.float32),
         np.empty(triangles, np.int32),
         np.empty(triangles, np.int32),
         object_names,
@@ -355,7 +368,8 @@ def join(
             vertex += len(mine) * len(mesh.vertices)
             blocks.append((len(mesh.triangles), mesh.layers, mirrored[mine]))
     normalize(result.corner_normals)
-    return replace(result, layers=join_layers(blocks, triangles))
+    normals = np.broadcast_to(result.corner_normals, (triangles, 3, 3))
+    return replace(result, corner_normals=normals, layers=join_layers(blocks, triangles))
 
 
 def _place(
@@ -372,12 +386,16 @@ def _place(
     own = slice(triangle, triangle + count * many)
     matrix, look = instances.matrix[mine], instances.look[mine]
     vertices = into.vertices[vertex : vertex + count * each].reshape(count, each, 3)
-    np.matmul(mesh.vertices.astype(np.float64), matrix[:, :3, :3].swapaxes(1, 2), out=vertices)
+    _turn(mesh.vertices, matrix[:, :3, :3], vertices)
     vertices += matrix[:, None, :3, 3]
     first = vertex + each * np.arange(count, dtype=np.int32)
     np.add(mesh.triangles, first[:, None, None], out=into.triangles[own].reshape(count, many, 3))
-    normals = into.corner_normals[own].reshape(count, 3 * many, 3)
-    np.matmul(mesh.normals.reshape(-1, 3), normal_matrix.swapaxes(1, 2), out=normals)
+    normals = into.corner_normals[own].reshape(count, many, -1, 3)
+    if normals.shape[2] == mesh.normals.shape[1]:
+        _turn(mesh.normals.reshape(-1, 3), normal_matrix, normals.reshape(count, -1, 3))
+    else:
+        _turn(mesh.normals[:, 0], normal_matrix, normals[:, :, 0])
+        normals[:, :, 1:] = normals[:, :, :1]
     # A face's slot that an object does not have is its last one.
     first, last = instances.first_slot[look], instances.first_slot[look + 1] - 1
     slot = np.minimum(first[:, None] + mesh.slot.clip(0), last[:, None])
@@ -387,12 +405,25 @@ def _place(
         into.uv[own].reshape(count, many, 3, 2)[:] = mesh.uv
 
 
+def _turn(vectors: NDArray[np.float32], matrix: NDArray, into: NDArray) -> None:
+    """Write each of the matrices (N, 3, 3) times each of the vectors (P, 3) into ``into`` (N, P, 3).
+
+    Not by matmul: so slim a product costs more in waking threads than in itself.
+    """
+    for row in range(3):
+        sums = matrix[:, row, 0, None] * vectors[:, 0]
+        sums += matrix[:, row, 1, None] * vectors[:, 1]
+        sums += matrix[:, row, 2, None] * vectors[:, 2]
+        into[:, :, row] = sums
+
+
 def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many: int) -> None:
     """Reverse the corners of mirrored instances, so that geometric normals stay outside."""
     for start in triangle + many * np.flatnonzero(mirrored):
         own = slice(start, start + many)
         into.triangles[own] = into.triangles[own][:, [0, 2, 1]]
-        into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
+        if into.corner_normals.shape[1] == 3:
+            into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
         if into.uv is not None:
             into.uv[own] = into.uv[own][:, [0, 2, 1]]
 

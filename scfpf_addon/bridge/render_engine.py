@@ -56,8 +56,8 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         """
         delivery = Delivery(self, depsgraph.view_layer_eval)
         try:
-            inputs = self._read(depsgraph, delivery)
-            self._make(inputs, delivery)
+            # Held by no name here: what the volume cannot meet is freed once the rest is built.
+            self._make(self._read(depsgraph, delivery), delivery)
         except RENDER_ERRORS as error:
             self._fail(str(error) or "There is not enough memory for this picture")
         except Exception as error:  # What leaves here Blender prints and takes for success.

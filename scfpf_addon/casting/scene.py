@@ -9,6 +9,7 @@ what a hit is, is computed from the float64 triangles.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from threading import Lock
 from typing import Any
@@ -43,6 +44,9 @@ SHADOW_END = 1e-4
 # The largest block, in bytes, that glibc can be made to keep (its limit is 32 MiB).
 KEPT_BLOCK = 31 << 20
 
+# Triangles that are measured at a time.
+BLOCK = 1 << 14
+
 Float32Array = NDArray[np.float32]
 
 
@@ -75,6 +79,22 @@ def _keep_freed_memory() -> None:
     M_MMAP_THRESHOLD); other allocators ignore it.
     """
     np.empty(KEPT_BLOCK, np.uint8)
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    """Triangles in portions that fit a core's cache."""
+    return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
+
+
+def _inverse(area: Array, usable: BoolArray) -> Array:
+    """1 over the squared areas (n,), 0 of triangles without any."""
+    return np.divide(1.0, area, out=np.zeros_like(area), where=usable)
+
+
+def _fill(rows: Array, gradient: Array, first: Array) -> None:
+    """Write functions of the place (4, n) that grow by ``gradient`` (3, n) and vanish at ``first``."""
+    rows[:3] = gradient
+    rows[3] = -np.einsum("ct,ct->t", gradient, first)
 
 
 class CastScene:
@@ -114,7 +134,9 @@ class CastScene:
         self._measure(usable)
         if not usable.any():
             raise CastError("the scene has no triangle with an area: check the objects' scale")
-        faces = np.where(usable[:, None], self.triangles, self.triangles[:, :1])
+        faces = self.triangles
+        if not usable.all():
+            faces = np.where(usable[:, None], faces, faces[:, :1])
         self._embree = scenes.EmbreeScene(robust=True)
         self._mesh = meshes.TriangleMesh(self._embree, self.vertices.T.astype(np.float32), faces)
         # Embree builds at the first run, which must happen in one thread.
@@ -126,6 +148,8 @@ class CastScene:
         self._beyond, self._beyond_scene = beyond, None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
+        # Another: prisms are made of weights.
+        self._weights_lock = Lock()
 
     def _place(self, vertices: Array, finite: BoolArray, usable: BoolArray) -> None:
         """Choose cast space and put the vertices, (3, V), into it."""
@@ -145,25 +169,44 @@ class CastScene:
         self.upper: Array = self.vertices.max(axis=1)
 
     def _measure(self, usable: BoolArray) -> None:
-        """Planes and barycentric rows of the triangles; ``usable`` loses those without area."""
-        first, second, third = (self.vertices.take(self.triangles[:, k], 1) for k in range(3))
-        along, across = second - first, third - first
-        normal = np.cross(along, across, axis=0)
-        area = np.einsum("ct,ct->t", normal, normal)
-        length = np.maximum(np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across))
-        usable &= area > (FLATTEST * length) ** 2
-        inverse = np.divide(1.0, area, out=np.zeros_like(area), where=usable)
+        """Planes of the triangles; ``usable`` loses those without area."""
         self.planes: Array = np.empty((4, len(usable)))
-        self._corners: Array = np.empty((8, len(usable)))
-        for rows, gradient in (
-            (self.planes, normal * np.sqrt(inverse)),
-            (self._corners[:4], np.cross(across, normal, axis=0) * inverse),
-            (self._corners[4:], np.cross(normal, along, axis=0) * inverse),
-        ):
-            rows[:3] = gradient
-            rows[3] = -np.einsum("ct,ct->t", gradient, first)
-        reach: Array = np.maximum(np.maximum(np.abs(first), np.abs(second)), np.abs(third)).max(axis=0)
-        self._reach = reach.astype(np.float32)
+        self._reach = np.empty(len(usable), np.float32)
+        self._weights: Array | None = None
+        for some in _blocks(len(usable)):
+            first, along, across = self._edges(some)
+            normal = np.cross(along, across, axis=0)
+            area = np.einsum("ct,ct->t", normal, normal)
+            longest = np.maximum(np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across))
+            usable[some] &= area > (FLATTEST * longest) ** 2
+            _fill(self.planes[:, some], normal * np.sqrt(_inverse(area, usable[some])), first)
+            corners = np.abs([self.vertices.take(self.triangles[some, k], 1) for k in range(3)])
+            self._reach[some] = corners.max(axis=(0, 1))
+
+    def _edges(self, some: slice) -> tuple[Array, Array, Array]:
+        """The first corners of some triangles, and what leads from them to the second and third, (3, n)."""
+        first, second, third = (self.vertices.take(self.triangles[some, k], 1) for k in range(3))
+        return first, second - first, third - first
+
+    @property
+    def _corners(self) -> Array:
+        """(8, T): gradients and offsets of the triangles' barycentric weights; see ``_weights_made``."""
+        weights = self._weights
+        if weights is None:
+            with self._weights_lock:
+                weights = self._weights = self._weights_made() if self._weights is None else self._weights
+        return weights
+
+    def _weights_made(self) -> Array:
+        """The weights of the second and third corner. Made at first use: flat shading needs none."""
+        weights: Array = np.empty((8, len(self._usable)))
+        for some in _blocks(len(self._usable)):
+            first, along, across = self._edges(some)
+            normal = np.cross(along, across, axis=0)
+            inverse = _inverse(np.einsum("ct,ct->t", normal, normal), self._usable[some])
+            _fill(weights[:4, some], np.cross(across, normal, axis=0) * inverse, first)
+            _fill(weights[4:, some], np.cross(normal, along, axis=0) * inverse, first)
+        return weights
 
     @property
     def neighbours(self) -> NDArray[np.int32]:
