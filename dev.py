@@ -124,7 +124,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks (speed, --trade, --extremes, --cycles, --engine) and print figures; --json FILE too."""
+    """Run benchmarks (speed, --trade, --extremes, --cycles or --engine), print figures; --json FILE too."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]
