@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -73,7 +74,9 @@ class Instances:
     first_slot: NDArray[np.int32]
 
 
-def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> Scene:
+def read_scene(
+    depsgraph, may_be_empty: bool = False, with_uv: bool = False, stopped: Callable[[], bool] | None = None
+) -> Scene:
     """Everything that a picture of the depsgraph's view layer shows.
 
     Objects come as F12 shows them if the depsgraph is a render one
@@ -82,16 +85,22 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
     renders, excluded collections, objects invisible to the camera, control surfaces.
     A hidden object is shown where it is instanced by nodes or on vertices, as by F12.
     may_be_empty: a scene without anything to show is one of no triangles, with a warning.
-    with_uv: read the texture coordinates that renders use, too.
+    with_uv: read the texture coordinates that renders use, too. stopped(): whether the picture
+    is given up; what was read by then comes back.
     Raises SceneError if nothing is left otherwise, or memory cannot hold it.
     """
     reader = _SceneReader(depsgraph, with_uv)
     for instance in depsgraph.object_instances:
+        if stopped and stopped():
+            break
         reader.add(instance)
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
     if not len(geometry.triangles) and not may_be_empty:
         raise SceneError(NOTHING)
     world_color, world_warnings = read_world(depsgraph.scene_eval)
+    if not (np.abs(world_color) <= LARGEST_COORDINATE).all():
+        world_color = np.zeros(3)
+        world_warnings = (*world_warnings, "The world's light is not finite and is left out")
     return Scene(
         geometry,
         reader.materials.materials(),

@@ -96,8 +96,10 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             border=render_border(self.render, *size),
             passes=delivery.sources,
             may_be_empty=True,
+            stopped=self.test_break,
         )
-        for warning in inputs.scene.warnings:
+        # Of a scene that was read in part they would be wrong.
+        for warning in () if self.test_break() else inputs.scene.warnings:
             self.report({"WARNING"}, warning)
         return with_motion(depsgraph, camera, inputs, self.frame_set, self.test_break)
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -124,13 +125,15 @@ def read_inputs(
     may_be_empty: bool = False,
     scene: Scene | None = None,
     aspect: float | None = None,
+    stopped: Callable[[], bool] | None = None,
 ) -> RenderInputs:
     """Read all that a picture of a depsgraph through a camera, flexible or not, needs.
 
     size: of the whole picture in pixels. pixel_error: overrides the camera's own. border:
     the part that is made. passes: names of ``shading.passes.PASSES``. may_be_empty: as in
     ``read_scene``. scene: read from the depsgraph before. aspect: of the picture as it is shown,
-    by its size and the scene's pixel aspect if not given. Raises one of RENDER_ERRORS.
+    by its size and the scene's pixel aspect if not given. stopped: as in ``read_scene``. Raises one
+    of RENDER_ERRORS.
     """
     width, height = size
     render = depsgraph.scene_eval.render
@@ -142,7 +145,7 @@ def read_inputs(
     plane = None if options.enabled else depth_plane(evaluated)
     lens, warning = read_lens(evaluated, projection, depsgraph)
     if scene is None:
-        scene = with_images(read_scene(depsgraph, may_be_empty, with_uv="UV" in passes), projection)
+        scene = with_images(read_scene(depsgraph, may_be_empty, "UV" in passes, stopped), projection)
     if warning:
         scene = replace(scene, warnings=(*scene.warnings, warning))
     marks = {}
@@ -189,12 +192,12 @@ def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lamb
     def everything():
         projection, lens = view()
         with_uv = inputs.scene.geometry.uv is not None
-        there = with_images(read_scene(depsgraph, may_be_empty=True, with_uv=with_uv), projection)
+        there = with_images(read_scene(depsgraph, True, with_uv, stopped), projection)
         # Of the frame itself there is one warning more, and once is enough.
         return projection, replace(there, warnings=inputs.scene.warnings), lens
 
     scene, settings = depsgraph.scene_eval, inputs.settings
-    if "VECTOR" in settings.passes.names:
+    if "VECTOR" in settings.passes.names and not stopped():
         frame = scene.frame_current + scene.frame_subframe
         neighbours = read_neighbours(frame, inputs.scene, set_frame, everything)
         settings = replace(settings, passes=replace(settings.passes, neighbours=neighbours))

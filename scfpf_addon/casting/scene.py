@@ -54,6 +54,10 @@ class CastError(ValueError):
     """Casting is impossible; the message says what to do."""
 
 
+class NothingToCastAt(CastError):
+    """No triangle could ever be hit."""
+
+
 def _load_embreex() -> tuple[Any, Any]:
     """The embreex modules for scenes and meshes; CastError if missing or too old."""
     needed = ".".join(map(str, EMBREEX_MINIMUM))
@@ -104,8 +108,8 @@ class CastScene:
     a vertex that is not finite, and those without area, are never hit; indices of
     triangles stay what they were. beyond: vertices and triangles that no projector meets
     but that stand in the way of light: ``occluded`` builds them when it is first asked.
-    Raises CastError when embreex is missing or too old, an index is out of
-    range, or no triangle is left.
+    Raises CastError when embreex is missing or too old or an index is out of
+    range, NothingToCastAt where no triangle is left.
 
     centre: (3,) world; scale: cast-space units in a world unit; matrix: (4, 4),
     world to cast space. lower, upper: (3,) bounds in cast space, within [-1, 1].
@@ -129,11 +133,11 @@ class CastScene:
             finite: BoolArray = np.all(np.abs(vertices) < LARGEST_COORDINATE, axis=1)
         usable: BoolArray = np.all(finite[self.triangles], axis=1)
         if not usable.any():
-            raise CastError("the scene has no triangles: add a mesh, or show one in renders")
+            raise NothingToCastAt("the scene has no triangles: add a mesh, or show one in renders")
         self._place(vertices, finite, usable)
         self._measure(usable)
         if not usable.any():
-            raise CastError("the scene has no triangle with an area: check the objects' scale")
+            raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
         faces = self.triangles
         if not usable.all():
             faces = np.where(usable[:, None], faces, faces[:, :1])

@@ -102,16 +102,15 @@ class SurfaceTable:
     @classmethod
     def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool) -> SurfaceTable:
         """The table of the triangles that ``cast_scene`` was made of."""
-        normals = np.empty((1 if geometry.flat else 3, 3, len(geometry.triangles)), np.float32)
-        for corner, normal in enumerate(normals):
-            normal[:] = geometry.corner_normals[:, corner].T
+        normals = np.empty((3, 3, len(geometry.triangles)), np.float32)
+        for corner in range(3):
+            normals[corner] = geometry.corner_normals[:, corner].T
         flat = cast_scene.planes[:3].astype(np.float32)
         flat *= np.copysign(np.float32(1), sum(dot(flat, normal) for normal in normals))
         material = geometry.material.astype(np.intp)
         hit = np.flatnonzero(flat.any(axis=0))
         if all(np.abs(normal - flat)[:, hit].max(initial=0) <= FLAT for normal in normals):
             return cls(cast_scene, flat, None, None, shadows, material)
-        normals = np.concatenate([normals] * (3 // len(normals)))
         bulge = corner_heights(cast_scene, normals) if shadows else None
         normals[1:] -= normals[0]
         return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material)
