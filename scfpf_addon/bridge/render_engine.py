@@ -54,17 +54,18 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         However this ends, Blender has pixels (without, it crashes when it saves them) and
         an error is a report, which stops animations and keeps it from writing files.
         """
-        delivery = Delivery(self, depsgraph.view_layer_eval)
         try:
-            # Held by no name here: what the volume cannot meet is freed once the rest is built.
-            self._make(self._read(depsgraph, delivery), delivery)
+            delivery = Delivery(self, depsgraph.view_layer_eval)
+            try:
+                # Held by no name here: what the volume cannot meet is freed once the rest is built.
+                self._make(self._read(depsgraph, delivery), delivery)
+            finally:
+                delivery.close()
         except RENDER_ERRORS as error:
             self._fail(str(error) or "There is not enough memory for this picture")
         except Exception as error:  # What leaves here Blender prints and takes for success.
             traceback.print_exc()
             self._fail(f"SCFPF has failed, the console says where ({type(error).__name__}: {error})")
-        finally:
-            delivery.close()
 
     def view_update(self, context, depsgraph):
         """A viewport in Rendered shading: the scene has changed."""
@@ -146,7 +147,8 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
 
     def _fail(self, message: str) -> None:
         if not bpy.app.background:
-            # Right after a job has begun Blender forgets that it was broken off.
+            # Reports that come while the operator still begins are taken away before Blender looks
+            # for errors; so this is also the last thing that is done.
             time.sleep(SETTLE_SECONDS)
         self.report({"ERROR"}, message)
         if not bpy.app.background:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..casting.memory import available_memory
 from ..casting.scene import CastError
 from ..projection.volume import Projection
 from ..shading.cryptomatte import identifiers
@@ -76,13 +77,15 @@ def picture_size(scene) -> tuple[int, int]:
 
 
 def require_size(width: int, height: int) -> None:
-    """Raise RenderError for a picture that no memory holds."""
-    if width * height > MAXIMUM_PIXELS:
-        gigabytes = width * height * BYTES_PER_PIXEL / 1e9
-        raise RenderError(
-            f"A picture of {width} × {height} pixels would need about {gigabytes:.0f} GB of memory; "
-            "lower the resolution or its percentage in Output Properties"
-        )
+    """Raise RenderError for a picture that no memory holds, or that this computer's does not now."""
+    needed, free = width * height * BYTES_PER_PIXEL, available_memory()
+    if width * height <= MAXIMUM_PIXELS and (free is None or needed <= free):
+        return
+    there_is = "" if free is None else f" and {free / 1e9:.1f} GB are free"
+    raise RenderError(
+        f"A picture of {width} × {height} pixels would need about {needed / 1e9:.1f} GB of memory"
+        f"{there_is}; lower the resolution or its percentage in Output Properties"
+    )
 
 
 def picture_aspect(scene) -> float:

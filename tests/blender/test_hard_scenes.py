@@ -109,7 +109,16 @@ def odd_texture_coordinates():
 
 def odd_scales():
     for number, scale in enumerate(
-        [(0, 0, 0), (1, 1, 0), (-1, 1, 1), (-1, -1, -1), (NAN, 1, 1), (INF, 1, 1), (1e20, 1e20, 1e20), (1e-30,) * 3]
+        [
+            (0, 0, 0),
+            (1, 1, 0),
+            (-1, 1, 1),
+            (-1, -1, -1),
+            (NAN, 1, 1),
+            (INF, 1, 1),
+            (1e20, 1e20, 1e20),
+            (1e-30,) * 3,
+        ]
     ):
         copy = cube().copy()
         bpy.context.scene.collection.objects.link(copy)
@@ -240,8 +249,8 @@ def far_away():
         thing.location.x += 1e9
 
 
-# Of which nothing is to be seen.
-EMPTY = {only_zero_area_faces, touching_surfaces}
+# Of which nothing is to be seen, or the dark inside.
+EMPTY = {only_zero_area_faces, touching_surfaces, inside_a_mesh}
 
 SPOILERS = (
     not_finite_vertices,
