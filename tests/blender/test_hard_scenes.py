@@ -65,11 +65,12 @@ def bad_indices_of_materials():
     bare.data.attributes.new("material_index", "INT", "FACE").data[0].value = 7
 
 
-def thousands_of_materials():
+def thousands_of_slots():
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=50, y_subdivisions=40, location=(0, 0, 1.5))
     mesh = bpy.context.object.data
+    made = [bpy.data.materials.new(f"Material {number}") for number in range(200)]
     for number in range(2000):
-        mesh.materials.append(bpy.data.materials.new(f"Material {number}") if number % 3 else None)
+        mesh.materials.append(made[number % 200] if number % 3 else None)
     mesh.polygons.foreach_set("material_index", np.arange(len(mesh.polygons)))
 
 
@@ -258,7 +259,7 @@ SPOILERS = (
     only_zero_area_faces,
     loose_parts,
     bad_indices_of_materials,
-    thousands_of_materials,
+    thousands_of_slots,
     odd_materials,
     odd_texture_coordinates,
     odd_scales,
@@ -285,3 +286,28 @@ def test_there_is_a_picture(engine_scene, spoil, capfd):
     assert np.isfinite(picture).all()
     assert (np.ptp(picture[..., :3]) > 0.01) == (spoil not in EMPTY)
     assert "Traceback" not in "".join(capfd.readouterr())
+
+
+@pytest.mark.parametrize("overridden", [False, True])
+def test_a_camera_and_surfaces_of_another_file(engine_scene, tmp_path, overridden):
+    picture = f12(engine_scene)["ViewLayer.Combined"]
+    rig = bpy.data.collections.new("Rig")
+    camera = engine_scene.camera
+    for thing in (camera, *camera.children_recursive):
+        rig.objects.link(thing)
+    bpy.data.libraries.write(str(tmp_path / "rig.blend"), {rig})
+    path = engine_scene.render.filepath
+    for thing in list(rig.objects):
+        bpy.data.objects.remove(thing)
+    with bpy.data.libraries.load(str(tmp_path / "rig.blend"), link=True) as (_, wanted):
+        wanted.collections = ["Rig"]
+    linked = wanted.collections[0]
+    engine_scene.collection.children.link(linked)
+    if overridden:
+        linked.override_hierarchy_create(engine_scene, bpy.context.view_layer, do_fully_editable=True)
+    things = [thing for thing in engine_scene.objects if thing.type == "CAMERA"]
+    engine_scene.camera = next(thing for thing in things if bool(thing.override_library) == overridden)
+    assert engine_scene.camera.library or engine_scene.camera.override_library
+    assert engine_scene.render.filepath == path
+    assert np.array_equal(f12(engine_scene)["ViewLayer.Combined"], picture)
+    assert np.array_equal(button(), picture)
