@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The engine beside Cycles: from the click to the picture, and the memory that it takes.
 
-    python3 dev.py bench --engine [--json FILE] [--quick] [--markdown FILE]
+    python3 dev.py bench --engine [--json FILE] [--markdown FILE] [--quick] [--runs N]
 
 A million triangles, flat, one sun with shadows, a straight volume made of an ordinary camera, one sample a
 pixel; Cycles on the CPU, with direct light only, as here, and with the bounces that it has by default. Every
@@ -34,7 +34,6 @@ from scfpf_addon.bridge.flexible_camera import volume_from_camera
 from scfpf_addon.casting.memory import peak_memory
 
 TRIANGLES = 1_000_000
-RUNS = 3
 # What is measured: the engine, and how often light bounces in Cycles.
 SUBJECTS = {"SCFPF": ("SCFPF", 0), "direct": ("CYCLES", 0), "default": ("CYCLES", 12)}
 # What happens to a scene in turn, each timed.
@@ -154,7 +153,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument("--markdown", metavar="FILE", help="put the tables into a document")
-    parser.add_argument("--quick", action="store_true", help="one run each, a quarter of the pixels")
+    parser.add_argument("--quick", action="store_true", help="a quarter of the pixels")
+    parser.add_argument("--runs", type=int, default=3, metavar="N", help="medians of N runs, 3 by default")
     parser.add_argument("--one", nargs=2, metavar=("FILE", "SUBJECT"), help=argparse.SUPPRESS)
     parser.add_argument("--persistent", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -170,7 +170,7 @@ def main() -> None:
             path = Path(folder, f"{name}.blend")
             write_scene(name, path, size)
             results[name] = {
-                kind: compare(path, persistent, 1 if options.quick else RUNS)
+                kind: compare(path, persistent, options.runs)
                 for kind, persistent in (("off", False), ("on", True))
             }
     lines = table(results)

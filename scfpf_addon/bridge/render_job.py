@@ -19,6 +19,8 @@ from ..shading.motion import Moment
 from ..shading.passes import DataPasses
 from ..shading.scene import Scene
 from ..shading.settings import Border, FrameSettings
+from .building import build, coarse_picture
+from .kept_scene import KeptScene
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_images import with_images
 from .read_lens import read_lens
@@ -211,9 +213,17 @@ def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lamb
 class RenderJob:
     """One picture being made by a thread of its own. Start it with ``start``."""
 
-    def __init__(self, inputs: RenderInputs, with_tiles: bool = False):
-        """with_tiles: keep what is finished so far for ``new_tiles``."""
-        self._inputs = inputs
+    def __init__(
+        self,
+        inputs: RenderInputs,
+        with_tiles: bool = False,
+        kept: KeptScene | None = None,
+        keep: bool = False,
+    ):
+        """with_tiles: keep what is finished so far for ``new_tiles``. kept, keep: see ``build``."""
+        self._inputs: RenderInputs | None = inputs
+        self.kept, self._keep = kept, keep
+        self.building = True
         self._cancelled = threading.Event()
         self._progress = 0.0
         size = (inputs.settings.height, inputs.settings.width, 4)
@@ -225,15 +235,25 @@ class RenderJob:
 
     def _run(self) -> None:
         try:
-            self._frame = render_frame(
-                self._inputs.projection,
-                self._inputs.scene,
-                self._inputs.settings,
+            # Let go of: what the volume cannot meet is freed once the rest is built.
+            inputs, self._inputs = self._inputs, None
+            built = build(inputs, self.kept, self._keep)
+            inputs, self.kept, self.building = built.inputs, built.kept, False
+            if self._tiles is not None:
+                coarse = coarse_picture(inputs, built.cast_scene, self._cancelled.is_set)
+                if coarse is not None:
+                    self._note_tile(slice(None), coarse, {})
+            frame = render_frame(
+                inputs.projection,
+                inputs.scene,
+                inputs.settings,
+                built.cast_scene,
                 progress=self._note_progress,
                 cancelled=self._cancelled.is_set,
                 on_tile=None if self._tiles is None else self._note_tile,
-                moments=self._inputs.moments,
+                moments=inputs.moments,
             )
+            self._frame = frame and built.reported(frame)
         except BaseException as error:  # A thread has nowhere to raise: result() does it.
             self._error = error
 
@@ -287,14 +307,19 @@ class RenderJob:
 
 
 _current: RenderJob | None = None
+# What the last job has built, with persistent data.
+_kept: KeptScene | None = None
 
 
-def start(inputs: RenderInputs, with_tiles: bool = False) -> RenderJob:
-    """Start the one job that may run at a time, see RenderJob. Raises RenderError while another runs."""
+def start(inputs: RenderInputs, with_tiles: bool = False, keep: bool = False) -> RenderJob:
+    """Start the one job that may run at a time. Raises RenderError while another runs.
+
+    keep: what is built of the scene serves the next job too, if that keeps it and the scene is the same.
+    """
     global _current
     if current() is not None:
         raise RenderError("A render is already running: wait for it, or press Esc to cancel it")
-    _current = RenderJob(inputs, with_tiles)
+    _current = RenderJob(inputs, with_tiles, _kept if keep else None, keep)
     _current.start()
     return _current
 
@@ -306,8 +331,9 @@ def current() -> RenderJob | None:
 
 def stop() -> None:
     """Cancel the job, if any, wait for its thread, and let go of its arrays."""
-    global _current
+    global _current, _kept
     if _current is not None:
         _current.cancel()
         _current.wait()
+        _kept = _current.kept
     _current = None

@@ -126,7 +126,7 @@ def test_exception_in_the_core_is_a_message(addon, engine_scene, monkeypatch, er
 STAGES = {
     "reading": ("scfpf_addon.bridge.read_scene", "read_mesh"),
     "projection": ("scfpf_addon.bridge.render_job", "read_projection"),
-    "building": ("scfpf_addon.bridge.render_engine", "within_reach"),
+    "building": ("scfpf_addon.bridge.building", "within_reach"),
     "casting": ("scfpf_addon.shading.pipeline", "cast"),
     "passes": ("scfpf_addon.shading.pipeline", "fill_passes"),
     "announcing": ("scfpf_addon.bridge.render_delivery", "list_render_passes"),
