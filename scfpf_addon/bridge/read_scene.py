@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..casting.geometry import Geometry
+from ..casting.memory import available_memory
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
@@ -20,6 +21,9 @@ from .read_materials import MaterialTable, listing
 
 # Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
 MAXIMUM_TRIANGLES = (2**31 - 1) // 9
+
+# What a triangle takes as arrays, in cast space and in Embree: measured, flat shading.
+BYTES_PER_TRIANGLE = 200
 
 # Beyond this the square of a float32 coordinate overflows; Blender itself turns an infinite one into 3.4e38.
 LARGEST_COORDINATE = 1e18
@@ -355,6 +359,13 @@ def join(
         )
     # Where nothing is smooth the corners of a triangle share one normal, and nothing has to be kept thrice.
     corners = max((mesh.normals.shape[1] for mesh in meshes if len(mesh.triangles)), default=1)
+    needed, free = triangles * BYTES_PER_TRIANGLE, available_memory()
+    if free is not None and needed > free:
+        raise SceneError(
+            f"The scene has {triangles:,} triangles once every instance is counted, which need about "
+            f"{needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free: hide instances or lower "
+            "the subdivision"
+        )
     result = Geometry(
         np.empty((vertices, 3)),
         np.empty((triangles, 3), np.int32),

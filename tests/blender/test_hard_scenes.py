@@ -311,3 +311,13 @@ def test_a_camera_and_surfaces_of_another_file(engine_scene, tmp_path, overridde
     assert engine_scene.render.filepath == path
     assert np.array_equal(f12(engine_scene)["ViewLayer.Combined"], picture)
     assert np.array_equal(button(), picture)
+
+
+def test_instances_that_memory_does_not_hold(addon, engine_scene, monkeypatch):
+    before = button()
+    monkeypatch.setattr(addon("scfpf_addon.bridge.read_scene"), "available_memory", lambda: 2000)
+    for press in (button, lambda: f12(engine_scene)):
+        with pytest.raises(RuntimeError, match=r"12 triangles once every instance .* hide instances"):
+            press()
+    monkeypatch.undo()
+    assert np.array_equal(button(), before)

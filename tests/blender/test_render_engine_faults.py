@@ -247,6 +247,54 @@ def test_two_renders_at_once(addon, engine_scene):
         job.stop()
 
 
+@pytest.fixture
+def said(addon, monkeypatch):
+    """What the engine tells the header, (method, arguments) each."""
+    engine, heard = addon("scfpf_addon.bridge.render_engine"), []
+
+    class Heard:
+        """The engine, listened to."""
+
+        def __init__(self, real):
+            self._real = real
+
+        def __getattr__(self, name):
+            if name.startswith("update_"):
+                return lambda *given, **named: heard.append((name, (*given, *named.values())))
+            return getattr(self._real, name)
+
+    for name in ("_read", "_make"):
+        real = getattr(engine.SCFPF_RenderEngine, name)
+        monkeypatch.setattr(
+            engine.SCFPF_RenderEngine, name, lambda self, *rest, real=real: real(Heard(self), *rest)
+        )
+    whole = engine.Delivery
+    monkeypatch.setattr(engine, "Delivery", lambda self, *rest: whole(Heard(self), *rest))
+    return heard
+
+
+def test_header_tells_stages_progress_time_and_memory(addon, engine_scene, monkeypatch, said):
+    monkeypatch.setattr(addon("scfpf_addon.bridge.render_delivery"), "TICK", 0.0)
+    build = addon("scfpf_addon.bridge.render_engine").build
+    monkeypatch.setattr(
+        addon("scfpf_addon.bridge.render_engine"),
+        "build",
+        lambda *given: said.append(("built", ())) or build(*given),
+    )
+    f12(engine_scene)
+    stats = [given[1] for name, given in said if name == "update_stats"]
+    assert "Reading" in stats[0]
+    # While it is built the header says so.
+    number = said.index(("built", ()))
+    last = next(given for name, given in reversed(said[:number]) if name == "update_stats")
+    assert "acceleration structure, which cannot be cancelled" in last[1]
+    assert any("Remaining 00:00 | Rendering" in text for text in stats)
+    assert "64×36" in stats[-1]
+    assert next(given for name, given in said if name == "update_memory_stats")[0] > 0
+    shares = [given[0] for name, given in said if name == "update_progress"]
+    assert shares == sorted(shares) and shares[-1] == 1.0
+
+
 def test_cancelled_render_delivers_what_is_done(addon, engine_scene, monkeypatch):
     """Blender asks an engine to stop through test_break(); the operator still ends in order."""
     engine = addon("scfpf_addon.bridge.render_engine")
