@@ -8,6 +8,8 @@ import sys
 import bpy
 import pytest
 
+pytestmark = pytest.mark.usefixtures("built_groups")
+
 
 @pytest.fixture
 def data(addon):
