@@ -52,11 +52,30 @@ def build(inputs, kept: KeptScene | None, keep: bool) -> Built:
     started, triangles = perf_counter(), len(inputs.scene.geometry.triangles)
     if keep:
         made = KeptScene.of(inputs.scene.geometry, kept)
+        _build_the_rest(inputs, made.cast_scene)
         return Built(inputs, made.cast_scene, made, triangles, perf_counter() - started)
     alone = not inputs.moments and inputs.settings.passes.neighbours is None
     scene, cast_scene = within_reach(inputs.scene, inputs.projection, alone)
     part = replace(inputs, scene=scene)
+    _build_the_rest(inputs, cast_scene)
     return Built(part, cast_scene, None, triangles, perf_counter() - started)
+
+
+def _build_the_rest(inputs, cast_scene: CastScene | None) -> None:
+    """What would be built at its first use, in the middle of a picture, where nothing says that it is.
+
+    Raises CastError where there is not enough memory for it.
+    """
+    if cast_scene is None or inputs.moments:
+        return
+    spans = inputs.projection.volume.spans
+    if inputs.settings.pixel_error == 0.0:
+        _ = cast_scene.prisms
+    elif spans.degree > 1 or spans.point_weights is not None:
+        _ = cast_scene.occupancy
+    if any(light.casts_shadow for light in inputs.scene.lights):
+        # What stands beyond the volume is built when the first shadow is asked for.
+        cast_scene.occluded(np.zeros((3, 1)), np.zeros((3, 1)), np.zeros(1))
 
 
 def coarse_picture(inputs, cast_scene: CastScene | None, cancelled: Callable[[], bool]) -> Single | None:

@@ -22,6 +22,7 @@ from .memory import available_memory
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
+from .stopping import stop_here
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
@@ -262,6 +263,7 @@ class CastScene:
         origins, directions: (3, N) float32, cast space; limits: (N,) float32, in
         units of the direction's length; a negative limit switches a ray off.
         """
+        stop_here()
         found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
         return found
 
@@ -280,6 +282,7 @@ class CastScene:
         length (inf is allowed), float64, cast space. The last SHADOW_END of the
         way is left out; origins are taken as they are (see ``offset_origins``).
         """
+        stop_here()
         with np.errstate(invalid="ignore", over="ignore"):
             # embreex takes a negative limit for a hit here; a limit that is no number becomes 0.
             limits = np.fmax(distances * (1.0 - SHADOW_END), 0.0).astype(np.float32)
@@ -383,6 +386,7 @@ class PrismScene:
 
         As ``CastScene.trace``; the second array (N,) is in units of the direction's length.
         """
+        stop_here()
         found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
         triangle: NDArray[np.int32] = found["primID"]
         triangle >>= FACE_BITS

@@ -12,6 +12,7 @@ from threading import Event
 from typing import TypeVar
 
 from .scene import CastError
+from .stopping import watching
 
 Result = TypeVar("Result")
 
@@ -82,7 +83,7 @@ def run_tiles(
     jobs = [TileJob(rows, stop) for rows in tiles]
     height = sum(rows.stop - rows.start for rows in tiles)
     with ThreadPoolExecutor(thread_count(threads)) as pool:
-        pending = {pool.submit(work, job): job for job in jobs}
+        pending = {pool.submit(_watched, work, job): job for job in jobs}
         try:
             while pending:
                 if cancelled and cancelled():
@@ -99,3 +100,9 @@ def run_tiles(
             for future in pending:
                 future.cancel()
     return True
+
+
+def _watched(work: Callable[[TileJob], Result], job: TileJob) -> Result:
+    """The work of a tile, which ends amid its rays when it is to stop."""
+    with watching(job.stop):
+        return work(job)

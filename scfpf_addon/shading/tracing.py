@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..casting.behind import Behind, cast_rays
 from ..casting.hits import Hits
+from ..casting.stopping import stop_here
 from ..projection.typing import Array, BoolArray, IndexArray
 from .lighting import Lamp, radiance
 from .materials.lobes import Body, Sent, lobes
@@ -139,6 +140,7 @@ class Tracer:
                 continue
             everywhere = np.flatnonzero(points.material == number)
             for first in range(0, len(everywhere), MOST_AT_ONCE):
+                stop_here()
                 which = everywhere[first : first + MOST_AT_ONCE]
                 place = self.place(hits, points, which)
                 for lobe in lobes(self.scene.materials.graphs[int(number)], place):
