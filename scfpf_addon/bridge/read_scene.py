@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..casting.geometry import Geometry
 from ..casting.memory import available_memory
+from ..casting.visibility import CAMERA, EVERYWHERE
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
@@ -18,6 +19,8 @@ from .light_paths import read_bounces
 from .read_layers import join_layers, read_layer
 from .read_lights import read_light, read_world
 from .read_materials import MaterialTable, listing
+from .read_visibility import LightLinks, visible_rays
+from .turned import normal_transforms, normalize, turn
 
 # Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
 MAXIMUM_TRIANGLES = (2**31 - 1) // 9
@@ -67,7 +70,7 @@ class Instances:
     mesh: (N,) number of each instance's mesh. look: (N,) number of its look.
     matrix: (N, 4, 4) float64. look_object: (L,) object number of each look.
     slots: material number of each look's slots, look after look; first_slot: (L + 1,) where each
-    look's begin.
+    look's begin. visibility, linked: (N,), see ``Geometry``.
     """
 
     mesh: NDArray[np.int32]
@@ -76,6 +79,8 @@ class Instances:
     look_object: NDArray[np.int32]
     slots: NDArray[np.int32]
     first_slot: NDArray[np.int32]
+    visibility: NDArray[np.uint8] | None = None
+    linked: NDArray[np.int32] | None = None
 
 
 def read_scene(
@@ -86,7 +91,7 @@ def read_scene(
     Objects come as F12 shows them if the depsgraph is a render one
     (``render_depsgraph``); a viewport one lacks what is hidden in the viewport and
     has the viewport's subdivision levels. Left out in both: what is hidden in
-    renders, excluded collections, objects invisible to the camera, control surfaces.
+    renders, excluded collections, what no ray is to meet, control surfaces.
     A hidden object is shown where it is instanced by nodes or on vertices, as by F12.
     may_be_empty: a scene without anything to show is one of no triangles, with a warning.
     with_uv: read the texture coordinates that renders use, too. stopped(): whether the picture
@@ -99,7 +104,9 @@ def read_scene(
             break
         reader.add(instance)
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
-    if not len(geometry.triangles) and not may_be_empty:
+    visibility = geometry.visibility
+    shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
+    if not shown and not may_be_empty:
         raise SceneError(NOTHING)
     world_color, world_warnings = read_world(depsgraph.scene_eval)
     if not (np.abs(world_color) <= LARGEST_COORDINATE).all():
@@ -108,9 +115,9 @@ def read_scene(
     return Scene(
         geometry,
         reader.materials.materials(),
-        tuple(reader.lights),
+        reader.links.linked(reader.lights),
         world_color,
-        warnings=(() if len(geometry.triangles) else (NOTHING,))
+        warnings=(() if shown else (NOTHING,))
         + reader.warnings()
         + reader.materials.warnings()
         + world_warnings,
@@ -134,7 +141,10 @@ class _SceneReader:
         self._view_layer = depsgraph.view_layer
         self._left_out = control_objects()
         self._rendered = None if depsgraph.mode == "RENDER" else _rendered_objects(depsgraph.view_layer)
-        self._shown: dict[tuple[int, int], bool] = {}
+        self.links = LightLinks()
+        # What rays meet each object, and the number by which lamps know it.
+        self._shown: dict[tuple[int, int], tuple[int, int]] = {}
+        self._seen: list[tuple[int, int]] = []
         self._mesh_numbers: dict[int, int] = {}
         self._look_numbers: dict[tuple[int, int], int] = {}
         self._looks: list[tuple[int, list[int]]] = []
@@ -143,6 +153,7 @@ class _SceneReader:
         self._bad_place: dict[str, None] = {}
         self._bad_shape: dict[str, None] = {}
         self._faceless: dict[str, None] = {}
+        self._catchers: dict[str, None] = {}
 
     def add(self, instance) -> None:
         """Take one entry of ``object_instances``; nothing of it is kept."""
@@ -154,8 +165,10 @@ class _SceneReader:
         key = (pointer, parent.original.as_pointer() if parent else 0)
         shown = self._shown.get(key)
         if shown is None:
-            shown = self._shown[key] = self._is_shown(thing, parent)
-        if not shown:
+            name, above = own.name_full, parent.original.name_full if parent else ""
+            rays = self._rays(thing, parent)
+            shown = self._shown[key] = rays, self.links.number(name, above) if rays else 0
+        if not shown[0]:
             return
         if thing.type in FACELESS:
             self._faceless[own.name] = None
@@ -164,23 +177,28 @@ class _SceneReader:
         if thing.type == "MESH":
             self._placed.append(self._mesh_and_look(thing, pointer))
             self._matrices.append(matrix)
+            self._seen.append(shown)
+            if own.is_shadow_catcher:
+                self._catchers[own.name] = None
         elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
             self._bad_place[own.name] = None
         else:
             light = read_light(thing.data, matrix)
             if light is not None:
-                self.lights.append(light)
+                self.links.add(len(self.lights), own)
+                self.lights.append(
+                    replace(light, scattered=thing.visible_diffuse, mirrored=thing.visible_glossy)
+                )
 
-    def _is_shown(self, thing, parent) -> bool:
+    def _rays(self, thing, parent) -> int:
+        """Which rays meet an object, as ``visible_rays``; 0 for what is not rendered."""
         own = thing.original
         top = parent.original if parent else own
         if own.name_full in self._left_out or top.name_full in self._left_out:
-            return False
+            return 0
         if self._rendered is not None and not self._is_rendered(own, top):
-            return False
-        if thing.type == "LIGHT":
-            return True
-        return thing.visible_camera and not top.indirect_only_get(view_layer=self._view_layer)
+            return 0
+        return EVERYWHERE if thing.type == "LIGHT" else visible_rays(thing, parent, self._view_layer)
 
     def _is_rendered(self, own, top) -> bool:
         """Whether a render shows what a viewport's depsgraph lists; a render's lists nothing else.
@@ -229,6 +247,7 @@ class _SceneReader:
         placed = np.array(self._placed, np.int32).reshape(-1, 2)
         matrix = np.array(self._matrices).reshape(-1, 4, 4)
         look_object = np.array([number for number, _ in self._looks], np.int32)
+        seen = np.array(self._seen, np.int32).reshape(-1, 2)
         finite = (np.abs(matrix) <= LARGEST_COORDINATE).all(axis=(1, 2))
         names = list(self.object_numbers)
         for number in np.unique(look_object[placed[~finite, 1]]):
@@ -240,6 +259,8 @@ class _SceneReader:
             look_object,
             np.array([number for _, slots in self._looks for number in slots], np.int32),
             np.cumsum([0, *(len(slots) for _, slots in self._looks)], dtype=np.int32),
+            None if (seen[:, 0] == EVERYWHERE).all() else seen[finite, 0].astype(np.uint8),
+            seen[finite, 1] if self.links else None,
         )
 
     def warnings(self) -> tuple[str, ...]:
@@ -247,6 +268,7 @@ class _SceneReader:
         found = (
             (self._bad_place, "Left out, as their transforms are not finite: "),
             (self._bad_shape, "Faces left out, as their vertices are not finite: "),
+            (self._catchers, "Shadow catchers are shown as they are, take the Shadow pass instead: "),
             (self._faceless, "Not shown, as they have no faces (hair, points, volumes, Grease Pencil): "),
         )
         return tuple(text + listing(list(names)) for names, text in found if names)
@@ -389,7 +411,14 @@ def join(
             blocks.append((len(mesh.triangles), mesh.layers, mirrored[mine]))
     normalize(result.corner_normals)
     normals = np.broadcast_to(result.corner_normals, (triangles, 3, 3))
-    return replace(result, corner_normals=normals, layers=join_layers(blocks, triangles))
+    many = [len(meshes[number].triangles) for number in instances.mesh[order]]
+    return replace(
+        result,
+        corner_normals=normals,
+        layers=join_layers(blocks, triangles),
+        visibility=None if instances.visibility is None else np.repeat(instances.visibility[order], many),
+        linked=None if instances.linked is None else np.repeat(instances.linked[order], many),
+    )
 
 
 def _place(
@@ -406,15 +435,15 @@ def _place(
     own = slice(triangle, triangle + count * many)
     matrix, look = instances.matrix[mine], instances.look[mine]
     vertices = into.vertices[vertex : vertex + count * each].reshape(count, each, 3)
-    _turn(mesh.vertices, matrix[:, :3, :3], vertices)
+    turn(mesh.vertices, matrix[:, :3, :3], vertices)
     vertices += matrix[:, None, :3, 3]
     first = vertex + each * np.arange(count, dtype=np.int32)
     np.add(mesh.triangles, first[:, None, None], out=into.triangles[own].reshape(count, many, 3))
     normals = into.corner_normals[own].reshape(count, many, -1, 3)
     if normals.shape[2] == mesh.normals.shape[1]:
-        _turn(mesh.normals.reshape(-1, 3), normal_matrix, normals.reshape(count, -1, 3))
+        turn(mesh.normals.reshape(-1, 3), normal_matrix, normals.reshape(count, -1, 3))
     else:
-        _turn(mesh.normals[:, 0], normal_matrix, normals[:, :, 0])
+        turn(mesh.normals[:, 0], normal_matrix, normals[:, :, 0])
         normals[:, :, 1:] = normals[:, :, :1]
     # A face's slot that an object does not have is its last one.
     first, last = instances.first_slot[look], instances.first_slot[look + 1] - 1
@@ -423,18 +452,6 @@ def _place(
     into.object_index[own].reshape(count, many)[:] = instances.look_object[look][:, None]
     if into.uv is not None and mesh.uv is not None:
         into.uv[own].reshape(count, many, 3, 2)[:] = mesh.uv
-
-
-def _turn(vectors: NDArray[np.float32], matrix: NDArray, into: NDArray) -> None:
-    """Write each of the matrices (N, 3, 3) times each of the vectors (P, 3) into ``into`` (N, P, 3).
-
-    Not by matmul: so slim a product costs more in waking threads than in itself.
-    """
-    for row in range(3):
-        sums = matrix[:, row, 0, None] * vectors[:, 0]
-        sums += matrix[:, row, 1, None] * vectors[:, 1]
-        sums += matrix[:, row, 2, None] * vectors[:, 2]
-        into[:, :, row] = sums
 
 
 def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many: int) -> None:
@@ -446,27 +463,3 @@ def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many:
             into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
         if into.uv is not None:
             into.uv[own] = into.uv[own][:, [0, 2, 1]]
-
-
-def normal_transforms(linear: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """What turns normals as ``linear`` (N, 3, 3) turns points, (N, 3, 3) float32, and which mirror.
-
-    Up to a positive factor the inverse transpose, made of cofactors so that it also
-    serves an object that is flattened.
-    """
-    x, y, z = linear.swapaxes(0, 1)
-    cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
-    mirrored = np.einsum("nc,nc->n", cofactors[:, 0], x) < 0
-    size = np.abs(cofactors).max(axis=(1, 2), keepdims=True)
-    cofactors /= np.where(size == 0, 1.0, size)
-    return np.where(mirrored[:, None, None], -cofactors, cofactors).astype(np.float32), mirrored
-
-
-def normalize(normals: NDArray[np.float32]) -> None:
-    """Make vectors (..., 3) unit in place; what has no direction points along +Z."""
-    length = np.sqrt(np.einsum("...c,...c->...", normals, normals))[..., None]
-    none = ~(length[..., 0] > 0)
-    if none.any():
-        normals[none] = (0.0, 0.0, 1.0)
-        length[none] = 1.0
-    normals /= length

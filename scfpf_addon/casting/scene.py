@@ -10,6 +10,8 @@ what a hit is, is computed from the float64 triangles.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from threading import Lock
 from typing import Any
@@ -26,6 +28,7 @@ from .stopping import stop_here
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
+REMEDY = "install SCFPF again from the zip for this system, which brings embreex {} or later"
 
 # A larger coordinate cannot be squared twice in float64; it counts as not finite.
 LARGEST_COORDINATE = 1e60
@@ -48,6 +51,9 @@ KEPT_BLOCK = 31 << 20
 # Triangles that are measured at a time.
 BLOCK = 1 << 14
 
+# What is kept for different kinds of rays and for lamps' shadows, at most.
+MOST_PARTS = 16
+
 Float32Array = NDArray[np.float32]
 
 
@@ -67,12 +73,20 @@ def _load_embreex() -> tuple[Any, Any]:
 
         found = version("embreex")
     except (ImportError, PackageNotFoundError) as error:
-        raise CastError(
-            f"the ray caster embreex is missing ({error}); install embreex {needed} or later"
-        ) from error
+        raise CastError(f"the ray caster embreex is missing ({error}): {REMEDY.format(needed)}") from error
     if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
-        raise CastError(f"embreex {found} is too old; install embreex {needed} or later")
+        raise CastError(f"the ray caster embreex {found} is too old: {REMEDY.format(needed)}")
     return rtcore_scene, mesh_construction
+
+
+@cache
+def caster_fault() -> str:
+    """Why nothing can be cast, and what to do; empty where all is well. Asked once: it draws panels."""
+    try:
+        _load_embreex()
+    except CastError as error:
+        return str(error)
+    return ""
 
 
 def _keep_freed_memory() -> None:
@@ -124,7 +138,7 @@ class CastScene:
         triangles: NDArray[np.int32],
         beyond: tuple[Array, NDArray[np.int32]] | None = None,
     ) -> None:
-        scenes, meshes = _load_embreex()
+        _load_embreex()
         _keep_freed_memory()
         vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
         self.triangles = np.ascontiguousarray(triangles, np.int32).reshape(-1, 3)
@@ -139,6 +153,15 @@ class CastScene:
         self._measure(usable)
         if not usable.any():
             raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
+        self._neighbours: NDArray[np.int32] | None = None
+        self._beyond, self._beyond_scene = beyond, None
+        self._parts: dict[bytes, CastScene] = {}
+        self._build(usable)
+
+    def _build(self, usable: BoolArray) -> None:
+        """Put the triangles ``usable`` (T,) into Embree."""
+        scenes, meshes = _load_embreex()
+        self._usable = usable
         faces = self.triangles
         if not usable.all():
             faces = np.where(usable[:, None], faces, faces[:, :1])
@@ -147,14 +170,31 @@ class CastScene:
         # Embree builds at the first run, which must happen in one thread.
         nowhere = np.zeros((3, 1), np.float32)
         self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
-        self._neighbours: NDArray[np.int32] | None = None
         self._prisms: PrismScene | None = None
-        self._usable = usable
-        self._beyond, self._beyond_scene = beyond, None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
         # Another: prisms are made of weights.
         self._weights_lock = Lock()
+
+    def only(self, kept: BoolArray | None) -> CastScene | None:
+        """The same triangles by the same numbers, of which only those in ``kept`` (T,) are ever hit.
+
+        None for kept are all. Kept for the next time. None where nothing would be hit.
+        """
+        if kept is None or kept[self._usable].all():
+            return self
+        usable: BoolArray = self._usable & kept
+        if not usable.any():
+            return None
+        key = np.packbits(kept).tobytes()
+        if key not in self._parts:
+            if len(self._parts) == MOST_PARTS:
+                self._parts.clear()
+            part = copy(self)
+            part._beyond, part._beyond_scene, part._parts = None, None, {}
+            part._build(usable)
+            self._parts[key] = part
+        return self._parts[key]
 
     def _place(self, vertices: Array, finite: BoolArray, usable: BoolArray) -> None:
         """Choose cast space and put the vertices, (3, V), into it."""
