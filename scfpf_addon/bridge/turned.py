@@ -14,11 +14,13 @@ def turn(vectors: NDArray[np.float32], matrix: NDArray, into: NDArray) -> None:
 
     Not by matmul: so slim a product costs more in waking threads than in itself.
     """
-    for row in range(3):
-        sums = matrix[:, row, 0, None] * vectors[:, 0]
-        sums += matrix[:, row, 1, None] * vectors[:, 1]
-        sums += matrix[:, row, 2, None] * vectors[:, 2]
-        into[:, :, row] = sums
+    # Files may hold normals that are no numbers.
+    with np.errstate(invalid="ignore", over="ignore"):
+        for row in range(3):
+            sums = matrix[:, row, 0, None] * vectors[:, 0]
+            sums += matrix[:, row, 1, None] * vectors[:, 1]
+            sums += matrix[:, row, 2, None] * vectors[:, 2]
+            into[:, :, row] = sums
 
 
 def normal_transforms(linear: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
