@@ -20,6 +20,7 @@ from ..shading.passes import DataPasses
 from ..shading.scene import Scene
 from ..shading.settings import Border, FrameSettings
 from .building import build, coarse_picture
+from .drawn import drawn_of
 from .kept_scene import KeptScene
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_images import with_images
@@ -169,6 +170,7 @@ def read_inputs(
             border=border,
             passes=DataPasses(passes, plane, identifiers=marks),
             lens=lens,
+            drawn=drawn_of(depsgraph.scene_eval, width),
             **sampling_of(depsgraph.scene_eval),
         ),
     )
