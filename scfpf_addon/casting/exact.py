@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
-from .certify import certain_chords
+from .certify import MOST_CHORDS, certain_chords
 from .curves import Bundle
 from .hits import CastCounts, Hits
 from .march import march
 from .occupancy import stretches
-from .scene import CastScene
+from .scene import CastError, CastScene
 from .settle import settle
 from .walk import (
     RESTART,
@@ -55,6 +55,9 @@ GROWTH = 1.05
 # Where projectors begin in a prism their way out of it is looked at in so many straight pieces.
 FIRST_LOOKS = 16
 
+# So few projectors are not cut in halves any further.
+FEWEST = 64
+
 # Things before a hit that are looked at one after the other.
 LAYERS = 4
 
@@ -70,7 +73,8 @@ def cast_exact(
     candidates: hits less than RESTART apart, in cast units, may be exchanged, and a triangle
     seen at a slant may be missed if its prism is entered together with another and something
     else follows at once (docs/accuracy.md has the figures).
-    Raises CastError when there is not enough memory for the prisms.
+    Raises CastError when there is not enough memory for the prisms, and where projectors far larger
+    than the scene would need more chords than ``certify.MOST_CHORDS``.
     """
     prisms = scene.prisms
     hits = Hits.empty(bundle.count)._replace(mask=mask)
@@ -82,9 +86,11 @@ def cast_exact(
         points = bundle.points.copy()
         points[:, :, ~mask] = points[:, :, present[:1]]
         bundle = Bundle(bundle.spans, points)
-    chords, _ = certain_chords(bundle.spans, bundle.points, prisms.lower, prisms.upper, prisms.epsilon)
+    chords, bound = certain_chords(bundle.spans, bundle.points, prisms.lower, prisms.upper, prisms.epsilon)
     if chords is None:
         return hits
+    if bound > prisms.epsilon:
+        return _in_halves(scene, bundle, mask, counts)
     # Rounding of a sum of that many terms.
     farthest = max(float(bundle.points.max()), -float(bundle.points.min()))
     rounding = (len(bundle.points) + 1) * farthest * 2.0**-24
@@ -123,6 +129,19 @@ def cast_exact(
         _look(walk, tested, found[fresh], crossing(walk, tested, found[fresh]))
         rays.last[1], rays.last[0] = rays.last[0], found
         rays, found = advance(walk, behind(walk, rays, step))
+    return hits
+
+
+def _in_halves(scene: CastScene, bundle: Bundle, mask: BoolArray, counts: CastCounts) -> Hits:
+    """As cast_exact, where all projectors at once need too many chords: a few may be near the scene less long."""
+    if bundle.count <= FEWEST:
+        raise CastError(
+            f"exact casting would need more than {MOST_CHORDS:,} chords a projector, so much larger than the "
+            "scene is the viewing volume: set the pixel error above 0, or bring the control surfaces nearer"
+        )
+    hits = Hits.empty(bundle.count)
+    for part in np.array_split(np.arange(bundle.count), 2):
+        hits.put(part, cast_exact(scene, bundle.take(part), mask[part], None, counts))
     return hits
 
 

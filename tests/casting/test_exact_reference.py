@@ -10,6 +10,7 @@ import pytest
 from benchmarks.hard_scenes import HARD_SCENES
 from benchmarks.scenes import SCENES, bent_projection
 from benchmarks.trade import put_into, volumes
+from scfpf_addon.casting import certify
 from scfpf_addon.casting import scene as scene_module
 from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.cast import cast
@@ -144,6 +145,22 @@ def test_skipping_empty_space_loses_nothing(monkeypatch, scene):
     x, y = pixel_centres(width, height, (0, height))
     plain = cast(placed, twist.transformed(placed.matrix), x, y, (1 / width, 1 / height), 0.0)
     assert (np.isfinite(skipped.t) == np.isfinite(plain.t)).all() and different(skipped, plain.t) == 0
+
+
+def test_projectors_that_need_too_many_chords_together_are_cast_apart(monkeypatch, reference):
+    """The bound is kept, or the cast refused in words: never dropped."""
+    scene, whole = cast_scene("terrain"), volume("quadratic")
+    points = whole.transformed(scene.matrix).projectors(*pixel_centres(WIDTH, HEIGHT, (0, HEIGHT))).points
+    lower, upper, epsilon = scene.prisms.lower, scene.prisms.upper, scene.prisms.epsilon
+    needed = certify.certain_chords(whole.volume.spans, points, lower, upper, epsilon)[0].count
+    expected = reference.cast_image(scene, whole, WIDTH, HEIGHT, 0.0)
+    monkeypatch.setattr(certify, "MOST_CHORDS", needed - 1)
+    _, bound = certify.certain_chords(whole.volume.spans, points, lower, upper, epsilon)
+    assert bound > epsilon
+    assert different(reference.cast_image(scene, whole, WIDTH, HEIGHT, 0.0), expected.t) == 0
+    monkeypatch.setattr(certify, "MOST_CHORDS", 2)
+    with pytest.raises(CastError, match="set the pixel error above 0"):
+        reference.cast_image(scene, whole, WIDTH, HEIGHT, 0.0)
 
 
 def test_what_is_reported(reference):
