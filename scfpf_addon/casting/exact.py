@@ -133,7 +133,7 @@ def cast_exact(
 
 
 def _in_halves(scene: CastScene, bundle: Bundle, mask: BoolArray, counts: CastCounts) -> Hits:
-    """As cast_exact, where all projectors at once need too many chords: a few may be near the scene less long."""
+    """As cast_exact, where all projectors at once need too many chords: fewer are near the scene less long."""
     if bundle.count <= FEWEST:
         raise CastError(
             f"exact casting would need more than {MOST_CHORDS:,} chords a projector, so much larger than the "
@@ -264,5 +264,3 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32], length: Array) ->
             start[:, lost] += (way[:, lost] + 2.0 * slack[:, lost]) * far
         projector, triangle, end_t, span = projector[other], found[other], end_t[other], span[other]
         start, curves = start[:, other], curves.take(other)
-
-

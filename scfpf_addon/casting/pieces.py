@@ -29,7 +29,7 @@ def piece_edges(spans: SpanBasis, parts: int = 1) -> Array:
 
 
 def piece_weights(spans: SpanBasis, parts: int = 1) -> Array:
-    """How the pieces' control points are made of the projector's, (S·PIECES·parts, degree+1, K), read-only."""
+    """How pieces' control points are made of the projector's, (S·PIECES·parts, degree+1, K), read-only."""
     weights = spans.point_weights
     return _kept_weights(
         spans.matrices.tobytes(), spans.matrices.shape, None if weights is None else weights.tobytes(), parts

@@ -205,9 +205,7 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
     return result
 
 
-def _guess(
-    low: Array, high: Array, start: Array, start_slope: Array, end: Array, end_slope: Array
-) -> Array:
+def _guess(low: Array, high: Array, start: Array, start_slope: Array, end: Array, end_slope: Array) -> Array:
     """About where pieces cross 0, from their heights and slopes at both ends.
 
     By the parabola that a cubic with these begins as, from the end that is nearer to 0: there the

@@ -91,7 +91,7 @@ class Walk(NamedTuple):
 
 
 def following(held: BoolArray) -> NDArray[np.intp]:
-    """See Walk.following; held: (n, B)."""
+    """See Walk.following; held: (n, B) whether a chord of a block's projectors may enter a prism."""
     count, blocks = held.shape
     after = np.full((count + 1, blocks), count)
     for chord in range(count - 1, -1, -1):
@@ -100,6 +100,7 @@ def following(held: BoolArray) -> NDArray[np.intp]:
 
 
 def time_of(walk: Walk, rays: Rays) -> Array:
+    """Where the rays are, in t, (M,)."""
     low, high = walk.chords.breaks[rays.chord], walk.chords.breaks[rays.chord + 1]
     return low + rays.share * (high - low)
 
@@ -142,14 +143,14 @@ def advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
 def _ahead(walk: Walk, rays: Rays) -> BoolArray:
     """The chords (M, n) that rays may still meet something on."""
     chords, number = walk.chords, np.arange(walk.chords.count)
-    held = walk.following[:-1].take(walk.block[rays.projector], 1).T == number
+    held: BoolArray = number == walk.following[:-1].take(walk.block[rays.projector], 1).T
     held &= (number > rays.chord[:, None]) & (chords.breaks[:-1] < walk.hits.t[rays.projector][:, None])
     held[np.arange(len(held)), rays.chord] = True
     return held
 
 
 def _advance_at_once(walk: Walk, rays: Rays, along: BoolArray) -> tuple[Rays, NDArray[np.int32]]:
-    """As advance, by one batch of the chords ``along`` (M, n), of which the first that meets a face counts."""
+    """As advance, by one batch of the chords ``along`` (M, n): the first that meets a face counts."""
     which, chord = np.nonzero(along)
     here = chord == rays.chord[which]
     fresh = Rays(
@@ -238,6 +239,7 @@ def keep(walk: Walk, projector: IndexArray, found: Solutions) -> None:
 
 
 def store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
+    """Write the solutions into the hits of the projectors (M,)."""
     hits.t[projector] = found.t
     hits.triangle[projector] = found.triangle
     hits.barycentric[:, projector] = found.barycentric
@@ -246,9 +248,7 @@ def store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
 def behind(walk: Walk, rays: Rays, step: float) -> Rays:
     """The rays ``step`` behind the faces they have met, without those that have passed their hit."""
     chords = walk.chords
-    controls = walk.bundle.points.take(rays.projector, 2)
-    start = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord, 1), controls)
-    end = np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + 1, 1), controls)
+    start, end = chord_ends(walk, rays)
     length = np.sqrt(((end - start) ** 2).sum(axis=0))
     share = rays.share + step / np.maximum(length, SHORTEST)
     over = share >= 1.0
