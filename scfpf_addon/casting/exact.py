@@ -133,7 +133,7 @@ def cast_exact(
 
 
 def _in_halves(scene: CastScene, bundle: Bundle, mask: BoolArray, counts: CastCounts) -> Hits:
-    """As cast_exact, where all projectors at once need too many chords: fewer are near the scene less long."""
+    """As cast_exact, where all projectors at once need too many chords: halves need fewer."""
     if bundle.count <= FEWEST:
         raise CastError(
             f"exact casting would need more than {MOST_CHORDS:,} chords a projector, so much larger than the "

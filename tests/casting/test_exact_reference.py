@@ -77,11 +77,11 @@ def test_every_pixel_sees_what_brute_force_sees(reference, scene, name):
     assert (hits.triangle >= 0).mean() > 0.1
 
 
-@pytest.mark.parametrize("name", ["straight", "quadratic", "cubic"])
+@pytest.mark.parametrize("name", ["straight", "slight", "quadratic", "cubic", "loop", "quintic"])
 @pytest.mark.parametrize("scene", HARD_SCENES)
 def test_hard_meshes(reference, scene, name):
     """Unwelded, doubled, crossing, near-coincident, non-manifold; slivers and dust."""
-    agree(reference, scene, name, 64, 36)
+    agree(reference, scene, name, 40, 23)
 
 
 @pytest.mark.parametrize("name", ["straight", "quadratic", "cubic", "polyline"])
@@ -109,18 +109,6 @@ def test_volumes_much_larger_than_the_scene(reference, count, reach):
         hits = reference.cast_image(cast_scene("boxes"), projection, 40, 30, 0.0, grid)
         ours, true = (np.where(np.isfinite(a), a, 2.0) for a in (hits.t, t))
         assert (np.abs(ours - true) < 1e-12 * max(1.0, 1e3 / reach)).all()
-
-
-@pytest.mark.parametrize("scene", SCENES)
-def test_a_hundred_thousand_triangles(reference, scene):
-    vertices, triangles = SCENES[scene](100_000)
-    generator = np.random.default_rng(3)
-    x, y = generator.random((2, 60))
-    scene = CastScene(vertices, triangles)
-    for name in ("quadratic", "cubic"):
-        t, _ = reference.brute_force(vertices, triangles, volume(name), x, y)
-        hits = cast(scene, volume(name).transformed(scene.matrix), x, y, (1e-3, 1e-3), 0.0)
-        assert different(hits, t) == 0 and np.isfinite(t).any()
 
 
 def test_neither_tiles_nor_threads_show(monkeypatch):
