@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from . import (
+    blend_properties,
     command_line,
     drawing,
     image_marks,
@@ -19,6 +20,7 @@ from . import (
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
+    blend_properties,
     mapping_properties,
     properties,
     sampling,

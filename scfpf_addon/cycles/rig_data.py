@@ -14,6 +14,7 @@ from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
+from ..scanline.field_nodes import BUILD, BUILD_KEY
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
 from ..scanline.table_object import follow_property, table_object
 from . import lens_nodes, passes, portal_nodes
@@ -198,6 +199,11 @@ def adopt(rig) -> None:
             target = variable.targets[0]
             if variable.type == "SINGLE_PROP" and target.id_type == "SCENE":
                 target.id = scene
+
+
+def has_old_nodes(rig) -> bool:
+    """Whether another version of the add-on has made what a rig is computed by."""
+    return rig.scfpf_rig.portals.modifiers[MODIFIER].node_group.get(BUILD_KEY) != BUILD
 
 
 def update_nodes(rig) -> None:
