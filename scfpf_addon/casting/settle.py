@@ -34,7 +34,7 @@ def settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
     walk.counts.tested += len(triangle)
     start = curves.place(met_t)
     way = curves.place(np.where(found.inside, found.t, met_t)) - start
-    certain = _well_within(walk, found.barycentric, triangle) & found.inside
+    certain = _well_within(walk, found.barycentric, triangle) & _nearer(walk, rays, found)
     certain &= _well_within(walk, scene.barycentric(start, triangle), triangle)
     some = np.flatnonzero(certain)
     seen = _seen(walk, start.take(some, 1), way.take(some, 1), 1.0)
@@ -56,6 +56,13 @@ def _straight(walk: Walk, rays: Rays) -> tuple[Array, Array]:
     length = np.minimum(steps, np.append(steps[1:], steps[-1])).take(rays.chord)
     straight = min(float(np.sqrt(0.5 * STRAY / walk.prisms.epsilon)), 1.0)
     return met_t, met_t + straight * length
+
+
+def _nearer(walk: Walk, rays: Rays, found: Solutions) -> BoolArray:
+    """Which solutions are hits before those known from looking around, where projectors begin in prisms."""
+    with np.errstate(invalid="ignore"):
+        nearer: BoolArray = found.inside & (found.t < walk.hits.t.take(rays.projector))
+    return nearer
 
 
 def _well_within(walk: Walk, weights: Array, triangle: IndexArray) -> BoolArray:
@@ -103,7 +110,7 @@ def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> BoolArray:
     found: Solutions = curves.next_root(
         scene, aim, walk.chords.span.take(rays.chord), met_t[some], end_t[some]
     )
-    clear = found.inside & _well_within(walk, found.barycentric, aim)
+    clear = _nearer(walk, rays, found) & _well_within(walk, found.barycentric, aim)
     clear &= _well_within(walk, scene.barycentric(start, over), over)
     clear &= (_apart(walk, start, way, aim) > WELL_WITHIN) & (_apart(walk, start, way, over) > WELL_WITHIN)
     store(walk.hits, rays.projector[clear], found.take(np.flatnonzero(clear)))
