@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from benchmarks import extremes
-from benchmarks.hard_scenes import cube
 from benchmarks.scenes import bent_projection, boxes
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene import CastScene
@@ -68,18 +67,6 @@ def test_beginnings_and_ends_on_surfaces(where, degree):
     """Beside a surface means inside its prism: no chord enters it there."""
     figures = extremes.ends(where, degree)
     assert figures["lost"] == 0 and figures["error of t"] < 1e-14
-
-
-@pytest.mark.parametrize("degree", [1, 2, 3])
-def test_what_projectors_begin_beside_hides_the_next_face(degree):
-    """From 1e-5 outside a cube's upper face through its edge to the next: both at once in reach of a look."""
-    places = np.linspace(0.005, 0.06, 400)
-    start = np.stack([1.0 - places, 0.3 + 0.5 * places, np.full(400, 1.0 + 1e-5)])
-    way = np.array([[10.0], [0.3], [-10.0]])
-    controls = start + way * (np.arange(degree + 1) / degree)[:, None, None]
-    controls[1:-1, 1] += 0.01
-    hits = extremes.exact_curves(CastScene(*cube(4)), controls)
-    assert np.abs(hits.t - 1e-6).max() < 1e-12
 
 
 @pytest.mark.parametrize("degree", [1, 2, 3])
