@@ -96,6 +96,7 @@ def coarse_picture(inputs, cast_scene: CastScene | None, cancelled: Callable[[],
         scrambled=False,
         adaptive=None,
         lens=None,
+        drawn=whole.drawn and replace(whole.drawn.scaled(1 / COARSE), detail=1),
     )
     frame = render_frame(inputs.projection, inputs.scene, settings, cast_scene, cancelled=cancelled)
     if frame is None:
