@@ -13,6 +13,7 @@ from threading import Event
 from typing import TypeVar
 
 from .scene import CastError
+from .stopping import watching
 
 Result = TypeVar("Result")
 
@@ -83,7 +84,7 @@ def run_tiles(
     jobs = [TileJob(rows, stop) for rows in tiles]
     height = sum(rows.stop - rows.start for rows in tiles)
     with ThreadPoolExecutor(thread_count(threads)) as pool:
-        pending = {pool.submit(work, job): job for job in jobs}
+        pending = {pool.submit(_watched, work, job): job for job in jobs}
         # ``concurrent.futures.wait`` would look at all futures whenever one ends.
         ended: SimpleQueue[Future[Result]] = SimpleQueue()
         for future in pending:
@@ -113,3 +114,9 @@ def _taken(queue: SimpleQueue[Result], seconds: float) -> Iterator[Result]:
             yield queue.get_nowait()
     except Empty:
         return
+
+
+def _watched(work: Callable[[TileJob], Result], job: TileJob) -> Result:
+    """The work of a tile, which ends amid its rays when it is to stop."""
+    with watching(job.stop):
+        return work(job)

@@ -13,6 +13,7 @@ from ..casting.scene import CastScene
 from ..projection.typing import BoolArray, IndexArray
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
+from .lit import reaching
 from .scene import Scene
 from .settings import FrameSettings
 from .sky_light import SkyLight
@@ -40,8 +41,8 @@ class Shading:
 
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
-        """Prepared for frames of these settings. Lights without power are left out."""
-        lights = [light for light in scene.lights if np.any(light.color)]
+        """Prepared for frames of these settings. Lights without power or reach are left out."""
+        lights = reaching(scene.lights, scene.geometry.vertices)
         sky = sky_of(scene, cast_scene, settings.samples)
         shadows = any(light.casts_shadow for light in lights) or sky is not None
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)

@@ -161,9 +161,13 @@ class Pipeline:
 
     def at(self, sample: int) -> Pipeline:
         """What a sample sees."""
+        return self.moments[self.moment(sample)] if self.moments else self
+
+    def moment(self, sample: int) -> int:
+        """Which of the moments a sample sees, 0 where there are none."""
         if not self.moments:
-            return self
-        return self.moments[moment_of_samples(self.settings.samples, len(self.moments))[sample]]
+            return 0
+        return moment_of_samples(self.settings.samples, len(self.moments))[sample]
 
     def render_tile(self, job: TileJob, pixels: Single, passes: dict[str, Single]) -> TileCounts:
         """Samples → projectors → hits → colours → film, into pixels (n, 4) and passes (n, channels).
@@ -352,7 +356,11 @@ class Pipeline:
                 yield sample, *self.at(sample).cast_sample(rows, sample, counts)
             return
         pixel = row_pixels(rows, self.settings.width)[some]
-        for together in [samples] if not self.moments else [range(s, s + 1) for s in samples]:
+        groups: dict[int, list[int]] = {}
+        for sample in samples:
+            groups.setdefault(self.moment(sample), []).append(sample)
+        found: dict[int, tuple[Hits, Onward | None]] = {}
+        for together in groups.values():
             now, many = self.at(together[0]), len(together)
             places = [self.places.of_pixels(pixel, sample) for sample in together]
             x, y = (np.stack(axis, axis=1).ravel() for axis in zip(*places, strict=True))
@@ -362,7 +370,10 @@ class Pipeline:
             hits, onward = now.followed(x, y, counts, False)
             for number, sample in enumerate(together):
                 mine = np.arange(number, len(x), many)
-                yield sample, hits.take(mine), onward and replace(onward, known=mine)
+                found[sample] = hits.take(mine), onward and replace(onward, known=mine)
+        # In order: a film's sums depend on it.
+        for sample in samples:
+            yield sample, *found.pop(sample)
 
     def through_lens(self, share: Array) -> Pipeline:
         """The pipeline for projectors that each pass the lens at a place of its own, shares (2, n)."""
