@@ -20,7 +20,6 @@ from ..scanline.picture_table import picture_signature
 from ..scanline.table_object import grid_cells
 from . import passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
-from .pass_nodes import AOV_PLACE
 from .rig_data import (
     RigError,
     adopt,
@@ -193,16 +192,15 @@ def cautions(scene, view_layer, rig) -> list[str]:
         found.append("The volume folds: rays turn too early" if gated else CROSSES)
     if settings.missing > 0.0:
         found.append("Holes, and what the picture leaves empty, are filled in")
-    if any(mapping.enabled for mapping in settings.camera.scfpf.mappings):
-        if view_layer.aovs.get(AOV_PLACE) is not None:
-            found.append("The pass (u, v, t) has the u and v from before the image mappings")
-        if _mappings_move(settings.camera):
-            found.append("Image mappings stay as they are while Cycles renders an animation")
+    if _mappings_move(settings.camera):
+        found.append("Image mappings stay as they are while Cycles renders an animation")
     return found
 
 
 def _mappings_move(camera) -> bool:
     """Whether an F-curve or a driver acts on an image mapping: their places are worked out beforehand."""
+    if not any(mapping.enabled for mapping in camera.scfpf.mappings):
+        return False
     return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
 
 

@@ -14,11 +14,13 @@ from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
+from ..projection.typing import Array
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
 from ..scanline.table_object import follow_property, table_object
-from . import lens_nodes, passes, portal_nodes
+from . import lens_nodes, pass_nodes, passes, portal_nodes
 from .chord_plan import ChordPlan
 from .portal_nodes import AWAY, END, START, TO_SCREEN, WIDTH
+from .seen_places import seen_places
 from .sheets import SURROUND_CORNERS, Portals, portals
 
 MODIFIER = "SCFPF Portals"
@@ -230,7 +232,9 @@ def write_sheets(rig, chords: ChordPlan) -> None:
     """Make the rig's mesh that of a plan, and note what the plan promises."""
     settings = rig.scfpf_rig
     size = picture_size(settings.scene)
-    _fill(settings.portals.data, portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc))
+    arrays = portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc)
+    seen = seen_places(settings.camera, settings.scene, arrays.places, chords.disc)
+    _fill(settings.portals.data, arrays, seen)
     settings.error, settings.cost, settings.missing = chords.error, chords.cost, chords.missing
     settings.cells = chords.cells
     modifier = settings.portals.modifiers[MODIFIER]
@@ -259,7 +263,7 @@ def present_chords(rig):
     return chords[:, 0], chords[:, 1]
 
 
-def _fill(mesh, arrays: Portals) -> None:
+def _fill(mesh, arrays: Portals, seen: Array) -> None:
     mesh.clear_geometry()
     count = len(arrays.triangles)
     mesh.vertices.add(arrays.places.shape[1])
@@ -273,7 +277,7 @@ def _fill(mesh, arrays: Portals) -> None:
     owners[portal_nodes.SURROUND] = arrays.surround
     values = np.select([*owners.values()], [*owners], portal_nodes.SHEET)
     slots.data.foreach_set("value", values.astype(np.int32))
-    for name, values in ((START, arrays.start), (END, arrays.end)):
+    for name, values in ((START, arrays.start), (END, arrays.end), (pass_nodes.SEEN, seen)):
         attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
         attribute.data.foreach_set("vector", values.T.astype(np.float32).ravel())
     mesh.update(calc_edges=True)

@@ -46,10 +46,17 @@ class Portals(NamedTuple):
 
 def picture_places(x: Array, y: Array, polar: bool, aspect: float) -> tuple[Array, Array]:
     """Image positions of places (x, y) in a sheet, each (N,): a square's are pressed into a polar disc."""
-    if not polar:
-        return x, y
-    x, y = pressed(x, y)
+    return disc_places(*pressed(x, y), aspect) if polar else (x, y)
+
+
+def disc_places(x: Array, y: Array, aspect: float) -> tuple[Array, Array]:
+    """Image positions of places in the square about a polar disc, each (N,)."""
     return 0.5 + (x - 0.5) / max(aspect, 1.0), 0.5 + (y - 0.5) / max(1.0 / aspect, 1.0)
+
+
+def disc_square(x: Array, y: Array, aspect: float) -> tuple[Array, Array]:
+    """The inverse of ``disc_places``."""
+    return 0.5 + (x - 0.5) * max(aspect, 1.0), 0.5 + (y - 0.5) * max(1.0 / aspect, 1.0)
 
 
 def pressed(x: Array, y: Array) -> tuple[Array, Array]:
