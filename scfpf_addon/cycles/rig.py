@@ -34,6 +34,7 @@ from .rig_data import (
     write_sheets,
 )
 from .sheets import crosses_itself, picture_places
+from .smoke import smoke_around
 
 # Frames of an animated volume that its chords are planned for.
 FRAMES = 9
@@ -185,8 +186,8 @@ def cautions(scene, view_layer, rig) -> list[str]:
         found.append("Camera culling would leave all objects out")
     if settings.camera.data.dof.use_dof and settings.chords > 1:
         found.append("No depth of field: the projectors are bent")
-    if _has_volume(scene.world):
-        found.append("The world's volume is not right beyond the screen")
+    if settings.smoke:
+        found.append(f"Begins in the smoke of '{settings.smoke}', which rays do not know of")
     if settings.crosses:
         gated = portal_nodes.can_gate()
         found.append("The volume folds: rays turn too early" if gated else CROSSES)
@@ -202,14 +203,6 @@ def _mappings_move(camera) -> bool:
     if not any(mapping.enabled for mapping in camera.scfpf.mappings):
         return False
     return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
-
-
-def _has_volume(world) -> bool:
-    if world is None or world.node_tree is None:
-        return False
-    return any(
-        node.type == "OUTPUT_WORLD" and node.inputs["Volume"].is_linked for node in world.node_tree.nodes
-    )
 
 
 def tend(scene, depsgraph) -> None:
@@ -234,6 +227,7 @@ def _follow(rig, depsgraph) -> None:
         if structure_changed:
             update_nodes(rig)
         problem = _settle(rig, projection, structure_changed)
+        _note_smoke(rig, depsgraph, projection)
         _seen[rig.session_uid] = now
     except (ProjectionError, PlanError, RenderError) as error:
         problem = str(error)
@@ -279,6 +273,7 @@ def _note(rig, depsgraph) -> None:
     projection, now = _look(rig, depsgraph)
     _seen[rig.session_uid] = now
     _note_crossing(rig, projection, plan_of(rig, projection))
+    _note_smoke(rig, depsgraph, projection)
 
 
 def plan_of(rig, projection: Projection) -> ChordPlan:
@@ -286,6 +281,13 @@ def plan_of(rig, projection: Projection) -> ChordPlan:
     camera = rig.scfpf_rig.camera
     size = picture_size(rig.scfpf_rig.scene)
     return plan_chords([projection], size, camera.scfpf.pixel_error, _lines(camera))
+
+
+def _note_smoke(rig, depsgraph, projection: Projection) -> None:
+    """Note whether rays begin inside of something that is a volume."""
+    smoke = smoke_around(rig.scfpf_rig.scene, depsgraph, projection)
+    if rig.scfpf_rig.smoke != smoke:
+        rig.scfpf_rig.smoke = smoke
 
 
 def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:

@@ -19,7 +19,7 @@ from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_
 from ..scanline.table_object import follow_property, table_object
 from . import lens_nodes, pass_nodes, passes, portal_nodes
 from .chord_plan import ChordPlan
-from .portal_nodes import AWAY, END, START, TO_SCREEN, WIDTH
+from .portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN, WIDTH
 from .seen_places import seen_places
 from .sheets import SURROUND_CORNERS, Portals, portals
 
@@ -115,7 +115,7 @@ def _new_view_camera(camera, width: float):
     lens.type = "ORTHO"
     lens.sensor_fit = "HORIZONTAL"
     lens.ortho_scale = width
-    lens.clip_start, lens.clip_end = 0.5 * TO_SCREEN, 2.0 * TO_SCREEN
+    lens.clip_start, lens.clip_end = TO_SCREEN - BEFORE_SCREEN, 2.0 * TO_SCREEN
     view_camera = bpy.data.objects.new(name, lens)
     view_camera.location.z = -AWAY
     return view_camera

@@ -270,14 +270,19 @@ def test_it_follows_the_volume_or_says_why_not(addon, camera, rig_of):
     layer.material_override = bpy.data.materials["Red"]
     scene.cycles.transparent_max_bounces = 2
     camera.data.dof.use_dof = True
-    world = scene.world = bpy.data.worlds.new("Fog")
-    if world.node_tree is None:
-        world.use_nodes = True
-    fog, output = world.node_tree.nodes.new("ShaderNodeVolumeScatter"), world.node_tree.nodes["World Output"]
-    world.node_tree.links.new(fog.outputs[0], output.inputs["Volume"])
+    smoke = add_box("Smoke", (0, 0, 0), (0, 0, 0))
+    tree = smoke.data.materials[0].node_tree
+    scatter, output = tree.nodes.new("ShaderNodeVolumeScatter"), tree.nodes["Material Output"]
+    tree.links.new(scatter.outputs[0], output.inputs["Volume"])
+    smoke.scale = (4, 4, 4)
+    bpy.context.view_layer.update()
+    assert settings.smoke == ""
+    camera.scfpf.surfaces[1].object.location.x = 4
+    bpy.context.view_layer.update()
+    assert settings.smoke == "Smoke"
     found = cautions(scene, layer, rig_of())
     assert len(found) == 5
-    for said in ("Cycles only", "override", "bounces", "depth of field", "world's volume"):
+    for said in ("Cycles only", "override", "bounces", "depth of field", "smoke of 'Smoke'"):
         assert any(said in caution for caution in found)
     # A surface less: straight projectors.
     camera.scfpf.active_surface = 1
