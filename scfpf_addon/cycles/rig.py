@@ -33,7 +33,7 @@ from .rig_data import (
     update_nodes,
     write_sheets,
 )
-from .sheets import crosses_itself, picture_places
+from .sheets import crosses_itself, has_no_area, picture_places
 from .smoke import smoke_around
 
 # Frames of an animated volume that its chords are planned for.
@@ -47,6 +47,7 @@ ENOUGH = 0.7
 # Where F-curves and drivers of image mappings lead.
 MAPPINGS_PATH = "scfpf.mappings["
 CROSSES = "The volume crosses itself: Blender 5.0 is needed"
+NO_AREA = "Projectors meet in a line: what is behind it is seen too"
 STALE = "The animated volume has changed: update the chords"
 
 # What was seen at the last look, by session_uid of the rig: numbers and bytes only.
@@ -191,6 +192,10 @@ def cautions(scene, view_layer, rig) -> list[str]:
     if settings.crosses:
         gated = portal_nodes.can_gate()
         found.append("The volume folds: rays turn too early" if gated else CROSSES)
+    if settings.flat:
+        found.append(NO_AREA)
+    if settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):
+        found.append(f"Off by up to {settings.error:.2g} px somewhere: sheets cannot be finer")
     if settings.missing > 0.0:
         found.append("Holes, and what the picture leaves empty, are filled in")
     if _mappings_move(settings.camera):
@@ -298,7 +303,10 @@ def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
     weights, _ = projection.volume.spans.weights(chords.breaks)
     layers = np.einsum("kn,kcs->ncs", weights, points)
     layers = layers.reshape(*layers.shape[:2], CROSSING, CROSSING)
-    crosses = crosses_itself(layers, portal_nodes.can_gate())
+    flat = has_no_area(layers)
+    crosses = not flat and crosses_itself(layers, portal_nodes.can_gate())
+    if rig.scfpf_rig.flat != flat:
+        rig.scfpf_rig.flat = flat
     if rig.scfpf_rig.crosses != crosses:
         rig.scfpf_rig.crosses = crosses
 

@@ -112,6 +112,12 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         default=False,
         update=_changed,
     )
+    flat: BoolProperty(
+        name="No Area",
+        description="A sheet is a line or a point: rays pass it by, and see what is behind",
+        default=False,
+        update=_changed,
+    )
     smoke: StringProperty(
         name="Smoke",
         description="An object with a volume that the near surface is inside of: rays do not know of it",
