@@ -18,7 +18,7 @@ from ..projection.basis import SpanBasis
 from ..projection.image_stack import is_disc
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection, image_derivatives
-from .pixel_measure import SMALLEST_ERROR, pixels, without
+from .pixel_measure import SMALLEST_ERROR, blend, pixels, without
 from .sheets import picture_places
 
 # Projectors that are looked at, across and up the picture.
@@ -306,5 +306,5 @@ def _off(
         local = (inside[:: max(1, len(inside) // 8)] - low) / (high - low)
         there = pixels(curves, spans, span, local)
         values, _, _ = spans.within(span, local)
-        largest = max(largest, float(there.moved(np.einsum("gk,kcs->cgs", values, off)).max()))
+        largest = max(largest, float(there.moved(blend(values, off)).max()))
     return largest

@@ -43,6 +43,12 @@ class Pixels(NamedTuple):
         return moved
 
 
+def blend(weights: Array, points: Array) -> Array:
+    """Sums of points (K, 3, S) by weights (G, K): (3, G, S)."""
+    sums: Array = (weights @ points.reshape(len(points), -1)).reshape(-1, *points.shape[1:])
+    return sums.swapaxes(0, 1)
+
+
 def without(vector: Array, tangent: Array) -> Array:
     """What of vectors is across tangents; where a tangent vanishes there is no across, and all counts."""
     squared = (tangent**2).sum(axis=0)
@@ -54,8 +60,8 @@ def without(vector: Array, tangent: Array) -> Array:
 def pixels(curves: Curves, spans: SpanBasis, span: int, local: Array) -> Pixels:
     """The pixels of projectors ``curves`` at ``local`` (G,) in a span."""
     here, slope, second = spans.within(span, local)
-    position, dx, dy = (np.einsum("gk,kcs->cgs", here, c) for c in curves)
-    tangent, bend = (np.einsum("gk,kcs->cgs", weights, curves.points) for weights in (slope, second))
+    position, dx, dy = (blend(here, c) for c in curves)
+    tangent, bend = (blend(weights, curves.points) for weights in (slope, second))
     dx, dy = without(dx, tangent), without(dy, tangent)
     xx, yy, xy = (dx * dx).sum(axis=0), (dy * dy).sum(axis=0), (dx * dy).sum(axis=0)
     wide = 0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))

@@ -24,6 +24,7 @@ from .rig_data import (
     RigError,
     adopt,
     check,
+    check_surfaces,
     is_whole,
     make_rig,
     present_chords,
@@ -70,7 +71,7 @@ def switch_on(context, camera):
     rig = make_rig(scene, camera, chords)
     rig.scfpf_rig.animated = animated
     _look_through(scene, camera, True)
-    _note(rig, context.evaluated_depsgraph_get())
+    _note(rig, context.evaluated_depsgraph_get(), chords)
     return rig
 
 
@@ -81,7 +82,7 @@ def update(context, rig) -> None:
     rig.scfpf_rig.animated = animated
     rig.scfpf_rig.problem = ""
     write_sheets(rig, chords)
-    _note(rig, context.evaluated_depsgraph_get())
+    _note(rig, context.evaluated_depsgraph_get(), chords)
 
 
 def set_passes(rig, on: bool) -> None:
@@ -119,6 +120,7 @@ def _look_through(scene, camera, on: bool) -> None:
 def _plan(context, camera) -> tuple[ChordPlan, bool]:
     """The chords for all frames that are looked at, and whether the volume is animated."""
     scene = context.scene
+    check_surfaces(camera)
     try:
         size, aspect = picture_size(scene), picture_aspect(scene)
         present = read_projection(camera, context.evaluated_depsgraph_get(), aspect)
@@ -234,7 +236,7 @@ def _follow(rig, depsgraph) -> None:
         problem = _settle(rig, projection, structure_changed)
         _note_smoke(rig, depsgraph, projection)
         _seen[rig.session_uid] = now
-    except (ProjectionError, PlanError, RenderError) as error:
+    except (ProjectionError, PlanError, RenderError, RigError) as error:
         problem = str(error)
     if settings.problem != problem:
         settings.problem = problem
@@ -262,6 +264,7 @@ def _look(rig, depsgraph) -> tuple[Projection, tuple]:
     """The projection as it is, and what tells it from another: what nodes do not follow, and the rest."""
     settings = rig.scfpf_rig
     camera, own = settings.camera, settings.camera.scfpf
+    check_surfaces(camera)
     projection = read_projection(camera, depsgraph, picture_aspect(settings.scene))
     surfaces = tuple(
         (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
@@ -274,10 +277,10 @@ def _look(rig, depsgraph) -> tuple[Projection, tuple]:
     return projection, (structure, points, picture_size(settings.scene), own.pixel_error)
 
 
-def _note(rig, depsgraph) -> None:
+def _note(rig, depsgraph, chords: ChordPlan) -> None:
     projection, now = _look(rig, depsgraph)
     _seen[rig.session_uid] = now
-    _note_crossing(rig, projection, plan_of(rig, projection))
+    _note_crossing(rig, projection, chords)
     _note_smoke(rig, depsgraph, projection)
 
 

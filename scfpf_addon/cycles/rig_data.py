@@ -10,7 +10,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..bridge import versions
+from ..bridge import lattice_object, versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
@@ -76,6 +76,16 @@ def check(scene, camera) -> None:
         raise RigError(f"'{camera.name}' is linked from another file: make a library override of it first")
     if not hasattr(scene, "cycles"):
         raise RigError("Cycles is switched off: enable its add-on in the Preferences")
+
+
+def check_surfaces(camera) -> None:
+    """Raises RigError where the table of projectors does not follow a control surface."""
+    for slot in camera.scfpf.surfaces:
+        if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
+            raise RigError(
+                f"Cycles cannot follow the lattice '{slot.object.name}': use control surfaces instead of it, "
+                "or render with SCFPF"
+            )
 
 
 def make_rig(scene, camera, chords: ChordPlan):

@@ -55,7 +55,9 @@ def _is_volume(material) -> bool:
 def _is_inside(obj, point: Array) -> bool:
     """Whether a point is inside an evaluated object: of a mesh by the faces above it, else of its box."""
     place = obj.matrix_world.inverted_safe() @ Vector(point)
-    low, high = (Vector(end(corner[axis] for corner in obj.bound_box) for axis in range(3)) for end in (min, max))
+    low, high = (
+        Vector(end(corner[axis] for corner in obj.bound_box) for axis in range(3)) for end in (min, max)
+    )
     if any(not a <= value <= b for a, value, b in zip(low, place, high, strict=True)):
         return False
     if obj.type == "VOLUME":
