@@ -28,7 +28,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PARTS = {"diagram": "png", "set-up": "jpg", "result": "jpg"}
 # Pictures that are made with Cycles too: samples a pixel, before denoising.
 WITH_CYCLES = {
-    "figure-1": 24,
+    "figure-1": 12,
     "figure-8": 48,
     "figure-9": 32,
     "figure-11-b": 32,
