@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panels of a flexible camera: the same in the camera's Data tab and in the 3D viewport's sidebar."""
 
+import textwrap
+
 import bpy
 
 from ..operators.pick import pick_readout
@@ -12,8 +14,12 @@ from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.bridge.surface_nodes import PARAMETRIC_KINDS, SurfaceError, parameter_properties
 from ..scfpf_addon.bridge.volume_upkeep import sharers
+from ..scfpf_addon.casting.scene import caster_fault
 from .mapping_stack import draw_stack
 from .surface_list import is_missing
+
+# Letters that a line of the sidebar holds, about.
+LINE = 36
 
 
 def problems(scene, camera) -> list[str]:
@@ -42,12 +48,25 @@ def draw_render(layout, context, camera) -> None:
         row.operator("scfpf.render_cancel", text="", icon="X")
     for problem in problems(context.scene, camera):
         layout.label(text=problem, icon="ERROR")
+    draw_caster_fault(layout)
     if camera.scfpf.report:
         column = layout.column(align=True)
         column.scale_y = 0.8
         column.active = False
         for part in camera.scfpf.report.split(" · "):
             column.label(text=part)
+
+
+def draw_caster_fault(layout) -> None:
+    """Why the Render button cannot work, in lines that fit the sidebar, and what works all the same."""
+    fault = caster_fault()
+    if fault:
+        column = layout.column(align=True)
+        column.alert = True
+        lines = textwrap.wrap(f"No pictures: {fault}", LINE)
+        lines += textwrap.wrap("Editing, the live preview and Cycles work without it.", LINE)
+        for number, line in enumerate(lines):
+            column.label(text=line, icon="BLANK1" if number else "ERROR")
 
 
 def draw_fit(layout, scene, camera) -> None:

@@ -4,6 +4,7 @@
 import bpy
 
 from ..scfpf_addon.bridge.render_engine import ENGINE
+from .camera_panels import draw_caster_fault
 
 # Blender's panels that every engine may show come with BLENDER_RENDER; these would promise what is not there,
 # or are the bare siblings of those below.
@@ -47,6 +48,7 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
 
     def draw(self, context):
         layout = self.layout
+        draw_caster_fault(layout)
         layout.use_property_split = True
         scene = context.scene
         layout.prop(scene, "camera")
@@ -190,6 +192,12 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
         column.prop(view_layer, "use_pass_normal")
         column.prop(view_layer, "use_pass_vector")
         column.prop(view_layer, "use_pass_uv")
+        column = layout.column(heading="Light", align=True)
+        column.prop(view_layer.scfpf, "use_pass_diffuse")
+        column.prop(view_layer.scfpf, "use_pass_specular")
+        column.prop(view_layer, "use_pass_emit", text="Emission")
+        column.prop(view_layer, "use_pass_environment")
+        column.prop(view_layer, "use_pass_shadow")
         column = layout.column(heading="Projectors", align=True)
         column.prop(view_layer.scfpf, "use_pass_parameters")
         column.prop(view_layer.scfpf, "use_pass_perspective_depth")
@@ -209,6 +217,31 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
             layout.label(text="Depth: length along the projector from the near surface", icon="INFO")
 
 
+class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
+    """Which rays meet this object, or which light a lamp gives"""
+
+    bl_label = "Ray Visibility"
+    bl_parent_id = "OBJECT_PT_visibility"
+    bl_context = "object"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.object is not None and context.object.type != "CAMERA"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        owner = context.object
+        if owner.type == "LIGHT":
+            layout.prop(owner, "visible_diffuse", text="Diffuse")
+            layout.prop(owner, "visible_glossy", text="Highlights")
+            return
+        layout.prop(owner, "visible_camera", text="Projectors")
+        layout.prop(owner, "visible_glossy", text="Mirrors")
+        layout.prop(owner, "visible_transmission", text="Glass")
+        layout.prop(owner, "visible_shadow", text="Shadow")
+
+
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
         SCFPF_PT_engine_camera,
@@ -218,6 +251,7 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
         SCFPF_PT_engine_film,
         SCFPF_PT_engine_performance,
         SCFPF_PT_engine_passes,
+        SCFPF_PT_engine_ray_visibility,
     )
 )
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..casting.geometry import Geometry
+from ..casting.visibility import CAMERA, EVERYWHERE
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
@@ -16,6 +17,7 @@ from .light_paths import read_bounces
 from .read_layers import join_layers, read_layer
 from .read_lights import read_light, read_world
 from .read_materials import MaterialTable, listing
+from .read_visibility import LightLinks, visible_rays
 
 # Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
 MAXIMUM_TRIANGLES = (2**31 - 1) // 9
@@ -61,7 +63,7 @@ class Instances:
     mesh: (N,) number of each instance's mesh. look: (N,) number of its look.
     matrix: (N, 4, 4) float64. look_object: (L,) object number of each look.
     slots: material number of each look's slots, look after look; first_slot: (L + 1,) where each
-    look's begin.
+    look's begin. visibility, linked: (N,), see ``Geometry``.
     """
 
     mesh: NDArray[np.int32]
@@ -70,6 +72,8 @@ class Instances:
     look_object: NDArray[np.int32]
     slots: NDArray[np.int32]
     first_slot: NDArray[np.int32]
+    visibility: NDArray[np.uint8] | None = None
+    linked: NDArray[np.int32] | None = None
 
 
 def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> Scene:
@@ -78,7 +82,7 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
     Objects come as F12 shows them if the depsgraph is a render one
     (``render_depsgraph``); a viewport one lacks what is hidden in the viewport and
     has the viewport's subdivision levels. Left out in both: what is hidden in
-    renders, excluded collections, objects invisible to the camera, control surfaces.
+    renders, excluded collections, what no ray is to meet, control surfaces.
     A hidden object is shown where it is instanced by nodes or on vertices, as by F12.
     may_be_empty: a scene without anything to show is one of no triangles, with a warning.
     with_uv: read the texture coordinates that renders use, too.
@@ -88,15 +92,17 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
     for instance in depsgraph.object_instances:
         reader.add(instance)
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
-    if not len(geometry.triangles) and not may_be_empty:
+    visibility = geometry.visibility
+    shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
+    if not shown and not may_be_empty:
         raise SceneError(NOTHING)
     world_color, world_warnings = read_world(depsgraph.scene_eval)
     return Scene(
         geometry,
         reader.materials.materials(),
-        tuple(reader.lights),
+        reader.links.linked(reader.lights),
         world_color,
-        warnings=(() if len(geometry.triangles) else (NOTHING,))
+        warnings=(() if shown else (NOTHING,))
         + reader.warnings()
         + reader.materials.warnings()
         + world_warnings,
@@ -120,7 +126,10 @@ class _SceneReader:
         self._view_layer = depsgraph.view_layer
         self._left_out = control_objects()
         self._rendered = None if depsgraph.mode == "RENDER" else _rendered_objects(depsgraph.view_layer)
-        self._shown: dict[tuple[int, int], bool] = {}
+        self.links = LightLinks()
+        # What rays meet each object, and the number by which lamps know it.
+        self._shown: dict[tuple[int, int], tuple[int, int]] = {}
+        self._seen: list[tuple[int, int]] = []
         self._mesh_numbers: dict[int, int] = {}
         self._look_numbers: dict[tuple[int, int], int] = {}
         self._looks: list[tuple[int, list[int]]] = []
@@ -129,6 +138,7 @@ class _SceneReader:
         self._bad_place: dict[str, None] = {}
         self._bad_shape: dict[str, None] = {}
         self._faceless: dict[str, None] = {}
+        self._catchers: dict[str, None] = {}
 
     def add(self, instance) -> None:
         """Take one entry of ``object_instances``; nothing of it is kept."""
@@ -140,8 +150,10 @@ class _SceneReader:
         key = (pointer, parent.original.as_pointer() if parent else 0)
         shown = self._shown.get(key)
         if shown is None:
-            shown = self._shown[key] = self._is_shown(thing, parent)
-        if not shown:
+            name, above = own.name_full, parent.original.name_full if parent else ""
+            rays = self._rays(thing, parent)
+            shown = self._shown[key] = rays, self.links.number(name, above) if rays else 0
+        if not shown[0]:
             return
         if thing.type in FACELESS:
             self._faceless[own.name] = None
@@ -150,23 +162,28 @@ class _SceneReader:
         if thing.type == "MESH":
             self._placed.append(self._mesh_and_look(thing, pointer))
             self._matrices.append(matrix)
+            self._seen.append(shown)
+            if own.is_shadow_catcher:
+                self._catchers[own.name] = None
         elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
             self._bad_place[own.name] = None
         else:
             light = read_light(thing.data, matrix)
             if light is not None:
-                self.lights.append(light)
+                self.links.add(len(self.lights), own)
+                self.lights.append(
+                    replace(light, scattered=thing.visible_diffuse, mirrored=thing.visible_glossy)
+                )
 
-    def _is_shown(self, thing, parent) -> bool:
+    def _rays(self, thing, parent) -> int:
+        """Which rays meet an object, as ``visible_rays``; 0 for what is not rendered."""
         own = thing.original
         top = parent.original if parent else own
         if own.name_full in self._left_out or top.name_full in self._left_out:
-            return False
+            return 0
         if self._rendered is not None and not self._is_rendered(own, top):
-            return False
-        if thing.type == "LIGHT":
-            return True
-        return thing.visible_camera and not top.indirect_only_get(view_layer=self._view_layer)
+            return 0
+        return EVERYWHERE if thing.type == "LIGHT" else visible_rays(thing, parent, self._view_layer)
 
     def _is_rendered(self, own, top) -> bool:
         """Whether a render shows what a viewport's depsgraph lists; a render's lists nothing else.
@@ -215,6 +232,7 @@ class _SceneReader:
         placed = np.array(self._placed, np.int32).reshape(-1, 2)
         matrix = np.array(self._matrices).reshape(-1, 4, 4)
         look_object = np.array([number for number, _ in self._looks], np.int32)
+        seen = np.array(self._seen, np.int32).reshape(-1, 2)
         finite = (np.abs(matrix) <= LARGEST_COORDINATE).all(axis=(1, 2))
         names = list(self.object_numbers)
         for number in np.unique(look_object[placed[~finite, 1]]):
@@ -226,6 +244,8 @@ class _SceneReader:
             look_object,
             np.array([number for _, slots in self._looks for number in slots], np.int32),
             np.cumsum([0, *(len(slots) for _, slots in self._looks)], dtype=np.int32),
+            None if (seen[:, 0] == EVERYWHERE).all() else seen[finite, 0].astype(np.uint8),
+            seen[finite, 1] if self.links else None,
         )
 
     def warnings(self) -> tuple[str, ...]:
@@ -233,6 +253,7 @@ class _SceneReader:
         found = (
             (self._bad_place, "Left out, as their transforms are not finite: "),
             (self._bad_shape, "Faces left out, as their vertices are not finite: "),
+            (self._catchers, "Shadow catchers are shown as they are, take the Shadow pass instead: "),
             (self._faceless, "Not shown, as they have no faces (hair, points, volumes, Grease Pencil): "),
         )
         return tuple(text + listing(list(names)) for names, text in found if names)
@@ -355,7 +376,13 @@ def join(
             vertex += len(mine) * len(mesh.vertices)
             blocks.append((len(mesh.triangles), mesh.layers, mirrored[mine]))
     normalize(result.corner_normals)
-    return replace(result, layers=join_layers(blocks, triangles))
+    many = [len(meshes[number].triangles) for number in instances.mesh[order]]
+    return replace(
+        result,
+        layers=join_layers(blocks, triangles),
+        visibility=None if instances.visibility is None else np.repeat(instances.visibility[order], many),
+        linked=None if instances.linked is None else np.repeat(instances.linked[order], many),
+    )
 
 
 def _place(

@@ -76,7 +76,8 @@ def _bake_target():
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     mesh.color_attributes.new("Color", "FLOAT_COLOR", "CORNER")
     target = bpy.data.objects.new(ENGINE, mesh)
-    target.visible_camera = False
+    for ray in ("camera", "shadow", "glossy", "transmission"):
+        setattr(target, f"visible_{ray}", False)
     return target
 
 

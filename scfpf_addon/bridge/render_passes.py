@@ -33,7 +33,13 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
     yield RenderPass("Combined", "RGBA", "COLOR", "")
     own = view_layer.scfpf
     object_index, material_index = versions.index_pass_names()
+    emission, environment = versions.light_pass_names()
     for switch, each in (
+        (own.use_pass_diffuse, RenderPass("Diffuse", "RGB", "COLOR", "DIFFUSE")),
+        (own.use_pass_specular, RenderPass("Specular", "RGB", "COLOR", "SPECULAR")),
+        (view_layer.use_pass_emit, RenderPass(emission, "RGB", "COLOR", "EMISSION")),
+        (view_layer.use_pass_environment, RenderPass(environment, "RGB", "COLOR", "ENVIRONMENT")),
+        (view_layer.use_pass_shadow, RenderPass("Shadow", "RGB", "COLOR", "SHADOW")),
         (view_layer.use_pass_z, RenderPass("Depth", "Z", "VALUE", "DEPTH")),
         (view_layer.use_pass_position, RenderPass("Position", "XYZ", "VECTOR", "POSITION")),
         (view_layer.use_pass_normal, RenderPass("Normal", "XYZ", "VECTOR", "NORMAL")),
@@ -100,6 +106,21 @@ def _switched(self, _context):
 class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     """Passes of a view layer that only the SCFPF engine has."""
 
+    use_pass_diffuse: BoolProperty(
+        name="Diffuse",
+        description="Light scattered by surfaces, with their colour: of lamps and of the world. Diffuse, "
+        "Specular, Emission and Environment add up to the picture",
+        default=False,
+        update=_switched,
+        override={"LIBRARY_OVERRIDABLE"},
+    )
+    use_pass_specular: BoolProperty(
+        name="Specular",
+        description="Highlights of lamps, and all that is seen in mirrors and through glass",
+        default=False,
+        update=_switched,
+        override={"LIBRARY_OVERRIDABLE"},
+    )
     use_pass_parameters: BoolProperty(
         name="Projector Parameters",
         description="Where in the viewing volume each pixel's hit lies: u, v and t, 0 where nothing is hit",

@@ -61,6 +61,11 @@ def index_pass_names() -> tuple[str, str]:
     return ("Object Index", "Material Index") if since_5 else ("IndexOB", "IndexMA")
 
 
+def light_pass_names() -> tuple[str, str]:
+    """What Blender's own engines call the passes of emission and of the world."""
+    return ("Emission", "Environment") if bpy.app.version >= (5, 0, 0) else ("Emit", "Env")
+
+
 def set_node_menu(node, socket: str, setting: str, value: str) -> None:
     """Choose from a menu of a node: a setting of the node up to 4.5, a socket with titles from 5.0.
 

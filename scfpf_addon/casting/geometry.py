@@ -33,6 +33,8 @@ class Geometry:
     each corner. material, object_index: (T,) int32. object_names: one name an index.
     uv: (T, 3, 2) float32, texture coordinates of the corners, NaN where a mesh has none;
     None where they were not asked for. layers: by name, those that materials ask for.
+    visibility: (T,), see ``visibility``; None where every ray meets everything. linked: (T,) int32, the
+    number by which lamps know what a triangle belongs to; None where no lamp asks.
     """
 
     vertices: Array
@@ -43,6 +45,8 @@ class Geometry:
     object_names: tuple[str, ...] = ()
     uv: NDArray[np.float32] | None = None
     layers: Mapping[str, Layer] = field(default_factory=dict)
+    visibility: NDArray[np.uint8] | None = None
+    linked: NDArray[np.int32] | None = None
 
     def part(self, kept: BoolArray) -> Geometry:
         """The triangles ``kept`` (T,) alone, with the vertices that they use."""
@@ -59,4 +63,6 @@ class Geometry:
             self.object_names,
             None if self.uv is None else self.uv[kept],
             {name: Layer(layer.row[kept], layer.values) for name, layer in self.layers.items()},
+            None if self.visibility is None else self.visibility[kept],
+            None if self.linked is None else self.linked[kept],
         )

@@ -9,6 +9,8 @@ what a hit is, is computed from the float64 triangles.
 
 from __future__ import annotations
 
+from copy import copy
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from threading import Lock
 from typing import Any
@@ -24,6 +26,7 @@ from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
+REMEDY = "install SCFPF again from the zip for this system, which brings embreex {} or later"
 
 # A larger coordinate cannot be squared twice in float64; it counts as not finite.
 LARGEST_COORDINATE = 1e60
@@ -43,6 +46,9 @@ SHADOW_END = 1e-4
 # The largest block, in bytes, that glibc can be made to keep (its limit is 32 MiB).
 KEPT_BLOCK = 31 << 20
 
+# What is kept for different kinds of rays and for lamps' shadows, at most.
+MOST_PARTS = 16
+
 Float32Array = NDArray[np.float32]
 
 
@@ -58,12 +64,20 @@ def _load_embreex() -> tuple[Any, Any]:
 
         found = version("embreex")
     except (ImportError, PackageNotFoundError) as error:
-        raise CastError(
-            f"the ray caster embreex is missing ({error}); install embreex {needed} or later"
-        ) from error
+        raise CastError(f"the ray caster embreex is missing ({error}): {REMEDY.format(needed)}") from error
     if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
-        raise CastError(f"embreex {found} is too old; install embreex {needed} or later")
+        raise CastError(f"the ray caster embreex {found} is too old: {REMEDY.format(needed)}")
     return rtcore_scene, mesh_construction
+
+
+@cache
+def caster_fault() -> str:
+    """Why nothing can be cast, and what to do; empty where all is well. Asked once: it draws panels."""
+    try:
+        _load_embreex()
+    except CastError as error:
+        return str(error)
+    return ""
 
 
 def _keep_freed_memory() -> None:
@@ -99,7 +113,7 @@ class CastScene:
         triangles: NDArray[np.int32],
         beyond: tuple[Array, NDArray[np.int32]] | None = None,
     ) -> None:
-        scenes, meshes = _load_embreex()
+        _load_embreex()
         _keep_freed_memory()
         vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
         self.triangles = np.ascontiguousarray(triangles, np.int32).reshape(-1, 3)
@@ -114,18 +128,44 @@ class CastScene:
         self._measure(usable)
         if not usable.any():
             raise CastError("the scene has no triangle with an area: check the objects' scale")
+        self._neighbours: NDArray[np.int32] | None = None
+        self._beyond, self._beyond_scene = beyond, None
+        self._parts: dict[bytes, CastScene] = {}
+        self._build(usable)
+
+    def _build(self, usable: BoolArray) -> None:
+        """Put the triangles ``usable`` (T,) into Embree."""
+        scenes, meshes = _load_embreex()
+        self._usable = usable
         faces = np.where(usable[:, None], self.triangles, self.triangles[:, :1])
         self._embree = scenes.EmbreeScene(robust=True)
         self._mesh = meshes.TriangleMesh(self._embree, self.vertices.T.astype(np.float32), faces)
         # Embree builds at the first run, which must happen in one thread.
         nowhere = np.zeros((3, 1), np.float32)
         self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
-        self._neighbours: NDArray[np.int32] | None = None
         self._prisms: PrismScene | None = None
-        self._usable = usable
-        self._beyond, self._beyond_scene = beyond, None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
+
+    def only(self, kept: BoolArray | None) -> CastScene | None:
+        """The same triangles by the same numbers, of which only those in ``kept`` (T,) are ever hit.
+
+        None for kept are all. Kept for the next time. None where nothing would be hit.
+        """
+        if kept is None or kept[self._usable].all():
+            return self
+        usable: BoolArray = self._usable & kept
+        if not usable.any():
+            return None
+        key = np.packbits(kept).tobytes()
+        if key not in self._parts:
+            if len(self._parts) == MOST_PARTS:
+                self._parts.clear()
+            part = copy(self)
+            part._beyond, part._beyond_scene, part._parts = None, None, {}
+            part._build(usable)
+            self._parts[key] = part
+        return self._parts[key]
 
     def _place(self, vertices: Array, finite: BoolArray, usable: BoolArray) -> None:
         """Choose cast space and put the vertices, (3, V), into it."""

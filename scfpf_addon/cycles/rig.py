@@ -25,6 +25,7 @@ from .rig_data import (
     adopt,
     check,
     check_surfaces,
+    has_old_nodes,
     is_whole,
     make_rig,
     present_chords,
@@ -230,7 +231,7 @@ def _follow(rig, depsgraph) -> None:
         projection, now = _look(rig, depsgraph)
         if seen == now and not settings.problem:
             return
-        structure_changed = seen is not None and seen[0] != now[0]
+        structure_changed = (seen is not None and seen[0] != now[0]) or has_old_nodes(rig)
         if structure_changed:
             update_nodes(rig)
         problem = _settle(rig, projection, structure_changed)

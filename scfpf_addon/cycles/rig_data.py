@@ -15,6 +15,7 @@ from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
 from ..projection.typing import Array
+from ..scanline.field_nodes import BUILD, BUILD_KEY
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
 from ..scanline.table_object import follow_property, table_object
 from . import lens_nodes, pass_nodes, passes, portal_nodes
@@ -125,10 +126,16 @@ def _new_view_camera(camera, width: float):
     lens.type = "ORTHO"
     lens.sensor_fit = "HORIZONTAL"
     lens.ortho_scale = width
-    lens.clip_start, lens.clip_end = TO_SCREEN - BEFORE_SCREEN, 2.0 * TO_SCREEN
     view_camera = bpy.data.objects.new(name, lens)
-    view_camera.location.z = -AWAY
+    _place(view_camera)
     return view_camera
+
+
+def _place(view_camera) -> None:
+    """Where the nodes have the screen before a rig's camera; other versions had it elsewhere."""
+    view_camera.location.z = -AWAY
+    lens = view_camera.data
+    lens.clip_start, lens.clip_end = TO_SCREEN - BEFORE_SCREEN, 2.0 * TO_SCREEN
 
 
 def _new_portals(camera, scene, width: float):
@@ -212,11 +219,17 @@ def adopt(rig) -> None:
                 target.id = scene
 
 
+def has_old_nodes(rig) -> bool:
+    """Whether another version of the add-on has made what a rig is computed by."""
+    return rig.scfpf_rig.portals.modifiers[MODIFIER].node_group.get(BUILD_KEY) != BUILD
+
+
 def update_nodes(rig) -> None:
     """The table and the modifier as the camera's list of surfaces and its settings now ask for."""
     settings = rig.scfpf_rig
     settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
     settings.table[RIG_KEY] = settings.camera
+    _place(settings.view_camera)
     group = portal_nodes.portal_group()
     modifier = settings.portals.modifiers[MODIFIER]
     if modifier.node_group != group:

@@ -240,12 +240,16 @@ def node_group(
 ):
     """The node group of a name: the file's own if this build made it, else a new one.
 
+    One that another version of the add-on made stays, under another name, with what uses it.
+
     inputs: label → (socket type without "NodeSocket", default or None, description). outputs: label →
     socket type. build: (nodes, given values by label) → values by output label.
     """
     existing = bpy.data.node_groups.get((name, None))
     if existing and existing.bl_idname == "GeometryNodeTree" and existing.get(BUILD_KEY) == BUILD:
         return existing
+    if existing:
+        existing.name = f"{name} (before)"
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.is_modifier = modifier
     tree.description = description

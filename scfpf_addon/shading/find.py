@@ -15,6 +15,7 @@ from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
 from .pick import PIXEL_ERROR
 from .scene import Scene
+from .visible import seen_directly
 
 # Of a thing with more points these are looked up: the outermost in so many directions, and so many others.
 DIRECTIONS, OTHERS = 96, 300
@@ -110,7 +111,9 @@ def _hidden(
     geometry = scene.geometry
     if not len(geometry.triangles):
         return 0.0, ""
-    cast_scene = CastScene(geometry.vertices, geometry.triangles)
+    cast_scene = seen_directly(geometry, CastScene(geometry.vertices, geometry.triangles))
+    if cast_scene is None:
+        return 0.0, ""
     moved = projection.transformed(cast_scene.matrix)
     hits = cast(cast_scene, moved, place.x, place.y, pixel_size, PIXEL_ERROR)
     met = geometry.object_index[hits.triangle]

@@ -10,23 +10,29 @@ import numpy as np
 from ..casting.behind import Onward
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
-from ..projection.typing import IndexArray
+from ..projection.typing import BoolArray, IndexArray
+from .light_passes import LightParts
 from .lighting import Lamp, radiance
 from .scene import Scene
 from .settings import FrameSettings
 from .surface import PhongTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
+from .visible import held_out, shadowed
 
 
 @dataclass(frozen=True)
 class Shading:
-    """All that colours a hit: lookup tables, and lamps in cast space."""
+    """All that colours a hit: lookup tables, and lamps in cast space.
+
+    held_out: (T,) the triangles that leave a hole in the picture, None for none.
+    """
 
     surface: SurfaceTable
     phong: PhongTable
     lamps: tuple[Lamp, ...]
     tracer: Tracer | None
+    held_out: BoolArray | None = None
 
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
@@ -35,21 +41,38 @@ class Shading:
         shadows = any(light.casts_shadow for light in lights)
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
         phong = PhongTable.of(scene.materials, scene.world_color)
-        lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
+        lamps = tuple(
+            shadowed(Lamp.of(light, cast_scene.matrix, settings.samples), scene.geometry, cast_scene)
+            for light in lights
+        )
         tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
-        return cls(surface, phong, lamps, tracer)
+        return cls(surface, phong, lamps, tracer, held_out(scene.geometry))
 
-    def color(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+    def color(
+        self,
+        hits: Hits,
+        where: IndexArray,
+        sample: int | IndexArray,
+        onward: Onward,
+        parts: LightParts | None = None,
+    ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
         sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
+        parts: of n hits, gets what the colours are the sum of.
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            return tracer.color(hits.take(where), sample, onward.of(where))
+            return tracer.color(hits.take(where), sample, onward.of(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
             position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
         points = self.surface.points(triangle, barycentric, position, tangent)
-        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)
+        color = radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene, parts)
+        if self.held_out is None:
+            return color
+        held = self.held_out.take(triangle)
+        if parts:
+            parts.rows[:, held] = 0.0
+        return np.concatenate([color * ~held, ~held[None]]).astype(np.float32)

@@ -16,6 +16,7 @@ import numpy as np
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
 from .film import lamp_positions
+from .light_passes import DIFFUSE, SPECULAR, LightParts
 from .scene import Light
 from .surface import TINY, PhongTable, SurfacePoints, dot
 from .typing import Single
@@ -48,7 +49,8 @@ class Lamp:
     is lit, on a disc at the distance 1.
     axis: (3,) unit, where it shines. local: (3, 3) from directions in cast space to
     those in the light's own space, where a spot's cone is round. softness: the squared
-    radius of a point or spot, which lights as a disc that faces whatever it lights.
+    radius of a point or spot, which lights as a disc that faces whatever it lights. occluders: what
+    stands in its way, None for everything.
     """
 
     light: Light
@@ -57,6 +59,7 @@ class Lamp:
     axis: Single
     local: Single
     softness: np.float32
+    occluders: CastScene | None = None
 
     @classmethod
     def of(cls, light: Light, matrix: Array, samples: int) -> Lamp:
@@ -128,14 +131,18 @@ def radiance(
     lamps: Sequence[Lamp],
     sample: int | IndexArray,
     cast_scene: CastScene,
+    parts: LightParts | None = None,
 ) -> Single:
     """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 
     Emission and the world's light, plus for every lamp Lambert's and Phong's share
     of what arrives. The highlight is (R·V)ⁿ with V against the projector's tangent.
+    parts: gets what it is the sum of, where that is asked for.
     """
     color = np.empty_like(points.normal)
     color[:] = by_material(table.emitted, points.material)
+    if parts:
+        parts.shine(by_material(table.emission, points.material), color)
     exponent = by_material(table.exponent, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:
@@ -143,11 +150,20 @@ def radiance(
         cosine = dot(points.normal, light.direction)
         received = np.maximum(cosine, 0)
         received *= light.strength
+        if lamp.light.receivers is not None and points.linked is not None:
+            received *= lamp.light.receivers.take(points.linked)
+        full = received.copy() if parts else received
         if lamp.light.casts_shadow:
-            cut_shadows(received, points, light, cast_scene)
+            cut_shadows(received, points, light, lamp.occluders or cast_scene)
         tint = lamp.color[:, None]
-        color += by_material(table.diffuse * tint, points.material) * received
-        if table.glossy:
+        if parts:
+            parts.receive(full, received, lamp.color)
+        if lamp.light.scattered:
+            lit = by_material(table.diffuse * tint, points.material) * received
+            color += lit
+            if parts:
+                parts.rows[DIFFUSE] += lit
+        if table.glossy and lamp.light.mirrored:
             mirror = 2 * cosine
             mirror *= facing
             mirror -= dot(points.view, light.direction)
@@ -155,7 +171,10 @@ def radiance(
             mirror = np.log(np.maximum(mirror, TINY, out=mirror), out=mirror)
             mirror *= exponent
             received *= np.exp(mirror, out=mirror)
-            color += by_material(table.gloss * tint, points.material) * received
+            lit = by_material(table.gloss * tint, points.material) * received
+            color += lit
+            if parts:
+                parts.rows[SPECULAR] += lit
     return color
 
 

@@ -17,6 +17,7 @@ from ..projection.basis import SpanBasis
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection, ViewingVolume
 from .cryptomatte import MOST_LAYERS, CryptoFilm
+from .light_passes import LIGHT_MISS, LIGHT_PASSES
 from .scene import Scene
 from .surface import SurfaceTable
 from .typing import Single
@@ -43,6 +44,11 @@ class DataPasses:
     depth_plane: Array | None = None
     neighbours: tuple[Neighbour, Neighbour] | None = None
     identifiers: dict[str, Single] = field(default_factory=dict)
+
+    @property
+    def central(self) -> bool:
+        """Whether any is made of the projector through the pixel's centre, not of the picture's samples."""
+        return any(name not in LIGHT_PASSES and not name.startswith("CRYPTO") for name in self.names)
 
     @property
     def weighted(self) -> bool:
@@ -193,6 +199,7 @@ PASSES |= {
     for kind in CRYPTO_KINDS
     for layer in range(MOST_LAYERS)
 }
+PASSES |= {name: PassKind(3, LIGHT_MISS.get(name, 0.0), None) for name in LIGHT_PASSES}
 
 
 def empty_passes(wanted: DataPasses, height: int, width: int) -> dict[str, Single]:

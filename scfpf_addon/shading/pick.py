@@ -12,6 +12,7 @@ from ..casting.scene import CastScene
 from ..projection.typing import Array
 from ..projection.volume import Projection
 from .scene import Scene
+from .visible import seen_directly
 
 # Pixels that the hit may be off at a silhouette: one projector can be followed finely.
 PIXEL_ERROR = 1e-3
@@ -60,7 +61,9 @@ def pick(
     geometry = scene.geometry
     if not len(geometry.triangles):
         return miss
-    cast_scene = CastScene(geometry.vertices, geometry.triangles)
+    cast_scene = seen_directly(geometry, CastScene(geometry.vertices, geometry.triangles))
+    if cast_scene is None:
+        return miss
     hits = cast(cast_scene, projection.transformed(cast_scene.matrix), *where, pixel_size, PIXEL_ERROR)
     triangle = int(hits.triangle[0])
     if triangle < 0:

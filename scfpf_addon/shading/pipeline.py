@@ -22,6 +22,7 @@ from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
 from .film import Film
 from .hit_colors import Shading
 from .lens import Lens, through
+from .light_passes import LightFilm, LightParts
 from .motion import Moment, moment_of_samples
 from .passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
 from .reach import within_reach
@@ -29,6 +30,7 @@ from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
 from .typing import Single
+from .visible import seen_directly
 
 # Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
 # a render should end soon after it is told to.
@@ -77,8 +79,9 @@ class Pipeline:
         """
         if cast_scene is None:
             scene, cast_scene = within_reach(scene, projection, alone)
+        everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, cast_scene, settings) if cast_scene else None
+        shading = Shading.of(scene, everything, settings) if everything and cast_scene else None
         return cls(
             inside,
             settings,
@@ -145,6 +148,7 @@ class Pipeline:
             mine = mine[inside]
         crypto = CryptoPasses(self.passes, len(pixels))
         film = Film(len(pixels), self.background, self.settings.transparent)
+        light = LightFilm.of(passes, len(pixels), self.background)
         for sample in range(self.settings.samples):
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
@@ -156,14 +160,19 @@ class Pipeline:
             if inside is not None:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
-            color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside))
+            parts = LightParts(len(where)) if light else None
+            color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside), parts)
             film.add(hits.mask, where, color)
+            if light and parts:
+                light.add(np.arange(len(pixels)), hits.mask, where, parts)
             if now.geometry:
                 crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
-        crypto.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
-        if self.passes and not job.stop.is_set():
+        for each in (crypto, light):
+            if each:
+                each.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
+        if self.passes and self.settings.passes.central and not job.stop.is_set():
             self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
 
@@ -182,6 +191,7 @@ class Pipeline:
         block = row_pixels(rows, width)
         film = AdaptiveFilm(len(block), self.background, self.settings.transparent)
         crypto = CryptoPasses(self.passes, len(block))
+        light = LightFilm.of(passes, len(block), self.background)
 
         def take(some: IndexArray | None, samples: range) -> None:
             nonlocal hit_count
@@ -190,7 +200,11 @@ class Pipeline:
                 where = np.flatnonzero(hits.triangle >= 0)
                 hit_count += len(where)
                 now = self.at(sample)
-                film.add(which, hits.mask, where, now.color(hits, where, sample, block[which], onward))
+                parts = LightParts(len(where)) if light else None
+                color = now.color(hits, where, sample, block[which], onward, parts)
+                film.add(which, hits.mask, where, color)
+                if light and parts:
+                    light.add(which, hits.mask, where, parts)
                 if now.geometry:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
@@ -206,8 +220,10 @@ class Pipeline:
         mine = np.arange(own.start * width, own.stop * width)
         mine = mine if inside is None else mine[inside]
         film.develop(mine, pixels)
-        crypto.develop(mine, film.samples(mine), passes)
-        if self.passes:
+        for each in (crypto, light):
+            if each:
+                each.develop(mine, film.samples(mine), passes)
+        if self.passes and self.settings.passes.central:
             self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
 
@@ -305,7 +321,13 @@ class Pipeline:
         return replace(self, projection=through(self.projection, self.lens, share)) if self.lens else self
 
     def color(
-        self, hits: Hits, where: IndexArray, sample: int, pixel: IndexArray, onward: Onward | None
+        self,
+        hits: Hits,
+        where: IndexArray,
+        sample: int,
+        pixel: IndexArray,
+        onward: Onward | None,
+        parts: LightParts | None,
     ) -> Single:
         """As ``Shading.color``, of nothing where nothing is there. pixel: (n,) the image's, of the hits."""
         if self.shading is None or onward is None:
@@ -314,7 +336,7 @@ class Pipeline:
         # What is sent on belongs to no pixel any more.
         if self.places.scrambled and self.shading.tracer is None:
             own = self.places.on_lamps(pixel[where], sample)
-        return self.shading.color(hits, where, own, onward)
+        return self.shading.color(hits, where, own, onward, parts)
 
     def cast(
         self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True

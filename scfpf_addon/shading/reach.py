@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from ..casting.culling import within_volume
 from ..casting.scene import CastScene
+from ..casting.visibility import CAMERA, SHADOW, visible_to
 from ..projection.volume import Projection
 from .scene import Scene
 
@@ -22,8 +23,15 @@ def within_reach(scene: Scene, projection: Projection, alone: bool = True) -> tu
     if not alone:
         return scene, CastScene(whole.vertices, whole.triangles)
     kept = within_volume(whole.vertices, whole.triangles, projection.volume)
-    # Mirrors and glass show what lies beyond, too.
-    if kept.all() or any(graph.reflects for graph in scene.materials.graphs.values()):
+    seen = visible_to(whole.visibility, CAMERA)
+    if seen is not None:
+        kept &= seen
+    # Mirrors and glass show what lies beyond, too; shadows that some things do not cast ask for parts of all.
+    reflects = any(graph.reflects for graph in scene.materials.graphs.values())
+    chosen = visible_to(whole.visibility, SHADOW) is not None or any(
+        light.blockers is not None for light in scene.lights
+    )
+    if kept.all() or reflects or chosen:
         return scene, CastScene(whole.vertices, whole.triangles)
     if not kept.any():
         return scene, None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ..casting.geometry import Geometry
-from ..projection.typing import Array
+from ..projection.typing import Array, BoolArray
 
 if TYPE_CHECKING:
     from .materials.graph import MaterialGraph
@@ -56,6 +56,8 @@ class Light:
     matrix: (4, 4), the lamp shines along its local -Z. radius: soft size of POINT
     and SPOT; angle: that a SUN fills in the sky, radians. size: (2,) extents of AREA along
     local X and Y; ellipse: AREA is an ellipse. spot_angle: full cone angle, radians; spot_blend in [0, 1].
+    receivers, blockers: what it lights and what casts its shadows, by the numbers in ``Geometry.linked``;
+    None for everything. scattered, mirrored: whether it makes diffuse light and highlights.
     """
 
     kind: LightKind
@@ -68,6 +70,10 @@ class Light:
     ellipse: bool = False
     spot_angle: float = np.pi / 4
     spot_blend: float = 0.15
+    receivers: BoolArray | None = None
+    blockers: BoolArray | None = None
+    scattered: bool = True
+    mirrored: bool = True
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ class SurfacePoints(NamedTuple):
 
     position: (3, N). normal: (3, N) unit, interpolated, on the side of the viewer.
     view: (3, N) unit, towards the viewer: against the projector's tangent (paper §4.3).
-    material: (N,) index. shadow: None where no lamp casts any.
+    material: (N,) index. shadow: None where no lamp casts any. linked: (N,), see ``Geometry.linked``.
     """
 
     position: Single
@@ -53,6 +53,7 @@ class SurfacePoints(NamedTuple):
     view: Single
     material: IndexArray
     shadow: ShadowStart | None
+    linked: IndexArray | None = None
 
     def take(self, index: IndexArray) -> SurfacePoints:
         """The points at ``index``."""
@@ -67,6 +68,7 @@ class SurfacePoints(NamedTuple):
             self.view.take(index, 1),
             self.material.take(index),
             shadow,
+            None if self.linked is None else self.linked.take(index),
         )
 
 
@@ -84,7 +86,7 @@ class SurfaceTable:
     smooth: (9, T) float32: the first corner's normal, and the differences to it of the second's
     and third's; None where all are those of their triangles.
     bulge: (6, T) float32, see ``corner_heights``; None where nothing casts a shadow, or
-    nothing is smooth. shadows: whether anything casts one. material: (T,).
+    nothing is smooth. shadows: whether anything casts one. material: (T,). linked: (T,) or None.
     """
 
     cast_scene: CastScene
@@ -93,6 +95,7 @@ class SurfaceTable:
     bulge: Single | None
     shadows: bool
     material: IndexArray
+    linked: IndexArray | None = None
 
     @property
     def weighted(self) -> bool:
@@ -110,10 +113,10 @@ class SurfaceTable:
         material = geometry.material.astype(np.intp)
         hit = np.flatnonzero(flat.any(axis=0))
         if all(np.abs(normal - flat)[:, hit].max(initial=0) <= FLAT for normal in normals):
-            return cls(cast_scene, flat, None, None, shadows, material)
+            return cls(cast_scene, flat, None, None, shadows, material, geometry.linked)
         bulge = corner_heights(cast_scene, normals) if shadows else None
         normals[1:] -= normals[0]
-        return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material)
+        return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material, geometry.linked)
 
     def points(
         self, triangle: IndexArray, barycentric: Array, position: Array, tangent: Array
@@ -142,7 +145,10 @@ class SurfaceTable:
                 height = smooth_height(self.bulge.take(triangle, axis=1), weight, side)
             origin = self.cast_scene.offset_origins(position, triangle, -tangent)
             shadow = ShadowStart(origin, flat, height)
-        return SurfacePoints(position.astype(np.float32), normal, view, self.material.take(triangle), shadow)
+        linked = None if self.linked is None else self.linked.take(triangle)
+        return SurfacePoints(
+            position.astype(np.float32), normal, view, self.material.take(triangle), shadow, linked
+        )
 
 
 def smooth_normal(corners: Single, weight: Single, side: Single) -> Single:
@@ -197,12 +203,13 @@ def smooth_height(heights: Single, weight: Single, side: Single) -> Single:
 class PhongTable:
     """M materials, turned into the coefficients of the Phong sum, float32.
 
-    emitted: (3, M) radiance that needs no lamp. diffuse: (3, M) albedo/π.
-    gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
+    emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
+    diffuse: (3, M) albedo/π. gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
     exponent: (M,). glossy: whether any material has a highlight.
     """
 
     emitted: Single
+    emission: Single
     diffuse: Single
     gloss: Single
     exponent: Single
@@ -230,6 +237,7 @@ class PhongTable:
             world = world * materials.ambient
         return cls(
             (emission + base * world).astype(np.float32),
+            emission.astype(np.float32),
             (base * (1 - metallic) / np.pi).astype(np.float32),
             (reflectance * (exponent + 2) / (2 * np.pi)).astype(np.float32),
             exponent.astype(np.float32),

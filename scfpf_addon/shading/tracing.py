@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 
 from ..casting.behind import Behind, cast_rays
 from ..casting.hits import Hits
+from ..casting.scene import CastScene
+from ..casting.visibility import GLASS, HOLDOUT, MIRROR, visible_to
 from ..projection.typing import Array, BoolArray, IndexArray
+from .light_passes import LightParts
 from .lighting import Lamp, radiance
 from .materials.lobes import Body, Sent, lobes
 from .materials.place import Place, dot, unit
@@ -39,13 +42,15 @@ class Wave(NamedTuple):
     """n places. hits: of them, tangents point where light is looked for. pixel: (n,) whose they are.
 
     share: (3, n) of the light that leaves them. straight: (n,) whether they are on a ray, not on a
-    projector. depth: (4, n) how often light was sent on till here.
+    projector, glass: (n,) whether glass has sent them last. depth: (4, n) how often light was sent on till
+    here.
     """
 
     hits: Hits
     pixel: IndexArray
     share: Array
     straight: BoolArray
+    glass: BoolArray
     depth: NDArray[np.int16]
 
     def take(self, index: IndexArray) -> Wave:
@@ -55,6 +60,7 @@ class Wave(NamedTuple):
             self.pixel[index],
             self.share[:, index],
             self.straight[index],
+            self.glass[index],
             self.depth[:, index],
         )
 
@@ -69,7 +75,8 @@ def joined(waves: Sequence[Wave]) -> Wave:
 class Tracer:
     """What colours hits where some materials are graphs.
 
-    has_graph: (M,) by material. transparent: what hits nothing is see-through.
+    has_graph: (M,) by material. transparent: what hits nothing is see-through. mirrors, glass: what
+    mirrors and glass show, None for nothing at all.
     """
 
     scene: Scene
@@ -78,6 +85,8 @@ class Tracer:
     lamps: tuple[Lamp, ...]
     has_graph: BoolArray
     transparent: bool
+    mirrors: CastScene | None
+    glass: CastScene | None
 
     @classmethod
     def of(
@@ -94,44 +103,67 @@ class Tracer:
             return None
         has_graph = np.zeros(len(scene.materials.metallic), bool)
         has_graph[list(graphs)] = True
-        return cls(scene, surface, phong, lamps, has_graph, transparent)
+        mirrors, glass = (
+            surface.cast_scene.only(visible_to(scene.geometry.visibility, ray)) for ray in (MIRROR, GLASS)
+        )
+        return cls(scene, surface, phong, lamps, has_graph, transparent, mirrors, glass)
 
     def needed(self, triangle: IndexArray) -> bool:
         """Whether any of the triangles has a material of nodes."""
         return bool(self.has_graph.take(self.surface.material.take(triangle)).any())
 
-    def color(self, hits: Hits, sample: int, behind: Behind) -> Single:
+    def color(self, hits: Hits, sample: int, behind: Behind, parts: LightParts | None = None) -> Single:
         """Radiance towards the viewer and alpha of n hits, (4, n).
 
-        behind: of the hits by their place in the list.
+        behind: of the hits by their place in the list. parts: gets what the colours are the sum of.
         """
         count = len(hits.t)
         film = np.zeros((4, count))
         film[3] = 1.0
+        # Many small shares are summed.
+        split = LightParts(count, np.float64) if parts else None
         wave = Wave(
             hits,
             np.arange(count),
             np.ones((3, count)),
             np.zeros(count, bool),
+            np.zeros(count, bool),
             np.zeros((4, count), np.int16),
         )
         while len(wave.pixel):
-            onward = self._gather(wave, sample, film)
-            sent = [self._send(wave, each, film, behind) for each in onward]
+            wave = self._hold_out(wave, film)
+            onward = self._gather(wave, sample, film, split)
+            sent = [self._send(wave, each, film, behind, split) for each in onward]
             if not sent:
                 break
             wave = joined(sent)
+        if parts and split:
+            parts.rows[:] = split.rows
         return film.astype(np.float32)
 
-    def _gather(self, wave: Wave, sample: int, film: Array) -> list[tuple[IndexArray, Sent]]:
+    def _hold_out(self, wave: Wave, film: Array) -> Wave:
+        """The wave without what projectors meet of holdouts: there the picture has a hole."""
+        visibility = self.scene.geometry.visibility
+        if visibility is None:
+            return wave
+        held = ((visibility.take(wave.hits.triangle) & HOLDOUT) != 0) & ~wave.straight
+        film[3] -= np.bincount(wave.pixel, wave.share.mean(axis=0) * held, film.shape[1])
+        return wave.take(np.flatnonzero(~held))
+
+    def _gather(
+        self, wave: Wave, sample: int, film: Array, split: LightParts | None
+    ) -> list[tuple[IndexArray, Sent]]:
         """Add the light of the wave's places to the film; what they send on, and which do."""
         hits = wave.hits
         points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         plain = np.flatnonzero(~self.has_graph.take(points.material))
         cast_scene = self.surface.cast_scene
         if len(plain):
-            color = radiance(points.take(plain), self.phong, self.lamps, sample, cast_scene)
+            parts = LightParts(len(plain)) if split else None
+            color = radiance(points.take(plain), self.phong, self.lamps, sample, cast_scene, parts)
             add(film, wave.pixel[plain], wave.share[:, plain] * color)
+            if split and parts:
+                split.gather(wave.pixel[plain], wave.share[:, plain], parts, wave.straight[plain])
         bodies: list[tuple[IndexArray, Body]] = []
         onward: list[tuple[IndexArray, Sent]] = []
         for number in np.unique(points.material):
@@ -147,7 +179,7 @@ class Tracer:
                     else:
                         onward.append((which, lobe))
         if bodies:
-            self._light(wave, points, bodies, sample, film)
+            self._light(wave, points, bodies, sample, film, split)
         return onward
 
     def place(self, hits: Hits, points: SurfacePoints, which: IndexArray) -> Place:
@@ -177,6 +209,7 @@ class Tracer:
         bodies: list[tuple[IndexArray, Body]],
         sample: int,
         film: Array,
+        split: LightParts | None,
     ) -> None:
         """Add what lamps and the world make of the bodies, all at once."""
         which = np.concatenate([index for index, _ in bodies])
@@ -186,10 +219,21 @@ class Tracer:
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
         table = PhongTable.of(_stacked([body.materials for _, body in bodies], some), self.scene.world_color)
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
-        color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene)
-        add(film, wave.pixel[which], wave.share[:, which] * weight * color)
+        parts = LightParts(len(some)) if split else None
+        color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene, parts)
+        share = wave.share[:, which] * weight
+        add(film, wave.pixel[which], share * color)
+        if split and parts:
+            split.gather(wave.pixel[which], share, parts, wave.straight[which])
 
-    def _send(self, wave: Wave, onward: tuple[IndexArray, Sent], film: Array, behind: Behind) -> Wave:
+    def _send(
+        self,
+        wave: Wave,
+        onward: tuple[IndexArray, Sent],
+        film: Array,
+        behind: Behind,
+        split: LightParts | None,
+    ) -> Wave:
         """What is met by what a lobe sends on; what meets nothing is added to the film."""
         which, lobe = onward
         share = wave.share[:, which] * lobe.tint
@@ -209,8 +253,9 @@ class Tracer:
         off = np.flatnonzero(straight)
         if len(off):
             hits.put(off, self._rays(came.take(off), lobe, off))
-        sent = Wave(hits, came.pixel, share[:, going], straight, depth[:, going])
-        self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film)
+        glass = (came.glass & (lobe.kind != "MIRROR")) | (lobe.kind == "REFRACTED")
+        sent = Wave(hits, came.pixel, share[:, going], straight, glass, depth[:, going])
+        self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film, split)
         return sent.take(np.flatnonzero(hits.triangle >= 0))
 
     def _rays(self, came: Wave, lobe: Sent, index: IndexArray) -> Hits:
@@ -226,13 +271,24 @@ class Tracer:
         else:
             direction = refracted(ahead, lobe.normal[:, index], flat, lobe.ior[:, index])
         origin = cast_scene.offset_origins(hits.position, hits.triangle, direction)
-        return cast_rays(cast_scene, origin, direction)
+        if self.mirrors is self.glass is cast_scene:
+            return cast_rays(cast_scene, origin, direction)
+        glass = came.glass if lobe.kind == "THROUGH" else np.full(len(came.pixel), lobe.kind == "REFRACTED")
+        # Where nothing is met a ray goes on as cast_rays leaves it, to its end.
+        met = Hits.empty(len(glass))._replace(position=origin + direction, tangent=direction.copy())
+        for scene, which in ((self.mirrors, ~glass), (self.glass, glass)):
+            some = np.flatnonzero(which)
+            if scene and len(some):
+                met.put(some, cast_rays(scene, origin[:, some], direction[:, some]))
+        return met
 
-    def _miss(self, wave: Wave, film: Array) -> None:
+    def _miss(self, wave: Wave, film: Array, split: LightParts | None) -> None:
         """Add what is seen where nothing is: the world, or through the film what lies behind the picture."""
         through = ~wave.straight if self.transparent else np.zeros(len(wave.pixel), bool)
         world = np.reshape(self.scene.world_color, (3, 1))
         add(film, wave.pixel, wave.share * world * ~through)
+        if split:
+            split.miss(wave.pixel, wave.share * world, wave.straight)
         film[3] -= np.bincount(wave.pixel, wave.share.mean(axis=0) * through, film.shape[1])
 
 

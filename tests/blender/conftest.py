@@ -95,6 +95,24 @@ def read_render(addon):
 
 
 @pytest.fixture
+def built_groups(empty_file):
+    """The preview's node groups are in the file from the second test on: building them takes seconds.
+
+    As in a file that was saved with a preview. What is not there is built as ever.
+    """
+    path = os.path.join(SCRATCH.name, "groups.blend")
+    kept = set()
+    if os.path.exists(path):
+        with bpy.data.libraries.load(path) as (there, here):
+            here.node_groups = list(there.node_groups)
+        kept = {group.name for group in here.node_groups}
+    yield
+    made = {group for group in bpy.data.node_groups if group.name.startswith("SCFPF") and not group.library}
+    if {group.name for group in made} - kept:
+        bpy.data.libraries.write(path, made)
+
+
+@pytest.fixture
 def light_nodes(addon, monkeypatch):
     """Nodes that pass the collection on: what is about datablocks need not invert volumes."""
 

@@ -37,4 +37,7 @@ def corners(scene, which):
 
 
 def shown(scene):
-    return set(np.array(scene.geometry.object_names)[np.unique(scene.geometry.object_index)])
+    """Names of the objects that projectors meet."""
+    geometry = scene.geometry
+    seen = slice(None) if geometry.visibility is None else (geometry.visibility & 1) != 0
+    return set(np.array(geometry.object_names)[np.unique(geometry.object_index[seen])])

@@ -203,6 +203,7 @@ def test_presets_replace_the_stack(camera):
     assert not [obj for obj in bpy.data.objects if "Grid" in obj.name]
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_the_live_preview_s_table_follows_edits_frames_and_the_resolution(addon, camera):
     """Its mesh has u and v of the table's corners as the stack is; without a stack it is empty."""
     table_data = addon("scfpf_addon.scanline.preview_data")

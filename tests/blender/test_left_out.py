@@ -21,7 +21,9 @@ def test_what_renders_leave_out_is_left_out(read, read_render):
     mesh = triangle_mesh()
     link("Shown", mesh)
     link("Hidden", mesh).hide_render = True
-    link("Unseen", mesh).visible_camera = False
+    unseen = link("Unseen", mesh)
+    for ray in ("camera", "shadow", "glossy", "transmission"):
+        setattr(unseen, f"visible_{ray}", False)
     link("In excluded", mesh, collection("Excluded"))
     link("In hidden", mesh, collection("Hidden"))
     link("Deep in hidden", mesh, collection("Deep", bpy.data.collections["Hidden"]))
@@ -42,7 +44,8 @@ def test_what_renders_leave_out_is_left_out(read, read_render):
     expected = {"Shown", "In both", "Leaf"}
     for scene in (read(), read_render()):
         assert shown(scene) == expected
-        assert len(scene.geometry.triangles) == 3
+        # What mirrors show and what casts shadows is there, but no projector meets it.
+        assert len(scene.geometry.triangles) == 4
 
 
 def test_a_render_depsgraph_shows_what_is_hidden_in_the_viewport_only(read, read_render):

@@ -104,6 +104,7 @@ def test_both_places_draw_the_same(camera, section):
     assert data == view
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, addon, monkeypatch):
     section = bpy.types.SCFPF_PT_view_preview
     differences = texts(drawn(section))

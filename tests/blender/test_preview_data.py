@@ -205,6 +205,7 @@ def test_an_empty_scene(camera, data):
     assert picture_points(source) == []
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_the_picture_follows_edits(camera, data):
     cube = add_cube()
     toggle(camera)
@@ -221,6 +222,7 @@ def test_the_picture_follows_edits(camera, data):
     assert picture_points(source) != moved
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_a_scaled_camera_makes_the_same_picture(camera, data):
     add_cube()
     toggle(camera)
@@ -240,6 +242,7 @@ def test_a_scaled_camera_makes_the_same_picture(camera, data):
     ] == pytest.approx(1)
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_aspect_and_width_follow_the_resolution(camera, data, addon):
     versions = addon("scfpf_addon.bridge.versions")
     add_cube()
@@ -352,6 +355,7 @@ def test_a_copied_scene_starts_without_a_preview(camera, data, how):
     assert not [c.name for c in bpy.data.collections if "Preview" in c.name]
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_a_duplicated_camera_has_no_preview(camera, data):
     add_cube()
     toggle(camera)

@@ -8,6 +8,8 @@ import sys
 import bpy
 import pytest
 
+pytestmark = pytest.mark.usefixtures("built_groups")
+
 
 @pytest.fixture
 def data(addon):
@@ -52,6 +54,28 @@ def test_save_and_reload(source, data, tmp_path):
     bpy.context.view_layer.objects.active = bpy.context.scene.camera
     bpy.ops.scfpf.preview_toggle()
     assert data.previews() == []
+
+
+def test_nodes_of_an_older_version_are_replaced_when_the_file_is_opened(source, data, addon, tmp_path):
+    fields = addon("scfpf_addon.scanline.field_nodes")
+    before = picture_points(source)
+    for group in bpy.data.node_groups:
+        if fields.BUILD_KEY in group:
+            group[fields.BUILD_KEY] -= 1
+    # What an older version would have drawn otherwise.
+    old = bpy.data.node_groups["SCFPF Remap"]
+    old.links.clear()
+    path = str(tmp_path / "older.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    source = data.preview_of(bpy.context.scene.camera, bpy.context.scene)
+    assert picture_points(source) == before
+    builds = {group.get(fields.BUILD_KEY, fields.BUILD) for group in bpy.data.node_groups if group.users}
+    assert builds == {fields.BUILD}
+    # Not once more with each edit.
+    count = len(bpy.data.node_groups)
+    data.update_pictures(source)
+    assert len(bpy.data.node_groups) == count
 
 
 WITHOUT_ADDON = """

@@ -118,6 +118,7 @@ def test_objects_stay_where_they_are(parts):
     assert grown[3] != grown[4]
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_an_edit_makes_only_the_picture_anew_that_shows_it(preview, edits, parts, monkeypatch):
     monkeypatch.setattr(parts, "SHARED_FACES", 100)
     heavy, light = add_grid("Heavy", 12), add_grid("Light", 3, (1, 0, 0))
@@ -253,6 +254,7 @@ def test_a_preview_asleep_computes_nothing_and_wakes_as_it_was(preview, data):
     assert count() == awake and not data.is_asleep(source)
 
 
+@pytest.mark.usefixtures("built_groups")
 def test_a_table_that_others_use_stays_awake(preview, data, addon):
     add_grid("Grid", 20)
     source = preview()

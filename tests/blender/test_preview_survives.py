@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
+pytestmark = pytest.mark.usefixtures("built_groups")
+
 NEAR, FAR, WIDTH, HEIGHT = -1.0, -11.0, 12.0, 8.0
 # float32 of the viewbox over its extent, and Newton's rest.
 PLACE = 2e-5

@@ -134,7 +134,9 @@ def test_processes_make_the_parts_of_one_picture(engine_scene, tmp_path, extensi
         surface.rotation_euler.z = angle
         surface.keyframe_insert("rotation_euler", frame=frame)
     engine_scene.frame_set(1)
-    engine_scene.view_layers[0].use_pass_z = engine_scene.view_layers[0].use_pass_normal = True
+    view_layer = engine_scene.view_layers[0]
+    view_layer.use_pass_z = view_layer.use_pass_normal = True
+    view_layer.scfpf.use_pass_diffuse = view_layer.use_pass_shadow = True
     engine_scene.render.resolution_x, engine_scene.render.resolution_y = 200, 120
     whole = f12(engine_scene)
     blend = str(tmp_path / "farm.blend")
@@ -153,7 +155,8 @@ def test_processes_make_the_parts_of_one_picture(engine_scene, tmp_path, extensi
     ]
     assert [process.wait(120) for process in started] == [0, 0]
     parts = [passes(f"{out}part{part}.exr") for part in range(4)]
-    assert set(whole) == {COMBINED, "ViewLayer.Depth", "ViewLayer.Normal"}
+    names = ("Combined", "Depth", "Normal", "Diffuse", "Shadow")
+    assert set(whole) == {f"ViewLayer.{name}" for name in names}
     for name, picture in whole.items():
         bottom, top = (np.concatenate([parts[i][name], parts[i + 1][name]], axis=1) for i in (0, 2))
         assert np.array_equal(np.concatenate([bottom, top]), picture), name
@@ -198,8 +201,10 @@ def test_each_view_layer_has_its_own_picture(engine_scene):
     hidden.objects.link(bpy.data.objects["Cube"])
     engine_scene.collection.objects.unlink(bpy.data.objects["Cube"])
     second.layer_collection.children["Hidden"].exclude = True
+    second.scfpf.use_pass_diffuse = True
     layers = f12(engine_scene)
     assert np.array_equal(layers[COMBINED], button())
+    assert "ViewLayer.Diffuse" not in layers and not layers["Second.Diffuse"].any()
     assert np.ptp(layers[COMBINED]) > 0.01
     # Nothing is left in it: its background.
     assert np.ptp(layers["Second.Combined"][..., :3]) == 0 and layers["Second.Combined"].shape == (36, 64, 4)

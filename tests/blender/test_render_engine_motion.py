@@ -129,7 +129,7 @@ def test_a_volumes_vectors_and_chords_are_in_the_file(addon, engine_scene):
     assert np.abs(place.x - x[inside]).max() < 1e-4 and np.abs(place.y - y[inside]).max() < 1e-4
 
 
-def test_the_compositor_has_the_new_sockets(engine_scene):
+def test_the_compositor_has_the_new_sockets(addon, engine_scene):
     if hasattr(engine_scene, "compositing_node_group"):
         tree = engine_scene.compositing_node_group = bpy.data.node_groups.new("Comp", "CompositorNodeTree")
     else:
@@ -139,5 +139,8 @@ def test_the_compositor_has_the_new_sockets(engine_scene):
     layer = engine_scene.view_layers[0]
     layer.use_pass_vector = layer.use_pass_cryptomatte_object = True
     layer.scfpf.use_pass_chord_count = layer.scfpf.use_pass_chord_error = True
+    layer.scfpf.use_pass_diffuse = layer.use_pass_emit = layer.use_pass_shadow = True
     sockets = {socket.name for socket in node.outputs if socket.enabled}
     assert {"Vector", "ChordCount", "ChordError", "CryptoObject00", "CryptoObject02"} <= sockets
+    emission, _world = addon("scfpf_addon.bridge.versions").light_pass_names()
+    assert {"Diffuse", "Shadow", emission} <= sockets

@@ -96,6 +96,10 @@ def test_settings_are_those_of_the_scenes_camera(addon, engine_scene):
     assert {"motion_steps", "motion_blur_shutter"} <= set(draw(addon, "SCFPF_PT_engine_motion_blur"))
     assert "transparent_max_bounces" in draw(addon, "SCFPF_PT_engine_light_paths")
     assert "threads" in draw(addon, "SCFPF_PT_engine_performance")
+    bpy.context.view_layer.objects.active = bpy.data.objects["Cube"]
+    assert {"visible_camera", "visible_shadow"} <= set(draw(addon, "SCFPF_PT_engine_ray_visibility"))
+    bpy.context.view_layer.objects.active = bpy.data.objects["Sun"]
+    assert draw(addon, "SCFPF_PT_engine_ray_visibility") == ["visible_diffuse", "visible_glossy"]
 
 
 def test_passes_panel_has_a_switch_for_every_pass(addon, engine_scene):
@@ -109,4 +113,4 @@ def test_passes_panel_has_a_switch_for_every_pass(addon, engine_scene):
             setattr(owner, name, True)
             # Cryptomattes have two of the six names in a layer.
             assert len(list(listed(view_layer))) == before + (3 if "crypto" in name else 1), name
-    assert len(list(listed(view_layer))) == 19
+    assert len(list(listed(view_layer))) == 24

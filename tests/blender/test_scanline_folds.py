@@ -10,6 +10,8 @@ from chosen_presets import FOLDER
 from mathutils import Matrix
 from test_panels import RecordingLayout
 
+pytestmark = pytest.mark.usefixtures("built_groups")
+
 ASPECT = 1.5
 FACES = 240
 

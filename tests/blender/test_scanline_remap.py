@@ -9,6 +9,8 @@ import pytest
 from chosen_presets import PRESETS
 from mathutils import Euler
 
+pytestmark = pytest.mark.usefixtures("built_groups")
+
 ASPECT = 1.5
 POINTS = 1500
 # Share of the picture's width: a tenth of a pixel of a thousand. The table's cells make most of it.

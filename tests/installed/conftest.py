@@ -49,13 +49,19 @@ def platform_zip():
 
 
 @pytest.fixture(scope="session")
+def this_zip():
+    """The zip for this machine."""
+    return platform_zip()
+
+
+@pytest.fixture(scope="session")
 def extensions_folder():
     """Where this profile keeps its extensions."""
     return pathlib.Path(bpy.utils.user_resource("EXTENSIONS"))
 
 
 @pytest.fixture(scope="session")
-def installed(extensions_folder):
+def installed(this_zip, extensions_folder):
     """The module name of the add-on, installed from the zip and enabled."""
     profile = pathlib.Path(os.environ["BLENDER_USER_RESOURCES"])
     assert extensions_folder.is_relative_to(profile)
@@ -63,7 +69,7 @@ def installed(extensions_folder):
     version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     sys.meta_path.insert(0, WheelFinder(extensions_folder / ".local" / "lib" / version / "site-packages"))
     done = bpy.ops.extensions.package_install_files(
-        filepath=str(platform_zip()), repo=REPOSITORY, enable_on_install=True
+        filepath=str(this_zip), repo=REPOSITORY, enable_on_install=True
     )
     assert done == {"FINISHED"}
     return f"bl_ext.{REPOSITORY}.scfpf"

@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The zip as an artist gets it: installed, enabled, rendered from, switched off and on, taken away again."""
 
+import importlib
+import importlib.metadata
 import pathlib
+import re
 import sys
+import zipfile
 
 import bpy
 import numpy as np
+import pytest
 
 SIZE = (64, 36)
 
@@ -75,6 +80,101 @@ def test_a_file_outlives_the_add_on(installed, tmp_path):
     bpy.ops.preferences.addon_enable(module=installed)
     bpy.ops.wm.open_mainfile(filepath=second)
     assert [slot.object.name for slot in bpy.context.scene.camera.scfpf.surfaces] == names
+
+
+def renumbered(path, version, folder):
+    """A copy of the zip that says it is another version."""
+    copy = folder / f"scfpf-{version}.zip"
+    with zipfile.ZipFile(path) as old, zipfile.ZipFile(copy, "w", zipfile.ZIP_DEFLATED) as new:
+        for name in old.namelist():
+            data = old.read(name)
+            if name == "blender_manifest.toml":
+                data = re.sub(rb'(?m)^version = "[^"]*"', f'version = "{version}"'.encode(), data, count=1)
+            new.writestr(name, data)
+    return copy
+
+
+def test_another_version_over_it_while_the_caster_is_in_use(installed, this_zip, extensions_folder, tmp_path):
+    expected = render_a_cube()
+    assert "embreex" in sys.modules
+    path = tmp_path / "modelled.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    for version in ("99.0.0", "0.0.9"):
+        done = bpy.ops.extensions.package_install_files(
+            filepath=str(renumbered(this_zip, version, tmp_path)),
+            repo="user_default",
+            enable_on_install=True,
+        )
+        assert done == {"FINISHED"}
+        manifest = (extensions_folder / "user_default" / "scfpf" / "blender_manifest.toml").read_text("utf-8")
+        assert f'version = "{version}"' in manifest
+        assert installed in bpy.context.preferences.addons
+        bpy.ops.wm.open_mainfile(filepath=str(path))
+        assert bpy.ops.scfpf.render() == {"FINISHED"}
+        assert np.array_equal(render_a_cube(), expected)
+
+
+def labels(installed):
+    """What the Render part of the panel says."""
+    said = []
+
+    class Layout:
+        def __getattr__(self, name):
+            return lambda *_arguments, **_options: Layout()
+
+        def label(self, text="", **_options):
+            said.append(text)
+
+    panel = importlib.import_module(f"{installed}.panels.camera_panels")
+    panel.draw_render(Layout(), bpy.context, bpy.context.scene.camera)
+    return " ".join(said)
+
+
+def switched_off(installed):
+    """As in a Blender that starts anew: nothing of the add-on is imported any more."""
+    assert bpy.ops.preferences.addon_disable(module=installed) == {"FINISHED"}
+    for name in [name for name in sys.modules if name.startswith(installed)]:
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize("fault", ["missing", "too old"])
+def test_without_a_caster_all_else_works(installed, monkeypatch, fault):
+    render_a_cube()
+    assert "embreex" not in labels(installed)
+    switched_off(installed)
+    for name in [name for name in sys.modules if name == "embreex" or name.startswith("embreex.")]:
+        monkeypatch.delitem(sys.modules, name)
+    if fault == "missing":
+        monkeypatch.setitem(sys.modules, "embreex", None)
+    else:
+        found = importlib.metadata.version
+        monkeypatch.setattr(
+            importlib.metadata, "version", lambda name: "2.17.7" if name == "embreex" else found(name)
+        )
+    assert bpy.ops.preferences.addon_enable(module=installed) == {"FINISHED"}
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.ops.mesh.primitive_cube_add(size=2)
+    assert bpy.ops.scfpf.camera_add() == {"FINISHED"}
+    scene = bpy.context.scene
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    said = labels(installed)
+    assert fault in said and "install SCFPF again from the zip for this system" in said
+    with pytest.raises(RuntimeError, match=f"{fault}.*install SCFPF again"):
+        bpy.ops.scfpf.render()
+    scene.render.engine = "SCFPF"
+    with pytest.raises(RuntimeError, match=f"{fault}.*install SCFPF again"):
+        bpy.ops.render.render()
+    # Editing, the live preview and Cycles do without it.
+    assert bpy.ops.scfpf.preset_apply(preset="angular_fisheye") == {"FINISHED"}
+    assert bpy.ops.scfpf.preview_toggle() == {"FINISHED"}
+    assert bpy.ops.scfpf.preview_toggle() == {"FINISHED"}
+    assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
+    scene.cycles.samples = 1
+    assert bpy.ops.render.render() == {"FINISHED"}
+    switched_off(installed)
+    monkeypatch.undo()
+    bpy.ops.preferences.addon_enable(module=installed)
+    assert_cube(render_a_cube())
 
 
 def test_taken_away(installed, extensions_folder):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Material graphs without Blender: images, layers, what a graph costs, what goes on behind a hit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -137,9 +139,7 @@ def test_a_layer_is_interpolated_in_float64_on_the_hit_triangle():
     geometry = sheets(0.0)
     corners = geometry.vertices[geometry.triangles].astype(np.float32)
     layers = {"UV:": Layer(np.arange(2, dtype=np.int32), corners[:, :, :2].copy())}
-    geometry = Geometry(
-        *(getattr(geometry, f) for f in geometry.__dataclass_fields__ if f != "layers"), layers
-    )
+    geometry = replace(geometry, layers=layers)
     scene = CastScene(geometry.vertices, geometry.triangles)
     projection = bent(1).transformed(scene.matrix)
     x, y = np.random.default_rng(0).random((2, 500))
