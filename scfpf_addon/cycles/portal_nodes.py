@@ -194,7 +194,7 @@ def _portal(name: str, gated: bool, slot: int, follow):
         through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
-    if due is None:
+    if due is None and slot != SCREEN:
         # On an edge a ray may be turned by both triangles: no harm, but it must not count twice.
         way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
         due = nodes.combine("GREATER_THAN", way, attribute(DIRECTION).length() * SAME_PLACE).socket
