@@ -4,82 +4,32 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from math import cos, pi
 
+from .gallery_beyond import BEYOND
+from .gallery_panels import FISHEYE, SPHERES, Panel, Plate, sizes
 from .render_demo import ROOT, SHOTS, Shot
 
 HALL_EYE = Shot((0.0, 0.0, 1.7), (0.0, 1.0, 1.7), size=(1280, 640))
-
-
-@dataclass(frozen=True)
-class Panel:
-    """A picture of a plate: a preset in a scene.
-
-    title: under the picture. projectors: how many are drawn across and upwards. direction: from where the
-    set-up is seen, degrees to the right of the camera's back and above it. changed: values of single
-    control surfaces that replace the preset's, by their number; drawn: the same for the diagram and the
-    set-up alone, where the true surface is too small or too far away to be drawn; reach: these end at this
-    distance from the camera. hidden: collections that would stand in the set-up's way.
-    """
-
-    preset: str
-    scene: str
-    shot: Shot
-    title: str = ""
-    projectors: tuple[int, int] = (7, 4)
-    direction: tuple[float, float] = (50.0, 25.0)
-    changed: Mapping[int, Mapping[str, object]] = field(default_factory=dict)
-    drawn: Mapping[int, Mapping[str, object]] = field(default_factory=dict)
-    reach: float = float("inf")
-    hidden: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Plate:
-    """One or more pictures under a heading. stem: of the pictures' files.
-
-    paper: whether it is one of the paper's figures.
-    """
-
-    stem: str
-    heading: str
-    text: str
-    panels: tuple[Panel, ...]
-    paper: bool = True
-
-
-def _sizes(*sizes: tuple[float, float, float]) -> dict[int, dict[str, object]]:
-    """Widths, heights and distances of rectangles across the view."""
-    return {
-        number: {"width": width, "height": height, "location": [0, 0, -distance]}
-        for number, (width, height, distance) in enumerate(sizes)
-    }
-
-
 HOUSE = Shot((0.0, -21.0, 10.0), (0.0, 0.0, 2.6), 1.3)
-LEVEL = Shot((0.0, -4.0, 0.8), (0.0, 12.0, 0.8))
-FISHEYE = SHOTS["angular_fisheye"]
-SPHERES = {0: {"radius": 1.2}, 1: {"radius": 7}}
 TWIST = Shot((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), size=(800, 800))
 STREET_VIEW = Shot((0.0, 0.0, 1.7), (0.0, 1.0, 1.7), size=(1800, 200))
 PASSAGE = Shot((0.0, -1.0, 2.6), (0.0, 10.0, 2.6), size=(1024, 768))
 
 
-def _waves(low: float, high: float) -> dict[int, dict[str, object]]:
-    """The curved street's far surface, its height times low ... high ... low ... high from left to right."""
+def _zooms(left: float, right: float) -> dict[int, dict[str, object]]:
+    """The curved street's far surface, its height times one number on the left and another on the right."""
     data = json.loads((ROOT / "presets" / "street_panorama_curved.json").read_text(encoding="utf-8"))
     rows = data["surfaces"][2]["points"]
 
     def height(x: float) -> float:
-        return (low + high) / 2 - (high - low) / 2 * cos(pi * (x + 60) / 40)
+        share = min(max((x + 10) / 20, 0.0), 1.0)
+        return left + (right - left) * share * share * (3 - 2 * share)
 
     points = [[(x, 1.7 + (y - 1.7) * height(x), z) for x, y, z in row] for row in rows]
     return {2: {"points": points}}
 
 
-PLATES = (
+FIGURES = (
     Plate(
         "figure-1",
         "Figure 1: almost all round a car",
@@ -101,7 +51,7 @@ PLATES = (
         "figure-2",
         "Figure 2: where it starts, an orthographic volume",
         "Two equal rectangles, parallel projectors. All else is this box, deformed.",
-        (Panel("orthographic", "house", HOUSE, drawn=_sizes((16, 9, 1), (16, 9, 32)), hidden=("Trees",)),),
+        (Panel("orthographic", "house", HOUSE, drawn=sizes((16, 9, 1), (16, 9, 32)), hidden=("Trees",)),),
     ),
     Plate(
         "figure-3",
@@ -127,7 +77,7 @@ PLATES = (
                 "house",
                 Shot((0.0, -33.0, 15.0), (0.0, 0.0, 2.6)),
                 "Perspective",
-                drawn=_sizes((3.6, 2.025, 5), (33.12, 18.63, 46)),
+                drawn=sizes((3.6, 2.025, 5), (33.12, 18.63, 46)),
                 hidden=("Trees",),
             ),
             Panel(
@@ -135,7 +85,7 @@ PLATES = (
                 "house",
                 HOUSE,
                 "Orthographic",
-                drawn=_sizes((16, 9, 1), (16, 9, 32)),
+                drawn=sizes((16, 9, 1), (16, 9, 32)),
                 hidden=("Trees",),
             ),
             Panel(
@@ -159,7 +109,7 @@ PLATES = (
                 "hall",
                 HALL_EYE,
                 "Perspective, 127° wide",
-                changed=_sizes((4, 2, 1), (80, 40, 20)),
+                changed=sizes((4, 2, 1), (80, 40, 20)),
                 direction=(60.0, 30.0),
             ),
             Panel("irregular_perspective", "hall", HALL_EYE, "Irregular perspective", direction=(60.0, 30.0)),
@@ -225,8 +175,8 @@ PLATES = (
                 "street",
                 Shot((0.0, -10.0, 0.9), (0.0, 0.0, 0.9), size=(1024, 768)),
                 "Perspective",
-                changed=_sizes((0.12, 0.09, 0.1), (120, 90, 100)),
-                drawn=_sizes((1.2, 0.9, 1), (19.2, 14.4, 16)),
+                changed=sizes((0.12, 0.09, 0.1), (120, 90, 100)),
+                drawn=sizes((1.2, 0.9, 1), (19.2, 14.4, 16)),
                 hidden=("Houses",),
             ),
             Panel(
@@ -265,7 +215,7 @@ PLATES = (
                 "The far surface's height varied: areas of differing zoom",
                 (25, 2),
                 (20.0, 40.0),
-                _waves(0.5, 1.6),
+                _zooms(1.7, 0.5),
             ),
         ),
     ),
@@ -277,7 +227,7 @@ PLATES = (
             Panel(
                 "orthographic_to_perspective",
                 "square",
-                Shot((0.0, -4.0, 7.0), (0.0, 30.0, -3.0), 2.2, (1024, 768)),
+                Shot((0.0, -4.0, 8.6), (0.0, 30.0, -1.4), 2.2, (1024, 768)),
                 projectors=(6, 5),
             ),
         ),
@@ -293,8 +243,8 @@ PLATES = (
                 "shaft",
                 Shot((0.0, -5.5, 0.0), (0.0, 1.0, 0.0), size=(600, 900)),
                 "Perspective",
-                changed=_sizes((0.12, 0.18, 0.1), (60, 90, 50)),
-                drawn=_sizes((1.2, 1.8, 1), (12, 18, 10)),
+                changed=sizes((0.12, 0.18, 0.1), (60, 90, 50)),
+                drawn=sizes((1.2, 1.8, 1), (12, 18, 10)),
                 direction=(75.0, 10.0),
                 hidden=("Side walls",),
             ),
@@ -309,186 +259,6 @@ PLATES = (
             ),
         ),
     ),
-    Plate(
-        "equirectangular",
-        "Equirectangular panorama",
-        "A sphere in a larger one: everything around the camera, above and below it.",
-        (
-            Panel(
-                "equirectangular",
-                "street",
-                Shot((-2.4, -4.2, 1.6), (0.0, 0.0, 1.6), size=(1280, 640)),
-                projectors=(17, 7),
-                direction=(35.0, 30.0),
-                drawn={0: {"radius": 1.2}, 1: {"radius": 6}},
-                hidden=("Houses",),
-            ),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "stereographic",
-        "Stereographic wide view",
-        "More than half of what is around the camera, and every small thing in its true shape.",
-        (
-            Panel(
-                "stereographic",
-                "street",
-                Shot((-2.4, -4.2, 1.6), (0.2, 1.0, 1.6)),
-                projectors=(9, 6),
-                direction=(140.0, 30.0),
-                reach=14.0,
-                hidden=("Houses",),
-            ),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "oblique",
-        "Oblique: a cabinet drawing",
-        "Parallel projectors that meet the rectangles at a slant: the front keeps its true shape, depth "
-        "rises to the right.",
-        (Panel("oblique", "house", Shot((0.0, -22.0, 3.6), (0.0, 0.0, 3.6), 1.25), hidden=("Trees",)),),
-        paper=False,
-    ),
-    Plate(
-        "off-centre",
-        "Off centre: an architect's shift lens",
-        "The far rectangle lies higher than the near one: the view goes up while verticals stay upright.",
-        (
-            Panel(
-                "off_centre",
-                "street",
-                Shot((-3.0, -20.0, 1.9), (-3.0, 1.0, 1.9)),
-                drawn={
-                    0: {"width": 2.88, "height": 1.62, "location": [0, 0.6, -2]},
-                    1: {"width": 28.8, "height": 16.2, "location": [0, 6.0, -20]},
-                },
-                hidden=("Houses", "Street furniture"),
-            ),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "telephoto",
-        "Telephoto",
-        "From fifty metres away near and far look nearly equally large.",
-        (
-            Panel(
-                "telephoto",
-                "street",
-                Shot((0.6, -54.0, 3.0), (0.3, 2.0, 2.2)),
-                drawn=_sizes((0.6, 0.3375, 5), (7.2, 4.05, 60)),
-                hidden=("Houses", "Street furniture"),
-            ),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "digital-cubism",
-        "Digital cubism",
-        "After Glassner: the upper, the middle and the lower part of the picture look from other sides.",
-        (
-            Panel(
-                "digital_cubism",
-                "street",
-                Shot((0.0, -10.0, 1.2), (0.0, 0.0, 1.2), 0.9, (800, 800)),
-                projectors=(5, 9),
-                direction=(30.0, 40.0),
-                hidden=("Houses", "Street furniture"),
-            ),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "strip-camera",
-        "A slit camera on a circle",
-        "After Rademacher and Bishop: the centre of projection moves round the car, which is peeled.",
-        (
-            Panel(
-                "strip_camera",
-                "street",
-                Shot((0.0, -12.0, 1.0), (0.0, 0.0, 1.0), 1.2, (1500, 500)),
-                projectors=(25, 3),
-                direction=(30.0, 45.0),
-                hidden=("Houses", "Street furniture"),
-            ),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "magic-lens",
-        "A magic lens in space",
-        "A plan whose middle is magnified: there projectors run together on the far surface.",
-        (
-            Panel(
-                "magic_lens",
-                "square",
-                Shot((0.0, 12.0, 40.0), (0.0, 12.001, 0.0), 2.6),
-                projectors=(13, 9),
-                direction=(20.0, 20.0),
-            ),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "barrel-lens",
-        "A bulging front lens",
-        "Projectors start on a bulging glass and spread faster towards the borders.",
-        (
-            Panel(
-                "barrel_lens",
-                "colonnade",
-                Shot((0.0, -1.5, 2.6), (0.0, 10.0, 2.6)),
-                projectors=(9, 6),
-                reach=9.0,
-                direction=(70.0, 20.0),
-            ),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "image-mappings",
-        "Mappings of the picture",
-        "The angular fisheye through a lens' polynomial (the paper's figure 8, lower right) and through "
-        "radial curves: equisolid, and all round as a mirror ball shows it; perspective with "
-        "more samples in its middle.",
-        (
-            *(
-                Panel(stem, "street", FISHEYE, title, (9, 9), direction=(115.0, 25.0), drawn=SPHERES)
-                for stem, title in (
-                    ("polynomial_fisheye", "Lens-like"),
-                    ("equisolid_fisheye", "Equisolid"),
-                    ("mirror_ball", "Mirror ball"),
-                )
-            ),
-            Panel("sample_rate_lens", "street", SHOTS["perspective"], "Sample-rate lens", (9, 7), reach=9.0),
-        ),
-        paper=False,
-    ),
-    Plate(
-        "linear-cameras",
-        "General linear cameras",
-        "After Yu and McMillan, where three projectors determine all others: pushbroom (a slit that flies "
-        "past), crossed slits, pencil (through one line), bilinear (no two projectors meet), twisted "
-        "orthographic, and the epipolar plane image: one level slice, seen from along a line.",
-        tuple(
-            Panel(
-                stem,
-                "square",
-                Shot((0.0, -9.0, 6.0), (0.0, 12.0, 1.0)) if stem != "epi" else LEVEL,
-                title,
-                (7, 5),
-            )
-            for stem, title in (
-                ("pushbroom", "Pushbroom"),
-                ("cross_slit", "Crossed slits"),
-                ("pencil", "Pencil"),
-                ("bilinear", "Bilinear"),
-                ("twisted_orthographic", "Twisted orthographic"),
-                ("epi", "Epipolar plane image"),
-            )
-        ),
-        paper=False,
-    ),
 )
+
+PLATES = (*FIGURES, *BEYOND)

@@ -136,7 +136,10 @@ def frames(scene: bpy.types.Scene) -> None:
 def colonnade(scene: bpy.types.Scene) -> None:
     """A passage between columns and rails that all run straight away from the viewer."""
     builder = MeshBuilder()
-    _checkered(builder, (-7, 0), (7, 42), 0.0, 1.0)
+    for number, x in enumerate(np.arange(-7.0, 7.0, 0.5)):  # boards, for every edge is a line into depth
+        builder.box(
+            (x, 0.0, -0.1), (x + 0.5, 42.0, 0.0), ("Light", "Stone", "Pale stone", "Brown")[number % 4]
+        )
     for side in (-1, 1):
         for y in np.arange(2.0, 42.0, 4.0):
             _column(builder, side * 4.5, y, 0.35, 5.5, "Yellow")

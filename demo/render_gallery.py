@@ -10,18 +10,17 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
 import os
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from string import ascii_lowercase
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from demo.gallery_plates import Panel, Plate
+    from demo.gallery_panels import Panel, Plate
 
 ROOT = Path(__file__).resolve().parents[1]
 # The pictures of a panel and their files' kinds.
@@ -53,16 +52,6 @@ CYCLES_TEXT = """The same volumes, path-traced by Cycles in a stock Blender: *Re
 rays along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
 
 
-def preset_text(stem: str, changed: Mapping[int, Mapping[str, object]], aspect: float | None = None) -> str:
-    """A preset's JSON with some values of its control surfaces replaced."""
-    data = json.loads((ROOT / "presets" / f"{stem}.json").read_text(encoding="utf-8"))
-    for number, values in changed.items():
-        data["surfaces"][number].update(values)
-    if aspect is not None:
-        data["aspect"] = aspect
-    return json.dumps(data)
-
-
 def save_jpeg(source: Path, path: Path) -> None:
     """A rendered PNG on white paper."""
     import bpy
@@ -85,9 +74,15 @@ def save_jpeg(source: Path, path: Path) -> None:
 
 def page(plates: Sequence[Plate], folder: str) -> str:
     """docs/gallery.md: the pictures of all plates, which lie in a folder beside it."""
+    from demo import gallery_animation
+
     lines = [HEAD]
     for beyond in (False, True):
         lines += ["## " + ("Beyond the paper" if beyond else "The figures of the paper"), ""]
+        if beyond:
+            title, text = gallery_animation.HEADING, gallery_animation.TEXT
+            picture = f"![{title}]({folder}/{gallery_animation.STEM}.webp)"
+            lines += [f"### {title}", "", text, "", picture, ""]
         for plate in plates:
             if plate.paper != beyond:
                 lines += [f"### {plate.heading}", "", plate.text, "", *_table(plate, folder)]
@@ -147,12 +142,16 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     import bpy
 
     from demo import render_demo, volume_pictures
+    from demo.gallery_panels import preset_text
 
     scene = render_demo.another_scene(street)
     aspect = panel.shot.size[0] / panel.shot.size[1]
     camera = render_demo.add_shot(scene, preset_text(panel.preset, panel.changed), panel.shot)
     camera.scfpf.samples = SAMPLES
     scene.render.resolution_percentage = percentage
+    if panel.style:
+        styles = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.drawn_styles")
+        styles.apply_style(scene, panel.style)
     files = [stem.with_name(f"{stem.name}-{part}.{end}") for part, end in PARTS.items()]
     raw = files[2].with_suffix(".png")
     print(f"  {stem.name}: {render_demo.render(scene, raw)}", flush=True)
@@ -213,6 +212,7 @@ def _scaling(factor: float):
 
 
 def main(arguments: list[str]) -> None:
+    from demo import gallery_animation
     from demo.gallery_plates import PLATES
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -222,9 +222,8 @@ def main(arguments: list[str]) -> None:
     parser.add_argument(
         "--percentage", type=int, default=75, metavar="N", help="size of the pictures in percent (default 75)"
     )
-    parser.add_argument(
-        "--only", metavar="PLATE", choices=[plate.stem for plate in PLATES], nargs="+", help="some plates"
-    )
+    choices = [*(plate.stem for plate in PLATES), gallery_animation.STEM]
+    parser.add_argument("--only", metavar="PLATE", choices=choices, nargs="+", help="some plates")
     options = parser.parse_args(arguments)
     output = options.output.absolute()
     folder = output.with_suffix("")
@@ -235,6 +234,8 @@ def main(arguments: list[str]) -> None:
         os.environ["BLENDER_USER_RESOURCES"] = str(Path(scratch, "profile"))
         Path(scratch, "profile").mkdir()  # Blender passes over a folder that is not there.
         render_all(Path(scratch), folder, plates, options.percentage)
+        if options.only is None or gallery_animation.STEM in options.only:
+            gallery_animation.render_animation(build("house"), folder, Path(scratch), SAMPLES)
 
 
 def render_all(scratch: Path, folder: Path, plates, percentage: int) -> None:

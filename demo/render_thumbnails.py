@@ -35,6 +35,7 @@ OWN = {
     "equirectangular": Shot((-1.7, -3.9, 1.2), (0.0, 0.0, 1.6)),
     "house_of_stairs": Shot((-1.0, -7.0, 2.2), (0.0, 0.0, 2.6)),
     "irregular_perspective": Shot((0.0, -12.0, 3.2), (0.0, 0.0, 2.6)),
+    "multiperspective_tiles": Shot((0.0, -4.6, 0.8), (0.0, 0.0, 0.8), 0.2),
     "strip_camera": Shot((0.0, -10.0, 1.0), (0.0, 0.0, 1.0)),
 }
 

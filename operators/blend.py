@@ -5,7 +5,14 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ..scfpf_addon.bridge.camera_blend import give_shapes, new_blend_camera
+from ..scfpf_addon.bridge.camera_blend import (
+    give_shapes,
+    has_room,
+    is_blend,
+    knows_its_ends,
+    new_blend_camera,
+    write_shapes,
+)
 from ..scfpf_addon.bridge.flexible_camera import (
     FlexibleCameraError,
     approximate_lens,
@@ -14,7 +21,7 @@ from ..scfpf_addon.bridge.flexible_camera import (
 )
 from ..scfpf_addon.bridge.read_projection import read_projection
 from ..scfpf_addon.bridge.render_job import picture_aspect
-from ..scfpf_addon.projection.blending import blended
+from ..scfpf_addon.projection.blending import BlendError, blended
 from .presets import preset_items, shipped_preset
 from .target import flexible_camera_of, poll_flexible_camera
 from .tool import Tool
@@ -26,26 +33,12 @@ def blend_camera(context, first, second, second_name: str):
     Raises what BAD_INPUT lists; nothing is left behind then.
     """
     scene = context.scene
-    aspect = picture_aspect(scene)
-    world = np.array(first.matrix_world, np.float64)
-    if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
-        raise FlexibleCameraError(f"'{first.name}' has a scale of 0: clear it with Alt-S")
-    inward = np.linalg.inv(world)
-    own = read_projection(first, context.evaluated_depsgraph_get(), aspect).transformed(inward)
-    blend = blended(own, second.transformed(inward))
+    own, blend = _blend(context, first, second, first)
     camera = new_blend_camera(first, f"{first.name} to {second_name}")
-    last = len(blend.layers) - 1
-    names = ["Near" if k == 0 else "Far" if k == last else f"Layer {k + 1}" for k in range(last + 1)]
-    replace_surfaces(
-        camera,
-        [(name, "GRID", np.eye(4), None, layer[0]) for name, layer in zip(names, blend.layers, strict=True)],
-    )
-    give_shapes(camera, blend)
     settings = camera.scfpf
-    settings.basis = blend.basis
-    settings.reparameterisation = "POLAR" if blend.polar else "RECTANGLE"
-    settings.fitted_aspect = aspect
+    settings.blend_ends.first = first
     settings.pixel_error, settings.samples = first.scfpf.pixel_error, first.scfpf.samples
+    _give(context, camera, blend)
     make_flexible(camera)
     approximate_lens(camera, own)
     for obj in context.selected_objects:
@@ -54,6 +47,43 @@ def blend_camera(context, first, second, second_name: str):
     context.view_layer.objects.active = camera
     scene.camera = camera
     return camera
+
+
+def _blend(context, first, second, camera):
+    """The first camera's projection, and its blend with a projection in world space, in a camera's space."""
+    world = np.array(camera.matrix_world, np.float64)
+    if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
+        raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
+    inward = np.linalg.inv(world)
+    own = read_projection(first, context.evaluated_depsgraph_get(), picture_aspect(context.scene))
+    own = own.transformed(inward)
+    return own, blended(own, second.transformed(inward))
+
+
+def _give(context, camera, blend) -> None:
+    """Make a camera's surfaces those of a blend: the ones that it has where these can be, else others."""
+    if is_blend(camera) and has_room(camera, blend):
+        write_shapes(camera, blend)
+    else:
+        last = len(blend.layers) - 1
+        names = ["Near" if k == 0 else "Far" if k == last else f"Layer {k + 1}" for k in range(last + 1)]
+        replace_surfaces(
+            camera,
+            [
+                (name, "GRID", np.eye(4), None, layer[0])
+                for name, layer in zip(names, blend.layers, strict=True)
+            ],
+        )
+        give_shapes(camera, blend)
+    camera.scfpf.basis = blend.basis
+    camera.scfpf.reparameterisation = "POLAR" if blend.polar else "RECTANGLE"
+    camera.scfpf.fitted_aspect = picture_aspect(context.scene)
+
+
+def _preset_before(context, camera, preset):
+    """A preset's projection as it is where a camera stands, in world space."""
+    world = np.array(camera.matrix_world, np.float64)
+    return preset.projection(picture_aspect(context.scene)).transformed(world)
 
 
 def _done(camera) -> str:
@@ -80,7 +110,9 @@ class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
         (first,) = _chosen(context)
         aspect = picture_aspect(context.scene)
         second = read_projection(camera, context.evaluated_depsgraph_get(), aspect)
-        return _done(blend_camera(context, first, second, camera.name))
+        made = blend_camera(context, first, second, camera.name)
+        made.scfpf.blend_ends.second = camera
+        return _done(made)
 
 
 def _chosen(context) -> list:
@@ -108,11 +140,58 @@ class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         preset = shipped_preset(self.preset)
-        world = np.array(camera.matrix_world, np.float64)
-        second = preset.projection(picture_aspect(context.scene)).transformed(world)
-        return _done(blend_camera(context, camera, second, preset.name))
+        second = _preset_before(context, camera, preset)
+        made = blend_camera(context, camera, second, preset.name)
+        made.scfpf.blend_ends.preset = self.preset
+        return _done(made)
+
+
+class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
+    """Let the blend go between the two pictures as they are now: what was changed on either camera since, the
+    resolution too, is taken up. Keyframes of Blend stay; edits of the blend's own surfaces are lost"""
+
+    bl_idname = "scfpf.blend_update"
+    bl_label = "Update Blend"
+
+    @classmethod
+    def poll(cls, context):
+        if not poll_flexible_camera(cls, context):
+            return False
+        if not knows_its_ends(flexible_camera_of(context)):
+            cls.poll_message_set("This camera does not know what it goes between: make it by Blend Cameras")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        ends = camera.scfpf.blend_ends
+        first = _end(context, camera, ends.first)
+        if ends.second is not None:
+            other = _end(context, camera, ends.second)
+            aspect = picture_aspect(context.scene)
+            second = read_projection(other, context.evaluated_depsgraph_get(), aspect)
+            name = other.name
+        else:
+            if ends.preset not in {stem for stem, _name, _text in preset_items()}:
+                raise BlendError(
+                    f"There is no preset '{ends.preset}': choose a camera that the blend comes to"
+                )
+            preset = shipped_preset(ends.preset)
+            second, name = _preset_before(context, first, preset), preset.name
+        own, blend = _blend(context, first, second, camera)
+        _give(context, camera, blend)
+        approximate_lens(camera, own)
+        return f"'{camera.name}' goes from '{first.name}' to '{name}' as they are now"
+
+
+def _end(context, camera, end):
+    """One of a blend's cameras, if it can still be read. Raises BlendError."""
+    if context.scene.objects.get(end.name) != end:
+        raise BlendError(f"'{end.name}' is not in this scene any more: choose another camera, or undo")
+    if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:
+        raise BlendError(f"'{end.name}' is no flexible camera to blend with: choose another one")
+    return end
 
 
 register, unregister = bpy.utils.register_classes_factory(
-    (SCFPF_OT_camera_blend, SCFPF_OT_camera_blend_preset)
+    (SCFPF_OT_camera_blend, SCFPF_OT_camera_blend_preset, SCFPF_OT_blend_update)
 )

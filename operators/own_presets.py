@@ -39,6 +39,17 @@ def own_presets() -> list[tuple[str, str, str]]:
     return sorted(found, key=lambda item: item[1].lower())
 
 
+def _kept(preset, replace: bool) -> str:
+    """Take a preset into the list, with a picture of its volume; returns what to say of it."""
+    path = camera_preset.store_own(preset, replace)
+    message = f"The preset '{preset.name}' is in the menu under Your Own"
+    try:
+        camera_preset.store_picture(preset, path)
+    except PresetError as error:
+        return f"{message}, without a picture: {error}"
+    return message
+
+
 class _SavesVolume(Tool):
     """Makes a preset of the camera's present volume."""
 
@@ -76,8 +87,7 @@ class SCFPF_OT_preset_save(_SavesVolume, bpy.types.Operator):
 
     def edit(self, context, camera):
         preset = self.preset(context, camera)
-        camera_preset.store_own(preset, self.replace)
-        return f"The preset '{preset.name}' is in the menu under Your Own"
+        return _kept(preset, self.replace)
 
 
 class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
@@ -117,11 +127,11 @@ class SCFPF_OT_preset_import(bpy.types.Operator):
     def execute(self, _context):
         try:
             preset = read_preset(pathlib.Path(bpy.path.abspath(self.filepath)))
-            camera_preset.store_own(preset, self.replace)
+            message = _kept(preset, self.replace)
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"The preset '{preset.name}' is in the menu under Your Own")
+        self.report({"INFO"}, message)
         return {"FINISHED"}
 
     def invoke(self, context, _event):

@@ -8,13 +8,13 @@ import bpy
 from ..operators.pick import pick_readout
 from ..operators.target import camera_of, flexible_camera_of
 from ..scfpf_addon.bridge import render_job
-from ..scfpf_addon.bridge.camera_blend import is_blend
 from ..scfpf_addon.bridge.picture_fit import needs_fit
 from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.bridge.surface_nodes import PARAMETRIC_KINDS, SurfaceError, parameter_properties
 from ..scfpf_addon.bridge.volume_upkeep import sharers
 from ..scfpf_addon.casting.scene import caster_fault
+from .blend import draw_blend
 from .mapping_stack import draw_stack
 from .surface_list import is_missing
 
@@ -136,8 +136,7 @@ class _MainSection:
             draw_render(layout, context, camera)
             draw_fit(layout, context.scene, camera)
             draw_shared(layout, camera)
-            if is_blend(camera):
-                layout.prop(camera.scfpf, "blend_factor", slider=True)
+            draw_blend(layout, camera)
             layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
             return
         column = layout.column(align=True)

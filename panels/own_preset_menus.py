@@ -4,6 +4,7 @@
 import bpy
 
 from ..operators.own_presets import own_presets
+from .thumbnails import draw_entries, own_thumbnail
 
 
 class SCFPF_MT_presets_own(bpy.types.Menu):
@@ -14,8 +15,7 @@ class SCFPF_MT_presets_own(bpy.types.Menu):
     def draw(self, _context):
         layout, found = self.layout, own_presets()
         layout.operator_context = "EXEC_REGION_WIN"
-        for stem, name, _text in found:
-            layout.operator("scfpf.preset_apply_own", text=name).preset = stem
+        draw_entries(layout, "scfpf.preset_apply_own", found, own_thumbnail)
         if not found:
             layout.label(text="None yet: Save as Preset adds one")
         layout.separator()

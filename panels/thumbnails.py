@@ -4,6 +4,7 @@
 import bpy.utils.previews
 
 from ..operators.presets import FOLDER
+from ..scfpf_addon.bridge.camera_preset import own_picture
 
 # How much larger than an icon they are drawn.
 SCALE = 2.4
@@ -14,24 +15,33 @@ _loaded = []
 def thumbnail(preset: str) -> int:
     """The number of a shipped preset's picture as an icon, 0 if it has none."""
     path = FOLDER / "thumbnails" / f"{preset}.png"
+    return _icon(preset, path) if path.is_file() else 0
+
+
+def own_thumbnail(preset: str) -> int:
+    """The number of an own preset's picture as an icon, 0 if it has none. Replaced ones are read anew."""
+    found = own_picture(preset)
+    return _icon(f"{found[1]} {preset}", found[0]) if found else 0
+
+
+def _icon(name: str, path) -> int:
     if not _loaded:
         return 0
     pictures = _loaded[0]
-    if preset not in pictures:
-        if not path.is_file():
-            return 0
+    if name not in pictures:
         # Asking for its size reads the file at once; else the first menu would show that it waits.
-        pictures.load(preset, str(path), "IMAGE").image_size[:]
-    return pictures[preset].icon_id
+        pictures.load(name, str(path), "IMAGE").image_size[:]
+    return pictures[name].icon_id
 
 
-def draw_entries(layout, operator: str, items) -> None:
+def draw_entries(layout, operator: str, items, picture=thumbnail) -> None:
     """Presets (identifier, name, description): each its picture, and an operator that takes the identifier.
 
-    One column: in menus rows and grids do not stand below one another.
+    picture: the icon's number by identifier. One column: in menus rows and grids do not stand below
+    one another.
     """
     for preset, name, _description in items:
-        icon = thumbnail(preset)
+        icon = picture(preset)
         if icon:
             layout.template_icon(icon_value=icon, scale=SCALE)
         layout.operator(operator, text=name).preset = preset

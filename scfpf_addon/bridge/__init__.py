@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 from . import (
+    blend_properties,
     command_line,
     drawing,
+    drawn,
     image_marks,
     mapping_properties,
     properties,
@@ -19,9 +21,11 @@ from . import (
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
+    blend_properties,
     mapping_properties,
     properties,
     sampling,
+    drawn,
     read_mappings,
     volume_upkeep,
     drawing,

@@ -27,6 +27,12 @@ def is_blend(camera) -> bool:
     return keys is not None and SECOND_KEY in keys.key_blocks
 
 
+def knows_its_ends(camera) -> bool:
+    """Whether it is known what a camera's blend goes between."""
+    ends = camera.scfpf.blend_ends
+    return ends.first is not None and (ends.second is not None or bool(ends.preset))
+
+
 def new_blend_camera(first, name: str):
     """A camera where another is, without surfaces, linked where that is."""
     camera = bpy.data.objects.new(name, first.data.copy())
@@ -43,9 +49,42 @@ def give_shapes(camera, blend: Blend) -> None:
         write_grid(surface.data, layer[0])
         surface.shape_key_add(name=FIRST_KEY, from_mix=False)
         key = surface.shape_key_add(name=SECOND_KEY, from_mix=False)
-        key.data.foreach_set("co", layer[1].reshape(-1, 3).astype(np.float32).ravel())
         key.slider_min, key.slider_max = SMALLEST_BLEND, LARGEST_BLEND
         _drive(key, camera)
+    write_shapes(camera, blend)
+
+
+def has_room(camera, blend: Blend) -> bool:
+    """Whether the surfaces of a blend can take another one's shapes as they are: as many, of as many points.
+
+    Layers are square grids, so that the number of points tells the rows.
+    """
+    slots = camera.scfpf.surfaces
+    if len(slots) != len(blend.layers):
+        return False
+    for slot, layer in zip(slots, blend.layers, strict=True):
+        own = slot.object is not None and slot.object.type == "MESH" and slot.object.parent == camera
+        mesh = slot.object.data if own else None
+        keys = mesh.shape_keys if mesh is not None else None
+        if keys is None or not {FIRST_KEY, SECOND_KEY} <= set(keys.key_blocks.keys()):
+            return False
+        if len(mesh.vertices) != layer[0].shape[0] * layer[0].shape[1]:
+            return False
+    return True
+
+
+def write_shapes(camera, blend: Blend) -> None:
+    """Write both shapes of each surface of a blend that ``has_room``; keys, drivers and objects stay."""
+    for slot, layer in zip(camera.scfpf.surfaces, blend.layers, strict=True):
+        surface = slot.object
+        first, second = (shape.reshape(-1, 3).astype(np.float32).ravel() for shape in layer)
+        surface.data.vertices.foreach_set("co", first)
+        for name, points in ((FIRST_KEY, first), (SECOND_KEY, second)):
+            surface.data.shape_keys.key_blocks[name].data.foreach_set("co", points)
+        # Placed as they were made: the points are in the camera's space.
+        surface.matrix_parent_inverse.identity()
+        surface.matrix_basis.identity()
+        surface.data.update()
 
 
 def _drive(key, camera) -> None:

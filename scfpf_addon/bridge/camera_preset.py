@@ -12,6 +12,7 @@ import numpy as np
 
 from ..projection.editing import EditingError
 from ..projection.preset import Preset, PresetError, load_preset, preset_to_json
+from ..projection.preset_picture import png, png_size, volume_picture
 from ..projection.preset_writing import stored_surface
 from ..projection.volume import Projection
 from .read_mappings import stored_mappings
@@ -31,6 +32,8 @@ ANGLES = {
 UNSAFE, LONGEST_STEM = re.compile(r"[^a-z0-9]+"), 60
 # Windows has devices of these names.
 RESERVED = re.compile(r"con|prn|aux|nul|(com|lpt)[0-9]")
+# Of pictures beside presets, which may come from elsewhere: pixels along a side, and bytes.
+LARGEST_PICTURE, MOST_PICTURE_BYTES = 256, 2**18
 # More files than this are not listed.
 MOST_PRESETS = 500
 
@@ -97,6 +100,8 @@ def _surfaces(camera, depsgraph, projection: Projection, inward):
                 matrix = inward @ np.array(seen.matrix_world, np.float64)
                 parameters = {key: _short(key, value) for key, value in parameters.items()}
                 described = {"kind": kind, "parameters": parameters, "points": points, "matrix": matrix}
+        elif kind == "UV_MESH":
+            described = {"kind": kind}
         stored.append(stored_surface(NUMBERED.sub("", obj.name), surface, now.weight, **described))
     return tuple(stored)
 
@@ -159,10 +164,37 @@ def write_preset(preset: Preset, path: pathlib.Path) -> None:
         raise PresetError(f"Cannot write {path}: {error.strerror or error}") from error
 
 
+def store_picture(preset: Preset, path: pathlib.Path) -> None:
+    """Write a small picture of a preset's volume beside its file, for menus. Raises PresetError."""
+    data = png(volume_picture(preset.projection(preset.aspect)))
+    picture, part = path.with_suffix(".png"), path.with_suffix(".png.part")
+    try:
+        part.write_bytes(data)
+        os.replace(part, picture)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise PresetError(f"Cannot write {picture}: {error.strerror or error}") from error
+
+
+def own_picture(stem: str) -> tuple[pathlib.Path, int] | None:
+    """An own preset's picture and its time, None where there is none that is one and small."""
+    path = own_folder() / f"{stem}.png"
+    try:
+        facts = path.stat()
+        with path.open("rb") as file:
+            size = png_size(file.read(24))
+    except OSError:
+        return None
+    if size is None or not 0 < max(size) <= LARGEST_PICTURE or facts.st_size > MOST_PICTURE_BYTES:
+        return None
+    return path, facts.st_mtime_ns
+
+
 def remove_own(stem: str) -> None:
-    """Delete an own preset's file. Raises PresetError."""
+    """Delete an own preset's file and its picture. Raises PresetError."""
     path = own_file(stem)
     try:
+        path.with_suffix(".png").unlink(missing_ok=True)
         path.unlink()
     except OSError as error:
         raise PresetError(f"Cannot remove {path}: {error.strerror or error}") from error

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..projection.uv_mesh import UVMesh
 from ..projection.volume import Projection
 from . import edit_volume, lattice_object, nurbs_object, surface_nodes
 from .mapping_edits import clear_mappings, grids_of, write_mappings
@@ -231,6 +232,8 @@ def _scaled(surface, scale: float):
     points = None if surface.points is None else np.array(surface.points, np.float64)
     if points is not None:
         points[..., :3] *= scale  # a fourth number is a weight
+    if surface.chart is not None:
+        points = UVMesh(points, surface.chart)
     matrix = np.array(surface.matrix, np.float64)
     matrix[:3, 3] *= scale
     return surface.name, surface.kind, matrix, parameters, points
@@ -245,7 +248,7 @@ def _display_lengths(kind: str):
 def replace_surfaces(camera, described) -> None:
     """Replace all surfaces by new ones.
 
-    described: (name, kind, matrix in camera space, parameters, points) of each.
+    described: (name, kind, matrix in camera space, parameters, points) of each, as ``new_surface``.
     All of them exist before an old one goes: what fails, fails with the old volume whole.
     """
     made = []

@@ -21,6 +21,7 @@ from bpy.props import (
 
 from ..projection.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
 from . import edit_volume, flexible_camera, surface_nodes
+from .blend_properties import SCFPF_BlendEnds
 from .camera_blend import LARGEST_BLEND, SMALLEST_BLEND
 from .mapping_properties import SCFPF_ImageMapping
 
@@ -251,6 +252,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         update=_changed,
         override=OVERRIDABLE,
     )
+    blend_ends: PointerProperty(type=SCFPF_BlendEnds, override=OVERRIDABLE)
     pixel_error: FloatProperty(
         name="Pixel Error",
         description="How far, in pixels, a curved projector may be off: smaller is slower, 1 is for drafts, "

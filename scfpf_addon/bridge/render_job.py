@@ -17,6 +17,7 @@ from ..shading.motion import Moment
 from ..shading.passes import DataPasses
 from ..shading.scene import Scene
 from ..shading.settings import Border, FrameSettings
+from .drawn import drawn_of
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_images import with_images
 from .read_lens import read_lens
@@ -161,6 +162,7 @@ def read_inputs(
             border=border,
             passes=DataPasses(passes, plane, identifiers=marks),
             lens=lens,
+            drawn=drawn_of(depsgraph.scene_eval, width),
             **sampling_of(depsgraph.scene_eval),
         ),
     )

@@ -21,11 +21,13 @@ import numpy as np
 from ..projection import surfaces
 from ..projection.preset import surface_from_parameters
 from ..projection.preset_values import LARGEST_LENGTH
+from ..projection.uv_mesh import UVMesh
 from . import lattice_object, nurbs_object, versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
 from .surface_gizmos import add_gizmos
 from .surface_shape import store_shape
+from .uv_mesh import write_uv_mesh
 
 # Kinds that are plain meshes, with their titles.
 MESH_KINDS = {"PATCH": "Patch", "GRID": "Grid", "UV_MESH": "UV Mesh"}
@@ -296,7 +298,8 @@ def new_surface(name: str, kind: str, parameters: dict | None = None, points=Non
     kind: one of ``PARAMETRIC_KINDS`` or ``MESH_KINDS``, NURBS or LATTICE. parameters: lengths in
     Blender units and angles in radians by name (``radius``, ``arc``, ...); what
     is missing takes its default. points: (rows, columns, 3), own space, for
-    PATCH (2 × 2, default a unit square), GRID and UV_MESH (default 5 × 5); NURBS takes 4
+    PATCH (2 × 2, default a unit square), GRID and UV_MESH (default 5 × 5), which takes a
+    UVMesh as well; NURBS takes 4
     numbers as well, the last a weight (default 4 × 4), and the parameters order_u and order_v.
     LATTICE: see ``lattice_object.new_data``.
     Raises SurfaceError for an unknown kind or parameter, or points of a wrong shape.
@@ -314,6 +317,8 @@ def new_surface(name: str, kind: str, parameters: dict | None = None, points=Non
     try:
         if kind in PARAMETRIC_KINDS:
             set_surface_parameters(surface, parameters or {})
+        elif isinstance(points, UVMesh):
+            write_uv_mesh(data, points)
         elif kind in MESH_KINDS:
             set_surface_parameters(surface, {"points": _flat(kind) if points is None else points})
     except SurfaceError:

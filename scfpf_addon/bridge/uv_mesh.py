@@ -9,7 +9,7 @@ from ..projection.preset_values import LARGEST_LENGTH
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.uv_chart import UVChart
 from ..projection.uv_mesh import UVMesh
-from .mesh_grid import SurfaceError, grid_points, uv_layer
+from .mesh_grid import UV_LAYER, SurfaceError, grid_points, uv_layer
 
 
 def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
@@ -60,6 +60,23 @@ def _arrays(name: str, mesh):
         triangles.reshape(-1, 3),
         uv.reshape(-1, 2).astype(np.float64)[corners].reshape(-1, 3, 2),
     )
+
+
+def write_uv_mesh(mesh, sheet: UVMesh) -> None:
+    """Replace a mesh by a UV mesh's triangles, in its own space. Raises SurfaceError if too large."""
+    if not (np.abs(sheet.points) <= LARGEST_LENGTH).all():
+        raise SurfaceError(f"A UV mesh's points must be numbers up to {LARGEST_LENGTH:g}")
+    corners = np.ascontiguousarray(sheet.chart.vertices, np.int32).ravel()
+    mesh.clear_geometry()
+    mesh.vertices.add(len(sheet.points))
+    mesh.vertices.foreach_set("co", np.asarray(sheet.points, np.float32).ravel())
+    mesh.loops.add(len(corners))
+    mesh.loops.foreach_set("vertex_index", corners)
+    mesh.polygons.add(len(corners) // 3)
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 3, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    layer = mesh.uv_layers.get(UV_LAYER) or mesh.uv_layers.new(name=UV_LAYER)
+    layer.uv.foreach_set("vector", np.asarray(sheet.chart.uv, np.float32).ravel())
 
 
 def read_reshaped(evaluated_object, matrix) -> ControlSurface:

@@ -16,9 +16,11 @@ from typing import Literal, NamedTuple, cast
 import numpy as np
 
 from .basis import LARGEST_WEIGHT, SMALLEST_WEIGHT, BasisKind
+from .euler import euler_angles, euler_matrix
 from .image_mappings import ImageMapping, mapping_data, read_mappings
 from .image_stack import seen_through
 from .nurbs import NurbsAxis, NurbsPatch
+from .preset_mesh import mesh_data, read_mesh
 from .preset_values import (
     COORDINATE,
     LENGTH,
@@ -39,6 +41,8 @@ from .preset_values import (
 from .reparameterisation import reparameterisation
 from .surfaces import BilinearPatch, Cone, ControlSurface, Cylinder, Disc, Grid, Plane, Point, SphereSector
 from .typing import Array
+from .uv_chart import UVChart
+from .uv_mesh import UVMesh
 from .volume import Projection, ViewingVolume
 
 __all__ = [
@@ -64,8 +68,6 @@ MAXIMUM_SURFACES = 64
 MAXIMUM_BYTES = 128 * 2**20
 # Cosine between the axes of a surface beyond which it counts as sheared: float32 with room to spare.
 SHEAR_TOLERANCE = 1e-5
-# Cosine of the Y angle below which X and Z are one rotation: what float32 leaves of a right angle.
-GIMBAL_TOLERANCE = 1e-6
 
 FitKind = Literal["WIDTH", "HEIGHT", "NONE"]
 
@@ -80,7 +82,7 @@ _ORDER = Limit(2, 6)
 # Of a NURBS surface, along each direction: what Blender makes a patch of.
 _FEWEST_NURBS_POINTS = 3
 
-# The numbers of each kind, by their names in a file; PATCH, GRID and NURBS have points.
+# The numbers of each kind, by their names in a file; PATCH, GRID, NURBS and UV_MESH have points.
 _KINDS: dict[str, dict[str, Limit]] = {
     "POINT": {},
     "PLANE": {"width": LENGTH, "height": LENGTH},
@@ -101,6 +103,7 @@ _KINDS: dict[str, dict[str, Limit]] = {
     },
     "GRID": {},
     "NURBS": {"order_u": _ORDER, "order_v": _ORDER},
+    "UV_MESH": {},
 }
 _WITH_POINTS = ("PATCH", "GRID", "NURBS")
 _DEGREES = "_degrees"
@@ -114,16 +117,20 @@ class SubjectBox(NamedTuple):
 
 
 def surface_from_parameters(
-    kind: str, parameters: Mapping[str, float], points: Array | None, matrix: Array
+    kind: str,
+    parameters: Mapping[str, float],
+    points: Array | None,
+    matrix: Array,
+    chart: UVChart | None = None,
 ) -> ControlSurface:
     """The control surface of a kind.
 
-    kind: POINT, PLANE, PATCH, DISC, CYLINDER, CONE, SPHERE, GRID or NURBS. parameters:
+    kind: POINT, PLANE, PATCH, DISC, CYLINDER, CONE, SPHERE, GRID, NURBS or UV_MESH. parameters:
     width, height, radius, radius_start, radius_end, arc, latitude_start,
     latitude_end, order_u, order_v as the kind has them, lengths and radians; others are ignored.
     points: (rows, columns, 3) in the surface's own space for GRID, (2, 2, 3) for
     PATCH, (rows, columns, 3 or 4) with weights for NURBS, which begins and ends at its
-    outer points; rows along v. matrix: (4, 4), own space to volume space.
+    outer points, (V, 3) with a chart for UV_MESH; rows along v. matrix: (4, 4), own space to volume space.
     Raises ValueError for an unknown kind or a missing parameter.
     """
     placed = np.asarray(matrix, np.float64)
@@ -141,6 +148,10 @@ def surface_from_parameters(
         if array.shape != (2, 2, 3):
             raise ValueError(f"a patch needs 2 × 2 points, got shape {array.shape}")
         return BilinearPatch(array.reshape(4, 3), matrix=placed)
+    if kind == "UV_MESH":
+        if points is None or chart is None:
+            raise ValueError("a surface of kind UV_MESH needs points and a chart")
+        return UVMesh(np.asarray(points, np.float64), chart, matrix=placed)
     if kind not in _KINDS:
         raise ValueError(f"unknown surface kind {kind!r}")
     names = [name.removesuffix(_DEGREES) for name in _KINDS[kind]]
@@ -171,8 +182,8 @@ class PresetSurface:
 
     kind: as in ``surface_from_parameters``. matrix: (4, 4), own space to camera
     space. parameters: the kind's numbers, angles in radians. points: (rows,
-    columns, 3) float64, rows along v, for PATCH and GRID, 3 or 4 numbers each for NURBS;
-    None for the others. weight: of the surface in NURBS projectors.
+    columns, 3) float64, rows along v, for PATCH and GRID, 3 or 4 numbers each for NURBS, (V, 3) for
+    UV_MESH, whose triangles are the chart; None for the others. weight: of the surface in NURBS projectors.
     """
 
     name: str
@@ -181,10 +192,11 @@ class PresetSurface:
     parameters: dict[str, float]
     points: Array | None = None
     weight: float = 1.0
+    chart: UVChart | None = None
 
     def surface(self) -> ControlSurface:
         """The same as a control surface in camera space."""
-        return surface_from_parameters(self.kind, self.parameters, self.points, self.matrix)
+        return surface_from_parameters(self.kind, self.parameters, self.points, self.matrix, self.chart)
 
     def stretched(self, axis: Literal[0, 1], factor: float) -> PresetSurface:
         """The surface with its extent and its place along camera x (0) or y (1) multiplied.
@@ -361,10 +373,12 @@ def _surface_data(number: int, surface: PresetSurface) -> dict[str, object]:
     for key in _KINDS[surface.kind]:
         value = surface.parameters[key.removesuffix(_DEGREES)]
         data[key] = _degrees(value) if key.endswith(_DEGREES) else value
-    if surface.points is not None:
+    if surface.points is not None and surface.chart is not None:
+        data |= mesh_data(surface.points, surface.chart)
+    elif surface.points is not None:
         data["points"] = surface.points.tolist()
     data["location"] = surface.matrix[:3, 3].tolist()
-    data["rotation_degrees"] = [_degrees(angle) for angle in _euler_angles(axes)]
+    data["rotation_degrees"] = [_degrees(angle) for angle in euler_angles(axes)]
     data["scale"] = scale.tolist()
     if surface.weight != 1.0:
         data["weight"] = surface.weight
@@ -374,27 +388,6 @@ def _surface_data(number: int, surface: PresetSurface) -> dict[str, object]:
 def _degrees(radians: float) -> float:
     # 15 digits: 350 degrees come back as 350, not as 350.00000000000006.
     return float(f"{np.degrees(radians):.15g}")
-
-
-def _euler_matrix(angles: Array) -> Array:
-    """Rotation about X, then Y, then Z (Blender's XYZ order), (3, 3). angles: (3,) radians."""
-    (sx, sy, sz), (cx, cy, cz) = np.sin(angles), np.cos(angles)
-    about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-    about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-    return np.asarray(about_z @ about_y @ about_x, np.float64)
-
-
-def _euler_angles(rotation: Array) -> tuple[float, float, float]:
-    """The inverse of ``_euler_matrix``; with Y at a right angle, Z is taken as nought."""
-    across = float(np.hypot(rotation[0, 0], rotation[1, 0]))
-    y = np.arctan2(-rotation[2, 0], across)
-    if across > GIMBAL_TOLERANCE:
-        x = np.arctan2(rotation[2, 1], rotation[2, 2])
-        z = np.arctan2(rotation[1, 0], rotation[0, 0])
-    else:
-        x, z = np.arctan2(-rotation[1, 2], rotation[1, 1]), 0.0
-    return float(x), float(y), float(z)
 
 
 def _preset(data: object) -> Preset:
@@ -440,7 +433,10 @@ def _surface(data: object, number: int) -> PresetSurface:
     where = f"{where} {name!r}"
     kind = read_choice(data["kind"], f"{where}: kind", tuple(_KINDS))
     limits = _KINDS[kind]
-    required = ("name", "kind", *limits, *(("points",) if kind in _WITH_POINTS else ()))
+    shape = (
+        ("points",) if kind in _WITH_POINTS else ("points", "uv", "triangles") if kind == "UV_MESH" else ()
+    )
+    required = ("name", "kind", *limits, *shape)
     values = read_object(data, where, required, ("location", "rotation_degrees", "scale", "weight"))
     parameters = {}
     for key, limit in limits.items():
@@ -451,14 +447,16 @@ def _surface(data: object, number: int) -> PresetSurface:
         raise PresetError(f"{where}: latitude_start_degrees and latitude_end_degrees must differ")
     if kind == "CONE" and not max(parameters["radius_start"], parameters["radius_end"]):
         raise PresetError(f"{where}: radius_start or radius_end must be above 0")
-    points = None
-    if kind in _WITH_POINTS:
+    points, chart = None, None
+    if kind == "UV_MESH":
+        points, chart = read_mesh(values, where)
+    elif kind in _WITH_POINTS:
         exactly = (2, 2) if kind == "PATCH" else None
         points = read_points(values["points"], f"{where}: points", exactly, weighted=kind == "NURBS")
         if kind == "NURBS":
             _check_nurbs(points, parameters, where)
     weight = read_number(values.get("weight", 1.0), f"{where}: weight", _WEIGHT)
-    return PresetSurface(name, kind, _matrix(values, where), parameters, points, weight)
+    return PresetSurface(name, kind, _matrix(values, where), parameters, points, weight, chart)
 
 
 def _check_nurbs(points: Array, parameters: dict[str, float], where: str) -> None:
@@ -480,7 +478,7 @@ def _matrix(values: dict[str, object], where: str) -> Array:
     if min(map(abs, scale)) < SMALLEST_LENGTH:
         raise PresetError(f"{where}: scale must not be 0 along any axis")
     matrix = np.eye(4)
-    matrix[:3, :3] = _euler_matrix(np.radians(angles)) * np.array(scale)
+    matrix[:3, :3] = euler_matrix(np.radians(angles)) * np.array(scale)
     matrix[:3, 3] = location
     return matrix
 

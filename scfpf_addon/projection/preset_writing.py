@@ -12,11 +12,14 @@ from .preset import SHEAR_TOLERANCE, PresetSurface
 from .resolution import change, grid_within
 from .surfaces import ControlSurface
 from .typing import Array
+from .uv_mesh import UVMesh
 
 # A description that is off by more than this share of the surface's size is none: float32 with room to spare.
 SAME = 1e-4
 # Places along an axis at which both are compared, a quarter of them.
 COMPARED = 16
+# UV meshes of more triangles than this become grids: their files would be megabytes.
+MOST_TRIANGLES = 20_000
 # A grid is off by no more than this share of the surface's size: a tenth of a pixel of a thousand.
 GRID_ERROR = 1e-4
 
@@ -34,8 +37,13 @@ def stored_surface(
 
     kind, parameters, points, matrix: what it is said to be, as in ``preset.surface_from_parameters``. Where
     that is not so (modifiers, other knots, a sheared matrix), or nothing is said, it becomes a
-    grid in camera space. Raises EditingError for a surface with holes.
+    grid in camera space. A UV mesh that is said to be one stays one, in camera space, holes and all.
+    Raises EditingError for any other surface with holes.
     """
+    if kind == "UV_MESH" and isinstance(surface, UVMesh) and len(surface.chart.uv) <= MOST_TRIANGLES:
+        own = np.asarray(surface.points, np.float64)
+        points = own @ surface.matrix[:3, :3].T + surface.matrix[:3, 3]
+        return PresetSurface(name, kind, np.eye(4), {}, points, weight, surface.chart)
     if kind and matrix is not None and _is_upright(matrix):
         described = PresetSurface(name, kind, matrix, dict(parameters or {}), points, weight)
         try:

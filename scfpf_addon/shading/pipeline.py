@@ -19,6 +19,8 @@ from ..casting.tiles import TileJob
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
 from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
+from .drawn.drawing import Drawing
+from .drawn.tones import DrawnShading
 from .film import Film
 from .hit_colors import Shading
 from .lens import Lens, through
@@ -51,6 +53,7 @@ class Pipeline:
     projection: in cast space. places: where samples are. cast_scene and
     shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
     cast space. moments: what takes the place of this one for the picture, while the shutter is open.
+    drawing: what draws over finished tiles.
     """
 
     projection: Projection
@@ -63,6 +66,7 @@ class Pipeline:
     lens: Lens | None
     geometry: Geometry | None
     moments: tuple[Pipeline, ...] = ()
+    drawing: Drawing | None = None
 
     @classmethod
     def of(
@@ -81,8 +85,13 @@ class Pipeline:
             scene, cast_scene = within_reach(scene, projection, alone)
         everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, everything, settings) if everything and cast_scene else None
-        return cls(
+        drawn = settings.drawn
+        shading: Shading | None = None
+        if everything and cast_scene and drawn:
+            shading = DrawnShading.drawn_of(scene, everything, settings, drawn)
+        elif everything and cast_scene:
+            shading = Shading.of(scene, everything, settings)
+        made = cls(
             inside,
             settings,
             np.asarray(scene.world_color, np.float64),
@@ -103,6 +112,7 @@ class Pipeline:
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
         )
+        return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
 
     def with_moments(
         self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None
@@ -128,6 +138,12 @@ class Pipeline:
             made.append((moment.scene, each))
         return replace(self, moments=tuple(each for _, each in made[1:]))
 
+    @property
+    def behind(self) -> Array:
+        """The colour of the picture where nothing is hit, (3,)."""
+        drawn = self.settings.drawn
+        return drawn.paper if drawn and drawn.on_paper else self.background
+
     def at(self, sample: int) -> Pipeline:
         """What a sample sees."""
         if not self.moments:
@@ -147,7 +163,7 @@ class Pipeline:
         if inside is not None:
             mine = mine[inside]
         crypto = CryptoPasses(self.passes, len(pixels))
-        film = Film(len(pixels), self.background, self.settings.transparent)
+        film = Film(len(pixels), self.behind, self.settings.transparent)
         light = LightFilm.of(passes, len(pixels), self.background)
         for sample in range(self.settings.samples):
             if job.stop.is_set():
@@ -169,6 +185,8 @@ class Pipeline:
                 crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
+        if self.drawing:
+            self.drawing.draw_over(job, inside, pixels)
         for each in (crypto, light):
             if each:
                 each.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
@@ -189,7 +207,7 @@ class Pipeline:
         width = self.settings.width
         rows = margin(job.rows, self.settings.height)
         block = row_pixels(rows, width)
-        film = AdaptiveFilm(len(block), self.background, self.settings.transparent)
+        film = AdaptiveFilm(len(block), self.behind, self.settings.transparent)
         crypto = CryptoPasses(self.passes, len(block))
         light = LightFilm.of(passes, len(block), self.background)
 
@@ -220,6 +238,8 @@ class Pipeline:
         mine = np.arange(own.start * width, own.stop * width)
         mine = mine if inside is None else mine[inside]
         film.develop(mine, pixels)
+        if self.drawing:
+            self.drawing.draw_over(job, inside, pixels)
         for each in (crypto, light):
             if each:
                 each.develop(mine, film.samples(mine), passes)

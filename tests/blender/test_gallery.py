@@ -7,7 +7,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
-from demo import gallery_plates, gallery_scenes, render_demo, render_gallery
+from demo import gallery_animation, gallery_plates, gallery_scenes, render_demo, render_gallery
 
 PAGE = render_gallery.ROOT / "docs" / "gallery.md"
 PANELS = [
@@ -22,7 +22,7 @@ def test_the_page_shows_every_plate_and_preset():
     pictures = {path.name for path in PAGE.with_suffix("").iterdir()}
     assert pictures == {
         f"{stem}-{part}.{kind}" for stem, _ in PANELS for part, kind in render_gallery.PARTS.items()
-    } | {f"{stem}-cycles.jpg" for stem in render_gallery.WITH_CYCLES}
+    } | {f"{stem}-cycles.jpg" for stem in render_gallery.WITH_CYCLES} | {f"{gallery_animation.STEM}.webp"}
     presets = {path.stem for path in (render_gallery.ROOT / "presets").glob("*.json")}
     assert {panel.preset for _, panel in PANELS} == presets
 

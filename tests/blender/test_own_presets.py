@@ -100,7 +100,7 @@ def test_a_lattice_is_saved_as_its_layers(camera, folder, sampled):
 def test_names_replace_only_when_asked_and_are_listed_and_removed(addon, camera, folder):
     own = addon("operators.own_presets")
     assert bpy.ops.scfpf.preset_save(name="My Wide / Lens!", description="Wide.") == {"FINISHED"}
-    assert [path.name for path in folder.iterdir()] == ["my_wide_lens.json"]
+    assert sorted(path.name for path in folder.iterdir()) == ["my_wide_lens.json", "my_wide_lens.png"]
     assert own.own_presets() == [("my_wide_lens", "My Wide / Lens!", "Wide.")]
     with pytest.raises(RuntimeError, match="already: choose another name, or tick Replace"):
         bpy.ops.scfpf.preset_save(name="My Wide / Lens!")
@@ -124,11 +124,57 @@ def test_presets_are_shared_as_files(camera, folder, tmp_path):
     data = json.loads(pathlib.Path(f"{path}.json").read_text(encoding="utf-8"))
     assert data["name"] == "Shared" and data["mappings"][0]["kind"] == "RADIAL_CURVE"
     assert bpy.ops.scfpf.preset_import(filepath=f"{path}.json") == {"FINISHED"}
-    assert [item.name for item in folder.iterdir()] == ["shared.json"]
+    assert sorted(item.name for item in folder.iterdir()) == ["shared.json", "shared.png"]
     with pytest.raises(RuntimeError, match="already"):
         bpy.ops.scfpf.preset_import(filepath=f"{path}.json")
     with pytest.raises(RuntimeError, match="Cannot write"):
         bpy.ops.scfpf.preset_export(name="Shared", filepath=str(tmp_path / "nowhere" / "x.json"))
+
+
+def test_own_presets_have_pictures_of_their_volumes(addon, camera, folder, monkeypatch):
+    """Small, of all that is drawn; another one once replaced; without one all goes on."""
+    thumbnails, storing = addon("panels.thumbnails"), addon("scfpf_addon.bridge.camera_preset")
+    shown = set()
+    for preset in ("perspective", "cylindrical_panorama"):
+        assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
+        assert bpy.ops.scfpf.preset_save(name="Mine", replace=True) == {"FINISHED"}
+        image = bpy.data.images.load(str(folder / "mine.png"))
+        pixels = np.array(image.pixels[:]).reshape(*reversed(image.size), 4)
+        bpy.data.images.remove(image)
+        assert pixels.shape == (72, 96, 4) and (folder / "mine.png").stat().st_size < 20_000
+        drawn = np.abs(pixels - pixels[0, 0]).max(axis=2) > 0.1
+        rows, columns = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
+        assert max(np.ptp(rows) / 72, np.ptp(columns) / 96) > 0.8, "it fills its frame"
+        assert (pixels[..., 2] - pixels[..., 1]).max() > 0.2 and (pixels[..., 1] - pixels[..., 2]).max() > 0.2
+        # Without a window icons have no numbers; what was loaded tells.
+        thumbnails.own_thumbnail("mine")
+        loaded = {name for name in thumbnails._loaded[0] if name.endswith(" mine")}
+        assert len(loaded - shown) == 1
+        assert tuple(thumbnails._loaded[0][(loaded - shown).pop()].image_size) == (96, 72)
+        shown |= loaded
+    (folder / "mine.png").write_bytes(b"no picture")
+    assert storing.own_picture("mine") is None
+    huge = np.zeros((1, 5000, 4))
+    (folder / "mine.png").write_bytes(addon("scfpf_addon.projection.preset_picture").png(huge))
+    assert storing.own_picture("mine") is None
+    (folder / "mine.png").unlink()
+    assert storing.own_picture("mine") is None and thumbnails.own_thumbnail("mine") == 0
+
+    def refuse(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(storing.pathlib.Path, "write_bytes", refuse)
+    assert bpy.ops.scfpf.preset_save(name="Other") == {"FINISHED"}
+    assert [path.name for path in sorted(folder.iterdir())] == ["mine.json", "other.json"]
+
+
+def test_triangular_tiles_are_saved_as_they_are(camera, folder, sampled):
+    assert bpy.ops.scfpf.preset_apply(preset="multiperspective_tiles", fit=False) == {"FINISHED"}
+    camera.location, camera.rotation_euler = (1, 2, 3), (0.3, 0.2, 0.1)
+    camera.scfpf.surfaces[1].object.scale.x = 1.5
+    bpy.context.view_layer.update()
+    check_round_trip(camera, sampled)
+    assert [slot.object.scfpf_surface.kind for slot in camera.scfpf.surfaces] == ["UV_MESH"] * 2
 
 
 def test_files_that_are_none_are_listed_with_what_is_wrong(addon, camera, folder, tmp_path):

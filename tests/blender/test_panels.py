@@ -147,7 +147,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
         names |= {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_CameraSettings"}
     hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object", "report"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
-    hidden |= {"mappings", "active_mapping", "blend_factor"}
+    hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden
 
 
@@ -304,3 +304,14 @@ def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(camera
     assert ("operator", "scfpf.cycles_passes") in drawn(section)
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
     assert "works in Cycles only" in texts(drawn(section))
+
+
+def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):
+    main = getattr(bpy.types, f"SCFPF_PT_data{SECTIONS[0]}")
+    assert not any("blend" in str(entry) for entry in drawn(main))
+    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
+    record = drawn(main)
+    shown = [entry[2] for entry in record if entry[0] == "prop"]
+    assert shown[shown.index("blend_factor") :][:3] == ["blend_factor", "first", "second"]
+    assert any("To the preset Orthographic" in str(entry) for entry in record)
+    assert any("scfpf.blend_update" in str(entry) for entry in record)

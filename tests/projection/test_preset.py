@@ -34,6 +34,11 @@ SURFACES = {
         "order_u": 4,
         "order_v": 3,
     },
+    "UV_MESH": {
+        "points": [[0, 0, 0], [2, 0, 1], [2, 1, 0], [0, 1, -1]],
+        "uv": [[0, 0], [1, 0], [1, 1], [0, 1]],
+        "triangles": [[0, 1, 2], [0, 2, 3]],
+    },
 }
 
 
@@ -80,6 +85,10 @@ def test_every_kind_of_surface_is_read_in_radians():
                 assert surface.parameters[key.removesuffix("_degrees")] == math.radians(value)
             elif key == "points":
                 assert np.array_equal(surface.points, np.array(value, float))
+            elif key == "triangles":
+                assert np.array_equal(surface.chart.vertices, value)
+            elif key == "uv":
+                assert np.array_equal(surface.chart.uv, np.array(value, float)[numbers["triangles"]])
             else:
                 assert surface.parameters[key] == value
     assert preset.volume().spans.degree == len(kinds) - 1
@@ -263,7 +272,7 @@ def test_fitting_changes_extents_along_one_axis(fit, axis, factor):
         wanted = {k: v * factor if k == extent else v for k, v in old.parameters.items()}
         assert new.parameters == wanted
         if old.points is not None:
-            stretch = np.ones(old.points.shape[2])
+            stretch = np.ones(old.points.shape[-1])
             stretch[axis] = factor
             assert np.array_equal(new.points, old.points * stretch)
     assert np.array_equal(before.surfaces[1].matrix, all_kinds(fit).surfaces[1].matrix)

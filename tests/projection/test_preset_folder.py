@@ -37,6 +37,7 @@ GROUPS = {
         "bilinear",
         "cross_slit",
         "epi",
+        "multiperspective_tiles",
         "pencil",
         "pushbroom",
         "twisted_orthographic",

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a camera made by Blend Cameras goes between, so that it can be brought up to date."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import PointerProperty, StringProperty
+
+OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
+
+
+def _changed(owner, context):
+    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
+
+
+def _may_be_end(ends, candidate) -> bool:
+    return candidate.type == "CAMERA" and candidate.scfpf.enabled and candidate != ends.id_data
+
+
+class SCFPF_BlendEnds(bpy.types.PropertyGroup):
+    """The two pictures of a blend, as Update Blend takes them up."""
+
+    first: PointerProperty(
+        name="From",
+        description="The flexible camera whose picture the blend starts from at 0; "
+        "another one counts from the next Update Blend",
+        type=bpy.types.Object,
+        poll=_may_be_end,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    second: PointerProperty(
+        name="To",
+        description="The flexible camera whose picture the blend comes to at 1, in place of a preset if it "
+        "came to one; another one counts from the next Update Blend",
+        type=bpy.types.Object,
+        poll=_may_be_end,
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    preset: StringProperty(
+        name="Preset",
+        description="The preset that the blend comes to at 1 while no camera is chosen for it, "
+        "by the name of its file",
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+
+
+def register():
+    bpy.utils.register_class(SCFPF_BlendEnds)
+
+
+def unregister():
+    bpy.utils.unregister_class(SCFPF_BlendEnds)
