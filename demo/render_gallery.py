@@ -29,10 +29,8 @@ PARTS = {"diagram": "png", "set-up": "jpg", "result": "jpg"}
 WITH_CYCLES = {
     "figure-1": 12,
     "figure-8": 48,
-    "figure-9": 32,
     "figure-11-b": 32,
     "figure-13-b": 48,
-    "digital-cubism": 48,
 }
 # Of their projectors; less would not be seen, and takes more chords.
 CYCLES_PIXEL_ERROR = 0.5
