@@ -258,6 +258,16 @@ class CastScene:
         found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
         return found
 
+    def trace_weights(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> tuple[NDArray[np.int32], tuple[Float32Array, Float32Array]]:
+        """As ``trace``, with Embree's own weights, each (N,), of the second and third corner.
+
+        The limits are used up.
+        """
+        found = self._embree.run(origins.T, directions.T, limits, output=True)
+        return found["primID"], (found["u"], found["v"])
+
     def trace_distance(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:
@@ -340,7 +350,7 @@ class CastScene:
 
     def barycentric(self, positions: Array, triangles: IndexArray) -> Array:
         """Weights (2, N) of the triangles' second and third corners at positions (3, N)."""
-        rows = self._corners.take(triangles, 1)
+        rows = self._corners.take(triangles, 1, mode="wrap")
         weights = np.empty((2, positions.shape[1]))
         for target, row in zip(weights, (rows[:4], rows[4:]), strict=True):
             np.einsum("cn,cn->n", row[:3], positions, out=target)

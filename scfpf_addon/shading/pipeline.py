@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from .reach import within_reach
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
+from .suns_alone import SunsAlone
 from .typing import Single
 from .visible import seen_directly
 
@@ -136,7 +138,15 @@ class Pipeline:
                 lens = moment.lens.transformed(matrix) if moment.lens else None
                 each = replace(same, projection=moment.projection.transformed(matrix), lens=lens)
             made.append((moment.scene, each))
-        return replace(self, moments=tuple(each for _, each in made[1:]))
+        # There is one background behind all samples.
+        return replace(self, moments=tuple(replace(e, background=self.background) for _, e in made[1:]))
+
+    @cached_property
+    def suns_alone(self) -> SunsAlone | None:
+        """The short way to pictures that are simple enough for it."""
+        return SunsAlone.of(
+            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
+        )
 
     @property
     def behind(self) -> Array:
@@ -169,6 +179,17 @@ class Pipeline:
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             now = self.at(sample)
+            if now.suns_alone and light is None:
+                color, triangle = now.suns_alone.sample(job.rows, sample, counts)
+                hit_count += int(np.count_nonzero(triangle >= 0))
+                if inside is not None:
+                    color, triangle = color[:, inside], triangle[inside]
+                film.add_whole(color)
+                if crypto.wanted and now.geometry:
+                    where = np.flatnonzero(triangle >= 0)
+                    crypto.add(where, now.geometry, triangle[where])
+                job.done = (sample + 1) / self.settings.samples
+                continue
             hits, onward = now.cast_sample(job.rows, sample, counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():
