@@ -106,13 +106,13 @@ def switch(camera):
 
 
 def start_anew():
-    """An empty scene, as in an empty file, but with the node groups, which take long to build."""
+    """A new scene, as in an empty file, but with the node groups, which take long to build."""
     if "SCFPF Portals" not in bpy.data.node_groups:
         bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
         return
     kept = [group for group in bpy.data.node_groups if group.bl_idname == "GeometryNodeTree"]
     before = bpy.data.scenes[:]
-    bpy.ops.scene.new(type="EMPTY")
+    bpy.ops.scene.new(type="NEW")
     bpy.data.batch_remove([*before, *bpy.data.collections, *bpy.data.worlds, *bpy.data.lights])
     clear_scene()
     bpy.data.batch_remove([*bpy.data.materials, *(g for g in bpy.data.node_groups if g not in kept)])
