@@ -25,6 +25,7 @@ BENCHMARKS = {
     "trade": ("trade", "peers"),
     "extremes": ("extremes",),
     "cycles": ("portals",),
+    "engine": ("engine",),
 }
 
 
@@ -128,7 +129,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks (speed, --trade, --extremes or --cycles) and print figures; --json FILE too."""
+    """Run benchmarks (speed, --trade, --extremes, --cycles or --engine), print figures; --json FILE too."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]

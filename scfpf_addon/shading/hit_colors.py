@@ -13,12 +13,16 @@ from ..casting.scene import CastScene
 from ..projection.typing import BoolArray, IndexArray
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
+from .lit import reaching
 from .scene import Scene
 from .settings import FrameSettings
 from .surface import PhongTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
 from .visible import held_out, shadowed
+
+# In place of positions that do not matter.
+NOWHERE = np.full((3, 1), np.nan)
 
 
 @dataclass(frozen=True)
@@ -36,8 +40,8 @@ class Shading:
 
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
-        """Prepared for frames of these settings. Lights without power are left out."""
-        lights = [light for light in scene.lights if np.any(light.color)]
+        """Prepared for frames of these settings. Lights without power or reach are left out."""
+        lights = reaching(scene.lights, scene.geometry.vertices)
         shadows = any(light.casts_shadow for light in lights)
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
         phong = PhongTable.of(scene.materials, scene.world_color)
@@ -76,3 +80,14 @@ class Shading:
         if parts:
             parts.rows[:, held] = 0.0
         return np.concatenate([color * ~held, ~held[None]]).astype(np.float32)
+
+    def under_suns(
+        self, triangle: IndexArray, weights: tuple[Single, Single] | None, way: Single, sample: int
+    ) -> Single:
+        """As ``color``, (3, n), where there are but suns without shadows, for which places do not matter.
+
+        triangle: (n,), where it is negative any colour comes out. weights: of its second and third
+        corner, each (n,), for smooth shading. way: (3, n) away from the viewer.
+        """
+        points = self.surface.points(triangle, weights, NOWHERE, way)
+        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)

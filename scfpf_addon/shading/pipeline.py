@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from .reach import within_reach
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
+from .suns_alone import SunsAlone
 from .typing import Single
 from .visible import seen_directly
 
@@ -136,7 +138,15 @@ class Pipeline:
                 lens = moment.lens.transformed(matrix) if moment.lens else None
                 each = replace(same, projection=moment.projection.transformed(matrix), lens=lens)
             made.append((moment.scene, each))
-        return replace(self, moments=tuple(each for _, each in made[1:]))
+        # There is one background behind all samples.
+        return replace(self, moments=tuple(replace(e, background=self.background) for _, e in made[1:]))
+
+    @cached_property
+    def suns_alone(self) -> SunsAlone | None:
+        """The short way to pictures that are simple enough for it."""
+        return SunsAlone.of(
+            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
+        )
 
     @property
     def behind(self) -> Array:
@@ -146,9 +156,13 @@ class Pipeline:
 
     def at(self, sample: int) -> Pipeline:
         """What a sample sees."""
+        return self.moments[self.moment(sample)] if self.moments else self
+
+    def moment(self, sample: int) -> int:
+        """Which of the moments a sample sees, 0 where there are none."""
         if not self.moments:
-            return self
-        return self.moments[moment_of_samples(self.settings.samples, len(self.moments))[sample]]
+            return 0
+        return moment_of_samples(self.settings.samples, len(self.moments))[sample]
 
     def render_tile(self, job: TileJob, pixels: Single, passes: dict[str, Single]) -> TileCounts:
         """Samples → projectors → hits → colours → film, into pixels (n, 4) and passes (n, channels).
@@ -169,6 +183,17 @@ class Pipeline:
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             now = self.at(sample)
+            if now.suns_alone and light is None:
+                color, triangle = now.suns_alone.sample(job.rows, sample, counts)
+                hit_count += int(np.count_nonzero(triangle >= 0))
+                if inside is not None:
+                    color, triangle = color[:, inside], triangle[inside]
+                film.add_whole(color)
+                if crypto.wanted and now.geometry:
+                    where = np.flatnonzero(triangle >= 0)
+                    crypto.add(where, now.geometry, triangle[where])
+                job.done = (sample + 1) / self.settings.samples
+                continue
             hits, onward = now.cast_sample(job.rows, sample, counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():
@@ -324,7 +349,11 @@ class Pipeline:
                 yield sample, *self.at(sample).cast_sample(rows, sample, counts)
             return
         pixel = row_pixels(rows, self.settings.width)[some]
-        for together in [samples] if not self.moments else [range(s, s + 1) for s in samples]:
+        groups: dict[int, list[int]] = {}
+        for sample in samples:
+            groups.setdefault(self.moment(sample), []).append(sample)
+        found: dict[int, tuple[Hits, Onward | None]] = {}
+        for together in groups.values():
             now, many = self.at(together[0]), len(together)
             places = [self.places.of_pixels(pixel, sample) for sample in together]
             x, y = (np.stack(axis, axis=1).ravel() for axis in zip(*places, strict=True))
@@ -334,7 +363,10 @@ class Pipeline:
             hits, onward = now.followed(x, y, counts, False)
             for number, sample in enumerate(together):
                 mine = np.arange(number, len(x), many)
-                yield sample, hits.take(mine), onward and replace(onward, known=mine)
+                found[sample] = hits.take(mine), onward and replace(onward, known=mine)
+        # In order: a film's sums depend on it.
+        for sample in samples:
+            yield sample, *found.pop(sample)
 
     def through_lens(self, share: Array) -> Pipeline:
         """The pipeline for projectors that each pass the lens at a place of its own, shares (2, n)."""

@@ -83,8 +83,8 @@ class Scene:
     world_color: (3,) radiance of the background. warnings: what the reader had to
     leave out, a line each. object_index, material_index: the number that the user gave
     each object of ``geometry.object_names`` and each of the materials. material_names: of these.
-    each object of ``geometry.object_names`` and each of the materials. images: the pictures that
-    materials look up, by name; one that is not there is missing. bounces: of light.
+    images: the pictures that materials look up, by name; one that is not there is missing. bounces: of
+    light.
     """
 
     geometry: Geometry

@@ -7,10 +7,13 @@ keeps seven digits of it. Nothing here feeds back into where a projector hits.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..casting.geometry import Geometry
 from ..casting.scene import CastScene
@@ -97,6 +100,11 @@ class SurfaceTable:
     material: IndexArray
     linked: IndexArray | None = None
 
+    @cached_property
+    def single(self) -> bool:
+        """Whether all is of one material."""
+        return bool((self.material == self.material[0]).all())
+
     @property
     def weighted(self) -> bool:
         """Whether ``points`` needs the barycentric weights of a hit."""
@@ -109,59 +117,71 @@ class SurfaceTable:
         for corner in range(3):
             normals[corner] = geometry.corner_normals[:, corner].T
         flat = cast_scene.planes[:3].astype(np.float32)
-        flat *= np.copysign(np.float32(1), sum(dot(flat, normal) for normal in normals))
+        flat *= np.copysign(np.float32(1), dot(flat, normals[0] + normals[1] + normals[2]))
         material = geometry.material.astype(np.intp)
-        hit = np.flatnonzero(flat.any(axis=0))
-        if all(np.abs(normal - flat)[:, hit].max(initial=0) <= FLAT for normal in normals):
+        hit = (flat != 0).any(axis=0)
+        if all(np.abs(normal - flat).max(axis=0)[hit].max(initial=0) <= FLAT for normal in normals):
             return cls(cast_scene, flat, None, None, shadows, material, geometry.linked)
         bulge = corner_heights(cast_scene, normals) if shadows else None
         normals[1:] -= normals[0]
         return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material, geometry.linked)
 
     def points(
-        self, triangle: IndexArray, barycentric: Array, position: Array, tangent: Array
+        self,
+        triangle: IndexArray,
+        barycentric: Iterable[NDArray[Any]] | None,
+        position: Array,
+        tangent: NDArray[Any],
     ) -> SurfacePoints:
         """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
 
-        The weights are those of the second and third corner. Position is in cast
-        space; the tangent is dQ/dt of the projector, of any length.
+        The weights are those of the second and third corner, None where nothing is smooth. Position is
+        in cast space; the tangent is dQ/dt of the projector, of any length, and used up if it is float32.
         """
         triangle = triangle.astype(np.intp)
-        flat = self.flat.take(triangle, axis=1)
-        view = tangent.astype(np.float32)
-        view *= -1 / np.maximum(np.sqrt(dot(view, view)), TINY)
+        # NumPy is quickest at this mode, and takes the last triangle for -1.
+        flat = self.flat.take(triangle, axis=1, mode="wrap")
+        view = tangent.astype(np.float32, copy=False)
+        view *= -1 / (np.sqrt(dot(view, view)) + TINY)
         # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
         side = np.copysign(np.float32(1), dot(flat, view))
-        flat *= side
-        weight = barycentric.astype(np.float32)
-        normal = (
-            flat if self.smooth is None else smooth_normal(self.smooth.take(triangle, axis=1), weight, side)
-        )
+        normal = flat
+        if self.smooth is None or barycentric is None or self.shadows:
+            flat *= side
+        if self.smooth is not None and barycentric is not None:
+            weight = [row.astype(np.float32, copy=False) for row in barycentric]
+            normal = smooth_normal(self.smooth, triangle, weight, side)
         shadow = None
         if self.shadows:
-            if self.bulge is None:
+            if self.bulge is None or barycentric is None:
                 height = np.zeros_like(side)
             else:
-                height = smooth_height(self.bulge.take(triangle, axis=1), weight, side)
+                height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
             origin = self.cast_scene.offset_origins(position, triangle, -tangent)
             shadow = ShadowStart(origin, flat, height)
-        linked = None if self.linked is None else self.linked.take(triangle)
-        return SurfacePoints(
-            position.astype(np.float32), normal, view, self.material.take(triangle), shadow, linked
-        )
+        if self.single:
+            material = np.broadcast_to(self.material[0], triangle.shape)
+        else:
+            material = self.material.take(triangle, mode="wrap")
+        linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
+        return SurfacePoints(position.astype(np.float32), normal, view, material, shadow, linked)
 
 
-def smooth_normal(corners: Single, weight: Single, side: Single) -> Single:
+def smooth_normal(
+    table: Single, triangle: IndexArray, weight: Sequence[Single] | Single, side: Single
+) -> Single:
     """Interpolated unit normals (3, N), on the given side.
 
-    corners: (9, N) as in ``SurfaceTable.smooth``, used up; weight: (2, N); side: (N,) ±1.
+    table: (9, T) as in ``SurfaceTable.smooth``; triangle: (N,); weight: two (N,); side: (N,) ±1.
     """
-    normal, second, third = corners.reshape(3, 3, -1)
-    second *= weight[0]
-    third *= weight[1]
-    normal += second
-    normal += third
-    normal *= side / np.maximum(np.sqrt(dot(normal, normal)), TINY)
+    normal: Single = table[3:6].take(triangle, axis=1, mode="wrap")
+    normal *= weight[0]
+    term = table[:3].take(triangle, axis=1, mode="wrap")
+    normal += term
+    table[6:].take(triangle, axis=1, out=term, mode="wrap")
+    term *= weight[1]
+    normal += term
+    normal *= side / (np.sqrt(dot(normal, normal)) + TINY)
     return normal
 
 
@@ -181,10 +201,10 @@ def corner_heights(cast_scene: CastScene, normals: Single) -> Single:
     return heights
 
 
-def smooth_height(heights: Single, weight: Single, side: Single) -> Single:
+def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Single:
     """Height, along the normal, of the rounded surface that smooth shading pretends to, (N,).
 
-    heights: (6, N) of ``corner_heights``; weight: (2, N); side: (N,) ±1. The mean of
+    heights: (6, N) of ``corner_heights``; weight: two (N,); side: (N,) ±1. The mean of
     the distances by which the point lies below the corners' tangent planes, nought
     where it lies above, in a hollow. After Hanika, Hacking the Shadow Terminator (Ray
     Tracing Gems II, ch. 4).

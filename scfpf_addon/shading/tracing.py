@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..casting.behind import Behind, cast_rays
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
+from ..casting.stopping import stop_here
 from ..casting.visibility import GLASS, HOLDOUT, MIRROR, visible_to
 from ..projection.typing import Array, BoolArray, IndexArray
 from .light_passes import LightParts
@@ -171,6 +172,7 @@ class Tracer:
                 continue
             everywhere = np.flatnonzero(points.material == number)
             for first in range(0, len(everywhere), MOST_AT_ONCE):
+                stop_here()
                 which = everywhere[first : first + MOST_AT_ONCE]
                 place = self.place(hits, points, which)
                 for lobe in lobes(self.scene.materials.graphs[int(number)], place):

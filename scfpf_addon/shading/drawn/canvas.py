@@ -87,7 +87,7 @@ def see(pipeline: Pipeline, hits: Hits) -> View:
     else:
         flat = shading.surface.flat.take(triangle, axis=1)
         turned = -np.copysign(np.float32(1), np.einsum("cn,cn->n", flat, ahead.astype(np.float32)))
-        smooth = smooth_normal(corners.take(triangle, axis=1), hits.barycentric.astype(np.float32), turned)
+        smooth = smooth_normal(corners, triangle, hits.barycentric.astype(np.float32), turned)
         facing = -np.einsum("cn,cn->n", smooth, ahead.astype(np.float32))
     normal = normal * side
     return View(
