@@ -17,8 +17,10 @@ from mathutils import Matrix, Vector
 UI_SCALE = 1.3
 # Widths of pictures in the text, pixels.
 WHOLE_WIDTH, QUALITY = 1200, 82
+# What makes the file of a picture of few colours small.
+FEW = ("-colors", "64")
 # Room around what a picture is cropped to, pixels.
-MARGIN = 8
+MARGIN = 5
 # Panels that are shown by themselves, by the endings of their names.
 PANELS = ("surfaces", "projectors", "mappings", "preview", "quality", "cycles", "display", "drawn")
 # Groups of presets and other menus: the picture's name, the menu, what the mouse is over does not matter.
@@ -42,7 +44,7 @@ SURFACE_COLOR = (0.25, 0.85, 0.35, 1.0)
 ACROSS, APART, SIZE, LATTICE_SHARE = 6, 3.2, 2.3, 0.35
 
 
-def save(driver, name, box=None, width=None):
+def save(driver, name, box=None, width=None, more=()):
     """A picture of the screen, or of a box of it (x, y from the bottom, width, height), as a file."""
     command = ["import", "-window", "root"]
     if box is not None:
@@ -50,7 +52,7 @@ def save(driver, name, box=None, width=None):
         command += ["-crop", f"{wide}x{high}+{x}+{driver.window.height - y - high}", "+repage"]
     if width is not None:
         command += ["-resize", f"{width}x>"]
-    command += ["-strip", "-depth", "8", "-quality", str(QUALITY), str(driver.folder / name)]
+    command += [*more, "-strip", "-depth", "8", "-quality", str(QUALITY), str(driver.folder / name)]
     subprocess.run(command, check=True)
 
 
@@ -73,6 +75,8 @@ def screen(driver):
 def popped_up(driver, before, name, least=60):
     """A picture of what has come up over the whole window since ``before``."""
     changed = np.abs(screen(driver) - before).max(axis=2) > 3
+    # What is below the viewport may be drawn anew at any time.
+    changed[driver.window.height - driver.area("VIEW_3D").y :] = False
     rows = np.flatnonzero(changed.sum(axis=1) > least)
     columns = np.flatnonzero(changed.sum(axis=0) > least)
     assert len(rows) and len(columns), f"nothing came up for {name}"
@@ -200,7 +204,7 @@ def bend(driver):
     with driver.override():
         bpy.ops.scfpf.preview_toggle("INVOKE_DEFAULT", True)
     yield 4 * DRAW
-    look_from(driver, (0.9, -0.9, 0.8), (10, -10, 2), 190)
+    look_from(driver, (0.9, -0.9, 0.8), (15, -15, 2), 150)
     driver.area("VIEW_3D").spaces.active.show_gizmo = False
     yield 3 * DRAW
     save(driver, "tutorial-bend.jpg", width=WHOLE_WIDTH)
@@ -309,15 +313,15 @@ def kinds(driver):
     space.overlay.show_text = space.overlay.show_cursor = space.overlay.show_object_origins = False
     space.shading.wireframe_color_type = space.shading.color_type = "OBJECT"
     space.shading.light = "FLAT"
-    look_from(driver, (0.0, -1.0, 0.0), ((ACROSS - 1) * APART / 2, 0, -APART / 2 - 0.2), 12.5)
+    look_from(driver, (0.0, -1.0, 0.0), ((ACROSS - 1) * APART / 2, 0, -APART / 2 - 0.2), 14.5)
     space.region_3d.view_perspective = "ORTHO"
     # Lattices have no colour of their own.
     bpy.context.preferences.themes[0].view_3d.wire = SURFACE_COLOR[:3]
     yield 2 * DRAW
     region = driver.region("VIEW_3D")
     x, y, wide, high = region_box(region)
-    half = int(wide / ACROSS * 1.1)
-    save(driver, "kinds.png", (x, y + high // 2 - half, wide, 2 * half), WHOLE_WIDTH)
+    half = int(wide / ACROSS * 0.95)
+    save(driver, "kinds.png", (x, y + high // 2 - half, wide, 2 * half), WHOLE_WIDTH, FEW)
 
 
 SCENARIOS = (planet, bend, panels, kinds)
