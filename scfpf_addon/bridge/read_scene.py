@@ -17,9 +17,10 @@ from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
 from .light_paths import read_bounces
 from .read_layers import join_layers, read_layer
-from .read_lights import read_light, read_world
+from .read_lights import read_light
 from .read_materials import MaterialTable, listing
 from .read_visibility import LightLinks, visible_rays
+from .read_world import read_world
 from .turned import normal_transforms, normalize, turn
 
 # Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
@@ -108,7 +109,7 @@ def read_scene(
     shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
     if not shown and not may_be_empty:
         raise SceneError(NOTHING)
-    world_color, world_warnings = read_world(depsgraph.scene_eval)
+    world_color, world, world_warnings = read_world(depsgraph.scene_eval)
     if not (np.abs(world_color) <= LARGEST_COORDINATE).all():
         world_color = np.zeros(3)
         world_warnings = (*world_warnings, "The world's light is not finite and is left out")
@@ -125,6 +126,7 @@ def read_scene(
         material_index=tuple(reader.materials.pass_indices),
         material_names=tuple(reader.materials.names),
         bounces=read_bounces(depsgraph.scene_eval),
+        world=world,
     )
 
 

@@ -151,7 +151,11 @@ def read_inputs(
     plane = None if options.enabled else depth_plane(evaluated)
     lens, warning = read_lens(evaluated, projection, depsgraph)
     if scene is None:
-        scene = with_images(read_scene(depsgraph, may_be_empty, "UV" in passes, stopped), projection)
+        scene = with_images(
+            read_scene(depsgraph, may_be_empty, "UV" in passes, stopped),
+            projection,
+            transparent=render.film_transparent,
+        )
     if warning:
         scene = replace(scene, warnings=(*scene.warnings, warning))
     marks = {}
@@ -199,7 +203,8 @@ def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lamb
     def everything():
         projection, lens = view()
         with_uv = inputs.scene.geometry.uv is not None
-        there = with_images(read_scene(depsgraph, True, with_uv, stopped), projection)
+        there = read_scene(depsgraph, True, with_uv, stopped)
+        there = with_images(there, projection, transparent=depsgraph.scene_eval.render.film_transparent)
         # Of the frame itself there is one warning more, and once is enough.
         return projection, replace(there, warnings=inputs.scene.warnings), lens
 

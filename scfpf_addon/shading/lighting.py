@@ -142,7 +142,7 @@ def radiance(
 ) -> Single:
     """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 
-    Emission and the world's light, plus for every lamp Lambert's and Phong's share
+    Emission and the world's or the sky's light, plus for every lamp Lambert's and Phong's share
     of what arrives. The highlight is (R·V)ⁿ with V against the projector's tangent.
     parts: gets what it is the sum of, where that is asked for.
     """
@@ -150,6 +150,11 @@ def radiance(
     color[:] = by_material(table.emitted, points.material)
     if parts:
         parts.shine(by_material(table.emission, points.material), color)
+    if table.sky:
+        lit = table.sky.scattered(points, table.albedo, sample)
+        color += lit
+        if parts:
+            parts.rows[DIFFUSE] += lit
     exponent = by_material(table.exponent, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:

@@ -13,6 +13,8 @@ import numpy as np
 from ..casting.behind import Onward
 from ..casting.cast import cast
 from ..casting.chord_map import chord_map
+from ..casting.chords import complete
+from ..casting.curves import Bundle
 from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
@@ -25,7 +27,7 @@ from .drawn.tones import DrawnShading
 from .film import Film
 from .hit_colors import Shading
 from .lens import Lens, through
-from .light_passes import LightFilm, LightParts
+from .light_passes import ENVIRONMENT, LightFilm, LightParts
 from .motion import Moment, moment_of_samples
 from .passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
 from .reach import within_reach
@@ -35,6 +37,7 @@ from .settings import FrameSettings
 from .suns_alone import SunsAlone
 from .typing import Single
 from .visible import seen_directly
+from .world import World
 
 # Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
 # a render should end soon after it is told to.
@@ -54,8 +57,8 @@ class Pipeline:
 
     projection: in cast space. places: where samples are. cast_scene and
     shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
-    cast space. moments: what takes the place of this one for the picture, while the shutter is open.
-    drawing: what draws over finished tiles.
+    cast space. world: what is seen where nothing is, instead of the background. moments: what takes the
+    place of this one for the picture, while the shutter is open. drawing: what draws over finished tiles.
     """
 
     projection: Projection
@@ -67,6 +70,7 @@ class Pipeline:
     passes: PassSource | None
     lens: Lens | None
     geometry: Geometry | None
+    world: World | None = None
     moments: tuple[Pipeline, ...] = ()
     drawing: Drawing | None = None
 
@@ -113,6 +117,7 @@ class Pipeline:
             else None,
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
+            scene.world,
         )
         return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
 
@@ -203,9 +208,10 @@ class Pipeline:
             where = np.flatnonzero(hits.triangle >= 0)
             parts = LightParts(len(where)) if light else None
             color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside), parts)
-            film.add(hits.mask, where, color)
+            shown, color, parts = now.with_world(hits, where, color, parts)
+            film.add(hits.mask, shown, color)
             if light and parts:
-                light.add(np.arange(len(pixels)), hits.mask, where, parts)
+                light.add(np.arange(len(pixels)), hits.mask, shown, parts)
             if now.geometry:
                 crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
@@ -245,9 +251,10 @@ class Pipeline:
                 now = self.at(sample)
                 parts = LightParts(len(where)) if light else None
                 color = now.color(hits, where, sample, block[which], onward, parts)
-                film.add(which, hits.mask, where, color)
+                shown, color, parts = now.with_world(hits, where, color, parts)
+                film.add(which, hits.mask, shown, color)
                 if light and parts:
-                    light.add(which, hits.mask, where, parts)
+                    light.add(which, hits.mask, shown, parts)
                 if now.geometry:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
@@ -388,7 +395,32 @@ class Pipeline:
         # What is sent on belongs to no pixel any more.
         if self.places.scrambled and self.shading.tracer is None:
             own = self.places.on_lamps(pixel[where], sample)
-        return self.shading.color(hits, where, own, onward, parts)
+        return self.shading.color(hits, where, own, replace(onward, pixels=pixel), parts)
+
+    def with_world(
+        self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None
+    ) -> tuple[IndexArray, Single, LightParts | None]:
+        """The hits at ``where`` (n,), their colours and parts, with the projectors that the world is seen by.
+
+        It is seen in the direction in which a projector leaves the volume.
+        """
+        clear = self.settings.transparent
+        if self.world is None or (clear and parts is None):
+            return where, color, parts
+        missed = np.flatnonzero(hits.mask & (hits.triangle < 0))
+        if not len(missed):
+            return where, color, parts
+        shown = np.flatnonzero(hits.mask)
+        light = self.world.radiance(hits.tangent.take(missed, axis=1))
+        whole = np.ones((4, len(hits.mask)), np.float32)
+        whole[: len(color), where] = color
+        whole[:3, missed], whole[3, missed] = (0.0, 0.0) if clear else (light, 1.0)
+        if parts:
+            rows = np.zeros((len(parts.rows), len(hits.mask)), np.float32)
+            rows[:, where], rows[ENVIRONMENT, missed] = parts.rows, light
+            parts = LightParts(len(shown))
+            parts.rows[:] = rows[:, shown]
+        return shown, whole.take(shown, axis=1), parts
 
     def cast(
         self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
@@ -399,7 +431,9 @@ class Pipeline:
         are whole rows.
         """
         if self.cast_scene is None:
-            return Hits.empty(len(x))._replace(mask=self.projection.projectors(x, y).valid)
+            projectors = self.projection.projectors(x, y)
+            nothing = Hits.empty(len(x))._replace(mask=projectors.valid)
+            return complete(nothing, Bundle(self.projection.volume.spans, projectors.points))
         pixel_size = (1 / self.settings.width, 1 / self.settings.height)
         return cast(
             self.cast_scene,

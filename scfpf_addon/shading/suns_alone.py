@@ -54,7 +54,7 @@ class SunsAlone:
         """None where the picture has to be made in the general way; ``background``: (3,)."""
         if scene is None or type(shading) is not Shading:
             return None
-        if shading.tracer is not None or shading.held_out is not None:
+        if shading.tracer is not None or shading.held_out is not None or shading.phong.sky is not None:
             return None
         spans = projection.volume.spans
         straight = spans.direct and spans.degree == 1 and spans.point_weights is None

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,9 @@ from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
 from .scene import Materials
 from .typing import Single
+
+if TYPE_CHECKING:
+    from .sky_light import SkyLight
 
 # Smallest length that is divided by: keeps a zero vector zero instead of NaN.
 TINY = np.float32(1e-30)
@@ -225,7 +228,8 @@ class PhongTable:
 
     emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
     diffuse: (3, M) albedo/π. gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
-    exponent: (M,). glossy: whether any material has a highlight.
+    exponent: (M,). glossy: whether any material has a highlight. sky: what lights as a world does
+    whose light differs by direction, by albedo/π (3, M).
     """
 
     emitted: Single
@@ -234,10 +238,12 @@ class PhongTable:
     gloss: Single
     exponent: Single
     glossy: bool
+    albedo: Single
+    sky: SkyLight | None = None
 
     @classmethod
-    def of(cls, materials: Materials, world_color: Array) -> PhongTable:
-        """Coefficients under a uniform world of radiance ``world_color`` (3,).
+    def of(cls, materials: Materials, world_color: Array, sky: SkyLight | None = None) -> PhongTable:
+        """Coefficients under a uniform world of radiance ``world_color`` (3,), and what a sky adds to it.
 
         Diffuse is Lambert's, scaled by 1 - metallic. The lobe is (n+2)/2π · (R·V)ⁿ,
         which keeps energy (Lafortune and Willems 1994). Its exponent is that of the
@@ -253,13 +259,14 @@ class PhongTable:
         reflectance = materials.specular_f0 + (base - materials.specular_f0) * metallic
         emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
         world = np.reshape(world_color, (3, 1))
-        if materials.ambient is not None:
-            world = world * materials.ambient
+        albedo = base if materials.ambient is None else base * materials.ambient
         return cls(
-            (emission + base * world).astype(np.float32),
+            (emission + albedo * world).astype(np.float32),
             emission.astype(np.float32),
             (base * (1 - metallic) / np.pi).astype(np.float32),
             (reflectance * (exponent + 2) / (2 * np.pi)).astype(np.float32),
             exponent.astype(np.float32),
             bool(reflectance.any()),
+            (albedo / np.pi).astype(np.float32),
+            sky,
         )

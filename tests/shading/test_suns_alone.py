@@ -203,9 +203,10 @@ def test_a_lens_takes_the_general_way(build):
 
 # All that the short way's condition has been thought through for.
 KNOWN = {
-    Pipeline: "projection settings background places cast_scene shading passes lens geometry moments drawing",
+    Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
+    "moments drawing",
     Shading: "surface phong lamps tracer held_out",
-    PhongTable: "emitted emission diffuse gloss exponent glossy",
+    PhongTable: "emitted emission diffuse gloss exponent glossy albedo sky",
     SurfacePoints: "position normal view material shadow linked",
     Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "
     "receivers blockers scattered mirrored",

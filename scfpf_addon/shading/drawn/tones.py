@@ -28,7 +28,7 @@ def of_clay(scene: Scene) -> Scene:
 
 def without_light(scene: Scene) -> Scene:
     """The scene in even white light, in which things have the colours of their materials."""
-    return replace(scene, lights=(), world_color=np.ones(3))
+    return replace(scene, lights=(), world_color=np.ones(3), world=None)
 
 
 def stepped(tone: Single, drawn: Drawn) -> Single:
