@@ -16,7 +16,7 @@ from mathutils import Matrix, Vector
 # Blender's interface is drawn larger, so that it can be read in a picture scaled down.
 UI_SCALE = 1.3
 # Widths of pictures in the text, pixels.
-WHOLE_WIDTH, QUALITY = 1200, 82
+WHOLE_WIDTH, QUALITY = 1200, 76
 # What makes the file of a picture of few colours small.
 FEW = ("-colors", "64")
 # Room around what a picture is cropped to, pixels.
