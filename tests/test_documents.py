@@ -75,3 +75,21 @@ def test_messages_in_the_guide_are_those_of_the_code():
     for message in messages:
         pattern = re.compile(".*".join(re.escape(part) for part in message.split("…")), re.DOTALL)
         assert any(pattern.search(one) for one in code), f"no message in the code reads: {message}"
+
+
+def choices(path, name):
+    """The items of a menu, a constant of a module that only Blender can import."""
+    for node in ast.parse((ROOT / "scfpf_addon" / "bridge" / path).read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == name:
+            return ast.literal_eval(node.value)
+    raise AssertionError(f"{path} has no {name}")
+
+
+def test_guide_has_each_choice_with_its_tooltip():
+    rows = GUIDE.read_text(encoding="utf-8").splitlines()
+    for name in ("KINDS", "BASES", "REPARAMETERISATIONS"):
+        for identifier, title, tooltip in choices("properties.py", name):
+            shown = any(f"| {title} | {tooltip} |" in row for row in rows)
+            assert shown or identifier == "NONE", f"the guide has no row of {title} and its tooltip"
+    for _, title, _ in choices("mapping_properties.py", "MAPPING_KINDS"):
+        assert any(row.startswith(f"| {title} |") for row in rows), title
