@@ -14,7 +14,7 @@ import argparse
 import os
 from concurrent.futures import ThreadPoolExecutor
 
-from devtools import environments, own_blender, package, testing, window
+from devtools import environments, own_blender, package, pictures, testing, window
 
 # Parts of the suite that need nothing built before them.
 PARTS = ("pure", "blender")
@@ -44,6 +44,11 @@ def command_gallery(options, rest):
     """Render the pictures of docs/gallery.md: every figure of the paper, and what lies beyond."""
     environment = environments.first()
     environments.run([environment.python, "demo/render_gallery.py", "--output", "docs/gallery.md", *rest])
+
+
+def command_pictures(options, rest):
+    """Take the screenshots of README.md and docs/guide.md, and write docs/presets.md; names choose some."""
+    pictures.take(environments.first(), options.blender_window, rest)
 
 
 def command_test(options, rest):
@@ -136,7 +141,7 @@ def parser():
     """The command line."""
     top = argparse.ArgumentParser(prog="dev.py", description=__doc__.splitlines()[0])
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    commanded = (command_demo, command_gallery, command_thumbnails)
+    commanded = (command_demo, command_gallery, command_thumbnails, command_pictures)
     for run in (*commanded, command_test, command_build, command_lint, command_bench):
         summary = run.__doc__.strip().splitlines()[0]
         command = commands.add_parser(
@@ -147,7 +152,8 @@ def parser():
     test = commands.choices["test"]
     test.add_argument("--python", action="append", choices=pythons, help="only this Python; it must be here")
     test.add_argument("--blender", metavar="PATH", help="only inside this Blender of your own")
-    test.add_argument("--blender-window", metavar="PATH", help="the tests in a window use this Blender")
+    for name, what in (("test", "the tests in a window use"), ("pictures", "use")):
+        commands.choices[name].add_argument("--blender-window", metavar="PATH", help=f"{what} this Blender")
     commands.choices["lint"].add_argument("--fix", action="store_true", help="mend what can be mended")
     return top
 

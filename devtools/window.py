@@ -20,7 +20,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 from .environments import ROOT, Failure, say
@@ -38,6 +39,7 @@ PACKAGES = (
     *("python3-numpy", "python3-cattr", "python3-requests", "python3-zstandard"),
 )
 NEEDED_BYTES = 4e9
+LEFT_OUT = shutil.ignore_patterns("__pycache__", "shots", "output")
 SCREEN = (1600, 1000)
 LEASH = ("timeout", f"{LIMIT:.0f}")  # ends what we could not end, being killed ourselves
 
@@ -241,8 +243,16 @@ def screen(found: Place, environ: dict[str, str], deadline: float) -> Iterator[d
         yield {**environ, "DISPLAY": f":{int(number)}", "LIBGL_ALWAYS_SOFTWARE": "1"}
 
 
-def run(found: Place, scenarios: list[str], deadline: float) -> tuple[list[Result], list[str]]:
-    """Install the zip in a fresh profile there and run the scenarios; pictures go to tests/window/shots."""
+def run(
+    found: Place,
+    scenarios: list[str],
+    deadline: float,
+    more: Mapping[str, pathlib.Path] = MappingProxyType({}),
+) -> tuple[list[Result], list[str]]:
+    """Install the zip in a fresh profile there and run the scenarios; pictures go to tests/window/shots.
+
+    more: files and folders to lie beside the scenarios, by the names that they have there.
+    """
     zips = sorted((ROOT / "dist").glob("scfpf-*-linux_x64.zip"))
     if len(zips) != 1:
         raise Failure(f"dist/ holds {len(zips)} zips for this machine, not one")
@@ -255,7 +265,12 @@ def run(found: Place, scenarios: list[str], deadline: float) -> tuple[list[Resul
             stack.enter_context(tempfile.TemporaryDirectory(prefix="scfpf-window-", dir=kept_in))
         )
         tests, shots, home = (folder / name for name in ("tests", "shots", "home"))
-        shutil.copytree(SCENARIOS, tests, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(SCENARIOS, tests, ignore=LEFT_OUT)
+        for name, source in more.items():
+            if source.is_dir():
+                shutil.copytree(source, tests / name, ignore=LEFT_OUT)
+            else:
+                shutil.copy(source, tests / name)
         shutil.copy(zips[0], folder)
         for path in (shots, home):
             path.mkdir()

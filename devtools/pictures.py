@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The pictures that the documents show: screenshots of a Blender with a window, and the page of presets."""
+
+from __future__ import annotations
+
+import html
+import json
+import pathlib
+import shutil
+import time
+
+from . import package, window
+from .environments import ROOT, Environment, Failure, say
+
+FOLDER = ROOT / "docs" / "pictures"
+PAGE = ROOT / "docs" / "presets.md"
+# What is beside the scenarios of tests/window while they are taken.
+SCENARIOS = {"scenarios_guide.py": ROOT / "demo" / "guide_pictures.py"}
+LARGEST_BYTES = 150_000
+LIMIT = 840.0  # seconds
+HEAD = """# Presets
+
+Every projection of the menu *Projection Preset*, as the menus show it. `python3 dev.py pictures` writes this
+page from the files in `presets/`; larger pictures of most of them are in the [gallery](gallery.md).
+"""
+
+
+def take(environment: Environment, blender: str | None, names: list[str]) -> None:
+    """Write the page of presets, take the pictures, and put them into docs/pictures.
+
+    blender: the path of a Blender that must be used; names: some scenarios of demo/guide_pictures.py, or all.
+    """
+    PAGE.write_text(presets_page(), encoding="utf-8")
+    say(f"written {PAGE.relative_to(ROOT)}")
+    package.build(environment)
+    deadline = time.monotonic() + LIMIT
+    try:
+        with window.place(blender, deadline) as found:
+            results, warnings = window.run(found, names or ["scenarios_guide"], deadline, SCENARIOS)
+    except window.Unavailable as reason:
+        raise Failure(f"the pictures need a Blender with a window: {reason}") from None
+    if warnings or not all(result.ended_well for result in results):
+        raise Failure(" ".join(warnings) or f"not all were taken; see {window.SHOTS.relative_to(ROOT)}")
+    FOLDER.mkdir(exist_ok=True)
+    for path in sorted(window.SHOTS.iterdir()):
+        if path.suffix in (".png", ".jpg"):
+            keep(path)
+
+
+def keep(path: pathlib.Path) -> None:
+    """Copy a picture into docs/pictures, unless it is too large for a page."""
+    size = path.stat().st_size
+    if size > LARGEST_BYTES:
+        raise Failure(f"{path.name} has {size / 1000:.0f} kB; a picture may have {LARGEST_BYTES / 1000:.0f}")
+    shutil.copy(path, FOLDER / path.name)
+    say(f"written {(FOLDER / path.name).relative_to(ROOT)} ({size / 1000:.0f} kB)")
+
+
+def presets_page() -> str:
+    """docs/presets.md: picture, name and description of every file in presets/, by the menu's groups."""
+    groups: dict[str, list[tuple[str, str, str, str]]] = {}
+    for path in (ROOT / "presets").glob("*.json"):
+        preset = json.loads(path.read_text(encoding="utf-8"))
+        entry = preset["name"], path.stem, preset["description"], preset["source"]
+        groups.setdefault(preset["group"], []).append(entry)
+    lines = [HEAD]
+    for group in sorted(groups):
+        lines += [f"## {group}", "", "| | preset | what it shows |", "|---|---|---|"]
+        for name, stem, description, source in sorted(groups[group]):
+            picture = f'<img src="../presets/thumbnails/{stem}.png" width="128" alt="{html.escape(name)}">'
+            text = f"{description}<br><sub>{source}</sub>".replace("|", "\\|")
+            lines.append(f"| {picture} | **{name}** | {text} |")
+        lines.append("")
+    return "\n".join(lines)

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The documents show what there is: pictures that exist, every preset, messages in the code's own words."""
+
+import ast
+import pathlib
+import re
+
+import pytest
+
+from devtools import pictures
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+PAGES = (ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md")))
+GUIDE = ROOT / "docs" / "guide.md"
+CODE = ("scfpf_addon", "operators", "panels")
+
+
+def links(text):
+    """What a page links to or shows, without addresses of the web and places in the page itself."""
+    found = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'<img src="([^"]+)"', text)
+    return [link for link in found if "://" not in link and not link.startswith("#")]
+
+
+def anchors(text):
+    """The places of a page that can be linked to, as GitHub names them."""
+    titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_what_is_linked_is_there(page):
+    text = page.read_text(encoding="utf-8")
+    for link in links(text):
+        name, _, place = link.partition("#")
+        path = (page.parent / name).resolve()
+        assert path.exists(), f"{page.name} links to {link}"
+        assert not place or place in anchors(path.read_text(encoding="utf-8")), f"{page.name}: {link}"
+    for place in re.findall(r"\]\(#([^)]+)\)", text):
+        assert place in anchors(text), f"{page.name} has no #{place}"
+
+
+def test_pictures_are_shown_and_small():
+    shown = {link for page in PAGES for link in links(page.read_text(encoding="utf-8"))}
+    for path in (ROOT / "docs" / "pictures").iterdir():
+        assert any(link.endswith(f"pictures/{path.name}") for link in shown), f"{path.name} is shown nowhere"
+        assert path.stat().st_size <= pictures.LARGEST_BYTES, path.name
+
+
+def test_page_of_presets_is_that_of_the_files():
+    page = pictures.PAGE.read_text(encoding="utf-8")
+    assert page == pictures.presets_page(), "python3 dev.py pictures writes it anew"
+    stems = {path.stem for path in (ROOT / "presets").glob("*.json")}
+    assert set(re.findall(r"thumbnails/(\w+)\.png", page)) == stems
+
+
+def strings():
+    """Every text in the code; what f-strings put in is an ellipsis."""
+    for folder in CODE:
+        for path in (ROOT / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.JoinedStr):
+                    parts = (part.value if isinstance(part, ast.Constant) else "…" for part in node.values)
+                    yield "".join(parts)
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    yield node.value
+
+
+def test_messages_in_the_guide_are_those_of_the_code():
+    text = GUIDE.read_text(encoding="utf-8")
+    table = text[text.index("| message | what to do |") :]
+    rows = [line.split(" | ")[0] for line in table.splitlines()[2:] if line.startswith("| ")]
+    messages = [message for row in rows for message in re.findall(r"\*([^*]+)\*", row)]
+    assert len(messages) > 25
+    code = list(strings())
+    for message in messages:
+        pattern = re.compile(".*".join(re.escape(part) for part in message.split("…")), re.DOTALL)
+        assert any(pattern.search(one) for one in code), f"no message in the code reads: {message}"
+
+
+def choices(path, name):
+    """The items of a menu, a constant of a module that only Blender can import."""
+    for node in ast.parse((ROOT / "scfpf_addon" / "bridge" / path).read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == name:
+            return ast.literal_eval(node.value)
+    raise AssertionError(f"{path} has no {name}")
+
+
+def test_guide_has_each_choice_with_its_tooltip():
+    rows = GUIDE.read_text(encoding="utf-8").splitlines()
+    for name in ("KINDS", "BASES", "REPARAMETERISATIONS"):
+        for identifier, title, tooltip in choices("properties.py", name):
+            shown = any(f"| {title} | {tooltip} |" in row for row in rows)
+            assert shown or identifier == "NONE", f"the guide has no row of {title} and its tooltip"
+    for _, title, _ in choices("mapping_properties.py", "MAPPING_KINDS"):
+        assert any(row.startswith(f"| {title} |") for row in rows), title
