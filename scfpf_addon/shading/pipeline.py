@@ -117,7 +117,7 @@ class Pipeline:
             else None,
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
-            scene.world,
+            None if drawn and drawn.on_paper else scene.world,
         )
         return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
 

@@ -95,5 +95,7 @@ def test_as_a_render_has_it(shown, addon):
     scene.collection.objects.link(camera)
     addon("scfpf_addon.bridge.flexible_camera").volume_from_camera(camera, scene)
     job = addon("scfpf_addon.bridge.render_job")
-    taken = job.prepare(scene, bpy.context.view_layer, camera).scene.geometry.object_names
-    assert shown() == set(taken)
+    geometry = job.prepare(scene, bpy.context.view_layer, camera).scene.geometry
+    # What only casts shadows is in no preview.
+    seen = geometry.object_index[geometry.visibility & addon("scfpf_addon.casting.visibility").CAMERA != 0]
+    assert shown() == {geometry.object_names[number] for number in seen}
