@@ -12,6 +12,7 @@ import numpy as np
 
 from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
+from ..bridge.lattice_object import KIND as LATTICE_KIND
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
 from ..scanline.field_nodes import BUILD, BUILD_KEY
@@ -75,6 +76,15 @@ def check(scene, camera) -> None:
         raise RigError(f"'{camera.name}' is linked from another file: make a library override of it first")
     if not hasattr(scene, "cycles"):
         raise RigError("Cycles is switched off: enable its add-on in the Preferences")
+    check_surfaces(camera)
+
+
+def check_surfaces(camera) -> None:
+    """Raises RigError where the rig's table cannot have the camera's volume."""
+    if any(slot.object and slot.object.scfpf_surface.kind == LATTICE_KIND for slot in camera.scfpf.surfaces):
+        raise RigError(
+            f"'{camera.name}' holds a lattice, which the Cycles rig cannot follow: render it with SCFPF"
+        )
 
 
 def make_rig(scene, camera, chords: ChordPlan):
@@ -207,8 +217,12 @@ def has_old_nodes(rig) -> bool:
 
 
 def update_nodes(rig) -> None:
-    """The table and the modifier as the camera's list of surfaces and its settings now ask for."""
+    """The table and the modifier as the camera's list of surfaces and its settings now ask for.
+
+    Raises RigError; the rig is then as it was.
+    """
     settings = rig.scfpf_rig
+    check_surfaces(settings.camera)
     settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
     settings.table[RIG_KEY] = settings.camera
     group = portal_nodes.portal_group()

@@ -18,6 +18,8 @@ class RecordingLayout:
     def __getattr__(self, name):
         if name in self.CONTAINERS:
             return lambda **_options: RecordingLayout(self.record)
+        if name.startswith("template_"):
+            return lambda *_owner, **_options: self.record.append(("template", name))
         raise AttributeError(name)
 
     def prop(self, owner, name, text=None, **_options):
