@@ -25,6 +25,7 @@ BENCHMARKS = {
     "trade": ("trade", "peers"),
     "extremes": ("extremes",),
     "cycles": ("portals",),
+    "engine": ("engine",),
     "soak": ("soak",),
 }
 
@@ -124,7 +125,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run the benchmarks (speed, --trade, --extremes, --cycles or --soak) and print figures; --json FILE too."""
+    """Run benchmarks (speed, --trade, --extremes, --cycles, --engine or --soak), print figures; --json FILE."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]

@@ -13,6 +13,7 @@ import argparse
 import json
 import math
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -82,11 +83,16 @@ def moved(offset: float, factor: float, degree: int, angle: float) -> dict[str, 
     }
 
 
+@cache
+def closed_scenes() -> tuple[CastScene, CastScene]:
+    """A sphere and a cube."""
+    return CastScene(*sphere(24)), CastScene(*cube(16))
+
+
 def edge_leaks(count: int, degree: int) -> dict[str, float]:
     """Curves aimed at the vertices and edges of closed meshes that pass through them."""
     leaks = aimed = 0
-    for mesh in (sphere(24), cube(16)):
-        scene = CastScene(*mesh)
+    for scene in closed_scenes():
         for aim in AIMS:
             controls, t = aimed_curves(scene.vertices, scene.triangles, degree, count // 8, aim)
             hits = exact_curves(scene, controls)
@@ -95,6 +101,7 @@ def edge_leaks(count: int, degree: int) -> dict[str, float]:
     return {"curves": aimed, "leaks": leaks}
 
 
+@cache
 def wall(cells: int = 16) -> CastScene:
     """A square from -1 to 1 in x and y, at z = 0."""
     x, y = np.meshgrid(*[np.linspace(-1.0, 1.0, cells + 1)] * 2)

@@ -208,4 +208,25 @@ BEYOND = (
         ),
         paper=False,
     ),
+    Plate(
+        "drawn",
+        "Drawn",
+        "*Drawn Style*: lines where surfaces end, bend or change, flat shades on white; cross-hatching; and "
+        "lines where t is the same, which are cuts through the volume.",
+        (
+            Panel("nonlinear_twist", "street", SHOTS["nonlinear_twist"], "Paper Look", style="PAPER"),
+            Panel(
+                "house_of_stairs",
+                "shaft",
+                Shot((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), size=(600, 900)),
+                "Pen and Ink",
+                projectors=(3, 13),
+                direction=(75.0, 10.0),
+                hidden=("Side walls",),
+                style="INK",
+            ),
+            Panel("nonlinear_twist", "street", SHOTS["nonlinear_twist"], "Lines of Equal t", style="DEPTH"),
+        ),
+        paper=False,
+    ),
 )

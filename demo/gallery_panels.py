@@ -21,7 +21,8 @@ class Panel:
     set-up is seen, degrees to the right of the camera's back and above it. changed: values of single
     control surfaces that replace the preset's, by their number; drawn: the same for the diagram and the
     set-up alone, where the true surface is too small or too far away to be drawn; reach: these end at this
-    distance from the camera. hidden: collections that would stand in the set-up's way.
+    distance from the camera. hidden: collections that would stand in the set-up's way. style: of
+    ``drawn_styles.STYLES``, in which the picture is drawn.
     """
 
     preset: str
@@ -34,6 +35,7 @@ class Panel:
     drawn: Mapping[int, Mapping[str, object]] = field(default_factory=dict)
     reach: float = float("inf")
     hidden: tuple[str, ...] = ()
+    style: str = ""
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,14 @@ ROOT = Path(__file__).resolve().parents[1]
 # The pictures of a panel and their files' kinds.
 PARTS = {"diagram": "png", "set-up": "jpg", "result": "jpg"}
 # Pictures that are made with Cycles too: samples a pixel, before denoising.
-WITH_CYCLES = {"figure-8": 48, "figure-11-b": 32, "figure-13-b": 48}
+WITH_CYCLES = {
+    "figure-1": 12,
+    "figure-8": 48,
+    "figure-11-b": 32,
+    "figure-13-b": 48,
+}
+# Of their projectors; less would not be seen, and takes more chords.
+CYCLES_PIXEL_ERROR = 0.5
 # Pictures wider than this times their height are shown in a row of their own; others in so many columns.
 WIDE, ACROSS = 2.5, 3
 HEAD = """# Gallery
@@ -140,6 +147,9 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     camera = render_demo.add_shot(scene, preset_text(panel.preset, panel.changed), panel.shot)
     camera.scfpf.samples = SAMPLES
     scene.render.resolution_percentage = percentage
+    if panel.style:
+        styles = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.drawn_styles")
+        styles.apply_style(scene, panel.style)
     files = [stem.with_name(f"{stem.name}-{part}.{end}") for part, end in PARTS.items()]
     raw = files[2].with_suffix(".png")
     print(f"  {stem.name}: {render_demo.render(scene, raw)}", flush=True)
@@ -179,6 +189,7 @@ def render_with_cycles(scene, camera, samples: int, path: Path) -> None:
     import bpy
 
     raw = path.with_suffix(".png")
+    camera.scfpf.pixel_error = CYCLES_PIXEL_ERROR
     scene.render.engine = "CYCLES"
     scene.cycles.samples, scene.cycles.use_denoising = samples, True
     scene.render.filepath, scene.render.image_settings.file_format = str(raw), "PNG"

@@ -5,6 +5,7 @@ from . import (
     blend,
     camera,
     cycles,
+    drawn,
     duplicate,
     edit_volume,
     find,
@@ -40,6 +41,7 @@ MODULES = (
     picture_fit,
     preview,
     cycles,
+    drawn,
 )
 
 

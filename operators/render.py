@@ -133,7 +133,8 @@ class SCFPF_OT_render(bpy.types.Operator):
         self._camera_uid = camera.session_uid
         try:
             inputs = render_job.prepare(context.scene, context.view_layer, camera)
-            self._job = render_job.start(inputs, with_tiles)
+            keep = context.scene.render.use_persistent_data
+            self._job = render_job.start(inputs, with_tiles, keep)
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return False
@@ -176,7 +177,11 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def _show_progress(self, context):
         percent = int(100 * self._job.progress)
-        text = "SCFPF: cancelling" if self._job.cancelled else f"SCFPF: rendering, {percent} %    Esc: cancel"
+        text = f"SCFPF: rendering, {percent} %    Esc: cancel"
+        if self._job.building:
+            text = "SCFPF: building the acceleration structure, which cannot be cancelled"
+        elif self._job.cancelled:
+            text = "SCFPF: cancelling"
         if text == self._status:
             return
         self._status = text

@@ -4,6 +4,7 @@
 from . import (
     camera_panels,
     cycles,
+    drawn,
     engine_panels,
     mapping_stack,
     menus,
@@ -24,6 +25,7 @@ MODULES = (
     preview,
     cycles,
     engine_panels,
+    drawn,
 )
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import bpy
 
+from .drawn_styles import STYLES, apply_style
 from .render_job import RENDER_ERRORS, RenderJob, prepare
 from .result_image import FILE_FORMATS, ResultError, save_result, write_result
 from .rig_mark import camera_behind
@@ -78,6 +79,11 @@ def parser() -> argparse.ArgumentParser:
         type=_pixel_error,
         help="how far a projector may be off, in pixels (default: the camera's own)",
     )
+    render.add_argument(
+        "--style",
+        choices=[*(name.lower() for name in STYLES), "none"],
+        help="draw the picture in a style, or not at all (default: as the file's scene says)",
+    )
     return top
 
 
@@ -114,6 +120,10 @@ def _render(options) -> None:
     scene = bpy.context.scene
     if options.frame is not None:
         scene.frame_set(options.frame)
+    if options.style == "none":
+        scene.scfpf_drawn.use_drawn = False
+    elif options.style:
+        apply_style(scene, options.style.upper())
     camera = _camera(scene, options.camera)
     inputs = prepare(scene, bpy.context.view_layer, camera, options.pixel_error)
     for warning in inputs.scene.warnings:

@@ -12,12 +12,16 @@ from ..projection.typing import Array
 from ..shading.materials.colors import BLENDS
 from ..shading.materials.graph import Ref
 from ..shading.materials.numbers import MATH, VECTOR_MATH, VECTOR_VALUE
+from ..shading.materials.sky_model import Air
 
 if TYPE_CHECKING:
     from .read_graph import NodeInputs
 
 # Entries of a colour ramp's and of a curve's table.
 RAMP_ENTRIES, CURVE_ENTRIES = 256, 1025
+
+# Skies that are shown by single scattering, and how bright Cycles has them compared with that.
+OTHER_SKIES = {"PREETHAM": 0.25, "HOSEK_WILKIE": 0.023}
 
 Outputs = dict[str, Ref]
 
@@ -270,6 +274,45 @@ def _image(inputs: NodeInputs) -> Outputs:
     return {"Color": refs[0], "Alpha": refs[1]}
 
 
+def _environment(inputs: NodeInputs) -> Outputs:
+    node = inputs.node
+    color = inputs.builder.one(
+        "ENVIRONMENT",
+        inputs.coordinates("GENERATED"),
+        image="" if node.image is None else node.image.name_full,
+        projection=node.projection,
+        interpolation=INTERPOLATIONS[node.interpolation],
+    )
+    return {"Color": color}
+
+
+def _sky(inputs: NodeInputs) -> Outputs:
+    node = inputs.node
+    kind = node.sky_type
+    if kind not in OTHER_SKIES:
+        elevation, rotation = node.sun_elevation, node.sun_rotation
+        dust = node.aerosol_density if hasattr(node, "aerosol_density") else node.dust_density
+        again = kind == "MULTIPLE_SCATTERING"
+        what = Air(elevation, node.altitude, node.air_density, dust, node.ozone_density, again)
+        size = node.sun_size if node.sun_disc else 0.0
+    else:
+        x, y, z = node.sun_direction
+        rotation, what, size = np.arctan2(x, y), Air(np.arctan2(z, np.hypot(x, y)), 0.0, 1.0, 1.0, 1.0), 0.0
+    if kind in {"MULTIPLE_SCATTERING", *OTHER_SKIES}:
+        inputs.note(f": {kind.replace('_', ' ').title()}, about as bright")
+    vector = inputs.coordinates("GENERATED")
+    color = inputs.builder.one(
+        "SKY",
+        vector,
+        air=what,
+        rotation=float(rotation),
+        size=size,
+        intensity=node.sun_intensity,
+        scale=OTHER_SKIES.get(kind, 1.0),
+    )
+    return {"Color": color}
+
+
 def _checker(inputs: NodeInputs) -> Outputs:
     refs = inputs.builder.add(
         "CHECKER",
@@ -368,10 +411,12 @@ NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "SEPARATE_COLOR": _separate_color,
     "SEPXYZ": _separate("XYZ", "Vector"),
     "TEX_CHECKER": _checker,
+    "TEX_ENVIRONMENT": _environment,
     "TEX_COORD": _texture_coordinates,
     "TEX_GRADIENT": _gradient,
     "TEX_IMAGE": _image,
     "TEX_NOISE": _noise,
+    "TEX_SKY": _sky,
     "UVMAP": _uv_map,
     "VALTORGB": _ramp,
     "VALUE": _value,

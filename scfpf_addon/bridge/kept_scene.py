@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..casting.geometry import Geometry
-from ..casting.scene import CastScene
+from ..casting.scene import CastScene, NothingToCastAt
 
 
 @dataclass(frozen=True)
@@ -23,9 +23,10 @@ class KeptScene:
         """Of ``kept`` where its triangles are the same, built anew otherwise. Raises CastError."""
         if kept is not None and same_triangles(geometry, kept.geometry):
             return kept
-        if not len(geometry.triangles):
+        try:
+            return cls(geometry, CastScene(geometry.vertices, geometry.triangles))
+        except NothingToCastAt:
             return cls(geometry, None)
-        return cls(geometry, CastScene(geometry.vertices, geometry.triangles))
 
 
 def same_triangles(a: Geometry, b: Geometry) -> bool:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..shading.materials.graph import Closure, MaterialGraph, Ref
-from ..shading.materials.lobes import BLURRED_ROUGHNESS
+from ..shading.materials.lobes import COAT_ROUGHNESS, METAL_ROUGHNESS
 from .graph_builder import GraphBuilder
 from .graph_nodes import NODES
 from .shader_nodes import resolve
@@ -88,8 +88,9 @@ def _reflects(builder: GraphBuilder, closure: Closure) -> bool:
         )
         if matt:
             return False
+    diffuse = closure.kind == "PRINCIPLED" and builder.is_always(closure.inputs["metallic"], 0.0)
     roughness = builder.value(closure.inputs["roughness"])
-    return roughness is None or float(roughness[0]) < BLURRED_ROUGHNESS
+    return roughness is None or float(roughness[0]) < (COAT_ROUGHNESS if diffuse else METAL_ROUGHNESS)[1]
 
 
 class GraphReader:
@@ -290,7 +291,16 @@ def _principled(inputs: NodeInputs) -> dict[str, Ref]:
         "transmission": inputs.value("Transmission Weight"),
         "emission": builder.one("MULTIPLY", inputs.color("Emission Color"), strength),
         "normal": inputs.normal(),
+        "multiple": _multiple(inputs),
     }
+
+
+def _multiple(inputs: NodeInputs) -> Ref:
+    """1 where light that facets send to each other counts, 0 where it is lost."""
+    distribution = inputs.node.distribution
+    if distribution in {"BECKMANN", "ASHIKHMIN_SHIRLEY"}:
+        inputs.note(f": {distribution.replace('_', '-').title()}")
+    return inputs.builder.constant(float(distribution == "MULTI_GGX"))
 
 
 def _colored(inputs: NodeInputs) -> dict[str, Ref]:
@@ -304,6 +314,12 @@ def _colored(inputs: NodeInputs) -> dict[str, Ref]:
 
 def _rough(inputs: NodeInputs) -> dict[str, Ref]:
     return {**_colored(inputs), "roughness": inputs.value("Roughness")}
+
+
+def _glossy(inputs: NodeInputs) -> dict[str, Ref]:
+    one = inputs.builder.constant(1.0)
+    known = inputs.node.type == "BSDF_GLOSSY"
+    return {**_rough(inputs), "multiple": _multiple(inputs) if known else one}
 
 
 def _emission(inputs: NodeInputs) -> dict[str, Ref]:
@@ -323,7 +339,7 @@ CLOSURE_INPUTS = {
     "DIFFUSE": _colored,
     "EMISSION": _emission,
     "GLASS": _bending,
-    "GLOSSY": _rough,
+    "GLOSSY": _glossy,
     "PRINCIPLED": _principled,
     "REFRACTION": _bending,
     "TRANSPARENT": _colored,

@@ -15,6 +15,7 @@ from ..projection.volume import Projection
 from ..shading.materials.image import ImageData
 from ..shading.scene import Scene
 from .read_materials import listing
+from .read_world import shows_world
 
 # Colour spaces whose values are scene-linear or no colours; anything else of bytes is taken for sRGB.
 LINEAR_SPACES = {"Linear", "Linear Rec.709", "scene_linear", "Raw", "Non-Color"}
@@ -25,15 +26,23 @@ KnownImages = dict[str, tuple[tuple, ImageData]]
 
 
 def with_images(
-    scene: Scene, projection: Projection | None = None, known: KnownImages | None = None
+    scene: Scene,
+    projection: Projection | None = None,
+    known: KnownImages | None = None,
+    transparent: bool = False,
 ) -> Scene:
     """The scene with the images that its materials look up, and warnings about them.
 
     projection: images of materials that only stand outside its volume are left out, unless something
     reflects. known: images read before, which are taken if nothing of them has changed; what is
-    read now is put in.
+    read now is put in. transparent: the world is not seen behind things.
     """
     graphs = scene.materials.graphs
+    if scene.world is not None and transparent and not shows_world(scene):
+        scene = replace(scene, world=None)
+    if scene.world is not None and scene.world.graph.images:
+        images, warnings = read_images(scene.world.graph.images, known)
+        scene = replace(scene, world=replace(scene.world, images=images), warnings=scene.warnings + warnings)
     if not any(graph.images for graph in graphs.values()):
         return scene
     geometry = scene.geometry

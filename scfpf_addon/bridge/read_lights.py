@@ -90,17 +90,3 @@ def _emission(tree, kind: str, otherwise: Array) -> tuple[Array, bool]:
             color = otherwise if color is None else color
             return color * (1.0 if strength is None else strength), whole
     return np.zeros(3), True
-
-
-def read_world(scene) -> tuple[Array, tuple[str, ...]]:
-    """Radiance (3,) of an evaluated scene's world, and warnings. Black without a world."""
-    world = scene.world
-    if world is None:
-        return np.zeros(3), ()
-    viewport = np.array(world.color, np.float64)
-    if not versions.uses_nodes(world):
-        return viewport, ()
-    color, whole = _emission(world.node_tree, "BACKGROUND", viewport)
-    if whole:
-        return color, ()
-    return color, (f"The world '{world.name}' is shown in its viewport colour: textures are not read",)

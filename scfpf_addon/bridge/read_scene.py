@@ -3,24 +3,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..casting.geometry import Geometry
+from ..casting.memory import available_memory
 from ..casting.visibility import CAMERA, EVERYWHERE
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
 from .light_paths import read_bounces
 from .read_layers import join_layers, read_layer
-from .read_lights import read_light, read_world
+from .read_lights import read_light
 from .read_materials import MaterialTable, listing
 from .read_visibility import LightLinks, visible_rays
+from .read_world import read_world
+from .turned import normal_transforms, normalize, turn
 
 # Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
 MAXIMUM_TRIANGLES = (2**31 - 1) // 9
+
+# What a triangle takes as arrays, in cast space and in Embree: measured, flat shading.
+BYTES_PER_TRIANGLE = 200
 
 # Beyond this the square of a float32 coordinate overflows; Blender itself turns an infinite one into 3.4e38.
 LARGEST_COORDINATE = 1e18
@@ -40,7 +47,8 @@ class MeshArrays:
     """One mesh as evaluated, in its own space.
 
     vertices: (V, 3) float32. triangles: (T, 3) int32. normals: (T, 3, 3) float32,
-    the shading normal at each corner. slot: (T,) int32, material slot numbers.
+    the shading normal at each corner, or (T, 1, 3) where all corners of a face have the same.
+    slot: (T,) int32, material slot numbers.
     finite: False if triangles were left out because of non-finite vertices. uv: (T, 3, 2)
     float32 texture coordinates of the corners, None if there are none or they are not wanted.
     kept: of the mesh's triangles, None for all. layers: by name, what materials ask for.
@@ -76,7 +84,9 @@ class Instances:
     linked: NDArray[np.int32] | None = None
 
 
-def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> Scene:
+def read_scene(
+    depsgraph, may_be_empty: bool = False, with_uv: bool = False, stopped: Callable[[], bool] | None = None
+) -> Scene:
     """Everything that a picture of the depsgraph's view layer shows.
 
     Objects come as F12 shows them if the depsgraph is a render one
@@ -85,18 +95,24 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
     renders, excluded collections, what no ray is to meet, control surfaces.
     A hidden object is shown where it is instanced by nodes or on vertices, as by F12.
     may_be_empty: a scene without anything to show is one of no triangles, with a warning.
-    with_uv: read the texture coordinates that renders use, too.
+    with_uv: read the texture coordinates that renders use, too. stopped(): whether the picture
+    is given up; what was read by then comes back.
     Raises SceneError if nothing is left otherwise, or memory cannot hold it.
     """
     reader = _SceneReader(depsgraph, with_uv)
     for instance in depsgraph.object_instances:
+        if stopped and stopped():
+            break
         reader.add(instance)
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
     visibility = geometry.visibility
     shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
     if not shown and not may_be_empty:
         raise SceneError(NOTHING)
-    world_color, world_warnings = read_world(depsgraph.scene_eval)
+    world_color, world, world_warnings = read_world(depsgraph.scene_eval)
+    if not (np.abs(world_color) <= LARGEST_COORDINATE).all():
+        world_color = np.zeros(3)
+        world_warnings = (*world_warnings, "The world's light is not finite and is left out")
     return Scene(
         geometry,
         reader.materials.materials(),
@@ -110,6 +126,7 @@ def read_scene(depsgraph, may_be_empty: bool = False, with_uv: bool = False) -> 
         material_index=tuple(reader.materials.pass_indices),
         material_names=tuple(reader.materials.names),
         bounces=read_bounces(depsgraph.scene_eval),
+        world=world,
     )
 
 
@@ -298,11 +315,9 @@ def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
     corner_vertex = np.empty(len(mesh.loops), np.int32)
     # The attribute's memory is copied at once; loops[].vertex_index goes corner by corner.
     mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
-    corner_normal = np.empty((len(mesh.loops), 3), np.float32)
-    mesh.corner_normals.foreach_get("vector", corner_normal.reshape(-1))
+    face = np.empty(count, np.int32)
+    mesh.loop_triangle_polygons.foreach_get("value", face)
     if "material_index" in mesh.attributes:
-        face = np.empty(count, np.int32)
-        mesh.loop_triangle_polygons.foreach_get("value", face)
         face_slot = np.empty(len(mesh.polygons), np.int32)
         mesh.attributes["material_index"].data.foreach_get("value", face_slot)
         slot = face_slot.take(face)
@@ -316,11 +331,23 @@ def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
         MeshArrays(
             vertices,
             corner_vertex.take(corners).reshape(-1, 3),
-            corner_normal.take(corners, axis=0).reshape(-1, 3, 3),
+            _normals(mesh, corners, face),
             slot,
             uv=uv,
         )
     )
+
+
+def _normals(mesh, corners: NDArray[np.int32], face: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Normals as in ``MeshArrays``. corners: (3T,) of the triangles. face: (T,) that they belong to."""
+    if mesh.normals_domain == "FACE":
+        # A third of the memory, and Blender need not spread them to the corners first.
+        normal = np.empty((len(mesh.polygons), 3), np.float32)
+        mesh.polygon_normals.foreach_get("vector", normal.reshape(-1))
+        return normal.take(face, axis=0)[:, None]
+    normal = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", normal.reshape(-1))
+    return normal.take(corners, axis=0).reshape(-1, 3, 3)
 
 
 def _finite(mesh: MeshArrays) -> MeshArrays:
@@ -354,10 +381,19 @@ def join(
             f"The scene has {triangles:,} triangles once every instance is counted, more than "
             f"{MAXIMUM_TRIANGLES:,}: hide instances or lower the subdivision"
         )
+    # Where nothing is smooth the corners of a triangle share one normal, and nothing has to be kept thrice.
+    corners = max((mesh.normals.shape[1] for mesh in meshes if len(mesh.triangles)), default=1)
+    needed, free = triangles * BYTES_PER_TRIANGLE, available_memory()
+    if free is not None and needed > free:
+        raise SceneError(
+            f"The scene has {triangles:,} triangles once every instance is counted, which need about "
+            f"{needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free: hide instances or lower "
+            "the subdivision"
+        )
     result = Geometry(
         np.empty((vertices, 3)),
         np.empty((triangles, 3), np.int32),
-        np.empty((triangles, 3, 3), np.float32),
+        np.empty((triangles, corners, 3), np.float32),
         np.empty(triangles, np.int32),
         np.empty(triangles, np.int32),
         object_names,
@@ -376,9 +412,11 @@ def join(
             vertex += len(mine) * len(mesh.vertices)
             blocks.append((len(mesh.triangles), mesh.layers, mirrored[mine]))
     normalize(result.corner_normals)
+    normals = np.broadcast_to(result.corner_normals, (triangles, 3, 3))
     many = [len(meshes[number].triangles) for number in instances.mesh[order]]
     return replace(
         result,
+        corner_normals=normals,
         layers=join_layers(blocks, triangles),
         visibility=None if instances.visibility is None else np.repeat(instances.visibility[order], many),
         linked=None if instances.linked is None else np.repeat(instances.linked[order], many),
@@ -399,12 +437,16 @@ def _place(
     own = slice(triangle, triangle + count * many)
     matrix, look = instances.matrix[mine], instances.look[mine]
     vertices = into.vertices[vertex : vertex + count * each].reshape(count, each, 3)
-    np.matmul(mesh.vertices.astype(np.float64), matrix[:, :3, :3].swapaxes(1, 2), out=vertices)
+    turn(mesh.vertices, matrix[:, :3, :3], vertices)
     vertices += matrix[:, None, :3, 3]
     first = vertex + each * np.arange(count, dtype=np.int32)
     np.add(mesh.triangles, first[:, None, None], out=into.triangles[own].reshape(count, many, 3))
-    normals = into.corner_normals[own].reshape(count, 3 * many, 3)
-    np.matmul(mesh.normals.reshape(-1, 3), normal_matrix.swapaxes(1, 2), out=normals)
+    normals = into.corner_normals[own].reshape(count, many, -1, 3)
+    if normals.shape[2] == mesh.normals.shape[1]:
+        turn(mesh.normals.reshape(-1, 3), normal_matrix, normals.reshape(count, -1, 3))
+    else:
+        turn(mesh.normals[:, 0], normal_matrix, normals[:, :, 0])
+        normals[:, :, 1:] = normals[:, :, :1]
     # A face's slot that an object does not have is its last one.
     first, last = instances.first_slot[look], instances.first_slot[look + 1] - 1
     slot = np.minimum(first[:, None] + mesh.slot.clip(0), last[:, None])
@@ -419,30 +461,7 @@ def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many:
     for start in triangle + many * np.flatnonzero(mirrored):
         own = slice(start, start + many)
         into.triangles[own] = into.triangles[own][:, [0, 2, 1]]
-        into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
+        if into.corner_normals.shape[1] == 3:
+            into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
         if into.uv is not None:
             into.uv[own] = into.uv[own][:, [0, 2, 1]]
-
-
-def normal_transforms(linear: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """What turns normals as ``linear`` (N, 3, 3) turns points, (N, 3, 3) float32, and which mirror.
-
-    Up to a positive factor the inverse transpose, made of cofactors so that it also
-    serves an object that is flattened.
-    """
-    x, y, z = linear.swapaxes(0, 1)
-    cofactors = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)], axis=1)
-    mirrored = np.einsum("nc,nc->n", cofactors[:, 0], x) < 0
-    size = np.abs(cofactors).max(axis=(1, 2), keepdims=True)
-    cofactors /= np.where(size == 0, 1.0, size)
-    return np.where(mirrored[:, None, None], -cofactors, cofactors).astype(np.float32), mirrored
-
-
-def normalize(normals: NDArray[np.float32]) -> None:
-    """Make vectors (..., 3) unit in place; what has no direction points along +Z."""
-    length = np.sqrt(np.einsum("...c,...c->...", normals, normals))[..., None]
-    none = ~(length[..., 0] > 0)
-    if none.any():
-        normals[none] = (0.0, 0.0, 1.0)
-        length[none] = 1.0
-    normals /= length

@@ -87,21 +87,25 @@ class Delivery:
         """Hand over rows from ``bottom`` up. made: by the passes' source, each (rows, W, channels)."""
         height, width = made[""].shape[:2]
         result = self._engine.begin_result(0, bottom, width, height, layer=self.layer, view=self._view)
-        target = result.layers[0].passes
-        for each in self._passes:
-            if each.source in made:
-                # Flat: Blender takes nothing else.
-                values = np.ravel(made[each.source])
-                target.find_by_name(each.name, self._view).rect.foreach_set(values)
-        self._engine.end_result(result)
-        self._has_delivered = True
+        try:
+            target = result.layers[0].passes
+            for each in self._passes:
+                if each.source in made:
+                    # Flat: Blender takes nothing else.
+                    values = np.ravel(made[each.source])
+                    target.find_by_name(each.name, self._view).rect.foreach_set(values)
+        finally:
+            self._engine.end_result(result)
+            self._has_delivered = True
 
     def close(self) -> None:
         """What is left goes to Blender, or where nothing was made an empty picture."""
-        self.flush()
-        if not self._has_delivered:
-            result = self._engine.begin_result(0, 0, WHOLE, WHOLE, layer=self.layer, view=self._view)
-            self._engine.end_result(result)
+        try:
+            self.flush()
+        finally:
+            if not self._has_delivered:
+                result = self._engine.begin_result(0, 0, WHOLE, WHOLE, layer=self.layer, view=self._view)
+                self._engine.end_result(result)
 
 
 def geometry_bytes(geometry: Geometry) -> int:

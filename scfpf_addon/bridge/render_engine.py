@@ -6,19 +6,13 @@ from __future__ import annotations
 import atexit
 import time
 import traceback
-from collections.abc import Callable
-from dataclasses import replace
 
 import bpy
 import numpy as np
 
-from ..casting.scene import CastScene
 from ..shading.frame import render_frame
-from ..shading.passes import DataPasses
-from ..shading.reach import within_reach
 from ..shading.settings import Border
-from ..shading.typing import Single
-from .kept_scene import KeptScene
+from .building import build, coarse_picture
 from .render_delivery import Delivery
 from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size, with_motion
 from .render_passes import list_render_passes
@@ -26,9 +20,6 @@ from .render_viewport import ViewportRender, stop_all
 from .rig_mark import camera_behind
 
 ENGINE = "SCFPF"
-# Pixels across a square of the coarse picture that a window shows at first: it costs a
-# sixty-fourth of one sample.
-COARSE = 8
 # Seconds from the beginning of a job in a window until a failure is sure to end it.
 SETTLE_SECONDS = 0.5
 
@@ -54,17 +45,18 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         However this ends, Blender has pixels (without, it crashes when it saves them) and
         an error is a report, which stops animations and keeps it from writing files.
         """
-        delivery = Delivery(self, depsgraph.view_layer_eval)
         try:
-            inputs = self._read(depsgraph, delivery)
-            self._make(inputs, delivery)
+            delivery = Delivery(self, depsgraph.view_layer_eval)
+            try:
+                # Held by no name here: what the volume cannot meet is freed once the rest is built.
+                self._make(self._read(depsgraph, delivery), delivery)
+            finally:
+                delivery.close()
         except RENDER_ERRORS as error:
             self._fail(str(error) or "There is not enough memory for this picture")
         except Exception as error:  # What leaves here Blender prints and takes for success.
             traceback.print_exc()
             self._fail(f"SCFPF has failed, the console says where ({type(error).__name__}: {error})")
-        finally:
-            delivery.close()
 
     def view_update(self, context, depsgraph):
         """A viewport in Rendered shading: the scene has changed."""
@@ -96,8 +88,10 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             border=render_border(self.render, *size),
             passes=delivery.sources,
             may_be_empty=True,
+            stopped=self.test_break,
         )
-        for warning in inputs.scene.warnings:
+        # Of a scene that was read in part they would be wrong.
+        for warning in () if self.test_break() else inputs.scene.warnings:
             self.report({"WARNING"}, warning)
         return with_motion(depsgraph, camera, inputs, self.frame_set, self.test_break)
 
@@ -106,7 +100,12 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             return
         delivery.begin(inputs)
         self.update_stats("", "Building the acceleration structure, which cannot be cancelled")
-        inputs, cast_scene = self._build(inputs, delivery.layer)
+        # Blender keeps the engine with persistent data, and makes one for each picture without.
+        kept = getattr(self, "kept_scenes", {})
+        keep = self.render.use_persistent_data
+        built = build(inputs, kept.get(delivery.layer), keep)
+        self.kept_scenes = {**kept, delivery.layer: built.kept} if keep else {}
+        inputs, cast_scene = built.inputs, built.cast_scene
         if not bpy.app.background:
             coarse = coarse_picture(inputs, cast_scene, self.test_break)
             if coarse is not None:
@@ -123,60 +122,17 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         )
         if frame is not None:
             delivery.flush()
-            self.update_stats("", frame.report.summary())
-
-    def _build(self, inputs: RenderInputs, layer: str) -> tuple[RenderInputs, CastScene | None]:
-        """What projectors are cast at, and the inputs with no more of the scene than that.
-
-        With persistent data all of the scene, kept for the next picture: a camera that moves would
-        ask for another part of it.
-        """
-        if not self.render.use_persistent_data:
-            self.kept_scenes = {}
-            alone = not inputs.moments and inputs.settings.passes.neighbours is None
-            scene, cast_scene = within_reach(inputs.scene, inputs.projection, alone)
-            return replace(inputs, scene=scene), cast_scene
-        # Blender keeps the engine with persistent data, and makes one for each picture without.
-        kept = getattr(self, "kept_scenes", {})
-        made = KeptScene.of(inputs.scene.geometry, kept.get(layer))
-        self.kept_scenes = {**kept, layer: made}
-        return inputs, made.cast_scene
+            self.update_stats("", built.reported(frame).report.summary())
 
     def _fail(self, message: str) -> None:
         if not bpy.app.background:
-            # Right after a job has begun Blender forgets that it was broken off.
+            # Reports that come while the operator still begins are taken away before Blender looks
+            # for errors; so this is also the last thing that is done.
             time.sleep(SETTLE_SECONDS)
         self.report({"ERROR"}, message)
         if not bpy.app.background:
             # Image Editors show this one over the picture.
             self.error_set(message)
-
-
-def coarse_picture(
-    inputs: RenderInputs, cast_scene: CastScene | None, cancelled: Callable[[], bool]
-) -> Single | None:
-    """What the picture will be, (H, W, 4), in squares of COARSE pixels; None when cancelled."""
-    whole = inputs.settings
-    width, height = -(-whole.width // COARSE), -(-whole.height // COARSE)
-    settings = replace(
-        whole,
-        width=width,
-        height=height,
-        samples=1,
-        pixel_error=max(whole.pixel_error, 1.0),
-        border=None,
-        passes=DataPasses(),
-        scrambled=False,
-        adaptive=None,
-        lens=None,
-    )
-    frame = render_frame(inputs.projection, inputs.scene, settings, cast_scene, cancelled=cancelled)
-    if frame is None:
-        return None
-    left, bottom, right, top = whole.region
-    rows = np.arange(bottom, top) * height // whole.height
-    columns = np.arange(left, right) * width // whole.width
-    return frame.pixels[rows[:, None], columns]
 
 
 def render_border(render, width: int, height: int) -> Border | None:

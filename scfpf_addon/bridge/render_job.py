@@ -4,11 +4,13 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..casting.memory import available_memory
 from ..casting.scene import CastError
 from ..projection.volume import Projection
 from ..shading.cryptomatte import identifiers
@@ -17,6 +19,9 @@ from ..shading.motion import Moment
 from ..shading.passes import DataPasses
 from ..shading.scene import Scene
 from ..shading.settings import Border, FrameSettings
+from .building import build, coarse_picture
+from .drawn import drawn_of
+from .kept_scene import KeptScene
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_images import with_images
 from .read_lens import read_lens
@@ -75,13 +80,15 @@ def picture_size(scene) -> tuple[int, int]:
 
 
 def require_size(width: int, height: int) -> None:
-    """Raise RenderError for a picture that no memory holds."""
-    if width * height > MAXIMUM_PIXELS:
-        gigabytes = width * height * BYTES_PER_PIXEL / 1e9
-        raise RenderError(
-            f"A picture of {width} × {height} pixels would need about {gigabytes:.0f} GB of memory; "
-            "lower the resolution or its percentage in Output Properties"
-        )
+    """Raise RenderError for a picture that no memory holds, or that this computer's does not now."""
+    needed, free = width * height * BYTES_PER_PIXEL, available_memory()
+    if width * height <= MAXIMUM_PIXELS and (free is None or needed <= free):
+        return
+    there_is = "" if free is None else f" and {free / 1e9:.1f} GB are free"
+    raise RenderError(
+        f"A picture of {width} × {height} pixels would need about {needed / 1e9:.1f} GB of memory"
+        f"{there_is}; lower the resolution or its percentage in Output Properties"
+    )
 
 
 def picture_aspect(scene) -> float:
@@ -124,13 +131,15 @@ def read_inputs(
     may_be_empty: bool = False,
     scene: Scene | None = None,
     aspect: float | None = None,
+    stopped: Callable[[], bool] | None = None,
 ) -> RenderInputs:
     """Read all that a picture of a depsgraph through a camera, flexible or not, needs.
 
     size: of the whole picture in pixels. pixel_error: overrides the camera's own. border:
     the part that is made. passes: names of ``shading.passes.PASSES``. may_be_empty: as in
     ``read_scene``. scene: read from the depsgraph before. aspect: of the picture as it is shown,
-    by its size and the scene's pixel aspect if not given. Raises one of RENDER_ERRORS.
+    by its size and the scene's pixel aspect if not given. stopped: as in ``read_scene``. Raises one
+    of RENDER_ERRORS.
     """
     width, height = size
     render = depsgraph.scene_eval.render
@@ -142,7 +151,11 @@ def read_inputs(
     plane = None if options.enabled else depth_plane(evaluated)
     lens, warning = read_lens(evaluated, projection, depsgraph)
     if scene is None:
-        scene = with_images(read_scene(depsgraph, may_be_empty, with_uv="UV" in passes), projection)
+        scene = with_images(
+            read_scene(depsgraph, may_be_empty, "UV" in passes, stopped),
+            projection,
+            transparent=render.film_transparent,
+        )
     if warning:
         scene = replace(scene, warnings=(*scene.warnings, warning))
     marks = {}
@@ -161,6 +174,7 @@ def read_inputs(
             border=border,
             passes=DataPasses(passes, plane, identifiers=marks),
             lens=lens,
+            drawn=drawn_of(depsgraph.scene_eval, width),
             **sampling_of(depsgraph.scene_eval),
         ),
     )
@@ -189,12 +203,13 @@ def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lamb
     def everything():
         projection, lens = view()
         with_uv = inputs.scene.geometry.uv is not None
-        there = with_images(read_scene(depsgraph, may_be_empty=True, with_uv=with_uv), projection)
+        there = read_scene(depsgraph, True, with_uv, stopped)
+        there = with_images(there, projection, transparent=depsgraph.scene_eval.render.film_transparent)
         # Of the frame itself there is one warning more, and once is enough.
         return projection, replace(there, warnings=inputs.scene.warnings), lens
 
     scene, settings = depsgraph.scene_eval, inputs.settings
-    if "VECTOR" in settings.passes.names:
+    if "VECTOR" in settings.passes.names and not stopped():
         frame = scene.frame_current + scene.frame_subframe
         neighbours = read_neighbours(frame, inputs.scene, set_frame, everything)
         settings = replace(settings, passes=replace(settings.passes, neighbours=neighbours))
@@ -205,9 +220,17 @@ def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lamb
 class RenderJob:
     """One picture being made by a thread of its own. Start it with ``start``."""
 
-    def __init__(self, inputs: RenderInputs, with_tiles: bool = False):
-        """with_tiles: keep what is finished so far for ``new_tiles``."""
-        self._inputs = inputs
+    def __init__(
+        self,
+        inputs: RenderInputs,
+        with_tiles: bool = False,
+        kept: KeptScene | None = None,
+        keep: bool = False,
+    ):
+        """with_tiles: keep what is finished so far for ``new_tiles``. kept, keep: see ``build``."""
+        self._inputs: RenderInputs | None = inputs
+        self.kept, self._keep = kept, keep
+        self.building = True
         self._cancelled = threading.Event()
         self._progress = 0.0
         size = (inputs.settings.height, inputs.settings.width, 4)
@@ -219,15 +242,25 @@ class RenderJob:
 
     def _run(self) -> None:
         try:
-            self._frame = render_frame(
-                self._inputs.projection,
-                self._inputs.scene,
-                self._inputs.settings,
+            # Let go of: what the volume cannot meet is freed once the rest is built.
+            inputs, self._inputs = self._inputs, None
+            built = build(inputs, self.kept, self._keep)
+            inputs, self.kept, self.building = built.inputs, built.kept, False
+            if self._tiles is not None:
+                coarse = coarse_picture(inputs, built.cast_scene, self._cancelled.is_set)
+                if coarse is not None:
+                    self._note_tile(slice(None), coarse, {})
+            frame = render_frame(
+                inputs.projection,
+                inputs.scene,
+                inputs.settings,
+                built.cast_scene,
                 progress=self._note_progress,
                 cancelled=self._cancelled.is_set,
                 on_tile=None if self._tiles is None else self._note_tile,
-                moments=self._inputs.moments,
+                moments=inputs.moments,
             )
+            self._frame = frame and built.reported(frame)
         except BaseException as error:  # A thread has nowhere to raise: result() does it.
             self._error = error
 
@@ -281,14 +314,19 @@ class RenderJob:
 
 
 _current: RenderJob | None = None
+# What the last job has built, with persistent data.
+_kept: KeptScene | None = None
 
 
-def start(inputs: RenderInputs, with_tiles: bool = False) -> RenderJob:
-    """Start the one job that may run at a time, see RenderJob. Raises RenderError while another runs."""
+def start(inputs: RenderInputs, with_tiles: bool = False, keep: bool = False) -> RenderJob:
+    """Start the one job that may run at a time. Raises RenderError while another runs.
+
+    keep: what is built of the scene serves the next job too, if that keeps it and the scene is the same.
+    """
     global _current
     if current() is not None:
         raise RenderError("A render is already running: wait for it, or press Esc to cancel it")
-    _current = RenderJob(inputs, with_tiles)
+    _current = RenderJob(inputs, with_tiles, _kept if keep else None, keep)
     _current.start()
     return _current
 
@@ -300,8 +338,9 @@ def current() -> RenderJob | None:
 
 def stop() -> None:
     """Cancel the job, if any, wait for its thread, and let go of its arrays."""
-    global _current
+    global _current, _kept
     if _current is not None:
         _current.cancel()
         _current.wait()
+        _kept = _current.kept
     _current = None

@@ -19,6 +19,7 @@ from ..projection.surfaces import BilinearPatch
 from ..projection.volume import Projection, ViewingVolume
 from ..shading.scene import Scene
 from ..shading.settings import Border, FrameSettings
+from .drawn import drawn_of
 from .read_images import KnownImages, with_images
 from .read_scene import read_scene
 from .render_job import RENDER_ERRORS, RenderInputs, read_inputs
@@ -206,6 +207,7 @@ def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInp
             samples=FREE_SAMPLES,
             transparent=render.film_transparent,
             threads=render.threads if render.threads_mode == "FIXED" else 0,
+            drawn=drawn_of(depsgraph.scene_eval, width),
             **sampling_of(depsgraph.scene_eval),
         ),
     )

@@ -130,5 +130,6 @@ def coarser(inputs: RenderInputs):
                 scrambled=False,
                 adaptive=None,
                 lens=None,
+                drawn=whole.drawn and replace(whole.drawn.scaled(1 / step), detail=1),
             ),
         )

@@ -21,7 +21,7 @@ from .hits import CastCounts, Hits
 from .march import OVERLAP
 from .scene import CastScene
 from .schedule import Schedule, corners, plan, sample_curves, scene_reach
-from .straight import cast_straight
+from .straight import OFF_VERTICES, cast_straight
 
 # A projector goes on off the triangle that it passed, but not farther than this in t where it grazes it.
 LARGEST_STEP = 1e-4
@@ -43,7 +43,8 @@ class Onward:
 
     projection: in cast space. x, y: (N,) image positions of the whole tile, whose projectors share
     their chords, whichever of them go on. mask: (N,) which exist. known: numbers of those that hits are
-    kept of, None for all. pixel_size, pixel_error: as for ``cast``.
+    kept of, None for all. pixel_size, pixel_error: as for ``cast``. pixels: of the image, of the known hits,
+    None where it does not matter.
     """
 
     scene: CastScene
@@ -54,6 +55,11 @@ class Onward:
     known: IndexArray | None
     pixel_size: tuple[float, float]
     pixel_error: float
+    pixels: IndexArray | None = None
+
+    def pixels_of(self, where: IndexArray) -> IndexArray:
+        """What is drawn by lot for the known hits ``where`` is drawn by these numbers."""
+        return where if self.pixels is None else self.pixels[where]
 
     def of(self, where: IndexArray) -> Behind:
         """``hits`` by place among the known hits ``where``."""
@@ -179,5 +185,7 @@ def cast_rays(scene: CastScene, origins: Array, directions: Array) -> Hits:
     Their t counts in BEYOND. What the scene was made without (``beyond`` of it) is not met.
     """
     count = origins.shape[1]
-    points = np.stack([origins, origins + directions * BEYOND])
+    # Casting moves rays by a rounding of the scene's size: back through the face of a thing that is small.
+    start = origins - OFF_VERTICES
+    points = np.stack([start, start + directions * BEYOND])
     return cast_straight(scene, points, np.ones(count, bool), (0.0, 1.0), CastCounts())

@@ -74,11 +74,11 @@ def cast_chords(
     hits = Hits.empty(bundle.count)._replace(mask=mask)
     work = Work(scene, bundle, schedule, hits, counts)
     records = _march(work, mask, where)
-    low, high = schedule.breaks[records.chord], schedule.breaks[records.chord + 1]
     curves = bundle.take(records.projector)
-    span = bundle.spans.locate(0.5 * (low + high))[0]
-    slack = NEIGHBOURHOOD * (high - low)
-    low, high = low - slack, high + slack
+    begin, end = schedule.breaks[:-1], schedule.breaks[1:]
+    slack = NEIGHBOURHOOD * (end - begin)
+    span = bundle.spans.locate(0.5 * (begin + end))[0].take(records.chord)
+    low, high = (begin - slack).take(records.chord), (end + slack).take(records.chord)
     found = curves.solve(scene, records.triangle, span, low, high)
     counts.walked += curves.walk(scene, span, low, high, found)
     work.store(records.projector, found, np.flatnonzero(found.inside))

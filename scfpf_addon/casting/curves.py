@@ -102,7 +102,8 @@ class Bundle:
         Coincident control surfaces stop a projector for an instant. It leaves along
         that derivative; at t = 1 it arrives along it or, if its order is even, against it.
         """
-        still = np.flatnonzero(~tangent.any(axis=0))
+        still = np.flatnonzero(tangent[0] == 0.0)
+        still = still[~tangent[1:, still].any(axis=0)]
         if len(still) == 0:
             return
         curves, at = self.take(still), t[still]
@@ -153,9 +154,10 @@ class Bundle:
         start, length, coefficients = self._span_coefficients(heights, span)
         first = np.clip((low - start) / length, 0.0 - T_ROUNDING, 1.0)
         last = np.clip((high - start) / length, 0.0, 1.0 + T_ROUNDING)
-        if len(coefficients) > 2:
-            roots = unit_roots(restrict(coefficients, first, last))
-            roots = first + roots * (last - first)
+        if len(coefficients) == 3:
+            roots = _quadratic(coefficients, first, last)
+        elif len(coefficients) > 2:
+            roots = _restricted(coefficients, first, last)
         else:
             roots = _linear(coefficients, first, last)
         t = np.clip(start + roots * length, 0.0, 1.0)
@@ -243,6 +245,26 @@ class Bundle:
         second, third = barycentric
         inside = known & (second >= -INSIDE) & (third >= -INSIDE) & (second + third <= 1.0 + INSIDE)
         return Solutions(t, triangle, barycentric, inside)
+
+
+def _restricted(coefficients: Array, low: Array, high: Array) -> Array:
+    """The roots in [low, high] of N polynomials, ascending, (d, N), NaN where fewer exist."""
+    roots: Array = low + unit_roots(restrict(coefficients, low, high)) * (high - low)
+    return roots
+
+
+def _quadratic(coefficients: Array, low: Array, high: Array) -> Array:
+    """As _restricted: all roots are as quickly found as those in a part, but at the ends of [0, 1]."""
+    roots = unit_roots(coefficients)
+    with np.errstate(invalid="ignore"):
+        roots[(roots < low) | (roots > high)] = np.nan
+    late = np.flatnonzero(np.isnan(roots[0]))
+    roots[0, late] = roots[1, late]
+    roots[1, late] = np.nan
+    ends = np.flatnonzero((low <= 0.0) | (high >= 1.0))
+    if len(ends):
+        roots[:, ends] = _restricted(coefficients.take(ends, 1), low.take(ends), high.take(ends))
+    return roots
 
 
 def _linear(coefficients: Array, low: Array, high: Array) -> Array:

@@ -30,7 +30,8 @@ class Geometry:
 
     vertices: (V, 3) float64, world space. triangles: (T, 3) int32.
     corner_normals: (T, 3, 3) float32, unit, world space: the shading normal at
-    each corner. material, object_index: (T,) int32. object_names: one name an index.
+    each corner; where nothing is smooth it may be one that is shown thrice. material,
+    object_index: (T,) int32. object_names: one name an index.
     uv: (T, 3, 2) float32, texture coordinates of the corners, NaN where a mesh has none;
     None where they were not asked for. layers: by name, those that materials ask for.
     visibility: (T,), see ``visibility``; None where every ray meets everything. linked: (T,) int32, the
@@ -48,16 +49,24 @@ class Geometry:
     visibility: NDArray[np.uint8] | None = None
     linked: NDArray[np.int32] | None = None
 
+    @property
+    def flat(self) -> bool:
+        """Whether each triangle's corners share one normal in memory."""
+        return self.corner_normals.strides[1] == 0
+
     def part(self, kept: BoolArray) -> Geometry:
         """The triangles ``kept`` (T,) alone, with the vertices that they use."""
         triangles = self.triangles[kept]
         used = np.zeros(len(self.vertices), bool)
         used[triangles] = True
         number = np.cumsum(used, dtype=np.int32) - 1
+        normals = self.corner_normals
+        if self.flat:
+            normals = normals[:, :1]
         return Geometry(
             self.vertices[used],
             number[triangles],
-            self.corner_normals[kept],
+            np.broadcast_to(normals[kept], (len(triangles), 3, 3)),
             self.material[kept],
             self.object_index[kept],
             self.object_names,

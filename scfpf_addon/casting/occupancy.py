@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
 from ..projection.typing import Array, BoolArray, IndexArray
-from .pieces import piece_bounds, piece_edges, piece_weights
+from .pieces import bounds_of_each, piece_bounds, piece_edges, piece_weights
 
 Float32Array = NDArray[np.float32]
 
@@ -111,8 +111,13 @@ class Occupancy:
         origin, scale = (a.reshape(shape).astype(lower.dtype) for a in (self.lower, finer * self.scale))
         most = finer * (np.array(self.sums.shape) - 1).reshape(shape)
         with np.errstate(invalid="ignore", over="ignore"):
-            first = np.clip(np.floor((lower - origin) * scale), 0, most).astype(np.int32)
-            last = np.clip(np.floor((upper - origin) * scale) + 1, 0, most).astype(np.int32)
+            least, past = lower - origin, upper - origin
+            least *= scale
+            past *= scale
+            past += 1.0
+            # Integers are what is left of the point; below 0 nothing is.
+            first = np.clip(least, 0, most, out=least).astype(np.int32)
+            last = np.clip(past, 0, most, out=past).astype(np.int32)
         return first, last
 
 
@@ -221,9 +226,10 @@ class Stretches(NamedTuple):
         some = np.flatnonzero(self.held.any(axis=1))
         return (float(self.edges[some[0]]), float(self.edges[some[-1] + 1])) if len(some) else None
 
-    def take(self, which: slice | IndexArray) -> Stretches:
-        """Those of the projectors ``which``."""
-        return self._replace(block=self.block[which])
+    def take(self, which: IndexArray) -> Stretches:
+        """Those of the projectors ``which``, and of the blocks only theirs."""
+        blocks, block = np.unique(self.block[which], return_inverse=True)
+        return self._replace(held=self.held.take(blocks, 1), block=block)
 
     def within(self, low: Array, high: Array) -> BoolArray:
         """Whether blocks may meet something in [low, high] (C,) of t, (C, B)."""
@@ -298,18 +304,11 @@ def _parts(
     held: (P, B). lower, upper: (K, 3, B) of the blocks' control points.
     """
     weights = piece_weights(spans, PARTS).reshape(len(held), PARTS, spans.degree + 1, -1)
-    pieces = np.flatnonzero(held.any(axis=1))
     parts = np.zeros((len(held), PARTS, held.shape[1]), bool)
-    if len(pieces) == 0:
-        return parts.reshape(-1, held.shape[1])
-    blocks = [np.flatnonzero(held[piece]) for piece in pieces]
-    bounds = [
-        piece_bounds(weights[piece], lower.take(some, 2), upper.take(some, 2))
-        for piece, some in zip(pieces, blocks, strict=True)
-    ]
-    low, high = (np.concatenate([both[k] for both in bounds], axis=2) for k in (0, 1))
-    inside = occupancy.holds_finely(low - slack, high + slack)
-    parts[np.repeat(pieces, [len(some) for some in blocks]), :, np.concatenate(blocks)] = inside.T
+    piece, block = np.nonzero(held)
+    if len(piece):
+        low, high = bounds_of_each(weights, piece, lower.take(block, 2), upper.take(block, 2))
+        parts[piece, :, block] = occupancy.holds_finely(low - slack, high + slack).T
     return parts.reshape(-1, held.shape[1])
 
 

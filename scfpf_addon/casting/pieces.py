@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,13 @@ from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
 from ..projection.bezier import restrict
-from ..projection.typing import Array
+from ..projection.typing import Array, IndexArray
 
 # Pieces of a span.
 PIECES = 64
+
+# Sets of weights that are kept, of the projections that are cast at a time.
+KEPT = 16
 
 
 def piece_edges(spans: SpanBasis, parts: int = 1) -> Array:
@@ -25,18 +29,31 @@ def piece_edges(spans: SpanBasis, parts: int = 1) -> Array:
 
 
 def piece_weights(spans: SpanBasis, parts: int = 1) -> Array:
-    """How the pieces' control points are made of the projector's, (S·PIECES·parts, degree+1, K)."""
+    """How pieces' control points are made of the projector's, (S·PIECES·parts, degree+1, K), read-only."""
+    weights = spans.point_weights
+    return _kept_weights(
+        spans.matrices.tobytes(), spans.matrices.shape, None if weights is None else weights.tobytes(), parts
+    )
+
+
+@lru_cache(maxsize=KEPT)
+def _kept_weights(
+    matrices: bytes, shape: tuple[int, int, int], point_weights: bytes | None, parts: int
+) -> Array:
+    """As piece_weights: every tile of a picture asks for the same ones."""
     edges = np.linspace(0.0, 1.0, PIECES * parts + 1)
-    degree = spans.degree
-    identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES * parts))
+    order = shape[1]
+    made = np.frombuffer(matrices).reshape(shape)
+    identity = np.broadcast_to(np.eye(order)[:, :, None], (order, order, PIECES * parts))
     pieces = restrict(identity, edges[:-1], edges[1:])
-    if spans.point_weights is None:
-        weights = np.einsum("jip,sik->spjk", pieces, spans.matrices)
+    if point_weights is None:
+        weights = np.einsum("jip,sik->spjk", pieces, made)
     else:
-        shares = np.einsum("jip,si->spji", pieces, spans.point_weights)
+        shares = np.einsum("jip,si->spji", pieces, np.frombuffer(point_weights).reshape(shape[:2]))
         shares /= shares.sum(axis=3, keepdims=True)
-        weights = np.einsum("spji,sik->spjk", shares, spans.matrices)
-    result: Array = weights.reshape(-1, degree + 1, weights.shape[3])
+        weights = np.einsum("spji,sik->spjk", shares, made)
+    result: Array = np.ascontiguousarray(weights.reshape(-1, order, shape[2]))
+    result.setflags(write=False)
     return result
 
 
@@ -62,3 +79,22 @@ def piece_bounds(
         low[axis] = (positive @ least + negative @ most).min(axis=1)
         high[axis] = (positive @ most + negative @ least).max(axis=1)
     return low, high
+
+
+def bounds_of_each(
+    weights: Array, which: IndexArray, lower: NDArray[Any], upper: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
+    """As piece_bounds, of the parts (P, parts, degree+1, K) of one piece each: (3, parts, M) both.
+
+    which: (M,) the pieces. lower, upper: (K, 3, M).
+    """
+    each = weights.astype(lower.dtype, copy=False).take(which, 0).transpose(3, 1, 2, 0)
+    each = np.ascontiguousarray(each)
+    positive = each if not (weights < 0.0).any() else np.maximum(each, 0.0)
+    bounds = []
+    for least, most, reduce in ((lower, upper, np.minimum), (upper, lower, np.maximum)):
+        sums = np.einsum("kpjm,kcm->pjcm", positive, least)
+        if positive is not each:
+            sums += np.einsum("kpjm,kcm->pjcm", each - positive, most)
+        bounds.append(reduce.reduce(sums, axis=1).swapaxes(0, 1))
+    return bounds[0], bounds[1]

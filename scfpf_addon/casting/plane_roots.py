@@ -28,6 +28,9 @@ NEWTON_STEPS = 3
 # 2⁻²⁶ to each other are not told apart by float64 coefficients.
 SETTLED = 2.0**-40
 
+# And where the polynomial is no higher than this share of its largest coefficient: two roundings.
+NOISE = 2.0**-52
+
 
 def unit_roots(coefficients: Array) -> Array:
     """The roots in [0, 1] of N polynomials, ascending, NaN where fewer exist.
@@ -174,9 +177,10 @@ def _value(coefficients: Array, s: Array) -> tuple[Array, Array]:
 
 def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
     """The root of each monotone piece [low, high] that has one, (N,)."""
-    start, end = _value(coefficients, low)[0], _value(coefficients, high)[0]
+    (start, start_slope), (end, end_slope) = _value(coefficients, low), _value(coefficients, high)
     rising = end > start
-    s = np.clip(low + (high - low) * (start / (start - end)), low, high)
+    s = _guess(low, high, start, start_slope, end, end_slope)
+    noise = NOISE * np.abs(coefficients).max(axis=0)
     result = s.copy()
     active = np.arange(len(s))
     for _ in range(MOST_STEPS):
@@ -190,12 +194,31 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
         step = np.where(usable, step, 0.5 * (low + high))
         step = np.where(height == 0.0, s, step)
         result[active] = step
-        going = np.flatnonzero(np.abs(step - s) > SETTLED)
+        going = np.flatnonzero((np.abs(step - s) > SETTLED) & (np.abs(height) > noise))
         if len(going) == 0:
             break
         s = step
         if len(going) < 0.5 * len(s):
             coefficients, active, rising = coefficients.take(going, 1), active[going], rising[going]
-            s, low, high = s[going], low[going], high[going]
+            s, low, high, noise = s[going], low[going], high[going], noise[going]
     np.clip(result, 0.0, 1.0, out=result)
     return result
+
+
+def _guess(low: Array, high: Array, start: Array, start_slope: Array, end: Array, end_slope: Array) -> Array:
+    """About where pieces cross 0, from their heights and slopes at both ends.
+
+    By the parabola that a cubic with these begins as, from the end that is nearer to 0: there the
+    piece may have just turned, and Newton's method would only halve its distance with each step.
+    """
+    back = np.abs(end) < np.abs(start)
+    width = np.where(back, low - high, high - low)
+    near, far = np.where(back, end, start), np.where(back, start, end)
+    climb = np.where(back, end_slope, start_slope) * width
+    other = np.where(back, start_slope, end_slope) * width
+    bend = 3.0 * (far - near) - 2.0 * climb - other
+    root = np.sqrt(climb * climb - 4.0 * bend * near)
+    share = -2.0 * near / (climb + np.copysign(root, -near))
+    share = np.where((share >= 0.0) & (share <= 1.0), share, near / (near - far))
+    guess: Array = np.clip(np.where(back, high, low) + share * width, low, high)
+    return guess

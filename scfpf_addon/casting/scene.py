@@ -9,6 +9,7 @@ what a hit is, is computed from the float64 triangles.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from copy import copy
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -23,6 +24,7 @@ from .memory import available_memory
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
+from .stopping import stop_here
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
@@ -46,6 +48,9 @@ SHADOW_END = 1e-4
 # The largest block, in bytes, that glibc can be made to keep (its limit is 32 MiB).
 KEPT_BLOCK = 31 << 20
 
+# Triangles that are measured at a time.
+BLOCK = 1 << 14
+
 # What is kept for different kinds of rays and for lamps' shadows, at most.
 MOST_PARTS = 16
 
@@ -54,6 +59,10 @@ Float32Array = NDArray[np.float32]
 
 class CastError(ValueError):
     """Casting is impossible; the message says what to do."""
+
+
+class NothingToCastAt(CastError):
+    """No triangle could ever be hit."""
 
 
 def _load_embreex() -> tuple[Any, Any]:
@@ -91,6 +100,22 @@ def _keep_freed_memory() -> None:
     np.empty(KEPT_BLOCK, np.uint8)
 
 
+def _blocks(count: int) -> Iterator[slice]:
+    """Triangles in portions that fit a core's cache."""
+    return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
+
+
+def _inverse(area: Array, usable: BoolArray) -> Array:
+    """1 over the squared areas (n,), 0 of triangles without any."""
+    return np.divide(1.0, area, out=np.zeros_like(area), where=usable)
+
+
+def _fill(rows: Array, gradient: Array, first: Array) -> None:
+    """Write functions of the place (4, n) that grow by ``gradient`` (3, n) and vanish at ``first``."""
+    rows[:3] = gradient
+    rows[3] = -np.einsum("ct,ct->t", gradient, first)
+
+
 class CastScene:
     """Triangles in cast space, in float64 and in Embree.
 
@@ -98,8 +123,8 @@ class CastScene:
     a vertex that is not finite, and those without area, are never hit; indices of
     triangles stay what they were. beyond: vertices and triangles that no projector meets
     but that stand in the way of light: ``occluded`` builds them when it is first asked.
-    Raises CastError when embreex is missing or too old, an index is out of
-    range, or no triangle is left.
+    Raises CastError when embreex is missing or too old or an index is out of
+    range, NothingToCastAt where no triangle is left.
 
     centre: (3,) world; scale: cast-space units in a world unit; matrix: (4, 4),
     world to cast space. lower, upper: (3,) bounds in cast space, within [-1, 1].
@@ -123,11 +148,11 @@ class CastScene:
             finite: BoolArray = np.all(np.abs(vertices) < LARGEST_COORDINATE, axis=1)
         usable: BoolArray = np.all(finite[self.triangles], axis=1)
         if not usable.any():
-            raise CastError("the scene has no triangles: add a mesh, or show one in renders")
+            raise NothingToCastAt("the scene has no triangles: add a mesh, or show one in renders")
         self._place(vertices, finite, usable)
         self._measure(usable)
         if not usable.any():
-            raise CastError("the scene has no triangle with an area: check the objects' scale")
+            raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
         self._neighbours: NDArray[np.int32] | None = None
         self._beyond, self._beyond_scene = beyond, None
         self._parts: dict[bytes, CastScene] = {}
@@ -137,7 +162,9 @@ class CastScene:
         """Put the triangles ``usable`` (T,) into Embree."""
         scenes, meshes = _load_embreex()
         self._usable = usable
-        faces = np.where(usable[:, None], self.triangles, self.triangles[:, :1])
+        faces = self.triangles
+        if not usable.all():
+            faces = np.where(usable[:, None], faces, faces[:, :1])
         self._embree = scenes.EmbreeScene(robust=True)
         self._mesh = meshes.TriangleMesh(self._embree, self.vertices.T.astype(np.float32), faces)
         # Embree builds at the first run, which must happen in one thread.
@@ -146,6 +173,8 @@ class CastScene:
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
+        # Another: prisms are made of weights.
+        self._weights_lock = Lock()
 
     def only(self, kept: BoolArray | None) -> CastScene | None:
         """The same triangles by the same numbers, of which only those in ``kept`` (T,) are ever hit.
@@ -185,25 +214,44 @@ class CastScene:
         self.upper: Array = self.vertices.max(axis=1)
 
     def _measure(self, usable: BoolArray) -> None:
-        """Planes and barycentric rows of the triangles; ``usable`` loses those without area."""
-        first, second, third = (self.vertices.take(self.triangles[:, k], 1) for k in range(3))
-        along, across = second - first, third - first
-        normal = np.cross(along, across, axis=0)
-        area = np.einsum("ct,ct->t", normal, normal)
-        length = np.maximum(np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across))
-        usable &= area > (FLATTEST * length) ** 2
-        inverse = np.divide(1.0, area, out=np.zeros_like(area), where=usable)
+        """Planes of the triangles; ``usable`` loses those without area."""
         self.planes: Array = np.empty((4, len(usable)))
-        self._corners: Array = np.empty((8, len(usable)))
-        for rows, gradient in (
-            (self.planes, normal * np.sqrt(inverse)),
-            (self._corners[:4], np.cross(across, normal, axis=0) * inverse),
-            (self._corners[4:], np.cross(normal, along, axis=0) * inverse),
-        ):
-            rows[:3] = gradient
-            rows[3] = -np.einsum("ct,ct->t", gradient, first)
-        reach: Array = np.maximum(np.maximum(np.abs(first), np.abs(second)), np.abs(third)).max(axis=0)
-        self._reach = reach.astype(np.float32)
+        self._reach = np.empty(len(usable), np.float32)
+        self._weights: Array | None = None
+        for some in _blocks(len(usable)):
+            first, along, across = self._edges(some)
+            normal = np.cross(along, across, axis=0)
+            area = np.einsum("ct,ct->t", normal, normal)
+            longest = np.maximum(np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across))
+            usable[some] &= area > (FLATTEST * longest) ** 2
+            _fill(self.planes[:, some], normal * np.sqrt(_inverse(area, usable[some])), first)
+            corners = np.abs([self.vertices.take(self.triangles[some, k], 1) for k in range(3)])
+            self._reach[some] = corners.max(axis=(0, 1))
+
+    def _edges(self, some: slice) -> tuple[Array, Array, Array]:
+        """The first corners of some triangles, and what leads from them to the second and third, (3, n)."""
+        first, second, third = (self.vertices.take(self.triangles[some, k], 1) for k in range(3))
+        return first, second - first, third - first
+
+    @property
+    def _corners(self) -> Array:
+        """(8, T): gradients and offsets of the triangles' barycentric weights; see ``_weights_made``."""
+        weights = self._weights
+        if weights is None:
+            with self._weights_lock:
+                weights = self._weights = self._weights_made() if self._weights is None else self._weights
+        return weights
+
+    def _weights_made(self) -> Array:
+        """The weights of the second and third corner. Made at first use: flat shading needs none."""
+        weights: Array = np.empty((8, len(self._usable)))
+        for some in _blocks(len(self._usable)):
+            first, along, across = self._edges(some)
+            normal = np.cross(along, across, axis=0)
+            inverse = _inverse(np.einsum("ct,ct->t", normal, normal), self._usable[some])
+            _fill(weights[:4, some], np.cross(across, normal, axis=0) * inverse, first)
+            _fill(weights[4:, some], np.cross(normal, along, axis=0) * inverse, first)
+        return weights
 
     @property
     def neighbours(self) -> NDArray[np.int32]:
@@ -255,8 +303,19 @@ class CastScene:
         origins, directions: (3, N) float32, cast space; limits: (N,) float32, in
         units of the direction's length; a negative limit switches a ray off.
         """
+        stop_here()
         found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
         return found
+
+    def trace_weights(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> tuple[NDArray[np.int32], tuple[Float32Array, Float32Array]]:
+        """As ``trace``, with Embree's own weights, each (N,), of the second and third corner.
+
+        The limits are used up.
+        """
+        found = self._embree.run(origins.T, directions.T, limits, output=True)
+        return found["primID"], (found["u"], found["v"])
 
     def trace_distance(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
@@ -273,6 +332,7 @@ class CastScene:
         length (inf is allowed), float64, cast space. The last SHADOW_END of the
         way is left out; origins are taken as they are (see ``offset_origins``).
         """
+        stop_here()
         with np.errstate(invalid="ignore", over="ignore"):
             # embreex takes a negative limit for a hit here; a limit that is no number becomes 0.
             limits = np.fmax(distances * (1.0 - SHADOW_END), 0.0).astype(np.float32)
@@ -340,7 +400,7 @@ class CastScene:
 
     def barycentric(self, positions: Array, triangles: IndexArray) -> Array:
         """Weights (2, N) of the triangles' second and third corners at positions (3, N)."""
-        rows = self._corners.take(triangles, 1)
+        rows = self._corners.take(triangles, 1, mode="wrap")
         weights = np.empty((2, positions.shape[1]))
         for target, row in zip(weights, (rows[:4], rows[4:]), strict=True):
             np.einsum("cn,cn->n", row[:3], positions, out=target)
@@ -376,6 +436,7 @@ class PrismScene:
 
         As ``CastScene.trace``; the second array (N,) is in units of the direction's length.
         """
+        stop_here()
         found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
         triangle: NDArray[np.int32] = found["primID"]
         triangle >>= FACE_BITS

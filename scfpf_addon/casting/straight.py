@@ -7,7 +7,7 @@ import numpy as np
 
 from ..projection.typing import Array, BoolArray
 from .hits import CastCounts, Hits
-from .scene import CastScene
+from .scene import CastScene, Float32Array
 
 # Rays run this share past t = 1, so that float32 cannot lose a hit just before
 # it; what the float64 solve then puts past 1 is dropped.
@@ -20,6 +20,24 @@ OFF_VERTICES = (2.0**-23 * np.array([[1.0], [0.7], [0.4]])).astype(np.float32)
 # A float64 solution this far from [0, 1] means a triangle seen edge-on, whose
 # plane says nothing; Embree's own distance is kept then.
 EDGE_ON = 1e-4
+
+
+def float32_rays(
+    start: Array, way: Array, mask: BoolArray, reach: tuple[float, float]
+) -> tuple[Float32Array, Float32Array, Float32Array]:
+    """Origins and directions (3, N) and limits (N,) of rays along the segments from start to start + way.
+
+    start, way: (3, N), cast space. mask: (N,), the others are switched off. reach: the part of
+    [0, 1] that can hold a hit.
+    """
+    first, last = reach
+    origins = (start + way * first if first > 0.0 else start).astype(np.float32)
+    origins += OFF_VERTICES
+    directions = (way * (last - first) if last - first < 1.0 else way).astype(np.float32)
+    limits = np.full(len(mask), 1.0 + END_SLACK, np.float32)
+    if not mask.all():
+        limits[~mask] = -1.0
+    return origins, directions, limits
 
 
 def cast_straight(
@@ -38,20 +56,14 @@ def cast_straight(
     """
     start, way = points[0], points[1] - points[0]
     first, last = reach
-    origins = (start + way * first if first > 0.0 else start).astype(np.float32)
-    origins += OFF_VERTICES
-    directions = (way * (last - first) if last - first < 1.0 else way).astype(np.float32)
-    limits = np.full(len(mask), 1.0 + END_SLACK, np.float32)
-    whole = bool(mask.all())
-    if not whole:
-        limits[~mask] = -1.0
+    origins, directions, limits = float32_rays(start, way, mask, reach)
     found = scene.trace(origins, directions, limits)
     count = int(np.count_nonzero(mask))
     counts.projectors, counts.rays = counts.projectors + count, counts.rays + count
     counts.chords += count
 
     # On a miss the last triangle stands in; what comes of it is overwritten below.
-    plane = scene.planes.take(found, 1)
+    plane = scene.planes.take(found, 1, mode="wrap")
     height = np.einsum("cn,cn->n", plane[:3], start)
     height += plane[3]
     slope = np.einsum("cn,cn->n", plane[:3], way)
@@ -74,7 +86,7 @@ def cast_straight(
         t = np.where(hit, place, np.inf)
     else:
         t = place
-    if not whole:
+    if not mask.all():
         position *= mask
         way *= mask
     return Hits(t, found, barycentric, position, way, mask)

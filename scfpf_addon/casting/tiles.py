@@ -4,14 +4,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
+from queue import Empty, SimpleQueue
 from threading import Event
 from typing import TypeVar
 
 from .scene import CastError
+from .stopping import watching
 
 Result = TypeVar("Result")
 
@@ -82,13 +84,16 @@ def run_tiles(
     jobs = [TileJob(rows, stop) for rows in tiles]
     height = sum(rows.stop - rows.start for rows in tiles)
     with ThreadPoolExecutor(thread_count(threads)) as pool:
-        pending = {pool.submit(work, job): job for job in jobs}
+        pending = {pool.submit(_watched, work, job): job for job in jobs}
+        # ``concurrent.futures.wait`` would look at all futures whenever one ends.
+        ended: SimpleQueue[Future[Result]] = SimpleQueue()
+        for future in pending:
+            future.add_done_callback(ended.put)
         try:
             while pending:
                 if cancelled and cancelled():
                     return False
-                ended, _ = wait(pending, POLL_SECONDS, FIRST_COMPLETED)
-                for future in ended:
+                for future in _taken(ended, POLL_SECONDS):
                     job = pending.pop(future)
                     finished(job.rows, future.result())
                     job.done = 1.0
@@ -99,3 +104,19 @@ def run_tiles(
             for future in pending:
                 future.cancel()
     return True
+
+
+def _taken(queue: SimpleQueue[Result], seconds: float) -> Iterator[Result]:
+    """All that is in a queue, after waiting so long for the first at most."""
+    try:
+        yield queue.get(timeout=seconds)
+        while True:
+            yield queue.get_nowait()
+    except Empty:
+        return
+
+
+def _watched(work: Callable[[TileJob], Result], job: TileJob) -> Result:
+    """The work of a tile, which ends amid its rays when it is to stop."""
+    with watching(job.stop):
+        return work(job)

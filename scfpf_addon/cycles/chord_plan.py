@@ -13,11 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..casting.schedule import END_CHORD, SHIFT, Curves, tolerance
+from ..casting.schedule import END_CHORD, SHIFT, Curves
 from ..projection.basis import SpanBasis
 from ..projection.image_stack import is_disc
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection, image_derivatives
+from .pixel_measure import SMALLEST_ERROR, blend, pixels, without
 from .sheets import picture_places
 
 # Projectors that are looked at, across and up the picture.
@@ -49,9 +50,6 @@ CELL_SAMPLES = 16
 
 # Rim of a polar picture: this many cells make a polygon that the eye takes for a circle.
 ROUND_CELLS = 64
-
-# Smaller pixel errors than this are beyond the float32 of Cycles and count as this.
-SMALLEST_ERROR = 0.01
 
 # Time a chord costs, as a share of what a plain camera needs in a simple scene, and the rig itself.
 COST_CHORD, COST_RIG = 0.25, 0.3
@@ -184,9 +182,9 @@ def _demand(spans: SpanBasis, span: int, curves: Curves) -> tuple[Array, Array]:
     # As in casting.schedule: even steps in θ are fine at both ends of s = (1 - cos θ)/2.
     edges = np.linspace(0.0, np.pi, STEPS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    demand = tolerance(curves, spans, span, 0.5 - 0.5 * np.cos(middle), SMALLEST_ERROR)
+    there = pixels(curves, spans, span, 0.5 - 0.5 * np.cos(middle))
     length = spans.breaks[span + 1] - spans.breaks[span]
-    bend = SMALLEST_ERROR * SHIFT * demand.bend / demand.length
+    bend = SHIFT * there.moved(there.bend)
     share = np.sqrt(bend).max(axis=1) * length * 0.5 * np.sin(middle) * np.diff(edges)
     return edges, np.concatenate([[0.0], np.cumsum(share)])
 
@@ -228,24 +226,14 @@ def _measure(spans: SpanBasis, curves: Curves, breaks: Array, shifts: Array) -> 
         )
         low, high = spans.breaks[span], spans.breaks[span + 1]
         local = (np.linspace(start, end, PLACES) - low) / (high - low)
-        demand = tolerance(curves, spans, span, local, SMALLEST_ERROR)
+        there = pixels(curves, spans, span, local)
         values, _, bends = spans.within(span, local[[0, -1]])
         weights = values - np.array([shift, next_shift])[:, None] * bends
         ends = np.einsum("gk,kcs->gcs", weights, curves.points)
-        distance = _distance(demand.position, ends[0], ends[1])
-        largest = max(largest, SMALLEST_ERROR * float((distance / demand.length).max(initial=0.0)))
+        chord = np.broadcast_to((ends[1] - ends[0])[:, None], there.position.shape)
+        offset = without(there.position - ends[0][:, None], chord)
+        largest = max(largest, float(there.moved(offset).max(initial=0.0)))
     return largest
-
-
-def _distance(points: Array, start: Array, end: Array) -> Array:
-    """From points (3, G, S) to the lines through start and end (3, S): (G, S)."""
-    chord = end - start
-    length = (chord**2).sum(axis=0)
-    inverse = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
-    offset = points - start[:, None]
-    along = (offset * chord[:, None]).sum(axis=0) * inverse
-    distance: Array = np.sqrt(((offset - chord[:, None] * along) ** 2).sum(axis=0))
-    return distance
 
 
 def _cells(
@@ -316,12 +304,7 @@ def _off(
     for span, (low, high) in enumerate(zip(spans.breaks[:-1], spans.breaks[1:], strict=True)):
         inside = breaks[(breaks >= low) & (breaks <= high)]
         local = (inside[:: max(1, len(inside) // 8)] - low) / (high - low)
-        demand = tolerance(curves, spans, span, local, SMALLEST_ERROR)
-        values, slopes, _ = spans.within(span, local)
-        here, tangent = (np.einsum("gk,kcs->cgs", w, p) for w, p in ((values, off), (slopes, curves.points)))
-        squared = (tangent**2).sum(axis=0)
-        inverse = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0.0)
-        across = here - tangent * ((here * tangent).sum(axis=0) * inverse)
-        share = np.sqrt((across**2).sum(axis=0)) / demand.length
-        largest = max(largest, SMALLEST_ERROR * float(share.max()))
+        there = pixels(curves, spans, span, local)
+        values, _, _ = spans.within(span, local)
+        largest = max(largest, float(there.moved(blend(values, off)).max()))
     return largest

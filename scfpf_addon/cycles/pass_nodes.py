@@ -8,6 +8,7 @@ is true of the chord on which the ray meets something. The far sheet takes every
 from __future__ import annotations
 
 from ..scanline.field_nodes import FieldBuilder, Value
+from .seen_places import OWN, RECTANGLE
 
 # AOVs, all colours: where the chord begins; Q's change along it, by t; t there and the length so far;
 # u, v, and 1 where anything is met.
@@ -16,6 +17,8 @@ AOVS = (AOV_START, AOV_RATE, AOV_ALONG, AOV_PLACE)
 # Attributes of the sheets: what each adds to the first three; x, y in the table and whether it is polar.
 ADDED = {AOV_START: "scfpf_add_start", AOV_RATE: "scfpf_add_rate", AOV_ALONG: "scfpf_add_along"}
 PLACE = "scfpf_place"
+# Before the nodes: x and y as seen through image mappings, and what kind of place that is (``seen_places``).
+SEEN = "scfpf_seen"
 TURN = 6.283185307179586
 
 
@@ -40,6 +43,10 @@ def store_added(nodes: FieldBuilder, geometry: Value, given: dict[str, Value]) -
     start, chord = given["Start"], given["Chord"]
     rate = chord * (1.0 / given["Step"])
     t = nodes.xyz(given["t"], 0.0, 0.0, "t")
+    nodes.open_frame("The place that is seen, through image mappings if there are any")
+    seen_x, seen_y, kind = nodes.attribute(SEEN, "FLOAT_VECTOR").parts()
+    through = nodes.xyz(seen_x, seen_y, kind - float(RECTANGLE), "x, y, polar")
+    place = nodes.switch(kind > OWN + 0.5, given["Place"], through, "VECTOR", "Mapped?")
     nodes.open_frame("Length of the chords so far")
     length = nodes.xyz(0.0, chord.length() * counts, 0.0, "Length")
     whole = ((index + 0.5) / given["Sheet"]).floor()
@@ -50,7 +57,7 @@ def store_added(nodes: FieldBuilder, geometry: Value, given: dict[str, Value]) -
     along = change(t) + last - nodes.xyz(0.0, so_far * far, 0.0, "All of It")
     for aov, value in ((AOV_START, change(start)), (AOV_RATE, change(rate)), (AOV_ALONG, along)):
         geometry = nodes.store(geometry, ADDED[aov], value, "FLOAT_VECTOR")
-    return nodes.store(geometry, PLACE, given["Place"], "FLOAT_VECTOR")
+    return nodes.store(geometry, PLACE, place, "FLOAT_VECTOR")
 
 
 def add_to_aovs(nodes: FieldBuilder, due, place: float, follow) -> None:

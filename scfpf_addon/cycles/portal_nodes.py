@@ -24,8 +24,10 @@ POSITION, DIRECTION, DEPTH = "scfpf_position", "scfpf_direction", "scfpf_depth"
 # The rig's camera looks at a screen of this width or little more, this far below the scene. float32 tells
 # 16 million places across it, wherever it is.
 WIDTH = 200_000.0
-AWAY = 1e6
+AWAY = 2.5e5
 TO_SCREEN = 1e4
+# Rays begin so far before the screen, since the fog of a world is there too: twice float32's step at AWAY.
+BEFORE_SCREEN = 0.03125
 TO_SURROUND = 1.1e4
 # Rays that have left the volume go on from so far away that only the world is left to see.
 TELEPORT = 1e8
@@ -192,7 +194,7 @@ def _portal(name: str, gated: bool, slot: int, follow):
         through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
-    if due is None:
+    if due is None and slot != SCREEN:
         # On an edge a ray may be turned by both triangles: no harm, but it must not count twice.
         way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
         due = nodes.combine("GREATER_THAN", way, attribute(DIRECTION).length() * SAME_PLACE).socket

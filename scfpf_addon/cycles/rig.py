@@ -20,11 +20,11 @@ from ..scanline.picture_table import picture_signature
 from ..scanline.table_object import grid_cells
 from . import passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
-from .pass_nodes import AOV_PLACE
 from .rig_data import (
     RigError,
     adopt,
     check,
+    check_surfaces,
     has_old_nodes,
     is_whole,
     make_rig,
@@ -35,7 +35,8 @@ from .rig_data import (
     update_nodes,
     write_sheets,
 )
-from .sheets import crosses_itself, picture_places
+from .sheets import crosses_itself, has_no_area, picture_places
+from .smoke import smoke_around
 
 # Frames of an animated volume that its chords are planned for.
 FRAMES = 9
@@ -48,6 +49,7 @@ ENOUGH = 0.7
 # Where F-curves and drivers of image mappings lead.
 MAPPINGS_PATH = "scfpf.mappings["
 CROSSES = "The volume crosses itself: Blender 5.0 is needed"
+NO_AREA = "Projectors meet in a line: what is behind it is seen too"
 STALE = "The animated volume has changed: update the chords"
 
 # What was seen at the last look, by session_uid of the rig: numbers and bytes only.
@@ -70,7 +72,7 @@ def switch_on(context, camera):
     rig = make_rig(scene, camera, chords)
     rig.scfpf_rig.animated = animated
     _look_through(scene, camera, True)
-    _note(rig, context.evaluated_depsgraph_get())
+    _note(rig, context.evaluated_depsgraph_get(), chords)
     return rig
 
 
@@ -81,7 +83,7 @@ def update(context, rig) -> None:
     rig.scfpf_rig.animated = animated
     rig.scfpf_rig.problem = ""
     write_sheets(rig, chords)
-    _note(rig, context.evaluated_depsgraph_get())
+    _note(rig, context.evaluated_depsgraph_get(), chords)
 
 
 def set_passes(rig, on: bool) -> None:
@@ -119,6 +121,7 @@ def _look_through(scene, camera, on: bool) -> None:
 def _plan(context, camera) -> tuple[ChordPlan, bool]:
     """The chords for all frames that are looked at, and whether the volume is animated."""
     scene = context.scene
+    check_surfaces(camera)
     try:
         size, aspect = picture_size(scene), picture_aspect(scene)
         present = read_projection(camera, context.evaluated_depsgraph_get(), aspect)
@@ -187,32 +190,27 @@ def cautions(scene, view_layer, rig) -> list[str]:
         found.append("Camera culling would leave all objects out")
     if settings.camera.data.dof.use_dof and settings.chords > 1:
         found.append("No depth of field: the projectors are bent")
-    if _has_volume(scene.world):
-        found.append("The world's volume is not right beyond the screen")
+    if settings.smoke:
+        found.append(f"Begins in the smoke of '{settings.smoke}', which rays do not know of")
     if settings.crosses:
         gated = portal_nodes.can_gate()
         found.append("The volume folds: rays turn too early" if gated else CROSSES)
+    if settings.flat:
+        found.append(NO_AREA)
+    if settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):
+        found.append(f"Off by up to {settings.error:.2g} px somewhere: sheets cannot be finer")
     if settings.missing > 0.0:
         found.append("Holes, and what the picture leaves empty, are filled in")
-    if any(mapping.enabled for mapping in settings.camera.scfpf.mappings):
-        if view_layer.aovs.get(AOV_PLACE) is not None:
-            found.append("The pass (u, v, t) has the u and v from before the image mappings")
-        if _mappings_move(settings.camera):
-            found.append("Image mappings stay as they are while Cycles renders an animation")
+    if _mappings_move(settings.camera):
+        found.append("Image mappings stay as they are while Cycles renders an animation")
     return found
 
 
 def _mappings_move(camera) -> bool:
     """Whether an F-curve or a driver acts on an image mapping: their places are worked out beforehand."""
-    return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
-
-
-def _has_volume(world) -> bool:
-    if world is None or world.node_tree is None:
+    if not any(mapping.enabled for mapping in camera.scfpf.mappings):
         return False
-    return any(
-        node.type == "OUTPUT_WORLD" and node.inputs["Volume"].is_linked for node in world.node_tree.nodes
-    )
+    return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
 
 
 def tend(scene, depsgraph, may_remove: bool = True) -> None:
@@ -242,6 +240,7 @@ def _follow(rig, depsgraph) -> None:
         if structure_changed:
             update_nodes(rig)
         problem = _settle(rig, projection, structure_changed)
+        _note_smoke(rig, depsgraph, projection)
         _seen[rig.session_uid] = now
     except (ProjectionError, PlanError, RenderError, RigError) as error:
         problem = str(error)
@@ -271,6 +270,7 @@ def _look(rig, depsgraph) -> tuple[Projection, tuple]:
     """The projection as it is, and what tells it from another: what nodes do not follow, and the rest."""
     settings = rig.scfpf_rig
     camera, own = settings.camera, settings.camera.scfpf
+    check_surfaces(camera)
     projection = read_projection(camera, depsgraph, picture_aspect(settings.scene))
     surfaces = tuple(
         (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
@@ -283,10 +283,11 @@ def _look(rig, depsgraph) -> tuple[Projection, tuple]:
     return projection, (structure, points, picture_size(settings.scene), own.pixel_error)
 
 
-def _note(rig, depsgraph) -> None:
+def _note(rig, depsgraph, chords: ChordPlan) -> None:
     projection, now = _look(rig, depsgraph)
     _seen[rig.session_uid] = now
-    _note_crossing(rig, projection, plan_of(rig, projection))
+    _note_crossing(rig, projection, chords)
+    _note_smoke(rig, depsgraph, projection)
 
 
 def plan_of(rig, projection: Projection) -> ChordPlan:
@@ -294,6 +295,13 @@ def plan_of(rig, projection: Projection) -> ChordPlan:
     camera = rig.scfpf_rig.camera
     size = picture_size(rig.scfpf_rig.scene)
     return plan_chords([projection], size, camera.scfpf.pixel_error, _lines(camera))
+
+
+def _note_smoke(rig, depsgraph, projection: Projection) -> None:
+    """Note whether rays begin inside of something that is a volume."""
+    smoke = smoke_around(rig.scfpf_rig.scene, depsgraph, projection)
+    if rig.scfpf_rig.smoke != smoke:
+        rig.scfpf_rig.smoke = smoke
 
 
 def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
@@ -304,7 +312,10 @@ def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
     weights, _ = projection.volume.spans.weights(chords.breaks)
     layers = np.einsum("kn,kcs->ncs", weights, points)
     layers = layers.reshape(*layers.shape[:2], CROSSING, CROSSING)
-    crosses = crosses_itself(layers, portal_nodes.can_gate())
+    flat = has_no_area(layers)
+    crosses = not flat and crosses_itself(layers, portal_nodes.can_gate())
+    if rig.scfpf_rig.flat != flat:
+        rig.scfpf_rig.flat = flat
     if rig.scfpf_rig.crosses != crosses:
         rig.scfpf_rig.crosses = crosses
 

@@ -10,17 +10,19 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..bridge import versions
+from ..bridge import lattice_object, versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.lattice_object import KIND as LATTICE_KIND
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
+from ..projection.typing import Array
 from ..scanline.field_nodes import BUILD, BUILD_KEY
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
 from ..scanline.table_object import follow_property, table_object
-from . import lens_nodes, passes, portal_nodes
+from . import lens_nodes, pass_nodes, passes, portal_nodes
 from .chord_plan import ChordPlan
-from .portal_nodes import AWAY, END, START, TO_SCREEN, WIDTH
+from .portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN, WIDTH
+from .seen_places import seen_places
 from .sheets import SURROUND_CORNERS, Portals, portals
 
 MODIFIER = "SCFPF Portals"
@@ -87,6 +89,16 @@ def check_surfaces(camera) -> None:
         )
 
 
+def check_surfaces(camera) -> None:
+    """Raises RigError where the table of projectors does not follow a control surface."""
+    for slot in camera.scfpf.surfaces:
+        if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
+            raise RigError(
+                f"Cycles cannot follow the lattice '{slot.object.name}': use control surfaces instead of it, "
+                "or render with SCFPF"
+            )
+
+
 def make_rig(scene, camera, chords: ChordPlan):
     """All datablocks of a camera's rig; returns its collection. The scene then renders through it."""
     sync_volume_object(camera)
@@ -124,10 +136,16 @@ def _new_view_camera(camera, width: float):
     lens.type = "ORTHO"
     lens.sensor_fit = "HORIZONTAL"
     lens.ortho_scale = width
-    lens.clip_start, lens.clip_end = 0.5 * TO_SCREEN, 2.0 * TO_SCREEN
     view_camera = bpy.data.objects.new(name, lens)
-    view_camera.location.z = -AWAY
+    _place(view_camera)
     return view_camera
+
+
+def _place(view_camera) -> None:
+    """Where the nodes have the screen before a rig's camera; other versions had it elsewhere."""
+    view_camera.location.z = -AWAY
+    lens = view_camera.data
+    lens.clip_start, lens.clip_end = TO_SCREEN - BEFORE_SCREEN, 2.0 * TO_SCREEN
 
 
 def _new_portals(camera, scene, width: float):
@@ -225,6 +243,7 @@ def update_nodes(rig) -> None:
     check_surfaces(settings.camera)
     settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
     settings.table[RIG_KEY] = settings.camera
+    _place(settings.view_camera)
     group = portal_nodes.portal_group()
     modifier = settings.portals.modifiers[MODIFIER]
     if modifier.node_group != group:
@@ -250,7 +269,9 @@ def write_sheets(rig, chords: ChordPlan) -> None:
     """Make the rig's mesh that of a plan, and note what the plan promises."""
     settings = rig.scfpf_rig
     size = picture_size(settings.scene)
-    _fill(settings.portals.data, portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc))
+    arrays = portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc)
+    seen = seen_places(settings.camera, settings.scene, arrays.places, chords.disc)
+    _fill(settings.portals.data, arrays, seen)
     settings.error, settings.cost, settings.missing = chords.error, chords.cost, chords.missing
     settings.cells = chords.cells
     modifier = settings.portals.modifiers[MODIFIER]
@@ -279,7 +300,7 @@ def present_chords(rig):
     return chords[:, 0], chords[:, 1]
 
 
-def _fill(mesh, arrays: Portals) -> None:
+def _fill(mesh, arrays: Portals, seen: Array) -> None:
     mesh.clear_geometry()
     count = len(arrays.triangles)
     mesh.vertices.add(arrays.places.shape[1])
@@ -293,7 +314,7 @@ def _fill(mesh, arrays: Portals) -> None:
     owners[portal_nodes.SURROUND] = arrays.surround
     values = np.select([*owners.values()], [*owners], portal_nodes.SHEET)
     slots.data.foreach_set("value", values.astype(np.int32))
-    for name, values in ((START, arrays.start), (END, arrays.end)):
+    for name, values in ((START, arrays.start), (END, arrays.end), (pass_nodes.SEEN, seen)):
         attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
         attribute.data.foreach_set("vector", values.T.astype(np.float32).ravel())
     mesh.update(calc_edges=True)

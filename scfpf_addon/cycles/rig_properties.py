@@ -112,6 +112,18 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         default=False,
         update=_changed,
     )
+    flat: BoolProperty(
+        name="No Area",
+        description="A sheet is a line or a point: rays pass it by, and see what is behind",
+        default=False,
+        update=_changed,
+    )
+    smoke: StringProperty(
+        name="Smoke",
+        description="An object with a volume that the near surface is inside of: rays do not know of it",
+        default="",
+        update=_changed,
+    )
     problem: StringProperty(
         name="Problem",
         description="Why the rig does not follow the camera at present; empty when it does",

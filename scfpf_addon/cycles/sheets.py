@@ -20,6 +20,9 @@ PADDING = 2.0
 # Ends of chords, as a share of them, that may touch a sheet without being turned too early.
 TOUCHED = 1e-3
 
+# A sheet is a line when it is broad by this share of the volume's size, or less: what float32 leaves.
+LINE = 1e-6
+
 # The surround covers pictures this many times as wide as high, and the other way round.
 SURROUND = 60.0
 # Its vertices are the last ones.
@@ -46,10 +49,17 @@ class Portals(NamedTuple):
 
 def picture_places(x: Array, y: Array, polar: bool, aspect: float) -> tuple[Array, Array]:
     """Image positions of places (x, y) in a sheet, each (N,): a square's are pressed into a polar disc."""
-    if not polar:
-        return x, y
-    x, y = pressed(x, y)
+    return disc_places(*pressed(x, y), aspect) if polar else (x, y)
+
+
+def disc_places(x: Array, y: Array, aspect: float) -> tuple[Array, Array]:
+    """Image positions of places in the square about a polar disc, each (N,)."""
     return 0.5 + (x - 0.5) / max(aspect, 1.0), 0.5 + (y - 0.5) / max(1.0 / aspect, 1.0)
+
+
+def disc_square(x: Array, y: Array, aspect: float) -> tuple[Array, Array]:
+    """The inverse of ``disc_places``."""
+    return 0.5 + (x - 0.5) * max(aspect, 1.0), 0.5 + (y - 0.5) * max(1.0 / aspect, 1.0)
 
 
 def pressed(x: Array, y: Array) -> tuple[Array, Array]:
@@ -114,6 +124,16 @@ def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[A
     rises = (middle[0] * middle[1] >= 0.0)[:, None, None]
     triangles = np.where(rises, rising, falling).reshape(-1, 3)
     return *pressed(x, y), triangles
+
+
+def has_no_area(layers: Array) -> bool:
+    """Whether a sheet behind the screen is a line or a point, which no ray meets; layers: as below."""
+    for layer in layers[1:]:
+        points = layer.reshape(3, -1)
+        _, breadth, _ = np.linalg.svd(points - points.mean(axis=1, keepdims=True), compute_uv=False)
+        if breadth <= LINE * np.abs(layers).max():
+            return True
+    return False
 
 
 def crosses_itself(layers: Array, gated: bool) -> bool:

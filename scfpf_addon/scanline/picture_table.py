@@ -41,6 +41,11 @@ def picture_signature(camera, scene) -> tuple | str:
     return mappings, picture_aspect(scene), tuple(settings.u_range), tuple(settings.v_range)
 
 
+def picture_mappings(camera, scene) -> tuple:
+    """The mappings that act on a camera's picture in a scene. Raises MappingError."""
+    return read_mappings(camera, _depsgraph(scene))
+
+
 def _depsgraph(scene):
     """The evaluated state of a scene as its window has it; not evaluated anew, which handlers must not do."""
     if scene == bpy.context.scene:
@@ -58,7 +63,7 @@ def store_picture(table, camera, scene, least_cells: tuple[int, int]) -> dict[st
             table.data.clear_geometry()
         return {"Pictured": UNUSED, "Disc": 1}
     try:
-        mappings = read_mappings(camera, _depsgraph(scene))
+        mappings = picture_mappings(camera, scene)
     except MappingError:
         return {"Pictured": UNUSED, "Disc": 1}
     aspect, settings = picture_aspect(scene), camera.scfpf

@@ -22,6 +22,8 @@ SILVER = np.sqrt(2) - 1
 THIRD = np.sqrt(3) - 1
 # Nodes of the table that inverts a ball's distribution of radii; its error is below 1e-5.
 RADIUS_NODES = 1025
+# Pixels that are written at once, channel by channel: they fit a core's cache.
+AT_ONCE = 1 << 12
 
 
 def shuffled(count: int, ratio: float) -> IndexArray:
@@ -78,7 +80,7 @@ class Film:
     """
 
     def __init__(self, count: int, background: Array, transparent: bool) -> None:
-        self._sum: Single = np.zeros((4, count), np.float32)
+        self._sum: Single = np.empty((4, count), np.float32)
         self._samples = 0
         self._empty = np.zeros(4, np.float32)
         if not transparent:
@@ -91,18 +93,27 @@ class Film:
         hit: (n,) the pixels that see the scene, color: (3, n) what they see, or (4, n)
         with its alpha.
         """
-        alpha = color[3] if len(color) > 3 else np.float32(1)
         if len(hit) == len(shown):
-            self._sum[:3] += color[:3]
-            self._sum[3] += alpha
+            sample = np.empty_like(self._sum)
+            sample[:3], sample[3] = color[:3], color[3] if len(color) > 3 else 1
         else:
             sample = self._empty[:, None] * shown
+            alpha = color[3] if len(color) > 3 else np.float32(1)
             for channel, values in zip(sample, (*color[:3], alpha), strict=True):
                 channel[hit] = values
+        self.add_whole(sample)
+
+    def add_whole(self, sample: Single) -> None:
+        """One sample of every pixel, (4, count) with alpha, whatever it sees; the film keeps the array."""
+        if self._samples:
             self._sum += sample
+        else:
+            self._sum = sample
         self._samples += 1
 
     def develop(self, pixels: Single) -> None:
         """Write the mean into pixels (count, 4): premultiplied by alpha."""
-        for channel, total in zip(pixels.T, self._sum, strict=True):
-            np.multiply(total, np.float32(1 / self._samples), out=channel)
+        for start in range(0, len(pixels), AT_ONCE):
+            part = slice(start, start + AT_ONCE)
+            for channel, total in zip(pixels[part].T, self._sum[:, part], strict=True):
+                np.multiply(total, np.float32(1 / self._samples), out=channel)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,12 +13,17 @@ from ..casting.scene import CastScene
 from ..projection.typing import BoolArray, IndexArray
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
+from .lit import reaching
 from .scene import Scene
 from .settings import FrameSettings
+from .sky_light import SkyLight
 from .surface import PhongTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
-from .visible import held_out, shadowed
+from .visible import held_out, shadowed, shadowing
+
+# In place of positions that do not matter.
+NOWHERE = np.full((3, 1), np.nan)
 
 
 @dataclass(frozen=True)
@@ -36,15 +41,15 @@ class Shading:
 
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
-        """Prepared for frames of these settings. Lights without power are left out."""
-        lights = [light for light in scene.lights if np.any(light.color)]
-        shadows = any(light.casts_shadow for light in lights)
+        """Prepared for frames of these settings. Lights without power or reach are left out."""
+        lights = reaching(scene.lights, scene.geometry.vertices)
+        sky = sky_of(scene, cast_scene, settings.samples)
+        shadows = any(light.casts_shadow for light in lights) or sky is not None
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
-        phong = PhongTable.of(scene.materials, scene.world_color)
-        lamps = tuple(
-            shadowed(Lamp.of(light, cast_scene.matrix, settings.samples), scene.geometry, cast_scene)
-            for light in lights
-        )
+        phong = PhongTable.of(scene.materials, scene.world_color, sky)
+        lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
+        lamps += sky.lamps if sky else ()
+        lamps = tuple(shadowed(lamp, scene.geometry, cast_scene) for lamp in lamps)
         tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
         return cls(surface, phong, lamps, tracer, held_out(scene.geometry))
 
@@ -63,7 +68,7 @@ class Shading:
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            return tracer.color(hits.take(where), sample, onward.of(where), parts)
+            return tracer.color(hits.take(where), sample, onward.pixels_of(where), onward.of(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
@@ -76,3 +81,21 @@ class Shading:
         if parts:
             parts.rows[:, held] = 0.0
         return np.concatenate([color * ~held, ~held[None]]).astype(np.float32)
+
+    def under_suns(
+        self, triangle: IndexArray, weights: tuple[Single, Single] | None, way: Single, sample: int
+    ) -> Single:
+        """As ``color``, (3, n), where there are but suns without shadows, for which places do not matter.
+
+        triangle: (n,), where it is negative any colour comes out. weights: of its second and third
+        corner, each (n,), for smooth shading. way: (3, n) away from the viewer.
+        """
+        points = self.surface.points(triangle, weights, NOWHERE, way)
+        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)
+
+
+def sky_of(scene: Scene, cast_scene: CastScene, samples: int) -> SkyLight | None:
+    """What lights as a scene's world does, None for one that is the same all around."""
+    if scene.world is None:
+        return None
+    return replace(SkyLight.of(scene.world.light, samples), occluders=shadowing(scene.geometry, cast_scene))

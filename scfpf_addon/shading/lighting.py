@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,8 @@ SMALLEST_BLEND = 1e-6
 # Cosine of the light to a triangle below which shadow rays begin to start from the rounded
 # surface. Facets of a convex solid shade each other at 0; the margin makes it gradual.
 GRAZING = np.float32(0.1)
+# Strength and distance of a sun.
+FROM_A_SUN = np.ones(1, np.float32), np.full(1, np.inf, np.float32)
 
 
 class Incidence(NamedTuple):
@@ -92,12 +95,16 @@ class Lamp:
             np.float32((light.radius * scale) ** 2 if light.kind in ("POINT", "SPOT") else 0.0),
         )
 
+    @cached_property
+    def towards(self) -> Single:
+        """Directions to a sun's places, (3, S), unit."""
+        return (self.places / np.sqrt(dot(self.places, self.places))).astype(np.float32)
+
     def incidence(self, position: Single, sample: int | IndexArray) -> Incidence:
         """What arrives at position (3, N) from the lamp's place of this sample, or from each point's own."""
-        places: Single = self.places.take(np.atleast_1d(sample), axis=1)
         if self.light.kind == "SUN":
-            towards = (places / np.sqrt(dot(places, places))).astype(np.float32)
-            return Incidence(towards, np.ones(1, np.float32), np.full(1, np.inf, np.float32))
+            return Incidence(self.towards.take(np.atleast_1d(sample), axis=1), *FROM_A_SUN)
+        places: Single = self.places.take(np.atleast_1d(sample), axis=1)
         direction: Single = places - position
         squared = np.maximum(dot(direction, direction), TINY)
         distance = np.sqrt(squared)
@@ -135,7 +142,7 @@ def radiance(
 ) -> Single:
     """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 
-    Emission and the world's light, plus for every lamp Lambert's and Phong's share
+    Emission and the world's or the sky's light, plus for every lamp Lambert's and Phong's share
     of what arrives. The highlight is (R·V)ⁿ with V against the projector's tangent.
     parts: gets what it is the sum of, where that is asked for.
     """
@@ -143,6 +150,11 @@ def radiance(
     color[:] = by_material(table.emitted, points.material)
     if parts:
         parts.shine(by_material(table.emission, points.material), color)
+    if table.sky:
+        lit = table.sky.scattered(points, table.albedo, sample)
+        color += lit
+        if parts:
+            parts.rows[DIFFUSE] += lit
     exponent = by_material(table.exponent, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:

@@ -228,6 +228,11 @@ class CryptoPasses:
             layers = {kind: source.wanted.crypto_layers(kind) for kind in CRYPTO_KINDS}
             self._films = {kind: CryptoFilm(count, many) for kind, many in layers.items() if many}
 
+    @property
+    def wanted(self) -> bool:
+        """Whether there are any."""
+        return bool(self._films)
+
     def add(self, pixel: IndexArray, geometry: Geometry, triangle: IndexArray) -> None:
         """What samples of the tile's pixels (m,) hit: triangles (m,) of a geometry."""
         for kind, film in self._films.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,8 @@ import numpy as np
 from ..casting.behind import Onward
 from ..casting.cast import cast
 from ..casting.chord_map import chord_map
+from ..casting.chords import complete
+from ..casting.curves import Bundle
 from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
@@ -19,18 +22,22 @@ from ..casting.tiles import TileJob
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
 from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
+from .drawn.drawing import Drawing
+from .drawn.tones import DrawnShading
 from .film import Film
 from .hit_colors import Shading
 from .lens import Lens, through
-from .light_passes import LightFilm, LightParts
+from .light_passes import ENVIRONMENT, LightFilm, LightParts
 from .motion import Moment, moment_of_samples
 from .passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
 from .reach import within_reach
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
+from .suns_alone import SunsAlone
 from .typing import Single
 from .visible import seen_directly
+from .world import World
 
 # Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
 # a render should end soon after it is told to.
@@ -50,7 +57,8 @@ class Pipeline:
 
     projection: in cast space. places: where samples are. cast_scene and
     shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
-    cast space. moments: what takes the place of this one for the picture, while the shutter is open.
+    cast space. world: what is seen where nothing is, instead of the background. moments: what takes the
+    place of this one for the picture, while the shutter is open. drawing: what draws over finished tiles.
     """
 
     projection: Projection
@@ -62,7 +70,9 @@ class Pipeline:
     passes: PassSource | None
     lens: Lens | None
     geometry: Geometry | None
+    world: World | None = None
     moments: tuple[Pipeline, ...] = ()
+    drawing: Drawing | None = None
 
     @classmethod
     def of(
@@ -81,8 +91,13 @@ class Pipeline:
             scene, cast_scene = within_reach(scene, projection, alone)
         everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        shading = Shading.of(scene, everything, settings) if everything and cast_scene else None
-        return cls(
+        drawn = settings.drawn
+        shading: Shading | None = None
+        if everything and cast_scene and drawn:
+            shading = DrawnShading.drawn_of(scene, everything, settings, drawn)
+        elif everything and cast_scene:
+            shading = Shading.of(scene, everything, settings)
+        made = cls(
             inside,
             settings,
             np.asarray(scene.world_color, np.float64),
@@ -102,7 +117,9 @@ class Pipeline:
             else None,
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
+            scene.world,
         )
+        return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
 
     def with_moments(
         self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None
@@ -126,13 +143,31 @@ class Pipeline:
                 lens = moment.lens.transformed(matrix) if moment.lens else None
                 each = replace(same, projection=moment.projection.transformed(matrix), lens=lens)
             made.append((moment.scene, each))
-        return replace(self, moments=tuple(each for _, each in made[1:]))
+        # There is one background behind all samples.
+        return replace(self, moments=tuple(replace(e, background=self.background) for _, e in made[1:]))
+
+    @cached_property
+    def suns_alone(self) -> SunsAlone | None:
+        """The short way to pictures that are simple enough for it."""
+        return SunsAlone.of(
+            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
+        )
+
+    @property
+    def behind(self) -> Array:
+        """The colour of the picture where nothing is hit, (3,)."""
+        drawn = self.settings.drawn
+        return drawn.paper if drawn and drawn.on_paper else self.background
 
     def at(self, sample: int) -> Pipeline:
         """What a sample sees."""
+        return self.moments[self.moment(sample)] if self.moments else self
+
+    def moment(self, sample: int) -> int:
+        """Which of the moments a sample sees, 0 where there are none."""
         if not self.moments:
-            return self
-        return self.moments[moment_of_samples(self.settings.samples, len(self.moments))[sample]]
+            return 0
+        return moment_of_samples(self.settings.samples, len(self.moments))[sample]
 
     def render_tile(self, job: TileJob, pixels: Single, passes: dict[str, Single]) -> TileCounts:
         """Samples → projectors → hits → colours → film, into pixels (n, 4) and passes (n, channels).
@@ -147,12 +182,23 @@ class Pipeline:
         if inside is not None:
             mine = mine[inside]
         crypto = CryptoPasses(self.passes, len(pixels))
-        film = Film(len(pixels), self.background, self.settings.transparent)
+        film = Film(len(pixels), self.behind, self.settings.transparent)
         light = LightFilm.of(passes, len(pixels), self.background)
         for sample in range(self.settings.samples):
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             now = self.at(sample)
+            if now.suns_alone and light is None:
+                color, triangle = now.suns_alone.sample(job.rows, sample, counts)
+                hit_count += int(np.count_nonzero(triangle >= 0))
+                if inside is not None:
+                    color, triangle = color[:, inside], triangle[inside]
+                film.add_whole(color)
+                if crypto.wanted and now.geometry:
+                    where = np.flatnonzero(triangle >= 0)
+                    crypto.add(where, now.geometry, triangle[where])
+                job.done = (sample + 1) / self.settings.samples
+                continue
             hits, onward = now.cast_sample(job.rows, sample, counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():
@@ -162,13 +208,16 @@ class Pipeline:
             where = np.flatnonzero(hits.triangle >= 0)
             parts = LightParts(len(where)) if light else None
             color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside), parts)
-            film.add(hits.mask, where, color)
+            shown, color, parts = now.with_world(hits, where, color, parts)
+            film.add(hits.mask, shown, color)
             if light and parts:
-                light.add(np.arange(len(pixels)), hits.mask, where, parts)
+                light.add(np.arange(len(pixels)), hits.mask, shown, parts)
             if now.geometry:
                 crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
         film.develop(pixels)
+        if self.drawing:
+            self.drawing.draw_over(job, inside, pixels)
         for each in (crypto, light):
             if each:
                 each.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
@@ -189,7 +238,7 @@ class Pipeline:
         width = self.settings.width
         rows = margin(job.rows, self.settings.height)
         block = row_pixels(rows, width)
-        film = AdaptiveFilm(len(block), self.background, self.settings.transparent)
+        film = AdaptiveFilm(len(block), self.behind, self.settings.transparent)
         crypto = CryptoPasses(self.passes, len(block))
         light = LightFilm.of(passes, len(block), self.background)
 
@@ -202,9 +251,10 @@ class Pipeline:
                 now = self.at(sample)
                 parts = LightParts(len(where)) if light else None
                 color = now.color(hits, where, sample, block[which], onward, parts)
-                film.add(which, hits.mask, where, color)
+                shown, color, parts = now.with_world(hits, where, color, parts)
+                film.add(which, hits.mask, shown, color)
                 if light and parts:
-                    light.add(which, hits.mask, where, parts)
+                    light.add(which, hits.mask, shown, parts)
                 if now.geometry:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
@@ -220,6 +270,8 @@ class Pipeline:
         mine = np.arange(own.start * width, own.stop * width)
         mine = mine if inside is None else mine[inside]
         film.develop(mine, pixels)
+        if self.drawing:
+            self.drawing.draw_over(job, inside, pixels)
         for each in (crypto, light):
             if each:
                 each.develop(mine, film.samples(mine), passes)
@@ -304,7 +356,11 @@ class Pipeline:
                 yield sample, *self.at(sample).cast_sample(rows, sample, counts)
             return
         pixel = row_pixels(rows, self.settings.width)[some]
-        for together in [samples] if not self.moments else [range(s, s + 1) for s in samples]:
+        groups: dict[int, list[int]] = {}
+        for sample in samples:
+            groups.setdefault(self.moment(sample), []).append(sample)
+        found: dict[int, tuple[Hits, Onward | None]] = {}
+        for together in groups.values():
             now, many = self.at(together[0]), len(together)
             places = [self.places.of_pixels(pixel, sample) for sample in together]
             x, y = (np.stack(axis, axis=1).ravel() for axis in zip(*places, strict=True))
@@ -314,7 +370,10 @@ class Pipeline:
             hits, onward = now.followed(x, y, counts, False)
             for number, sample in enumerate(together):
                 mine = np.arange(number, len(x), many)
-                yield sample, hits.take(mine), onward and replace(onward, known=mine)
+                found[sample] = hits.take(mine), onward and replace(onward, known=mine)
+        # In order: a film's sums depend on it.
+        for sample in samples:
+            yield sample, *found.pop(sample)
 
     def through_lens(self, share: Array) -> Pipeline:
         """The pipeline for projectors that each pass the lens at a place of its own, shares (2, n)."""
@@ -336,7 +395,32 @@ class Pipeline:
         # What is sent on belongs to no pixel any more.
         if self.places.scrambled and self.shading.tracer is None:
             own = self.places.on_lamps(pixel[where], sample)
-        return self.shading.color(hits, where, own, onward, parts)
+        return self.shading.color(hits, where, own, replace(onward, pixels=pixel), parts)
+
+    def with_world(
+        self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None
+    ) -> tuple[IndexArray, Single, LightParts | None]:
+        """The hits at ``where`` (n,), their colours and parts, with the projectors that the world is seen by.
+
+        It is seen in the direction in which a projector leaves the volume.
+        """
+        clear = self.settings.transparent
+        if self.world is None or (clear and parts is None):
+            return where, color, parts
+        missed = np.flatnonzero(hits.mask & (hits.triangle < 0))
+        if not len(missed):
+            return where, color, parts
+        shown = np.flatnonzero(hits.mask)
+        light = self.world.radiance(hits.tangent.take(missed, axis=1))
+        whole = np.ones((4, len(hits.mask)), np.float32)
+        whole[: len(color), where] = color
+        whole[:3, missed], whole[3, missed] = (0.0, 0.0) if clear else (light, 1.0)
+        if parts:
+            rows = np.zeros((len(parts.rows), len(hits.mask)), np.float32)
+            rows[:, where], rows[ENVIRONMENT, missed] = parts.rows, light
+            parts = LightParts(len(shown))
+            parts.rows[:] = rows[:, shown]
+        return shown, whole.take(shown, axis=1), parts
 
     def cast(
         self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
@@ -347,7 +431,9 @@ class Pipeline:
         are whole rows.
         """
         if self.cast_scene is None:
-            return Hits.empty(len(x))._replace(mask=self.projection.projectors(x, y).valid)
+            projectors = self.projection.projectors(x, y)
+            nothing = Hits.empty(len(x))._replace(mask=projectors.valid)
+            return complete(nothing, Bundle(self.projection.volume.spans, projectors.points))
         pixel_size = (1 / self.settings.width, 1 / self.settings.height)
         return cast(
             self.cast_scene,

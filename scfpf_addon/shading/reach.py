@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..casting.culling import within_volume
-from ..casting.scene import CastScene
+from ..casting.scene import CastScene, NothingToCastAt
 from ..casting.visibility import CAMERA, SHADOW, visible_to
 from ..projection.volume import Projection
 from .scene import Scene
@@ -17,6 +17,14 @@ def within_reach(scene: Scene, projection: Projection, alone: bool = True) -> tu
 
     None where nothing can be met. alone: no other projection will see it; else all is built.
     """
+    try:
+        return _within_reach(scene, projection, alone)
+    except NothingToCastAt:
+        # Faces without an area: things may be scaled to nothing in some frames of an animation.
+        return scene, None
+
+
+def _within_reach(scene: Scene, projection: Projection, alone: bool) -> tuple[Scene, CastScene | None]:
     whole = scene.geometry
     if not len(whole.triangles):
         return scene, None

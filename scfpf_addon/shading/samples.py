@@ -100,9 +100,13 @@ class SamplePlaces:
         """Image positions (x, y) of a sample in each pixel of whole rows, each (n,)."""
         if self.scrambled:
             return self.of_pixels(row_pixels(rows, self.width), sample)
-        column, row = np.arange(self.width), np.arange(rows.start, rows.stop)
-        x, y = self._in_image(column, row, *self._same[:, sample])
+        x, y = self.of_grid(rows, sample)
         return np.tile(x, len(y)), np.repeat(y, len(x))
+
+    def of_grid(self, rows: slice, sample: int) -> tuple[Array, Array]:
+        """Image positions x of a sample in all columns and y in the rows, unless scrambled."""
+        column, row = np.arange(self.width), np.arange(rows.start, rows.stop)
+        return self._in_image(column, row, *self._same[:, sample])
 
     def of_pixels(self, pixel: IndexArray, sample: int) -> tuple[Array, Array]:
         """Image positions (x, y) of a sample in pixels (n,), counted row by row from the bottom left."""
@@ -140,8 +144,8 @@ def row_pixels(rows: slice, width: int) -> IndexArray:
 
 def _reflected(place: Array) -> Array:
     """Places brought back into [0, 1] by mirrors at both ends."""
-    beyond = np.flatnonzero((place < 0.0) | (place > 1.0))
-    if len(beyond):
+    if place.min(initial=0.0) < 0.0 or place.max(initial=1.0) > 1.0:
         # Only these: a rounding of the others would depend on what else is looked at.
+        beyond = np.flatnonzero((place < 0.0) | (place > 1.0))
         place[beyond] = 1.0 - np.abs(1.0 - np.mod(place[beyond], 2.0))
     return place

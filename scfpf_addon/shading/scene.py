@@ -15,6 +15,7 @@ from ..projection.typing import Array, BoolArray
 if TYPE_CHECKING:
     from .materials.graph import MaterialGraph
     from .materials.image import ImageData
+    from .world import World
 
 LightKind = Literal["POINT", "SUN", "SPOT", "AREA"]
 
@@ -83,8 +84,8 @@ class Scene:
     world_color: (3,) radiance of the background. warnings: what the reader had to
     leave out, a line each. object_index, material_index: the number that the user gave
     each object of ``geometry.object_names`` and each of the materials. material_names: of these.
-    each object of ``geometry.object_names`` and each of the materials. images: the pictures that
-    materials look up, by name; one that is not there is missing. bounces: of light.
+    images: the pictures that materials look up, by name; one that is not there is missing. bounces: of
+    light. world: in place of ``world_color``, which is then black, where light differs by direction.
     """
 
     geometry: Geometry
@@ -97,3 +98,4 @@ class Scene:
     material_names: tuple[str, ...] = ()
     images: Mapping[str, ImageData] = field(default_factory=dict)
     bounces: LightPaths = field(default_factory=LightPaths)
+    world: World | None = None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from .adaptive import Adaptive
+from .drawn.settings import Drawn
 from .lens import Lens
 from .passes import DataPasses
 from .pixel_filter import PixelFilter
@@ -29,7 +30,8 @@ class FrameSettings:
     that the whole image would have. passes: besides the picture. pixel_filter: by which
     samples lie about the pixel's centre. scrambled: each pixel has places of its own for
     them. adaptive: which pixels get fewer, and that they are scrambled. lens: in world space, for
-    straight projectors only. Raises ValueError for what makes no picture.
+    straight projectors only. drawn: how the picture, not its passes, is drawn. Raises ValueError for what
+    makes no picture.
     """
 
     width: int
@@ -44,6 +46,7 @@ class FrameSettings:
     scrambled: bool = False
     adaptive: Adaptive | None = None
     lens: Lens | None = None
+    drawn: Drawn | None = None
 
     def __post_init__(self) -> None:
         if min(self.width, self.height) < 1:

@@ -7,16 +7,22 @@ keeps seven digits of it. Nothing here feeds back into where a projector hits.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..casting.geometry import Geometry
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
 from .scene import Materials
 from .typing import Single
+
+if TYPE_CHECKING:
+    from .sky_light import SkyLight
 
 # Smallest length that is divided by: keeps a zero vector zero instead of NaN.
 TINY = np.float32(1e-30)
@@ -97,6 +103,11 @@ class SurfaceTable:
     material: IndexArray
     linked: IndexArray | None = None
 
+    @cached_property
+    def single(self) -> bool:
+        """Whether all is of one material."""
+        return bool((self.material == self.material[0]).all())
+
     @property
     def weighted(self) -> bool:
         """Whether ``points`` needs the barycentric weights of a hit."""
@@ -109,59 +120,71 @@ class SurfaceTable:
         for corner in range(3):
             normals[corner] = geometry.corner_normals[:, corner].T
         flat = cast_scene.planes[:3].astype(np.float32)
-        flat *= np.copysign(np.float32(1), sum(dot(flat, normal) for normal in normals))
+        flat *= np.copysign(np.float32(1), dot(flat, normals[0] + normals[1] + normals[2]))
         material = geometry.material.astype(np.intp)
-        hit = np.flatnonzero(flat.any(axis=0))
-        if all(np.abs(normal - flat)[:, hit].max(initial=0) <= FLAT for normal in normals):
+        hit = (flat != 0).any(axis=0)
+        if all(np.abs(normal - flat).max(axis=0)[hit].max(initial=0) <= FLAT for normal in normals):
             return cls(cast_scene, flat, None, None, shadows, material, geometry.linked)
         bulge = corner_heights(cast_scene, normals) if shadows else None
         normals[1:] -= normals[0]
         return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material, geometry.linked)
 
     def points(
-        self, triangle: IndexArray, barycentric: Array, position: Array, tangent: Array
+        self,
+        triangle: IndexArray,
+        barycentric: Iterable[NDArray[Any]] | None,
+        position: Array,
+        tangent: NDArray[Any],
     ) -> SurfacePoints:
         """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
 
-        The weights are those of the second and third corner. Position is in cast
-        space; the tangent is dQ/dt of the projector, of any length.
+        The weights are those of the second and third corner, None where nothing is smooth. Position is
+        in cast space; the tangent is dQ/dt of the projector, of any length, and used up if it is float32.
         """
         triangle = triangle.astype(np.intp)
-        flat = self.flat.take(triangle, axis=1)
-        view = tangent.astype(np.float32)
-        view *= -1 / np.maximum(np.sqrt(dot(view, view)), TINY)
+        # NumPy is quickest at this mode, and takes the last triangle for -1.
+        flat = self.flat.take(triangle, axis=1, mode="wrap")
+        view = tangent.astype(np.float32, copy=False)
+        view *= -1 / (np.sqrt(dot(view, view)) + TINY)
         # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
         side = np.copysign(np.float32(1), dot(flat, view))
-        flat *= side
-        weight = barycentric.astype(np.float32)
-        normal = (
-            flat if self.smooth is None else smooth_normal(self.smooth.take(triangle, axis=1), weight, side)
-        )
+        normal = flat
+        if self.smooth is None or barycentric is None or self.shadows:
+            flat *= side
+        if self.smooth is not None and barycentric is not None:
+            weight = [row.astype(np.float32, copy=False) for row in barycentric]
+            normal = smooth_normal(self.smooth, triangle, weight, side)
         shadow = None
         if self.shadows:
-            if self.bulge is None:
+            if self.bulge is None or barycentric is None:
                 height = np.zeros_like(side)
             else:
-                height = smooth_height(self.bulge.take(triangle, axis=1), weight, side)
+                height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
             origin = self.cast_scene.offset_origins(position, triangle, -tangent)
             shadow = ShadowStart(origin, flat, height)
-        linked = None if self.linked is None else self.linked.take(triangle)
-        return SurfacePoints(
-            position.astype(np.float32), normal, view, self.material.take(triangle), shadow, linked
-        )
+        if self.single:
+            material = np.broadcast_to(self.material[0], triangle.shape)
+        else:
+            material = self.material.take(triangle, mode="wrap")
+        linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
+        return SurfacePoints(position.astype(np.float32), normal, view, material, shadow, linked)
 
 
-def smooth_normal(corners: Single, weight: Single, side: Single) -> Single:
+def smooth_normal(
+    table: Single, triangle: IndexArray, weight: Sequence[Single] | Single, side: Single
+) -> Single:
     """Interpolated unit normals (3, N), on the given side.
 
-    corners: (9, N) as in ``SurfaceTable.smooth``, used up; weight: (2, N); side: (N,) ±1.
+    table: (9, T) as in ``SurfaceTable.smooth``; triangle: (N,); weight: two (N,); side: (N,) ±1.
     """
-    normal, second, third = corners.reshape(3, 3, -1)
-    second *= weight[0]
-    third *= weight[1]
-    normal += second
-    normal += third
-    normal *= side / np.maximum(np.sqrt(dot(normal, normal)), TINY)
+    normal: Single = table[3:6].take(triangle, axis=1, mode="wrap")
+    normal *= weight[0]
+    term = table[:3].take(triangle, axis=1, mode="wrap")
+    normal += term
+    table[6:].take(triangle, axis=1, out=term, mode="wrap")
+    term *= weight[1]
+    normal += term
+    normal *= side / (np.sqrt(dot(normal, normal)) + TINY)
     return normal
 
 
@@ -181,10 +204,10 @@ def corner_heights(cast_scene: CastScene, normals: Single) -> Single:
     return heights
 
 
-def smooth_height(heights: Single, weight: Single, side: Single) -> Single:
+def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Single:
     """Height, along the normal, of the rounded surface that smooth shading pretends to, (N,).
 
-    heights: (6, N) of ``corner_heights``; weight: (2, N); side: (N,) ±1. The mean of
+    heights: (6, N) of ``corner_heights``; weight: two (N,); side: (N,) ±1. The mean of
     the distances by which the point lies below the corners' tangent planes, nought
     where it lies above, in a hollow. After Hanika, Hacking the Shadow Terminator (Ray
     Tracing Gems II, ch. 4).
@@ -205,7 +228,8 @@ class PhongTable:
 
     emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
     diffuse: (3, M) albedo/π. gloss: (3, M) reflectance at normal incidence times the lobe's normalisation.
-    exponent: (M,). glossy: whether any material has a highlight.
+    exponent: (M,). glossy: whether any material has a highlight. sky: what lights as a world does
+    whose light differs by direction, by albedo/π (3, M).
     """
 
     emitted: Single
@@ -214,10 +238,12 @@ class PhongTable:
     gloss: Single
     exponent: Single
     glossy: bool
+    albedo: Single
+    sky: SkyLight | None = None
 
     @classmethod
-    def of(cls, materials: Materials, world_color: Array) -> PhongTable:
-        """Coefficients under a uniform world of radiance ``world_color`` (3,).
+    def of(cls, materials: Materials, world_color: Array, sky: SkyLight | None = None) -> PhongTable:
+        """Coefficients under a uniform world of radiance ``world_color`` (3,), and what a sky adds to it.
 
         Diffuse is Lambert's, scaled by 1 - metallic. The lobe is (n+2)/2π · (R·V)ⁿ,
         which keeps energy (Lafortune and Willems 1994). Its exponent is that of the
@@ -233,13 +259,14 @@ class PhongTable:
         reflectance = materials.specular_f0 + (base - materials.specular_f0) * metallic
         emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
         world = np.reshape(world_color, (3, 1))
-        if materials.ambient is not None:
-            world = world * materials.ambient
+        albedo = base if materials.ambient is None else base * materials.ambient
         return cls(
-            (emission + base * world).astype(np.float32),
+            (emission + albedo * world).astype(np.float32),
             emission.astype(np.float32),
             (base * (1 - metallic) / np.pi).astype(np.float32),
             (reflectance * (exponent + 2) / (2 * np.pi)).astype(np.float32),
             exponent.astype(np.float32),
             bool(reflectance.any()),
+            (albedo / np.pi).astype(np.float32),
+            sky,
         )

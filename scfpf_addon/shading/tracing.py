@@ -9,7 +9,7 @@ straight rays, since the volume's distortion is not the scene's (paper §6.1).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,12 +18,15 @@ from numpy.typing import NDArray
 from ..casting.behind import Behind, cast_rays
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
+from ..casting.stopping import stop_here
 from ..casting.visibility import GLASS, HOLDOUT, MIRROR, visible_to
 from ..projection.typing import Array, BoolArray, IndexArray
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
-from .materials.lobes import Body, Sent, lobes
+from .materials.glossy import EVEN, MIRROR_ROUGHNESS, reflected, sent_on_at_once
+from .materials.lobes import Body, Sent, SentKind, lobes
 from .materials.place import Place, dot, unit
+from .samples import Bits, scramble
 from .scene import Materials, Scene
 from .surface import PhongTable, SurfacePoints, SurfaceTable
 from .typing import Single
@@ -33,6 +36,9 @@ LEAST_SHARE = 1.0 / 2560.0
 
 # Hits of which a material is reckoned at once: a large graph keeps a hundred arrays of them.
 MOST_AT_ONCE = 1 << 14
+
+# What scrambles the places at which rough reflections begin.
+GLOSS = 6
 
 # Rows of ``Wave.depth``.
 TOTAL, GLOSSY, TRANSMISSION, TRANSPARENT = range(4)
@@ -63,6 +69,24 @@ class Wave(NamedTuple):
             self.glass[index],
             self.depth[:, index],
         )
+
+
+class Chances(NamedTuple):
+    """Where rough reflections of a sample look, by pixel: pixel (n,) of the image."""
+
+    pixel: Bits
+    sample: int
+
+    def of(self, which: IndexArray, depth: IndexArray) -> Array:
+        """(2, m) in [0, 1) for pixels by place in the list, where light was sent on ``depth`` times before.
+
+        A pixel's samples fill the square evenly, those of each depth and pixel from another place on.
+        """
+        own = scramble(self.pixel[which] ^ scramble(depth.astype(np.uint32), GLOSS), GLOSS)
+        start = np.stack([own & np.uint32(0xFFFF), own >> np.uint32(16)]) / 65536.0
+        step = np.where(depth == 0, EVEN[:, None], EVEN[::-1, None])
+        chance: Array = (start + self.sample * step) % 1.0
+        return chance
 
 
 def joined(waves: Sequence[Wave]) -> Wave:
@@ -112,14 +136,23 @@ class Tracer:
         """Whether any of the triangles has a material of nodes."""
         return bool(self.has_graph.take(self.surface.material.take(triangle)).any())
 
-    def color(self, hits: Hits, sample: int, behind: Behind, parts: LightParts | None = None) -> Single:
+    def color(
+        self,
+        hits: Hits,
+        sample: int,
+        pixel: IndexArray,
+        behind: Behind,
+        parts: LightParts | None = None,
+    ) -> Single:
         """Radiance towards the viewer and alpha of n hits, (4, n).
 
-        behind: of the hits by their place in the list. parts: gets what the colours are the sum of.
+        pixel: (n,) of the image. behind: of the hits by their place in the list. parts: gets what the
+        colours are the sum of.
         """
         count = len(hits.t)
         film = np.zeros((4, count))
         film[3] = 1.0
+        chances = Chances(pixel.astype(np.uint32), sample)
         # Many small shares are summed.
         split = LightParts(count, np.float64) if parts else None
         wave = Wave(
@@ -133,7 +166,7 @@ class Tracer:
         while len(wave.pixel):
             wave = self._hold_out(wave, film)
             onward = self._gather(wave, sample, film, split)
-            sent = [self._send(wave, each, film, behind, split) for each in onward]
+            sent = [self._send(wave, each, film, behind, chances, split) for each in onward]
             if not sent:
                 break
             wave = joined(sent)
@@ -171,6 +204,7 @@ class Tracer:
                 continue
             everywhere = np.flatnonzero(points.material == number)
             for first in range(0, len(everywhere), MOST_AT_ONCE):
+                stop_here()
                 which = everywhere[first : first + MOST_AT_ONCE]
                 place = self.place(hits, points, which)
                 for lobe in lobes(self.scene.materials.graphs[int(number)], place):
@@ -217,7 +251,9 @@ class Tracer:
         some = np.flatnonzero(weight > 0.0)
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
-        table = PhongTable.of(_stacked([body.materials for _, body in bodies], some), self.scene.world_color)
+        table = PhongTable.of(
+            _stacked([body.materials for _, body in bodies], some), self.scene.world_color, self.phong.sky
+        )
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
         parts = LightParts(len(some)) if split else None
         color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene, parts)
@@ -232,6 +268,7 @@ class Tracer:
         onward: tuple[IndexArray, Sent],
         film: Array,
         behind: Behind,
+        chances: Chances,
         split: LightParts | None,
     ) -> Wave:
         """What is met by what a lobe sends on; what meets nothing is added to the film."""
@@ -244,7 +281,7 @@ class Tracer:
         most = np.array([limits.total, limits.glossy, limits.transmission, limits.transparent])
         going = np.flatnonzero((share.max(axis=0) >= LEAST_SHARE) & (depth <= most[:, None]).all(axis=0))
         came = wave.take(which[going])
-        lobe = replace(lobe, normal=lobe.normal[:, going], ior=lobe.ior[:, going])
+        lobe = lobe.take(going)
         straight = came.straight | (lobe.kind != "THROUGH")
         hits = Hits.empty(len(going))
         on = np.flatnonzero(~straight)
@@ -252,28 +289,47 @@ class Tracer:
             hits.put(on, behind(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
         off = np.flatnonzero(straight)
         if len(off):
-            hits.put(off, self._rays(came.take(off), lobe, off))
+            direction, passed = self._directions(came.take(off), lobe.take(off), chances)
+            hits.put(off, self._rays(came.take(off), lobe.kind, direction))
+            share[:, going[off]] *= passed
         glass = (came.glass & (lobe.kind != "MIRROR")) | (lobe.kind == "REFRACTED")
         sent = Wave(hits, came.pixel, share[:, going], straight, glass, depth[:, going])
         self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film, split)
         return sent.take(np.flatnonzero(hits.triangle >= 0))
 
-    def _rays(self, came: Wave, lobe: Sent, index: IndexArray) -> Hits:
-        """What straight rays from places meet. index: of the places in the lobe."""
-        hits, cast_scene = came.hits, self.surface.cast_scene
-        ahead = unit(hits.tangent)
-        flat = cast_scene.normals(hits.triangle)
+    def _directions(self, came: Wave, lobe: Sent, chances: Chances) -> tuple[Array, Array]:
+        """Where a lobe's light is looked for from places, (3, n), and the share of it that counts, (3, n)."""
+        ahead = unit(came.hits.tangent)
+        flat = self.surface.cast_scene.normals(came.hits.triangle)
         flat = flat * -np.copysign(1.0, dot(flat, ahead))
         if lobe.kind == "THROUGH":
-            direction = ahead
-        elif lobe.kind == "MIRROR":
-            direction = mirrored(ahead, lobe.normal[:, index], flat)
-        else:
-            direction = refracted(ahead, lobe.normal[:, index], flat, lobe.ior[:, index])
-        origin = cast_scene.offset_origins(hits.position, hits.triangle, direction)
+            return ahead, np.ones_like(ahead)
+        if lobe.kind == "REFRACTED":
+            return refracted(ahead, lobe.normal, flat, lobe.ior), np.ones_like(ahead)
+        direction = mirrored(ahead, lobe.normal, flat)
+        if lobe.gloss is None:
+            return direction, np.ones_like(ahead)
+        cosine = np.clip(-dot(ahead, lobe.normal), 0.0, 1.0)[0]
+        passed = np.ones_like(cosine)
+        rough = np.flatnonzero(lobe.gloss.roughness[0] >= MIRROR_ROUGHNESS)
+        once = np.ones_like(cosine)
+        if len(rough):
+            roughness = lobe.gloss.roughness[0, rough]
+            once[rough] = sent_on_at_once(cosine[rough], roughness)
+            share = chances.of(came.pixel[rough], came.depth[TOTAL, rough])
+            direction[:, rough], passed[rough], cosine[rough] = reflected(
+                ahead[:, rough], lobe.normal[:, rough], flat[:, rough], roughness, share
+            )
+        tint = lobe.gloss.reflectance(cosine)
+        return direction, tint * passed * (1.0 + lobe.gloss.again * (1.0 - once) / once)
+
+    def _rays(self, came: Wave, kind: SentKind, direction: Array) -> Hits:
+        """What straight rays from places meet."""
+        cast_scene = self.surface.cast_scene
+        origin = cast_scene.offset_origins(came.hits.position, came.hits.triangle, direction)
         if self.mirrors is self.glass is cast_scene:
             return cast_rays(cast_scene, origin, direction)
-        glass = came.glass if lobe.kind == "THROUGH" else np.full(len(came.pixel), lobe.kind == "REFRACTED")
+        glass = came.glass if kind == "THROUGH" else np.full(len(came.pixel), kind == "REFRACTED")
         # Where nothing is met a ray goes on as cast_rays leaves it, to its end.
         met = Hits.empty(len(glass))._replace(position=origin + direction, tangent=direction.copy())
         for scene, which in ((self.mirrors, ~glass), (self.glass, glass)):
@@ -285,11 +341,24 @@ class Tracer:
     def _miss(self, wave: Wave, film: Array, split: LightParts | None) -> None:
         """Add what is seen where nothing is: the world, or through the film what lies behind the picture."""
         through = ~wave.straight if self.transparent else np.zeros(len(wave.pixel), bool)
-        world = np.reshape(self.scene.world_color, (3, 1))
+        world = self._world(wave)
         add(film, wave.pixel, wave.share * world * ~through)
         if split:
             split.miss(wave.pixel, wave.share * world, wave.straight)
         film[3] -= np.bincount(wave.pixel, wave.share.mean(axis=0) * through, film.shape[1])
+
+    def _world(self, wave: Wave) -> Array:
+        """What places that are nowhere show of the world, (3, n) or (3, 1)."""
+        world = self.scene.world
+        if world is None:
+            return np.reshape(self.scene.world_color, (3, 1))
+        light = world.radiance(wave.hits.tangent)
+        mirrored = np.flatnonzero(wave.depth[GLOSSY] > 0)
+        if len(mirrored):
+            light[:, mirrored] = world.light.without_lamps(
+                unit(wave.hits.tangent[:, mirrored]), light[:, mirrored]
+            )
+        return light
 
 
 DEPTHS = {

@@ -25,6 +25,11 @@ def held_out(geometry: Geometry) -> BoolArray | None:
     return held if held.any() else None
 
 
+def shadowing(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
+    """What of a scene casts shadows; None where that is nothing."""
+    return cast_scene.only(visible_to(geometry.visibility, SHADOW))
+
+
 def shadowed(lamp: Lamp, geometry: Geometry, cast_scene: CastScene) -> Lamp:
     """The lamp with those things in its way alone that cast its shadows."""
     if not lamp.light.casts_shadow:

@@ -287,10 +287,8 @@ class Session:
         owner = self.random.choice(owners)
         known = [p for p in owner.bl_rna.properties if not p.is_readonly and p.identifier not in KEPT]
         prop = self.random.choice(known)
-        if prop.type == "POINTER":
-            value = self.random.choice([None, *bpy.data.objects])
-        else:
-            value = self.value(prop)
+        is_pointer = prop.type == "POINTER"
+        value = self.random.choice([None, *bpy.data.objects]) if is_pointer else self.value(prop)
         shown = getattr(value, "name", value)
         self.note(f"set {owner.path_from_id()}.{prop.identifier} = {shown}")
         try:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Random sessions: no traceback, no crash, all operators' errors in plain words.
 
-`benchmarks/soak.py` runs them for as long as one likes. SCFPF_SEEDS="10:20" and SCFPF_STEPS in the environment
-choose which seeds and how many steps; each seed's steps are written to SCFPF_JOURNAL if that is a folder.
+`benchmarks/soak.py` runs them for as long as one likes. SCFPF_SEEDS="10:20" and SCFPF_STEPS in the
+environment choose which seeds and how many steps; each seed's steps are written to the folder SCFPF_JOURNAL.
 """
 
 import os
@@ -19,6 +19,7 @@ STEPS = int(os.environ.get("SCFPF_STEPS", "400" if FULL else "40"))
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_random_session(seed, addon, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     if not os.environ.get("SCFPF_JOURNAL"):
         return Session(seed, tmp_path, addon).run(STEPS)
     with pathlib.Path(os.environ["SCFPF_JOURNAL"], f"{seed}.txt").open("w") as journal:
@@ -49,3 +50,11 @@ def test_a_lattice_is_refused_where_nothing_follows_it(operator):
     with pytest.raises(RuntimeError, match="holds a lattice") as refused:
         getattr(bpy.ops.scfpf, operator)()
     assert "Traceback" not in str(refused.value)
+
+
+def test_a_preset_is_not_exported_to_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    bpy.ops.scfpf.camera_add()
+    with pytest.raises(RuntimeError, match="Choose a file"):
+        bpy.ops.scfpf.preset_export(name="One")
+    assert not list(tmp_path.iterdir())

@@ -277,7 +277,7 @@ def test_constants_are_no_graph_and_everything_else_is(addon):
     table = addon("scfpf_addon.bridge.read_materials").MaterialTable()
     plain = (
         {},
-        {"Base_Color": RED, "Metallic": 0.5, "Roughness": 0.3},
+        {"Base_Color": RED, "Metallic": 0.5, "Roughness": 0.95},
         {"Roughness": 0.1, "Specular_IOR_Level": 0.0},
         {"Emission_Color": RED, "Emission_Strength": 2.0},
     )

@@ -297,6 +297,33 @@ def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene,
     assert all(np.array_equal(a, b) for a, b in zip(*made, strict=True)) and len(made[0]) == 4
 
 
+@pytest.mark.parametrize("keeps", [False, True])
+def test_button_builds_nothing_again_with_persistent_data(addon, engine_scene, monkeypatch, keeps):
+    """The volume alone is moved, then a thing, then persistent data is switched off."""
+    built = []
+    for module in ("scfpf_addon.bridge.kept_scene", "scfpf_addon.shading.reach"):
+
+        class Counted(addon(module).CastScene):
+            def __init__(self, *arguments):
+                built.append(len(arguments[1]))
+                super().__init__(*arguments)
+
+        monkeypatch.setattr(addon(module), "CastScene", Counted)
+    engine_scene.render.use_persistent_data = keeps
+    counts = []
+    for thing in (engine_scene.camera, engine_scene.camera, bpy.data.objects["Cube"]):
+        thing.location.x += 0.1
+        picture = button()
+        counts.append(len(built))
+        assert np.array_equal(f12(engine_scene)[COMBINED], picture)
+        del built[counts[-1] :]
+    assert counts == ([1, 1, 2] if keeps else [1, 2, 3])
+    engine_scene.render.use_persistent_data = False
+    button()
+    assert len(built) == counts[-1] + 1
+    assert addon("scfpf_addon.bridge.render_job")._kept is None
+
+
 # What Blender builds around a picture
 
 

@@ -2,6 +2,7 @@
 """What goes wrong while the engine renders is a message: no crash, no file, the button's picture intact."""
 
 import os
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -122,6 +123,72 @@ def test_exception_in_the_core_is_a_message(addon, engine_scene, monkeypatch, er
     assert np.array_equal(f12(engine_scene)[COMBINED], expected)
 
 
+STAGES = {
+    "reading": ("scfpf_addon.bridge.read_scene", "read_mesh"),
+    "projection": ("scfpf_addon.bridge.render_job", "read_projection"),
+    "building": ("scfpf_addon.bridge.building", "within_reach"),
+    "casting": ("scfpf_addon.shading.pipeline", "cast"),
+    "passes": ("scfpf_addon.shading.pipeline", "fill_passes"),
+    "announcing": ("scfpf_addon.bridge.render_delivery", "list_render_passes"),
+    "beginning": ("scfpf_addon.bridge.render_delivery", "stamp_manifests"),
+    "reporting": ("scfpf_addon.shading.frame", "report_of"),
+}
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_exception_at_any_stage_is_a_message(addon, engine_scene, monkeypatch, stage):
+    engine_scene.view_layers[0].use_pass_position = True
+    expected = button()
+    module, name = STAGES[stage]
+
+    def fail(*_given, **_options):
+        raise FloatingPointError("in the core")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(addon(module), name, fail)
+        refused(engine_scene, "FloatingPointError: in the core")
+    assert np.array_equal(image(), expected.ravel())
+    assert np.array_equal(f12(engine_scene)[COMBINED], expected)
+
+
+def test_blender_refusing_pixels_is_a_message(addon, engine_scene, monkeypatch):
+    """What is left of a picture is handed over when it ends, whatever has happened to it."""
+    expected = f12(engine_scene)[COMBINED]
+    delivery = addon("scfpf_addon.bridge.render_delivery")
+
+    def fail(_array):
+        raise MemoryError
+
+    with monkeypatch.context() as patch:
+        patch.setattr(delivery.np, "ravel", fail)
+        refused(engine_scene, "not enough memory")
+    assert np.array_equal(f12(engine_scene)[COMBINED], expected)
+
+
+def test_failure_in_the_middle_of_an_animation_ends_it(engine_scene, tmp_path):
+    surface = engine_scene.camera.scfpf.surfaces[1].object
+    for frame, size in ((1, 1.0), (2, 0.0), (3, 1.0)):
+        surface.scale = (size,) * 3
+        surface.keyframe_insert("scale", frame=frame)
+    engine_scene.frame_start, engine_scene.frame_end = 1, 3
+    engine_scene.render.filepath = str(tmp_path / "frame_")
+    with pytest.raises(RuntimeError, match="no size"):
+        bpy.ops.render.render(animation=True)
+    assert [path.name for path in tmp_path.glob("frame_*")] == ["frame_0001.exr"]
+
+
+def test_faces_without_area_for_a_frame_do_not_end_an_animation(engine_scene, tmp_path):
+    cube = bpy.data.objects["Cube"]
+    for frame, size in ((1, 1.0), (2, 0.0)):
+        cube.scale = (size,) * 3
+        cube.keyframe_insert("scale", frame=frame)
+    engine_scene.frame_start, engine_scene.frame_end = 1, 2
+    engine_scene.render.filepath = str(tmp_path / "frame_")
+    for engine_scene.render.use_persistent_data in (False, True):
+        assert bpy.ops.render.render(animation=True) == {"FINISHED"}
+    assert len(list(tmp_path.glob("frame_*"))) == 2
+
+
 def test_exception_in_a_tile_after_others_are_delivered(addon, engine_scene, monkeypatch):
     """Half of the picture is with Blender when a tile fails."""
     pipeline = addon("scfpf_addon.shading.pipeline")
@@ -142,6 +209,90 @@ def test_absurd_size_is_refused(addon, engine_scene):
     job = addon("scfpf_addon.bridge.render_job")
     with pytest.raises(job.RenderError, match="GB of memory"):
         job.require_size(65536, 65536)
+
+
+def test_a_picture_that_free_memory_does_not_hold_is_refused(addon, engine_scene, monkeypatch):
+    button()
+    before = image()
+    monkeypatch.setattr(addon("scfpf_addon.bridge.render_job"), "available_memory", lambda: 10_000_000)
+    engine_scene.render.resolution_x = engine_scene.render.resolution_y = 1000
+    refused(engine_scene, "1000 × 1000 pixels would need about 0.1 GB of memory and 0.0 GB are free")
+    with pytest.raises(RuntimeError, match=r"0\.0 GB are free; lower the resolution"):
+        button()
+    assert np.array_equal(image(), before)
+
+
+def test_a_picture_of_one_pixel(engine_scene):
+    engine_scene.render.resolution_x = engine_scene.render.resolution_y = 4
+    engine_scene.render.resolution_percentage = 25
+    engine_scene.render.use_motion_blur = engine_scene.scfpf_sampling.use_adaptive = True
+    engine_scene.camera.scfpf.samples = 8
+    picture = f12(engine_scene)[COMBINED]
+    assert picture.shape == (1, 1, 4) and picture[..., :3].any()
+    assert np.array_equal(button(), picture)
+
+
+def test_two_renders_at_once(addon, engine_scene):
+    """The button's thread is at work: F12 goes on beside it, another press of the button says so."""
+    job = addon("scfpf_addon.bridge.render_job")
+    expected = f12(engine_scene)[COMBINED]
+    inputs = job.prepare(engine_scene, bpy.context.view_layer, engine_scene.camera)
+    running = job.start(replace(inputs, settings=replace(inputs.settings, samples=100_000)))
+    try:
+        assert np.array_equal(f12(engine_scene)[COMBINED], expected)
+        assert running.running, "the render is too quick for this test"
+        with pytest.raises(RuntimeError, match=r"already running|poll\(\) failed"):
+            button()
+    finally:
+        job.stop()
+
+
+@pytest.fixture
+def said(addon, monkeypatch):
+    """What the engine tells the header, (method, arguments) each."""
+    engine, heard = addon("scfpf_addon.bridge.render_engine"), []
+
+    class Heard:
+        """The engine, listened to."""
+
+        def __init__(self, real):
+            self._real = real
+
+        def __getattr__(self, name):
+            if name.startswith("update_"):
+                return lambda *given, **named: heard.append((name, (*given, *named.values())))
+            return getattr(self._real, name)
+
+    for name in ("_read", "_make"):
+        real = getattr(engine.SCFPF_RenderEngine, name)
+        monkeypatch.setattr(
+            engine.SCFPF_RenderEngine, name, lambda self, *rest, real=real: real(Heard(self), *rest)
+        )
+    whole = engine.Delivery
+    monkeypatch.setattr(engine, "Delivery", lambda self, *rest: whole(Heard(self), *rest))
+    return heard
+
+
+def test_header_tells_stages_progress_time_and_memory(addon, engine_scene, monkeypatch, said):
+    monkeypatch.setattr(addon("scfpf_addon.bridge.render_delivery"), "TICK", 0.0)
+    build = addon("scfpf_addon.bridge.render_engine").build
+    monkeypatch.setattr(
+        addon("scfpf_addon.bridge.render_engine"),
+        "build",
+        lambda *given: said.append(("built", ())) or build(*given),
+    )
+    f12(engine_scene)
+    stats = [given[1] for name, given in said if name == "update_stats"]
+    assert "Reading" in stats[0]
+    # While it is built the header says so.
+    number = said.index(("built", ()))
+    last = next(given for name, given in reversed(said[:number]) if name == "update_stats")
+    assert "acceleration structure, which cannot be cancelled" in last[1]
+    assert any("Remaining 00:00 | Rendering" in text for text in stats)
+    assert "64×36" in stats[-1]
+    assert next(given for name, given in said if name == "update_memory_stats")[0] > 0
+    shares = [given[0] for name, given in said if name == "update_progress"]
+    assert shares == sorted(shares) and shares[-1] == 1.0
 
 
 def test_cancelled_render_delivers_what_is_done(addon, engine_scene, monkeypatch):

@@ -326,6 +326,22 @@ def test_tiles_of_a_running_job_add_up_to_the_picture(addon, camera):
     assert job.progress == 1
 
 
+def test_a_coarse_picture_of_the_whole_comes_first(addon, camera, monkeypatch):
+    module = addon("scfpf_addon.bridge.render_job")
+    job = module.RenderJob(module.prepare(bpy.context.scene, bpy.context.view_layer, camera), with_tiles=True)
+    shown = []
+    monkeypatch.setattr(module, "render_frame", lambda *_given, **_named: shown.append(job.new_tiles()))
+    assert job.building
+    job.start()
+    job.wait()
+    assert not job.building
+    coarse = shown[0].copy()
+    assert np.array_equal(coarse[:, ::8], coarse[:, 7::8]) and np.ptp(coarse[..., :3]) > 0.1
+    monkeypatch.undo()
+    difference = np.abs(coarse - render()).max(axis=2)
+    assert np.median(difference) < 0.05
+
+
 def test_invoked_without_windows_it_runs_straight_through(camera):
     assert bpy.ops.scfpf.render("INVOKE_DEFAULT") == {"FINISHED"}
     assert pixels().shape == (36, 64, 4)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.cycles.chord_plan import ROUND_CELLS, PlanError, chord_error, plan_chords
-from scfpf_addon.cycles.sheets import crosses_itself, portals
+from scfpf_addon.cycles.sheets import crosses_itself, has_no_area, portals
 from scfpf_addon.projection.inverse import invert
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import Plane
@@ -135,3 +135,9 @@ def test_crossing_is_noticed():
     columns = np.array([[-1.0, 0.5, 0.0, -0.5, 1.0], [8.0, 8.5, 9.0, 9.5, 10.0]])
     folded[-1, 0], folded[-1, 2] = columns[:, None].repeat(5, axis=1)
     assert crosses_itself(folded, gated=True)
+    assert not has_no_area(forward) and not has_no_area(folded)
+    lines = forward.copy()
+    lines[0, 1] = 0.0
+    assert not has_no_area(lines), "the screen is elsewhere"
+    lines[-1, 1] = 0.0
+    assert has_no_area(lines)

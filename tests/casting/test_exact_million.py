@@ -74,7 +74,7 @@ def test_blocks_of_a_large_scene(reference, scene):
     assert wrong == 0
 
 
-@pytest.mark.parametrize(("degree", "angle"), [(1, 0), (2, 60), (3, 150), (4, 300)])
+@pytest.mark.parametrize(("degree", "angle"), [(1, 0), (2, 10), (3, 150), (4, 300), (5, 180)])
 @pytest.mark.parametrize("closed", [sphere, cube])
 def test_closed_meshes_from_inside(reference, closed, degree, angle):
     """No projector leaves a closed mesh unseen, and each sees what brute force sees."""

@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scfpf_addon.shading import adaptive, pipeline
 from scfpf_addon.shading.adaptive import Adaptive, with_neighbours
 from scfpf_addon.shading.frame import render_frame
+from scfpf_addon.shading.motion import Moment
 from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light
 from scfpf_addon.shading.settings import Border, FrameSettings
@@ -86,3 +88,26 @@ def test_neighbours():
     expected = np.zeros_like(chosen)
     expected[:2, :2] = expected[2:5, 3:6] = True
     assert np.array_equal(with_neighbours(chosen), expected)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_samples_of_a_moment_are_cast_together_and_the_same(build, view, monkeypatch, degree):
+    """A batch of one projector casts sample by sample. Bent projectors share chords with other ones then."""
+    shifts = [0, 0.8, 0][: degree + 1]
+    projection, scene = build.looking_down(2, *(1, -1)[2 - degree :], shifts=shifts), view[1]
+    moved = replace(scene, geometry=replace(scene.geometry, vertices=scene.geometry.vertices + 0.1))
+    moments = (Moment(projection, scene), Moment(projection, moved))
+    settings = replace(SETTINGS, width=24, height=8, samples=16)
+    calls = []
+    whole = pipeline.cast
+    monkeypatch.setattr(pipeline, "cast", lambda *given: calls.append(1) or whole(*given))
+    together = render_frame(projection, scene, settings, moments=moments)
+    count, calls[:] = len(calls), []
+    monkeypatch.setattr(adaptive, "BATCH", 1)
+    apart = render_frame(projection, scene, settings, moments=moments)
+    assert count < 0.8 * len(calls)
+    difference = np.abs(together.pixels - apart.pixels)
+    assert difference.max() == 0.0 if degree == 1 else (difference > 1e-4).mean() < 0.01
+    border = Border(3, 2, 20, 6)
+    part = render_frame(projection, scene, replace(settings, border=border), moments=moments)
+    assert np.array_equal(part.pixels, apart.pixels[2:6, 3:20])

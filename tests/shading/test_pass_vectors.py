@@ -156,13 +156,14 @@ def test_cryptomattes_are_shares_of_the_picture(build):
         pixel_filter=PixelFilter("GAUSSIAN", 2.0),
         passes=DataPasses(names, identifiers={"OBJECT": marks, "MATERIAL": marks}),
     )
-    for adaptive in (None, Adaptive(0.02, 4)):
-        frame = render_frame(bent(build), scene, replace(settings, adaptive=adaptive))
+    straight = build.looking_down(1, -1)
+    for projection, adaptive in ((bent(build), None), (bent(build), Adaptive(0.02, 4)), (straight, None)):
+        frame = render_frame(projection, scene, replace(settings, adaptive=adaptive))
         layer = frame.passes["CRYPTO_OBJECT_00"]
         assert np.allclose(layer[..., 1] + layer[..., 3], frame.pixels[..., 3], atol=1e-6)
         assert (layer[..., 1] >= layer[..., 3]).all() and set(np.unique(layer[..., ::2])) == {0, 7, 9}
         assert np.array_equal(layer, frame.passes["CRYPTO_MATERIAL_00"])
         part = render_frame(
-            bent(build), scene, replace(settings, adaptive=adaptive, border=Border(11, 9, 30, 20))
+            projection, scene, replace(settings, adaptive=adaptive, border=Border(11, 9, 30, 20))
         )
         assert np.array_equal(part.passes["CRYPTO_OBJECT_00"], layer[9:20, 11:30])

@@ -206,4 +206,26 @@ def rendered(driver):
     driver.shot("solid")
 
 
-SCENARIOS = (f12, cancelled, animation, blurred, rendered)
+def drawn(driver):
+    """Drawn Style: its panel, and the picture in Rendered shading at once."""
+    prepare(driver)
+    space = driver.area("VIEW_3D").spaces.active
+    space.overlay.show_overlays = False
+    space.region_3d.view_perspective = "CAMERA"
+    space.shading.type = "RENDERED"
+    panel = bpy.types.SCFPF_PT_engine_drawn
+    bpy.utils.unregister_class(panel)
+    # Open, and where it is seen.
+    panel.bl_options, panel.bl_order = set(), -1
+    bpy.utils.register_class(panel)
+    show(driver, "RENDER")
+    yield from painted()
+    before = driver.region_pixels()
+    with driver.override():
+        assert bpy.ops.scfpf.drawn_style("INVOKE_DEFAULT", True, style="PAPER") == {"FINISHED"}
+    yield from painted()
+    driver.shot("panel")
+    assert (driver.region_pixels() != before).any(axis=2).mean() > 0.05, "the style is not shown"
+
+
+SCENARIOS = (f12, cancelled, animation, blurred, rendered, drawn)

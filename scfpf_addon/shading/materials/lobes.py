@@ -9,20 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ...projection.typing import Array
+from ...projection.typing import Array, IndexArray
 from ..scene import Materials
 from .graph import MaterialGraph, registers
 from .inputs import fresnel_dielectric
 from .operations import OPERATIONS
 from .place import Place, dot
 
-# A reflection is sharp up to the first roughness, and left to the lamps' highlights from the second.
-SHARP_ROUGHNESS = 0.1
-BLURRED_ROUGHNESS = 0.3
+# Roughness up to which a reflection is followed in full, and from which it is left to lamps' highlights and
+# to the world's even light: of metals, which show nothing else, and of what lies on something diffuse.
+METAL_ROUGHNESS = 0.7, 0.9
+COAT_ROUGHNESS = 0.3, 0.5
+# The mean of Schlick's reflectance over the hemisphere, between that of the front and 1.
+SCHLICK_MEAN = 1.0 / 21.0
 
 SentKind = Literal["THROUGH", "MIRROR", "REFRACTED"]
 
@@ -36,14 +39,47 @@ class Body:
     normal: Array
 
 
+class Gloss(NamedTuple):
+    """How a rough surface reflects. roughness: (1, n). front, edge: (3, n) reflectance, head-on and grazing.
+    again: (3, n) share of what facets send to each other that leaves the surface in the end. ior: (1, n) of
+    a dielectric, whose share is Fresnel's; 0 for Schlick's from front to edge.
+    """
+
+    roughness: Array
+    front: Array
+    edge: Array
+    again: Array
+    ior: Array
+
+    def reflectance(self, cosine: Array) -> Array:
+        """(3, n), by the cosine to the facet (n,)."""
+        schlick = self.front + (self.edge - self.front) * (1.0 - cosine) ** 5
+        if not self.ior.any():
+            return schlick
+        return np.where(self.ior > 0.0, fresnel_dielectric(cosine[None], np.maximum(self.ior, 1.0)), schlick)
+
+
 @dataclass(frozen=True)
 class Sent:
-    """What goes on. tint: (3, n) share of light. normal: (3, n). ior: (1, n), far over near side."""
+    """What goes on. tint: (3, n) share of light. normal: (3, n). ior: (1, n), far over near side.
+    gloss: of a MIRROR that is not sharp.
+    """
 
     kind: SentKind
     tint: Array
     normal: Array
     ior: Array
+    gloss: Gloss | None = None
+
+    def take(self, index: IndexArray) -> Sent:
+        """Of the hits at ``index``."""
+        return Sent(
+            self.kind,
+            self.tint[:, index],
+            self.normal[:, index],
+            self.ior[:, index],
+            self.gloss and Gloss(*(each[:, index] for each in self.gloss)),
+        )
 
 
 def lobes(graph: MaterialGraph, place: Place) -> Iterator[Body | Sent]:
@@ -117,10 +153,25 @@ class _Reader:
         """A share that goes on."""
         return Sent(kind, tint, self.normal, np.ones((1, self.count)) if ior is None else ior)
 
+    def glossy(
+        self, weight: Array, roughness: Array, front: Array, edge: Array, ior: Array | None = None
+    ) -> Sent:
+        """A share (1, n) that is reflected, sharp or not. The others as in ``Gloss``."""
+        again = (front + (edge - front) * SCHLICK_MEAN) * self.share("multiple")
+        nothing = np.ones((1, self.count))
+        return Sent(
+            "MIRROR",
+            np.repeat(weight, 3, axis=0),
+            self.normal,
+            nothing,
+            Gloss(roughness, front, edge, again, 0.0 * nothing if ior is None else ior),
+        )
 
-def sharpness(roughness: Array) -> Array:
-    """How much of a reflection is a mirror's, 1 to 0."""
-    share = np.clip((BLURRED_ROUGHNESS - roughness) / (BLURRED_ROUGHNESS - SHARP_ROUGHNESS), 0.0, 1.0)
+
+def followed(roughness: Array, limits: tuple[float, float]) -> Array:
+    """How much of a reflection is followed by rays, 1 to 0 between two limits."""
+    full, none = limits
+    share = np.clip((none - roughness) / (none - full), 0.0, 1.0)
     return share * share * (3.0 - 2.0 * share)
 
 
@@ -139,16 +190,17 @@ def _principled(reader: _Reader) -> Iterator[Body | Sent]:
     emission, level = reader.value("emission"), np.maximum(reader.value("specular_level"), 0.0)
     ior = np.maximum(reader.value("ior"), 1e-5)
     f0 = np.clip(((ior - 1.0) / (ior + 1.0)) ** 2 * 2.0 * level, 0.0, 1.0)
-    glass = (1.0 - metallic) * reader.share("transmission")
-    sharp, clear = sharpness(roughness), reader.share("transmission")
-    polished, coat = metallic * sharp, (1.0 - metallic) * (1.0 - clear) * sharp
-    coat = coat * fresnel_from(f0, reader.facing)
+    clear = reader.share("transmission")
+    polished = metallic * followed(roughness, METAL_ROUGHNESS)
+    coated = (1.0 - metallic) * (1.0 - clear) * followed(roughness, COAT_ROUGHNESS) * (f0 > 0.0)
+    coat_ior = ior_of(f0)
+    coat = coated * fresnel_dielectric(reader.facing, coat_ior)
     glass = (1.0 - metallic) * clear
     if polished.any():
-        tint = base + (1.0 - base) * (1.0 - reader.facing) ** 5
-        yield reader.sent("MIRROR", weight * polished * tint)
+        yield reader.glossy(weight * polished, roughness, base, np.ones_like(base))
     if coat.any():
-        yield reader.sent("MIRROR", np.repeat(weight * coat, 3, axis=0))
+        front = np.repeat(f0, 3, axis=0)
+        yield reader.glossy(weight * coated, roughness, front, np.ones_like(front), coat_ior)
     if glass.any():
         # What goes in and out again is coloured twice.
         yield from _boundary(reader, weight * glass, 1.0, np.sqrt(base))
@@ -157,9 +209,11 @@ def _principled(reader: _Reader) -> Iterator[Body | Sent]:
     yield reader.body(weight, lit, metallic, roughness, f0, emission, 1.0 - polished)
 
 
-def fresnel_from(f0: Array, cosine: Array) -> Array:
-    """Reflected share of a surface that reflects ``f0`` head-on (Schlick 1994)."""
-    return np.where(f0 > 0.0, f0 + (1.0 - f0) * (1.0 - cosine) ** 5, 0.0)
+def ior_of(f0: Array) -> Array:
+    """The index of refraction of what reflects ``f0`` head-on."""
+    root = np.sqrt(np.minimum(f0, 0.999))
+    result: Array = (1.0 + root) / (1.0 - root)
+    return result
 
 
 def _diffuse(reader: _Reader) -> Iterator[Body | Sent]:
@@ -168,10 +222,10 @@ def _diffuse(reader: _Reader) -> Iterator[Body | Sent]:
 
 def _glossy(reader: _Reader) -> Iterator[Body | Sent]:
     color, roughness = reader.color("color"), reader.share("roughness")
-    sharp = sharpness(roughness)
-    if sharp.any():
-        yield reader.sent("MIRROR", reader.weight * sharp * color)
-    yield reader.body(reader.weight, color, 1.0, roughness, ambient=1.0 - sharp)
+    traced = followed(roughness, METAL_ROUGHNESS)
+    if traced.any():
+        yield reader.glossy(reader.weight * traced, roughness, color, color)
+    yield reader.body(reader.weight, color, 1.0, roughness, ambient=1.0 - traced)
 
 
 def _emission(reader: _Reader) -> Iterator[Body | Sent]:

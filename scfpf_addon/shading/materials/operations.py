@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from . import colors, inputs, noise, numbers, textures
+from . import colors, inputs, noise, numbers, sky, textures
 from .bump import bump
 from .graph import Evaluator
 
@@ -14,6 +14,7 @@ OPERATIONS: dict[str, Evaluator] = {
     **inputs.OPERATIONS,
     **noise.OPERATIONS,
     **numbers.OPERATIONS,
+    **sky.OPERATIONS,
     **textures.OPERATIONS,
 }
 OPERATIONS["BUMP"] = partial(bump, OPERATIONS)

@@ -20,7 +20,8 @@ class Place:
     position: (3, n) world space. normal: (3, n) unit, shading normal, on the side of the viewer.
     flat: (3, n) unit, of the triangle, on that side too. view: (3, n) unit, towards the viewer.
     back: (1, n) 1 where the back of the triangle is seen, else 0. All float64.
-    images: what was loaded, by name; one that is not there is missing.
+    images: what was loaded, by name; one that is not there is missing. blur: of a map's directions, radians
+    between two of them.
     """
 
     geometry: Geometry
@@ -32,6 +33,7 @@ class Place:
     flat: Array
     view: Array
     back: Array
+    blur: float = 0.0
 
     @property
     def count(self) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 from ...projection.typing import Array
 from .graph import Evaluator
 from .image import sample
-from .place import Place
+from .place import Place, unit
 
 Settings = Mapping[str, Any]
 Inputs = Sequence[Array]
@@ -59,6 +59,33 @@ def image(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]
     return values[:3], values[3:]
 
 
+def _equirectangular(vector: Array) -> tuple[Array, Array]:
+    """Longitude and latitude about z; +X is in the middle."""
+    x, y, z = vector
+    return 0.5 - np.arctan2(y, x) / (2.0 * np.pi), 0.5 + np.arctan2(z, np.hypot(x, y)) / np.pi
+
+
+def _mirror_ball(vector: Array) -> tuple[Array, Array]:
+    """The place on a mirroring ball, seen from far along +Y, where the direction is mirrored."""
+    x, y, z = vector
+    deep = 2.0 * np.sqrt(np.maximum(0.5 * (1.0 - y), 0.0))
+    deep = np.where(deep > 0.0, deep, 1.0)
+    return 0.5 * (x / deep + 1.0), 0.5 * (z / deep + 1.0)
+
+
+PANORAMAS: dict[str, Callable[[Array], tuple[Array, Array]]] = {
+    "EQUIRECTANGULAR": _equirectangular,
+    "MIRROR_BALL": _mirror_ball,
+}
+
+
+def environment(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+    """The Environment Texture node: a picture of all directions."""
+    u, v = PANORAMAS[settings["projection"]](unit(inputs[0]))
+    picture = place.images.get(settings["image"])
+    return (sample(picture, u, v, settings["interpolation"], "REPEAT", False)[:3],)
+
+
 def checker(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
     """The Checker Texture: vector, two colours, scale → colour, factor."""
     vector, one, other, scale = inputs
@@ -85,4 +112,9 @@ def gradient(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, .
     return np.repeat(factor, 3, axis=0), factor
 
 
-OPERATIONS: dict[str, Evaluator] = {"CHECKER": checker, "GRADIENT": gradient, "IMAGE": image}
+OPERATIONS: dict[str, Evaluator] = {
+    "CHECKER": checker,
+    "ENVIRONMENT": environment,
+    "GRADIENT": gradient,
+    "IMAGE": image,
+}

@@ -1,0 +1,39 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Drawn styles: one click for all settings of a look."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty
+
+from ..scfpf_addon.bridge.drawn_styles import STYLES, apply_style
+
+
+class SCFPF_OT_drawn_style(bpy.types.Operator):
+    """Switch Drawn Style on, with all of its settings as a look needs them"""
+
+    bl_idname = "scfpf.drawn_style"
+    bl_label = "Drawn Style"
+    bl_options = {"REGISTER", "UNDO"}
+
+    style: EnumProperty(
+        name="Style",
+        description="The look that the settings are to give",
+        items=[(identifier, style.name, style.description) for identifier, style in STYLES.items()],
+        default="PAPER",
+    )
+    plain_view: BoolProperty(
+        name="Standard View",
+        description="Set the scene's view transform to Standard, which shows white paper as white; "
+        "others make it grey",
+        default=True,
+    )
+
+    @classmethod
+    def description(cls, _context, properties):
+        return STYLES[properties.style].description
+
+    def execute(self, context):
+        apply_style(context.scene, self.style, self.plain_view)
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_drawn_style,))

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Volumes of the scene that rays through the rig do not know of: those that they begin in.
+
+Cycles finds what its camera is inside of where the camera is, and the rig's is far below the scene. The
+world's own volume is everywhere, and so there as well.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from mathutils import Vector
+
+from ..projection.typing import Array
+from ..projection.volume import Projection
+
+# Places across and up the near surface that are looked at.
+PLACES = 3
+# Faces of one object that a point's ray is followed through, at most.
+MOST_FACES = 64
+# A ray goes on this far behind a face that it has met, as a share of the object's size.
+BEHIND = 1e-5
+UP = Vector((0.0, 0.0, 1.0))
+
+
+def smoke_around(scene, depsgraph, projection: Projection) -> str:
+    """The name of an object in whose volume the near surface, or a part of it, is; empty if there is none."""
+    candidates = [obj for obj in scene.objects if not obj.hide_render and _is_smoke(obj)]
+    if not candidates:
+        return ""
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.02, 0.98, PLACES),) * 2))
+    image = projection.parameters(x, y)
+    points = projection.volume.controls(image.u, image.v).points[0]
+    points = points[:, image.mask & np.isfinite(points).all(axis=0)].T
+    for obj in candidates:
+        if any(_is_inside(obj.evaluated_get(depsgraph), point) for point in points):
+            return obj.name
+    return ""
+
+
+def _is_smoke(obj) -> bool:
+    if obj.type == "VOLUME":
+        return True
+    return obj.type == "MESH" and any(_is_volume(slot.material) for slot in obj.material_slots)
+
+
+def _is_volume(material) -> bool:
+    if material is None or material.node_tree is None:
+        return False
+    return any(
+        node.type == "OUTPUT_MATERIAL" and node.inputs["Volume"].is_linked
+        for node in material.node_tree.nodes
+    )
+
+
+def _is_inside(obj, point: Array) -> bool:
+    """Whether a point is inside an evaluated object: of a mesh by the faces above it, else of its box."""
+    place = obj.matrix_world.inverted_safe() @ Vector(point)
+    low, high = (
+        Vector(end(corner[axis] for corner in obj.bound_box) for axis in range(3)) for end in (min, max)
+    )
+    if any(not a <= value <= b for a, value, b in zip(low, place, high, strict=True)):
+        return False
+    if obj.type == "VOLUME":
+        return True
+    inside, step = False, BEHIND * max((high - low).length, BEHIND)
+    for _ in range(MOST_FACES):
+        met, place, _, _ = obj.ray_cast(place, UP)
+        if not met:
+            return inside
+        inside, place = not inside, place + UP * step
+    return inside

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a drawn picture is to be like. Lengths are in pixels of the picture that is made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from ...projection.typing import Array
+
+# Kinds of lines as bits, those first that hide others where they coincide.
+SILHOUETTE, OBJECT, CONTOUR, MATERIAL, CREASE = 1, 2, 4, 8, 16
+# Those that are as wide as outlines; the others are inner lines.
+OUTER = SILHOUETTE | OBJECT
+
+FillKind = Literal["RENDERED", "TOON", "FLAT", "PAPER"]
+HatchKind = Literal["DEPTH", "TONE"]
+
+
+def black() -> Array:
+    """The colour of ink."""
+    return np.zeros(3)
+
+
+def white() -> Array:
+    """The colour of paper."""
+    return np.ones(3)
+
+
+@dataclass(frozen=True)
+class Lines:
+    """kinds: bits of the above. width, inner_width: of outlines and of lines within them. color: (3,)
+    scene-linear. crease_angle: between normals, radians, from which an edge is drawn. jump: by which a
+    surface lies behind another one that hides it, in widths of a pixel there. Raises ValueError.
+    """
+
+    kinds: int = SILHOUETTE | OBJECT | CONTOUR | CREASE
+    width: float = 2.0
+    inner_width: float = 1.0
+    color: Array = field(default_factory=black)
+    crease_angle: float = np.pi / 6
+    jump: float = 2.0
+
+    def __post_init__(self) -> None:
+        if self.width <= 0.0 or self.inner_width <= 0.0 or self.jump < 0.0:
+            raise ValueError("lines need widths above 0 and a depth jump of 0 or more")
+
+
+@dataclass(frozen=True)
+class Hatching:
+    """kind: DEPTH, lines of equal t, or TONE, strokes where little light falls.
+
+    width: of a line, at most. color: (3,) scene-linear. count: steps of t from the near to the far surface.
+    spacing: between strokes, angle: of them, radians from the horizontal; cross: whether darker
+    tones have strokes across, otherwise they have closer ones. Raises ValueError.
+    """
+
+    kind: HatchKind = "TONE"
+    width: float = 1.0
+    color: Array = field(default_factory=black)
+    count: int = 32
+    spacing: float = 6.0
+    angle: float = np.pi / 4
+    cross: bool = True
+
+    def __post_init__(self) -> None:
+        if self.width <= 0.0 or self.spacing <= 0.0 or self.count < 1:
+            raise ValueError("hatching needs a width and a spacing above 0 and at least one step of t")
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """fill: what is between the lines: the picture as rendered, the materials' colours in steps of light or
+    without light, or paper alone. steps: of light, darkest: the share of its colour that the darkest one
+    has. softness: in [0, 1], the share of a step over which one goes over into the next. exposure: of
+    light for steps and strokes, in stops. fade: share of the fill that is paper. paper: (3,) its colour,
+    scene-linear. on_paper: whether misses show it, not the world. detail: places a pixel, along each axis,
+    that lines are sought at. Raises ValueError.
+    """
+
+    lines: Lines | None = None
+    hatching: Hatching | None = None
+    fill: FillKind = "TOON"
+    steps: int = 3
+    softness: float = 0.0
+    darkest: float = 0.3
+    exposure: float = 0.0
+    fade: float = 0.0
+    paper: Array = field(default_factory=white)
+    on_paper: bool = False
+    detail: int = 2
+
+    def __post_init__(self) -> None:
+        if self.steps < 1 or self.detail < 1:
+            raise ValueError("a drawn picture needs at least one step of light and a detail of 1")
+
+    @property
+    def lit(self) -> bool:
+        """Whether it matters how much light falls on things, but for the picture as rendered."""
+        toned = self.hatching is not None and self.hatching.kind == "TONE"
+        return toned or (self.fill == "TOON" and self.steps > 1)
+
+    def scaled(self, factor: float) -> Drawn:
+        """The same drawing in a picture whose sides have so many times the pixels."""
+        lines, hatching = self.lines, self.hatching
+        if lines:
+            lines = replace(lines, width=lines.width * factor, inner_width=lines.inner_width * factor)
+        if hatching:
+            hatching = replace(hatching, width=hatching.width * factor, spacing=hatching.spacing * factor)
+        return replace(self, lines=lines, hatching=hatching)

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Worlds of nodes without Blender: directions, light that is taken apart, rough reflections."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scfpf_addon.casting.behind import cast_rays
+from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.projection.surfaces import Plane
+from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.shading.adaptive import Adaptive
+from scfpf_addon.shading.frame import render_frame
+from scfpf_addon.shading.materials import glossy
+from scfpf_addon.shading.materials.graph import Closure, MaterialGraph, Operation, Ref
+from scfpf_addon.shading.materials.image import ImageData
+from scfpf_addon.shading.passes import DataPasses
+from scfpf_addon.shading.settings import Border, FrameSettings
+from scfpf_addon.shading.sky_light import SkyLight
+from scfpf_addon.shading.sky_map import COLUMNS, LUMINANCE, ROWS, curve_places, map_areas, map_directions
+from scfpf_addon.shading.world import World, reduced
+
+
+def constant(*value):
+    return Operation("CONSTANT", (), {"value": np.array(value, float)})
+
+
+def by_direction():
+    """A world whose colour is the direction, half as bright, about grey."""
+    operations = (
+        constant(1.0),
+        Operation("POSITION"),
+        constant(0.5, 0.5, 0.5),
+        Operation("VECTOR_MATH", (Ref(1), Ref(2), Ref(2), Ref(0)), {"operation": "MULTIPLY_ADD"}),
+    )
+    return World(MaterialGraph(operations, (Closure("EMISSION", Ref(0), {"color": Ref(3)}),)))
+
+
+def of_image(pixels):
+    """A world of an equirectangular picture (H, W, 3)."""
+    data = np.ones((*pixels.shape[:2], 4), np.float32)
+    data[..., :3] = pixels
+    settings = {"image": "Sky", "projection": "EQUIRECTANGULAR", "interpolation": "Linear"}
+    operations = (constant(1.0), Operation("POSITION"), Operation("ENVIRONMENT", (Ref(1),), settings))
+    graph = MaterialGraph(operations, (Closure("EMISSION", Ref(0), {"color": Ref(2)}),))
+    return World(graph, {"Sky": ImageData(data, False)})
+
+
+def sunny(sun=5000.0):
+    """A gradient with a sun of a few texels, and where that is."""
+    directions = map_directions(COLUMNS, ROWS)
+    pixels = 0.5 + 0.4 * directions[2] * np.array([[0.2], [0.6], [1.0]])
+    towards = np.array([0.48, -0.6, 0.64])
+    pixels[:, towards @ directions > np.cos(0.006)] = sun
+    return of_image(pixels.T.reshape(ROWS, COLUMNS, 3)), towards
+
+
+def bent():
+    """Projectors that end sideways."""
+    surfaces = []
+    for height, shift, size in ((3.0, 0.0, 1.0), (1.0, 0.3, 1.5), (-1.0, 2.0, 2.5)):
+        matrix = np.eye(4)
+        matrix[:3, 3] = shift, 0, height
+        surfaces.append(Plane(width=size, height=size, matrix=matrix))
+    return Projection(ViewingVolume(tuple(surfaces)), aspect=1)
+
+
+@pytest.mark.parametrize("with_things", [False, True])
+def test_the_world_is_seen_where_projectors_leave_the_volume(build, with_things):
+    part = (
+        build.square(0.2, 2.0)
+        if with_things
+        else (np.zeros((0, 3)), np.zeros((0, 3), int), np.zeros((0, 3, 3)))
+    )
+    scene = replace(build.scene([part]), world=by_direction())
+    projection = bent()
+    clear = render_frame(projection, scene, FrameSettings(9, 9, samples=1, transparent=True)).pixels
+    empty = clear[..., 3] == 0.0
+    assert not clear[empty].any() and empty.all() != with_things and empty.sum() > 60
+    pixels = render_frame(projection, scene, FrameSettings(9, 9, samples=1)).pixels
+    x, y = (each.ravel() for each in np.meshgrid((np.arange(9) + 0.5) / 9, (np.arange(9) + 0.5) / 9))
+    points = projection.projectors(x, y).points
+    way = points[-1] - points[-2]
+    expected = (0.5 + 0.5 * way / np.linalg.norm(way, axis=0)).T.reshape(9, 9, 3)
+    assert np.abs(pixels[empty][:, :3] - expected[empty]).max() < 1e-6
+    assert (pixels[..., 3] == 1.0).all()
+
+
+def test_light_is_taken_apart_without_losing_any():
+    world, towards = sunny()
+    light = world.light
+    areas = map_areas(COLUMNS, ROWS)
+    assert areas.sum() * COLUMNS == pytest.approx(4 * np.pi)
+    directions = map_directions(COLUMNS, ROWS)
+    whole = world.radiance(directions).reshape(3, ROWS, COLUMNS) * areas[:, None]
+    lamps = sum(color for _, color in light.lamps)
+    even = light.hiding.light.sum(axis=1)
+    assert lamps + even == pytest.approx(whole.sum(axis=(1, 2)), rel=1e-6)
+    sun = whole.reshape(3, -1)[:, towards @ directions > np.cos(0.006)].sum(axis=1)
+    assert lamps == pytest.approx(sun, rel=0.01)
+    places = SkyLight.of(light, 16).lamps[0].places
+    assert (towards @ places).min() > np.cos(0.01)
+    # Irradiance on any side is the sum over all directions.
+    normals = np.random.default_rng(1).normal(size=(3, 10))
+    normals /= np.linalg.norm(normals, axis=0)
+    found = SkyLight.of(light, 4).irradiance(normals.astype(np.float32))
+    left = light.without_lamps(directions, world.radiance(directions)) * np.repeat(areas, COLUMNS)
+    expected = left @ np.maximum(directions.T @ normals, 0.0)
+    assert found == pytest.approx(expected, rel=0.005)
+
+
+def test_a_wide_lamp_in_a_picture_is_no_sun():
+    """What is as large as a window is seen whole in mirrors."""
+    pixels = np.full((ROWS, COLUMNS, 3), 0.1)
+    pixels[300:380, 200:300] = 20.0
+    assert of_image(pixels).light.lamps == ()
+
+
+def test_large_images_are_averaged():
+    pixels = np.random.default_rng(2).random((1100, 2100, 4)).astype(np.float32)
+    small = reduced(ImageData(pixels, False))
+    assert small.pixels.shape == (367, 700, 4)
+    assert small.pixels[5, 7] == pytest.approx(pixels[15:18, 21:24].mean(axis=(0, 1)), rel=1e-5)
+    eights = (pixels[:, :, :] * 255).astype(np.uint8)
+    linear = reduced(ImageData(eights, True))
+    assert not linear.encoded and linear.pixels[..., :3].mean() == pytest.approx(1 / 3.2, rel=0.1)
+
+
+def test_the_curve_goes_from_neighbour_to_neighbour():
+    order = np.argsort(curve_places(16))
+    row, column = np.divmod(order, 32)
+    assert (np.abs(np.diff(row)) + np.abs(np.diff(column)) == 1).all()
+
+
+def mirror(roughness):
+    """A metal of all the light."""
+    operations = (constant(1.0), constant(1.0, 1.0, 1.0), constant(roughness), Operation("NORMAL"))
+    inputs = {"color": Ref(1), "roughness": Ref(2), "normal": Ref(3), "multiple": Ref(0)}
+    return MaterialGraph(operations, (Closure("GLOSSY", Ref(0), inputs),), reflects=True)
+
+
+def mirrored_scene(build, roughness, world):
+    scene = build.scene([build.square(5.0)])
+    materials = replace(scene.materials, graphs={0: mirror(roughness)})
+    return replace(scene, materials=materials, world=world)
+
+
+def test_mirrors_show_the_world_along_the_straight_ray(build):
+    """And in a furnace a rough one sends on all that comes, whatever the angle."""
+    scene = mirrored_scene(build, 0.0, by_direction())
+    settings = FrameSettings(4, 4, samples=1)
+    pixels = render_frame(build.looking_down(3.0, -3.0, shifts=(0.0, 3.0)), scene, settings).pixels
+    way = np.array([3.0, 0.0, 6.0]) / np.sqrt(45.0)
+    assert np.abs(pixels[..., :3] - (0.5 + 0.5 * way)).max() < 1e-6
+    furnace = of_image(np.ones((8, 16, 3)))
+    for roughness in (0.6,):
+        view = build.looking_down(3.0, -3.0, shifts=(0.0, 6.0))
+        settings = FrameSettings(8, 8, samples=32)
+        pixels = render_frame(view, mirrored_scene(build, roughness, furnace), settings).pixels
+        assert pixels[..., :3].mean() == pytest.approx(1.0, abs=0.01)
+
+
+def test_threads_and_borders_change_nothing(build):
+    """Rough reflections and the sky's shadows are the pixel's and the place's own."""
+    world, _ = sunny()
+    parts = [build.square(5.0), build.sphere(8, (0.2, 0.1, 0.6), 0.4)]
+    scene = build.scene(parts)
+    scene = replace(scene, materials=replace(scene.materials, graphs={0: mirror(0.4)}), world=world)
+    settings = FrameSettings(24, 24, samples=4, threads=1)
+    whole = render_frame(bent(), scene, settings).pixels
+    assert (render_frame(bent(), scene, replace(settings, threads=3)).pixels == whole).all()
+    border = Border(5, 7, 20, 16)
+    part = render_frame(bent(), scene, replace(settings, border=border)).pixels
+    assert (part == whole[7:16, 5:20]).all()
+    assert len(np.unique(whole.reshape(-1, 4), axis=0)) > 300
+
+
+@pytest.mark.parametrize("adaptive", [None, Adaptive(0.02, 2)])
+def test_passes_of_light_are_the_picture(build, adaptive):
+    """The sky's light on things is diffuse or specular, the sky that is seen the environment."""
+    world, _ = sunny(500.0)
+    scene = build.scene([build.square(0.6), build.sphere(8, (0.1, 0.1, 0.4), 0.3)])
+    scene = replace(scene, materials=replace(scene.materials, graphs={0: mirror(0.3)}), world=world)
+    names = ("DIFFUSE", "SPECULAR", "EMISSION", "ENVIRONMENT")
+    settings = FrameSettings(12, 12, samples=4, passes=DataPasses(names), adaptive=adaptive)
+    frame = render_frame(bent(), scene, settings)
+    assert sum(frame.passes[name] for name in names) == pytest.approx(frame.pixels[..., :3], abs=1e-5)
+    assert all(frame.passes[name].any() for name in ("DIFFUSE", "SPECULAR", "ENVIRONMENT"))
+    clear = render_frame(bent(), scene, replace(settings, transparent=True, adaptive=None))
+    assert (clear.pixels[..., 3] < 1.0).any()
+    assert clear.passes["ENVIRONMENT"].max() > 0.1
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.8])
+@pytest.mark.parametrize("cosine", [0.25, 0.9])
+def test_facets_reflect_as_their_distribution_says(roughness, cosine):
+    """Mean of what is drawn against the GGX reflectance summed over all directions."""
+    alpha = roughness**2
+    view = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
+    directions = map_directions(COLUMNS, ROWS)
+    upper = directions[2] > 0
+    way, area = directions[:, upper], np.repeat(map_areas(COLUMNS, ROWS), COLUMNS)[upper]
+    half = way + view[:, None]
+    half /= np.linalg.norm(half, axis=0)
+    density = alpha**2 / (np.pi * (half[2] ** 2 * (alpha**2 - 1) + 1) ** 2)
+    shadow = 1 / (1 + glossy.seen_share(way[2], alpha) + glossy.seen_share(cosine, alpha))
+    value = density * shadow / (4 * cosine)
+    share = (np.arange(4096)[:, None] * glossy.EVEN % 1.0).T
+    many = np.repeat(view[:, None], 4096, axis=1)
+    up = np.repeat([[0.0], [0.0], [1.0]], 4096, axis=1)
+    way_drawn, passed, _ = glossy.reflected(-many, up, up, np.full(4096, roughness), share)
+    # ``reflected`` has axes of its own: what counts is the height.
+    for power in (0, 1, 3):
+        expected = (value * way[2] ** power * area).sum()
+        assert (passed * np.maximum(way_drawn[2], 0) ** power).mean() == pytest.approx(expected, rel=0.01)
+    once = glossy.sent_on_at_once(np.array([cosine]), np.array([roughness]))[0]
+    assert once == pytest.approx((value * area).sum(), rel=0.02)
+
+
+def test_rays_off_small_things_in_a_large_scene_leave_them(build):
+    """Faces of a thing a thousandth of the scene's size: none is met by the rays that leave it."""
+    scene = build.geometry(build.square(40.0, -1.0), build.sphere(16, (1.3, -1.1, -0.3), 0.04))
+    cast_scene = CastScene(scene.vertices, scene.triangles)
+    small = np.flatnonzero(scene.material == 1).astype(np.int32)
+    middle = scene.vertices[scene.triangles[small]].mean(axis=1).T
+    place = cast_scene.matrix[:3, :3] @ middle + cast_scene.matrix[:3, 3:]
+    normals = cast_scene.normals(small)
+    lean = np.random.default_rng(4).normal(size=normals.shape)
+    way = normals + 0.8 * lean / np.linalg.norm(lean, axis=0)
+    way /= np.linalg.norm(way, axis=0)
+    hits = cast_rays(cast_scene, cast_scene.offset_origins(place, small, way), way)
+    assert not (scene.material[hits.triangle] == 1)[hits.triangle >= 0].any()
+
+
+def test_luminance_is_that_of_white():
+    assert LUMINANCE.sum() == pytest.approx(1.0)
