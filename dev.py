@@ -125,7 +125,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run benchmarks (speed, --trade, --extremes, --cycles, --engine or --soak), print figures; --json FILE."""
+    """Run benchmarks: speed, --trade, --extremes, --cycles, --engine or --soak; --json FILE for figures."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]

@@ -12,7 +12,6 @@ import numpy as np
 
 from ..bridge import lattice_object, versions
 from ..bridge.flexible_camera import sync_volume_object
-from ..bridge.lattice_object import KIND as LATTICE_KIND
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
 from ..projection.typing import Array
@@ -78,15 +77,6 @@ def check(scene, camera) -> None:
         raise RigError(f"'{camera.name}' is linked from another file: make a library override of it first")
     if not hasattr(scene, "cycles"):
         raise RigError("Cycles is switched off: enable its add-on in the Preferences")
-    check_surfaces(camera)
-
-
-def check_surfaces(camera) -> None:
-    """Raises RigError where the rig's table cannot have the camera's volume."""
-    if any(slot.object and slot.object.scfpf_surface.kind == LATTICE_KIND for slot in camera.scfpf.surfaces):
-        raise RigError(
-            f"'{camera.name}' holds a lattice, which the Cycles rig cannot follow: render it with SCFPF"
-        )
 
 
 def check_surfaces(camera) -> None:
@@ -235,12 +225,8 @@ def has_old_nodes(rig) -> bool:
 
 
 def update_nodes(rig) -> None:
-    """The table and the modifier as the camera's list of surfaces and its settings now ask for.
-
-    Raises RigError; the rig is then as it was.
-    """
+    """The table and the modifier as the camera's list of surfaces and its settings now ask for."""
     settings = rig.scfpf_rig
-    check_surfaces(settings.camera)
     settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
     settings.table[RIG_KEY] = settings.camera
     _place(settings.view_camera)

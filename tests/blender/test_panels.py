@@ -38,6 +38,12 @@ class RecordingLayout:
 
         return Properties()
 
+    def panel(self, _idname, **_options):
+        return RecordingLayout(self.record), RecordingLayout(self.record)
+
+    def operator_menu_enum(self, idname, prop, **_options):
+        setattr(self.operator(idname), prop, None)
+
     def menu(self, idname, **_options):
         assert hasattr(bpy.types, idname), idname
         self.record.append(("menu", idname))
