@@ -26,6 +26,7 @@ BENCHMARKS = {
     "extremes": ("extremes",),
     "cycles": ("portals",),
     "engine": ("engine",),
+    "soak": ("soak",),
 }
 
 
@@ -129,7 +130,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run benchmarks (speed, --trade, --extremes, --cycles or --engine), print figures; --json FILE too."""
+    """Run benchmarks: speed, --trade, --extremes, --cycles, --engine or --soak; --json FILE for figures."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]

@@ -106,6 +106,8 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def edit(self, context, camera):
+        if not self.filepath:
+            raise PresetError("Choose a file to write the preset into")
         path = pathlib.Path(bpy.path.abspath(bpy.path.ensure_ext(self.filepath, ".json")))
         camera_preset.write_preset(self.preset(context, camera), path)
         return f"The preset is in {path.name}"

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
+from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.uv_mesh import UVMesh
 from ..projection.volume import Projection
 from . import edit_volume, lattice_object, nurbs_object, surface_nodes
@@ -67,6 +68,7 @@ def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=No
     Raises FlexibleCameraError or SurfaceError; nothing is left behind.
     """
     _require_camera(camera)
+    _require_room(camera)
     title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else MESH_KINDS.get(kind)
     title = OBJECT_KINDS[kind].TITLE if kind in OBJECT_KINDS else title
     surface = surface_nodes.new_surface(name or title, kind, parameters, points)
@@ -81,6 +83,13 @@ def _place(camera, surface, matrix) -> None:
     surface.matrix_basis = Matrix(np.asarray(matrix, np.float64).tolist())
     for collection in editable_collections(camera) or [bpy.context.scene.collection]:
         collection.objects.link(surface)
+
+
+def _require_room(camera) -> None:
+    if len(camera.scfpf.surfaces) >= MAXIMUM_SURFACES:
+        raise FlexibleCameraError(
+            f"'{camera.name}' has {MAXIMUM_SURFACES} control surfaces, the most that a volume may have"
+        )
 
 
 def _insert(camera, surface, index=None) -> None:
@@ -101,6 +110,7 @@ def attach_surface(camera, surface) -> None:
     FlexibleCameraError for any other object.
     """
     _require_camera(camera)
+    _require_room(camera)
     if not may_be_surface(surface):
         raise FlexibleCameraError(
             f"'{surface.name}' cannot be a control surface: choose a mesh with UV map, a surface or a lattice"

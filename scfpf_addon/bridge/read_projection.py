@@ -10,7 +10,7 @@ import numpy as np
 
 from ..projection.image_stack import seen_through
 from ..projection.lattice_volume import Lattice
-from ..projection.preset import surface_from_parameters
+from ..projection.preset import MAXIMUM_SURFACES, surface_from_parameters
 from ..projection.reparameterisation import reparameterisation
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.volume import Projection, ViewingVolume
@@ -50,6 +50,10 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
         raise ProjectionError(
             f"'{camera.name}' has {len(slots) or 'no'} control surface{'s' * (len(slots) != 1)}: "
             "a viewing volume needs at least two; add one in the camera's properties or load a preset"
+        )
+    if len(slots) > MAXIMUM_SURFACES:
+        raise ProjectionError(
+            f"'{camera.name}' has {len(slots)} control surfaces: a volume may have {MAXIMUM_SURFACES} at most"
         )
     for axis, (start, end) in (("U", settings.u_range), ("V", settings.v_range)):
         if start == end:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..projection.preset import MAXIMUM_SURFACES
 from . import versions
 from .node_builder import NodeBuilder
 
@@ -42,7 +43,8 @@ def volume_facts(camera) -> tuple:
 
 def _members(settings) -> list:
     """What a camera's volume object takes: its surfaces, and the grids of its image mappings."""
-    surfaces = [slot.object for slot in settings.surfaces]
+    # A longer list is no volume; taking its thousands would hold Blender up.
+    surfaces = [slot.object for slot in settings.surfaces[:MAXIMUM_SURFACES]]
     return surfaces + [m.grid for m in settings.mappings if m.kind == "GRID" and m.grid is not None]
 
 

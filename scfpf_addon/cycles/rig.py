@@ -213,13 +213,18 @@ def _mappings_move(camera) -> bool:
     return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
 
 
-def tend(scene, depsgraph) -> None:
-    """Bring a scene's rig in step with its volume; remove rigs that have lost their camera or a part."""
+def tend(scene, depsgraph, may_remove: bool = True) -> None:
+    """Bring a scene's rig in step with its volume; remove rigs that have lost their camera or a part.
+
+    may_remove: not while Blender goes from frame to frame or to another scene, where it would crash.
+    """
     for rig in rigs():
-        adopt(rig)
+        if may_remove:
+            adopt(rig)
         if not is_whole(rig):
             # Undo brings both back.
-            switch_off(rig)
+            if may_remove:
+                switch_off(rig)
         elif rig.scfpf_rig.scene == scene:
             _follow(rig, depsgraph)
 
@@ -322,6 +327,12 @@ def _scene_updated(scene, depsgraph) -> None:
 
 
 @persistent
+def _frame_changed(scene, depsgraph) -> None:
+    if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
+        tend(scene, depsgraph, may_remove=False)
+
+
+@persistent
 def _history_changed(*_) -> None:
     _seen.clear()
 
@@ -333,7 +344,7 @@ def _file_loaded(*_) -> None:
 
 HANDLERS = {
     "depsgraph_update_post": _scene_updated,
-    "frame_change_post": _scene_updated,
+    "frame_change_post": _frame_changed,
     "undo_post": _history_changed,
     "redo_post": _history_changed,
     "load_post": _file_loaded,

@@ -112,17 +112,19 @@ def _surface_signature(slot, weighted: bool) -> tuple | None:
     return surface.session_uid, surface.scfpf_surface.kind, weight, len(surface.modifiers), drawn
 
 
-def tend(scene, structure_changed: bool, depsgraph=None) -> None:
+def tend(scene, structure_changed: bool, depsgraph=None, may_remove: bool = True) -> None:
     """Bring the previews of a scene in step with it; remove any that has lost its camera or a part.
 
     structure_changed: the depsgraph has told of an edit of the scene or a collection. depsgraph:
-    None or evaluated, with its updates.
+    None or evaluated, with its updates. may_remove: not while Blender goes from frame to frame or to
+    another scene, where it would crash.
     Costs next to nothing while there is no preview. Not to be called from a render's thread.
     """
     for source in previews():
         if not is_whole(source):
-            _remove(source)
-            _settle_viewports_soon()
+            if may_remove:
+                _remove(source)
+                _settle_viewports_soon()
         elif source.scfpf_preview.scene == scene:
             _follow(source, structure_changed, depsgraph)
     if structure_changed:
@@ -266,7 +268,7 @@ def _scene_updated(scene, depsgraph) -> None:
 @persistent
 def _frame_changed(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT":
-        tend(scene, False)
+        tend(scene, False, may_remove=False)
 
 
 @persistent

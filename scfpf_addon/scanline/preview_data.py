@@ -12,6 +12,7 @@ import bpy
 
 from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
+from ..bridge.lattice_object import KIND as LATTICE_KIND
 from . import remap_nodes
 from .table_object import TABLE_KEY
 
@@ -106,7 +107,12 @@ def make_preview(scene, view_layer, camera):
 
 
 def _check_surfaces(camera) -> None:
-    if len(camera.scfpf.surfaces) < 2 or any(slot.object is None for slot in camera.scfpf.surfaces):
+    surfaces = [slot.object for slot in camera.scfpf.surfaces]
+    if any(surface is not None and surface.scfpf_surface.kind == LATTICE_KIND for surface in surfaces):
+        raise PreviewError(
+            f"'{camera.name}' holds a lattice, which the live preview cannot follow: render it with SCFPF"
+        )
+    if len(surfaces) < 2 or None in surfaces:
         raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
 
 

@@ -18,6 +18,8 @@ class RecordingLayout:
     def __getattr__(self, name):
         if name in self.CONTAINERS:
             return lambda **_options: RecordingLayout(self.record)
+        if name.startswith("template_"):
+            return lambda *_owner, **_options: self.record.append(("template", name))
         raise AttributeError(name)
 
     def prop(self, owner, name, text=None, **_options):
@@ -35,6 +37,12 @@ class RecordingLayout:
                 assert name in known, f"{idname} has no property {name}"
 
         return Properties()
+
+    def panel(self, _idname, **_options):
+        return RecordingLayout(self.record), RecordingLayout(self.record)
+
+    def operator_menu_enum(self, idname, prop, **_options):
+        setattr(self.operator(idname), prop, None)
 
     def menu(self, idname, **_options):
         assert hasattr(bpy.types, idname), idname
