@@ -252,7 +252,12 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         update=_changed,
         override=OVERRIDABLE,
     )
-    blend_ends: PointerProperty(type=SCFPF_BlendEnds, override=OVERRIDABLE)
+    blend_ends: PointerProperty(
+        name="Blend Ends",
+        description="The cameras or the preset between which this camera was made as a blend",
+        type=SCFPF_BlendEnds,
+        override=OVERRIDABLE,
+    )
     pixel_error: FloatProperty(
         name="Pixel Error",
         description="How far, in pixels, a curved projector may be off: smaller is slower, 1 is for drafts, "
