@@ -23,7 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from scfpf_addon.bridge import mapping_properties, properties
+from scfpf_addon import bridge
 from scfpf_addon.bridge.flexible_camera import volume_from_camera
 from scfpf_addon.cycles import rig_properties
 from scfpf_addon.cycles.chord_plan import ChordPlan
@@ -145,8 +145,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument("--quick", action="store_true", help="one run each")
     options = parser.parse_args()
-    mapping_properties.register()
-    properties.register()
+    bridge.register()
     rig_properties.register()
     results = {}
     for name in SCENES:

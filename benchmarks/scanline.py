@@ -22,7 +22,8 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.scenes import bent_projection
-from scfpf_addon.bridge import flexible_camera, mapping_properties, properties, versions
+from scfpf_addon import bridge
+from scfpf_addon.bridge import flexible_camera, versions
 from scfpf_addon.scanline import place_nodes, preview, preview_properties
 from scfpf_addon.scanline.field_nodes import FieldBuilder, node_group
 from scfpf_addon.scanline.remap_nodes import remap_group, table_object
@@ -201,8 +202,7 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", help="add the figures to FILE")
     parser.add_argument("--quick", action="store_true", help="smaller meshes, fewer runs")
     options, _ = parser.parse_known_args()
-    mapping_properties.register()
-    properties.register()
+    bridge.register()
     sizes = (10_000, 100_000) if options.quick else (10_000, 100_000, 500_000, 1_000_000)
     print("\nlive preview: evaluation in times of the Lattice modifier on the same mesh")
     results = []
