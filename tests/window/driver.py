@@ -104,6 +104,11 @@ class Driver:
 
     def menu(self, name: str):
         """Generator: take a picture of a menu."""
+        # It opens where the pointer is, which an earlier scenario may have left anywhere.
+        region = self.region("VIEW_3D")
+        where = {"x": region.x + region.width // 2, "y": region.y + region.height // 2}
+        self.window.event_simulate("MOUSEMOVE", "NOTHING", **where)
+        yield 0.3
         before = self.region_pixels()
         with self.override():
             bpy.ops.wm.call_menu(name=name)
