@@ -107,20 +107,7 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     large = large + is_polar
     rest = nodes.switch(is_polar, rest, nodes.join(rest, at_rim), "GEOMETRY", "Polar?")
     small_part = nodes.switch(is_polar, small_part, within, "GEOMETRY", "Polar?")
-    nodes.open_frame("Faces that are out of the volume, or small there and without a place, go")
-    position = nodes.out("GeometryNodeInputPosition", "Position", {})
-    corner = nodes.node("GeometryNodeFaceOfCorner", "Face of Corner", {})
-    middle = nodes.at_index(position, Value(nodes, corner.outputs["Face Index"]), "FACE", "FLOAT_VECTOR")
-    square = nodes.evaluate_on((position - middle).dot(position - middle), "CORNER", "FLOAT", "At Corners")
-    radius = nodes.combine("SQRT", square) * SPREAD
-    away, reach, z = box.parts()
-    away = nodes.switch(is_known(z), away.most(reach * SMALL_SHARE), _beyond(given, z), "FLOAT", "How Far")
-    certain = nodes.either(is_known(z), z > UNKNOWN + 3.5)
-    gone = nodes.both(nodes.both(_all_nowhere(nodes), certain), radius < away)
-    _, rest = nodes.separate(rest, gone, "Out of the Volume")
-    triangulate = nodes.node("GeometryNodeTriangulate", "Triangles", {"Mesh": rest})
-    versions.set_node_menu(triangulate, "Quad Method", "quad_method", "FIXED")
-    nodes.close_frame()
+    position, triangles = _to_divide(nodes, given, box, rest)
     view = {key: given[key] for key in VIEW_INPUTS}
     options = {key: given[key] for key in ("Inverse", "Pixel Error", "Picture Width")}
 
@@ -141,7 +128,7 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         }
 
     state = {
-        "Active": ("GEOMETRY", Value(nodes, triangulate.outputs[0])),
+        "Active": ("GEOMETRY", triangles),
         "Done": ("GEOMETRY", None),
         "Left": ("FLOAT", 0.0),
     }
@@ -166,6 +153,25 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     nodes.open_frame("A polar picture ends at its rim")
     mesh = nodes.switch(is_polar, mesh, _trimmed(nodes, given, mesh), "GEOMETRY", "Polar?")
     return {"Mesh": mesh, "Left Out": nodes.xyz(left, folded, 0.0, "Left Out")}
+
+
+def _to_divide(nodes: FieldBuilder, given: dict[str, Value], box: Value, rest: Value) -> tuple[Value, Value]:
+    """The field of positions, and the triangles of a mesh but for faces that cannot be seen."""
+    nodes.open_frame("Faces that are out of the volume, or small there and without a place, go")
+    position = nodes.out("GeometryNodeInputPosition", "Position", {})
+    corner = nodes.node("GeometryNodeFaceOfCorner", "Face of Corner", {})
+    middle = nodes.at_index(position, Value(nodes, corner.outputs["Face Index"]), "FACE", "FLOAT_VECTOR")
+    square = nodes.evaluate_on((position - middle).dot(position - middle), "CORNER", "FLOAT", "At Corners")
+    radius = nodes.combine("SQRT", square) * SPREAD
+    away, reach, z = box.parts()
+    away = nodes.switch(is_known(z), away.most(reach * SMALL_SHARE), _beyond(given, z), "FLOAT", "How Far")
+    certain = nodes.either(is_known(z), z > UNKNOWN + 3.5)
+    gone = nodes.both(nodes.both(_all_nowhere(nodes), certain), radius < away)
+    _, rest = nodes.separate(rest, gone, "Out of the Volume")
+    triangulate = nodes.node("GeometryNodeTriangulate", "Triangles", {"Mesh": rest})
+    versions.set_node_menu(triangulate, "Quad Method", "quad_method", "FIXED")
+    nodes.close_frame()
+    return position, Value(nodes, triangulate.outputs[0])
 
 
 def _all_there(nodes: FieldBuilder) -> Value:
