@@ -27,6 +27,7 @@ BENCHMARKS = {
     "cycles": ("portals",),
     "engine": ("engine",),
     "soak": ("soak",),
+    "scale": ("scale",),
 }
 
 
@@ -130,7 +131,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run benchmarks: speed, --trade, --extremes, --cycles, --engine or --soak; --json FILE for figures."""
+    """Run benchmarks: speed, --trade, --extremes, --cycles, --engine, --scale or --soak; --json FILE."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]

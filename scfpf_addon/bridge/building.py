@@ -55,7 +55,8 @@ def build(inputs, kept: KeptScene | None, keep: bool) -> Built:
         _build_the_rest(inputs, made.cast_scene)
         return Built(inputs, made.cast_scene, made, triangles, perf_counter() - started)
     alone = not inputs.moments and inputs.settings.passes.neighbours is None
-    scene, cast_scene = within_reach(inputs.scene, inputs.projection, alone)
+    exact = inputs.settings.pixel_error == 0.0
+    scene, cast_scene = within_reach(inputs.scene, inputs.projection, alone, exact)
     part = replace(inputs, scene=scene)
     _build_the_rest(inputs, cast_scene)
     return Built(part, cast_scene, None, triangles, perf_counter() - started)

@@ -7,6 +7,8 @@ all control points of one place in the list in the hull of their control surface
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,9 @@ from .pieces import piece_bounds, piece_weights
 
 # Cells along each axis of the box round the volume.
 CELLS = 64
+
+# Vertices and triangles that are looked at at a time.
+AT_ONCE = 1 << 18
 
 # Boxes are wider than what they hold by this share of the volume, for rounding: control points are
 # often float32 values, whose places are not known any better.
@@ -50,22 +55,41 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
     sums[1:, 1:, 1:] = held
     for axis in range(3):
         np.cumsum(sums, axis=axis, out=sums)
-    with np.errstate(invalid="ignore", over="ignore"):
-        places = (frame * scale[:, None]) @ np.asarray(vertices, np.float64).reshape(-1, 3).T
-        places -= (lower * scale)[:, None]
-        finite = np.isfinite(places).all(axis=0)
-        # Outside is one cell beyond on either side.
-        cells = np.clip(np.floor(np.where(finite, places, 0.0)), -1, CELLS).astype(np.int16)
-    corners = [cells.take(triangles[:, k], 1) for k in range(3)]
+    points = np.asarray(vertices, np.float64).reshape(-1, 3)
+    cells, finite = np.empty((3, len(points)), np.int8), np.empty(len(points), bool)
+    for some in _portions(len(points)):
+        with np.errstate(invalid="ignore", over="ignore"):
+            places = (frame * scale[:, None]) @ points[some].T
+            places -= (lower * scale)[:, None]
+            finite[some] = np.isfinite(places).all(axis=0)
+            # Outside is one cell beyond on either side.
+            cells[:, some] = np.clip(np.floor(np.where(finite[some], places, 0.0)), -1, CELLS)
+    kept = np.empty(len(triangles), bool)
+    for some in _portions(len(triangles)):
+        faces = triangles[some]
+        kept[some] = _held_between(sums, *(cells.take(faces[:, k], 1) for k in range(3)))
+        kept[some] |= ~finite[faces].all(axis=1)
+    return kept
+
+
+def _portions(count: int) -> Iterator[slice]:
+    """So many things, AT_ONCE at a time."""
+    return (slice(start, min(start + AT_ONCE, count)) for start in range(0, count, AT_ONCE))
+
+
+def _held_between(sums: NDArray[np.int32], *corners: NDArray[np.int8]) -> BoolArray:
+    """Whether anything is held in the boxes round three cells each, (3, n). sums: the integral image."""
     first = np.clip(np.minimum(np.minimum(*corners[:2]), corners[2]), 0, CELLS).astype(np.int32)
-    last = np.clip(np.maximum(np.maximum(*corners[:2]), corners[2]) + 1, 0, CELLS).astype(np.int32)
+    last = np.maximum(np.maximum(*corners[:2]), corners[2]).astype(np.int32) + 1
+    last = np.clip(last, 0, CELLS, out=last)
     row, plane, flat = CELLS + 1, (CELLS + 1) ** 2, sums.ravel()
-    count = np.zeros(len(triangles), np.int32)
+    count = np.zeros(first.shape[1], np.int32)
     for z, sign in ((last[2], 1), (first[2], -1)):
         for y, turned in ((last[1], sign), (first[1], -sign)):
             for x, again in ((last[0], turned), (first[0], -turned)):
                 count += again * flat[x * plane + y * row + z]
-    return (count > 0) | ~finite[triangles].all(axis=1)
+    held: BoolArray = count > 0
+    return held
 
 
 def _frame(volume: ViewingVolume) -> Array:

@@ -38,7 +38,10 @@ CUTS = 6
 # Boxes of more cells than this are marked by their corners alone.
 MOST_MARKED = 96
 
-# No more pieces than this are made: what is still large then keeps its box.
+# Triangles that are marked at a time: what that takes on the way is ten times the triangles.
+AT_ONCE = 1 << 18
+
+# No more pieces than this are made of these: what is still large then keeps its box.
 MOST_PIECES = 4_000_000
 
 # Boxes are wider than what they hold by this share of the scene: sixteen roundings of float32,
@@ -79,10 +82,12 @@ class Occupancy:
         scale = cells / size
         held = np.zeros(cells, bool)
         slack = ((SLACK + around) * scale)[:, None]
-        for piece in _small_pieces((corners - lower[:, None]) * scale[:, None]):
-            first = np.clip(piece.min(axis=0) - slack, 0, cells[:, None] - 1).astype(np.intp)
-            last = np.clip(piece.max(axis=0) + slack, 0, cells[:, None] - 1).astype(np.intp)
-            _mark(held, first, last - first + 1)
+        for start in range(0, corners.shape[2], AT_ONCE):
+            some = corners[:, :, start : start + AT_ONCE]
+            for piece in _small_pieces((some - lower[:, None]) * scale[:, None]):
+                first = np.clip(piece.min(axis=0) - slack, 0, cells[:, None] - 1).astype(np.intp)
+                last = np.clip(piece.max(axis=0) + slack, 0, cells[:, None] - 1).astype(np.intp)
+                _mark(held, first, last - first + 1)
         coarse = held
         for axis in range(3):
             parts = np.moveaxis(coarse, axis, 0)

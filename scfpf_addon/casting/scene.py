@@ -89,6 +89,17 @@ def caster_fault() -> str:
     return ""
 
 
+def require_room_for_prisms(triangles: int) -> None:
+    """Raise CastError where memory does not hold what exact casting makes of so many triangles."""
+    need, free = BYTES_PER_TRIANGLE * triangles, available_memory()
+    if free is not None and need > free:
+        raise CastError(
+            f"exact casting needs {need / 1e9:.1f} GB of memory for {triangles:,} triangles, "
+            f"{free / 1e9:.1f} GB are free: set the pixel error above 0, "
+            "or hide what the picture does not show"
+        )
+
+
 def _keep_freed_memory() -> None:
     """Let arrays of a tile's size reuse memory instead of asking the system anew.
 
@@ -272,13 +283,7 @@ class CastScene:
         """
         with self._lock:
             if self._prisms is None:
-                need, free = BYTES_PER_TRIANGLE * len(self.triangles), available_memory()
-                if free is not None and need > free:
-                    raise CastError(
-                        f"exact casting needs {need / 1e9:.1f} GB of memory for {len(self.triangles)} "
-                        f"triangles, {free / 1e9:.1f} GB are free: set the pixel error above 0, "
-                        "or hide what the picture does not show"
-                    )
+                require_room_for_prisms(len(self.triangles))
                 corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
                 second, third = self._corners[:3], self._corners[4:7]
                 slopes = np.stack([second, third, second + third])
@@ -291,8 +296,8 @@ class CastScene:
         """Which parts of the scene are empty; made at first use."""
         with self._lock:
             if self._occupancy is None:
-                corners = self.triangles[self._usable].T
-                self._occupancy = Occupancy.of(np.stack([self.vertices.take(k, 1) for k in corners]))
+                corners = self.vertices.take(self.triangles[self._usable].T, 1)
+                self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
             return self._occupancy
 
     def trace(

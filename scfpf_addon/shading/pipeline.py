@@ -88,7 +88,7 @@ class Pipeline:
         alone: no other projection will see the same scene.
         """
         if cast_scene is None:
-            scene, cast_scene = within_reach(scene, projection, alone)
+            scene, cast_scene = within_reach(scene, projection, alone, settings.pixel_error == 0.0)
         everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
         drawn = settings.drawn

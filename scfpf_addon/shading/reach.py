@@ -5,31 +5,41 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ..casting.culling import within_volume
-from ..casting.scene import CastScene, NothingToCastAt
+from ..casting.geometry import Geometry
+from ..casting.scene import CastScene, NothingToCastAt, require_room_for_prisms
 from ..casting.visibility import CAMERA, SHADOW, visible_to
+from ..projection.typing import Array
 from ..projection.volume import Projection
 from .scene import Scene
 
 
-def within_reach(scene: Scene, projection: Projection, alone: bool = True) -> tuple[Scene, CastScene | None]:
+def within_reach(
+    scene: Scene, projection: Projection, alone: bool = True, exact: bool = False
+) -> tuple[Scene, CastScene | None]:
     """The part of a scene that a projection can meet, built to cast at; the rest is left for shadows.
 
     None where nothing can be met. alone: no other projection will see it; else all is built.
+    exact: it is to be cast at exactly; CastError, before anything is built, where memory does not hold that.
     """
     try:
-        return _within_reach(scene, projection, alone)
+        return _within_reach(scene, projection, alone, exact)
     except NothingToCastAt:
         # Faces without an area: things may be scaled to nothing in some frames of an animation.
         return scene, None
 
 
-def _within_reach(scene: Scene, projection: Projection, alone: bool) -> tuple[Scene, CastScene | None]:
+def _within_reach(
+    scene: Scene, projection: Projection, alone: bool, exact: bool
+) -> tuple[Scene, CastScene | None]:
     whole = scene.geometry
     if not len(whole.triangles):
         return scene, None
     if not alone:
-        return scene, CastScene(whole.vertices, whole.triangles)
+        return scene, _built(whole, exact)
     kept = within_volume(whole.vertices, whole.triangles, projection.volume)
     seen = visible_to(whole.visibility, CAMERA)
     if seen is not None:
@@ -40,9 +50,17 @@ def _within_reach(scene: Scene, projection: Projection, alone: bool) -> tuple[Sc
         light.blockers is not None for light in scene.lights
     )
     if kept.all() or reflects or chosen:
-        return scene, CastScene(whole.vertices, whole.triangles)
+        return scene, _built(whole, exact)
     if not kept.any():
         return scene, None
     beyond = whole.vertices, whole.triangles[~kept]
     part = replace(scene, geometry=whole.part(kept))
-    return part, CastScene(part.geometry.vertices, part.geometry.triangles, beyond)
+    return part, _built(part.geometry, exact, beyond)
+
+
+def _built(
+    geometry: Geometry, exact: bool, beyond: tuple[Array, NDArray[np.int32]] | None = None
+) -> CastScene:
+    if exact:
+        require_room_for_prisms(len(geometry.triangles))
+    return CastScene(geometry.vertices, geometry.triangles, beyond)
