@@ -4,8 +4,8 @@
     python3 dev.py bench --scale [--json FILE] [--markdown FILE] [--quick] [--only PART ...] [--most GB]
 
 Parts: `triangles`, 10 million of them, with chords and exact; `pictures` of up to 16384 × 16384 pixels,
-without Blender and by its Render button; `cameras`, a hundred of them with up to a thousand control surfaces in all.
-What would need more than --most is left out, and the table says so.
+without Blender and by its Render button; `cameras`, a hundred of them with up to a thousand control surfaces
+in all. What would need more than --most is left out, and the table says so.
 """
 
 from __future__ import annotations
@@ -30,14 +30,15 @@ from benchmarks.scenes import SCENES, bent_projection
 from demo.render_demo import enable_add_on
 from scfpf_addon.casting import scene as cast_scenes
 from scfpf_addon.casting.memory import peak_memory
-from scfpf_addon.casting.prisms import BYTES_PER_TRIANGLE
 from scfpf_addon.casting.scene import CastError
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.scene import Scene
 from scfpf_addon.shading.settings import FrameSettings
 
 TRIANGLES = 10_000_000
-# What 10 million triangles are seen in; a prism each would take 18 GB.
+# So little memory, in bytes, that exact casting has to refuse.
+LITTLE = 2e9
+# The pictures of them.
 SIZE = (1920, 1080)
 THREADS = 2
 PIXEL_ERROR = 0.1
@@ -76,13 +77,13 @@ def flat_scene(name: str, count: int) -> Scene:
     return Scene(geometry, small.materials, small.lights)
 
 
-def triangles(name: str, count: int, pixel_error: float, free: float | None = None) -> dict[str, Any]:
+def triangles(name: str, count: int, pixel_error: float, free: float) -> dict[str, Any]:
     """A frame of many triangles. free: the bytes that the caster is to believe are free."""
     scene = flat_scene(name, count)
     before = peak_memory()
     settings = FrameSettings(*SIZE, samples=1, pixel_error=pixel_error, threads=THREADS)
-    if free is not None:
-        cast_scenes.available_memory = lambda: int(free)
+    # For all that is built from here on.
+    cast_scenes.available_memory = lambda: int(free)
     started = perf_counter()
     result: dict[str, Any] = {"triangles": len(scene.geometry.triangles)}
     try:
@@ -107,11 +108,6 @@ def picture(width: int, height: int) -> dict[str, Any]:
     started = perf_counter()
     render_frame(projection, scene, settings)
     return {"seconds": perf_counter() - started, "before": before, "memory": peak_memory()}
-
-
-def exact_need(count: int) -> float:
-    """Bytes that are too few for the exact caster, so that it has to refuse: half of what its prisms take."""
-    return 0.5 * BYTES_PER_TRIANGLE * count
 
 
 WORKS = ("triangles", "picture", "blender_picture", "file_of")
@@ -154,20 +150,17 @@ def measure_triangles(most: float, quick: bool) -> list[str]:
         "|---|---|---|---|---|",
     ]
     for name in ("terrain", "boxes"):
-        for error in (PIXEL_ERROR, 0.0):
-            # What culling leaves of them is not known here.
-            free = exact_need(count) if error == 0.0 and BYTES_PER_TRIANGLE * count > most else None
+        for error, free in ((PIXEL_ERROR, most), (0.0, most), (0.0, LITTLE)):
             found = in_own_process("triangles", name, count, error, free)
             title = f"{name}, {f'{error:g} px' if error else 'exact'}"
             if "refused" in found:
-                lines.append(
-                    f"| {title}, {free / 1e9:.1f} GB free | {found['seconds']:.1f} | | {_gb(found)} | |"
-                )
-                lines.append(f"| | *“{found['refused']}”* | | | |")
+                title = f"{title}, {free / 1e9:g} GB free: *{found['refused']}*"
+                lines.append(f"| {title} | {found['seconds']:.1f} | | {_gb(found)} | |")
                 continue
-            each = found["memory"] / found["triangles"]
+            share, each = found["built"] / found["triangles"], found["memory"] / found["triangles"]
             lines.append(
-                f"| {title} | {found['seconds']:.1f} | {found['build']:.1f} | {_gb(found)} | {each:.0f} |"
+                f"| {title}, {share:.0%} in reach | {found['seconds']:.1f} | {found['build']:.1f} "
+                f"| {_gb(found)} | {each:.0f} |"
             )
     return lines
 
@@ -179,8 +172,8 @@ def _gb(found: dict[str, Any]) -> str:
 def measure_pictures(most: float, quick: bool) -> list[str]:
     """The table of large pictures."""
     lines = [
-        "| pixels | the image alone | above it | by the Render button, Blender's image and packed file included "
-        "| bytes a pixel |",
+        "| pixels | the image alone | above it | by the Render button, Blender's image and packed file "
+        "included | bytes a pixel |",
         "|---|---|---|---|---|",
     ]
     for side in SIDES[: 1 if quick else None]:

@@ -88,7 +88,7 @@ def blender_picture(width: int, height: int) -> dict[str, Any]:
 
 
 def file_of(cameras: int, each: int) -> dict[str, Any]:
-    """What an edit, the panel, undo and opening cost in a file of many cameras: milliseconds of the thread."""
+    """What an edit, the panel, undo and opening cost with many cameras: milliseconds of the thread."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     made = many_cameras(cameras, each, 1.0)
     mesh = bpy.data.meshes.new("Cube")

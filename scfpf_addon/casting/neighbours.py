@@ -14,18 +14,25 @@ def edge_neighbours(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
     neighbour across the edge opposite corner k, -1 at a border. Where more than
     two triangles share an edge they are paired in order of their index.
     """
-    count = len(triangles)
-    corners = triangles.T.astype(np.int64)
-    ends = np.stack([corners[[1, 2]], corners[[2, 0]], corners[[0, 1]]])
-    low, high = ends.min(axis=1).ravel(), ends.max(axis=1).ravel()
-    key = low * (int(triangles.max(initial=0)) + 1) + high
-    order = np.argsort(key, kind="stable")
-    same = key[order[1:]] == key[order[:-1]]
+    count, corners = len(triangles), triangles.T
+    stride = np.int64(triangles.max(initial=0)) + 1
+    keys = np.empty((3, count), np.int64)
+    for key, one, other in zip(keys, corners[[1, 2, 0]], corners[[2, 0, 1]], strict=True):
+        np.multiply(np.minimum(one, other), stride, out=key)
+        key += np.maximum(one, other)
+    order = np.argsort(keys.reshape(-1), kind="stable")
+    # There may be tens of millions of them: what is not needed any more goes at once.
+    keys = keys.reshape(-1).take(order)
+    first = np.flatnonzero(keys[1:] == keys[:-1])
+    del keys
     # Of a run of equal keys the 1st meets the 2nd, the 3rd the 4th and so on.
-    starts = np.flatnonzero(np.concatenate([[True], ~same]))
-    place = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
-    first = np.flatnonzero(same & (place[:-1] % 2 == 0))
-    one, other = order[first], order[first + 1]
+    goes_on = np.diff(first, prepend=-2) == 1
+    if goes_on.any():
+        number = np.arange(len(first))
+        start = np.maximum.accumulate(np.where(goes_on, 0, number))
+        first = first[(number - start) % 2 == 0]
+    one, other = order.take(first), order.take(first + 1)
     result = np.full(3 * count, -1, np.int32)
-    result[one], result[other] = other % count, one % count
+    result[one] = other % count
+    result[other] = one % count
     return result.reshape(3, count)
