@@ -7,7 +7,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..scfpf_addon.bridge import render_job
-from ..scfpf_addon.bridge.result_image import discard_progress, result_image, show_progress, write_result
+from ..scfpf_addon.bridge.result_image import discard_progress, keep_result, result_image, show_progress
 from ..scfpf_addon.bridge.result_undo import stamp_result
 from .errors import BAD_INPUT
 from .target import render_camera
@@ -155,12 +155,15 @@ class SCFPF_OT_render(bpy.types.Operator):
             self.report({"INFO"}, "Render cancelled: the old picture is as it was")
             return {"CANCELLED"}
         try:
-            image = write_result(frame.pixels)
+            show_progress(frame.pixels)
+            summary = frame.report.summary()
+            # Blender has the pixels now; packing takes as much again, and the job holds them too.
+            del frame, self._job
+            image = keep_result()
         except BAD_INPUT as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         stamp_result(image)
-        summary = frame.report.summary()
         camera = object_by_uid(self._camera_uid)
         if camera is not None and camera.is_editable:
             camera.scfpf.report = summary

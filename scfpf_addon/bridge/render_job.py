@@ -33,9 +33,10 @@ from .render_passes import crypto_names
 from .sampling import sampling_of
 from .volume_object import holds, sync_volume_object
 
-# 16384 × 16384. A pixel passes through the film, Blender's float buffer and the packed file.
+# 16384 × 16384. A pixel is in the film and in Blender's buffer, then there and in the packed file,
+# which takes 38 bytes.
 MAXIMUM_PIXELS = 2**28
-BYTES_PER_PIXEL = 64
+BYTES_PER_PIXEL = 48
 
 
 class RenderError(ValueError):
@@ -227,7 +228,7 @@ class RenderJob:
         kept: KeptScene | None = None,
         keep: bool = False,
     ):
-        """with_tiles: keep what is finished so far for ``new_tiles``. kept, keep: see ``build``."""
+        """with_tiles: ``new_tiles`` shows the frame in the making. kept, keep: see ``build``."""
         self._inputs: RenderInputs | None = inputs
         self.kept, self._keep = kept, keep
         self.building = True
@@ -249,7 +250,8 @@ class RenderJob:
             if self._tiles is not None:
                 coarse = coarse_picture(inputs, built.cast_scene, self._cancelled.is_set)
                 if coarse is not None:
-                    self._note_tile(slice(None), coarse, {})
+                    self._tiles[:] = coarse
+                    self._has_new_tiles.set()
             frame = render_frame(
                 inputs.projection,
                 inputs.scene,
@@ -257,8 +259,9 @@ class RenderJob:
                 built.cast_scene,
                 progress=self._note_progress,
                 cancelled=self._cancelled.is_set,
-                on_tile=None if self._tiles is None else self._note_tile,
+                on_tile=self._note_tile,
                 moments=inputs.moments,
+                pixels=self._tiles,
             )
             self._frame = frame and built.reported(frame)
         except BaseException as error:  # A thread has nowhere to raise: result() does it.
@@ -267,13 +270,12 @@ class RenderJob:
     def _note_progress(self, fraction: float) -> None:
         self._progress = fraction
 
-    def _note_tile(self, rows: slice, pixels: NDArray[np.float32], _passes: dict) -> None:
-        self._tiles[rows] = pixels
+    def _note_tile(self, *_) -> None:
         self._has_new_tiles.set()
 
     def new_tiles(self) -> NDArray[np.float32] | None:
         """The picture so far, (H, W, 4) as in Frame, or None if nothing was added since the last call."""
-        if not self._has_new_tiles.is_set():
+        if self._tiles is None or not self._has_new_tiles.is_set():
             return None
         self._has_new_tiles.clear()
         return self._tiles

@@ -51,7 +51,16 @@ def write_result(pixels: NDArray[np.float32]):
     pixels: (H, W, 4) float32, scene-linear, premultiplied, row 0 at the bottom. An
     existing datablock is kept and resized, so that editors go on showing it.
     """
-    image = show_progress(pixels)
+    show_progress(pixels)
+    return keep_result()
+
+
+def keep_result():
+    """Pack what ``show_progress`` showed last; returns the datablock.
+
+    The file is as large as the picture: whoever can lets go of the pixels before.
+    """
+    image = result_image()
     image.pack()
     return image
 

@@ -44,6 +44,7 @@ def render_frame(
     cancelled: Callable[[], bool] | None = None,
     on_tile: Callable[[slice, Single, dict[str, Single]], None] | None = None,
     moments: tuple[Moment, ...] = (),
+    pixels: Single | None = None,
 ) -> Frame | None:
     """The picture that a projection makes of a scene, or None when cancelled.
 
@@ -52,7 +53,8 @@ def render_frame(
     pixels (rows, W, 4), passes) are called from the calling thread, the last as tiles are
     finished, in any order; rows count from the border's bottom. What a tile raises is raised
     here, after all threads have ended. moments: what the samples see while the shutter is open,
-    instead of the projection and the scene, which data passes are made of.
+    instead of the projection and the scene, which data passes are made of. pixels: the border's
+    (H, W, 4), to be the frame's own: tiles appear in it as they are finished.
     CastError when the scene's triangles cannot be cast at; a scene without any
     shows its background.
     """
@@ -65,7 +67,7 @@ def render_frame(
     build_seconds = perf_counter() - started
     region = settings.region
     height, width = region.top - region.bottom, region.right - region.left
-    pixels = np.empty((height, width, 4), np.float32)
+    pixels = np.empty((height, width, 4), np.float32) if pixels is None else pixels
     passes = empty_passes(settings.passes, height, width)
     counts, hits = CastCounts(), 0
 

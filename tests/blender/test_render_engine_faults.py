@@ -215,8 +215,8 @@ def test_a_picture_that_free_memory_does_not_hold_is_refused(addon, engine_scene
     button()
     before = image()
     monkeypatch.setattr(addon("scfpf_addon.bridge.render_job"), "available_memory", lambda: 10_000_000)
-    engine_scene.render.resolution_x = engine_scene.render.resolution_y = 1000
-    refused(engine_scene, "1000 × 1000 pixels would need about 0.1 GB of memory and 0.0 GB are free")
+    engine_scene.render.resolution_x = engine_scene.render.resolution_y = 1500
+    refused(engine_scene, "1500 × 1500 pixels would need about 0.1 GB of memory and 0.0 GB are free")
     with pytest.raises(RuntimeError, match=r"0\.0 GB are free; lower the resolution"):
         button()
     assert np.array_equal(image(), before)

@@ -2,6 +2,7 @@
 """Render through the operator: the picture, its size, bad input, cancelling, undo, files."""
 
 import threading
+import weakref
 
 import bpy
 import numpy as np
@@ -409,3 +410,30 @@ def test_picture_survives_save_and_reload_and_renders_the_same(camera, tmp_path)
     assert np.array_equal(pixels(), before)
     assert "64×36" in bpy.context.scene.camera.scfpf.report
     assert np.allclose(render(), before, atol=1e-6)
+
+
+def test_the_film_is_let_go_of_before_the_picture_is_packed(addon, camera, monkeypatch):
+    """Of a picture of 16384 × 16384 either takes 4 GB."""
+    operator, held = addon("operators.render"), []
+    show, keep = operator.show_progress, operator.keep_result
+
+    def shown(pixels):
+        held.append(weakref.ref(pixels))
+        return show(pixels)
+
+    def kept():
+        assert len(held) == 1 and held[0]() is None
+        return keep()
+
+    monkeypatch.setattr(operator, "show_progress", shown)
+    monkeypatch.setattr(operator, "keep_result", kept)
+    assert bpy.ops.scfpf.render() == {"FINISHED"}
+    assert held and bpy.data.images["SCFPF Render"].packed_file
+
+
+def test_the_picture_in_the_making_is_the_film_itself(addon, camera):
+    job = addon("scfpf_addon.bridge.render_job")
+    running = job.start(job.prepare(bpy.context.scene, bpy.context.view_layer, camera), with_tiles=True)
+    frame = running.result()
+    assert running.new_tiles() is frame.pixels
+    job.stop()
