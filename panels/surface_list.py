@@ -26,7 +26,12 @@ WEIGHT_WIDTH = 3
 
 def is_missing(scene, slot) -> bool:
     """Whether a slot's object is gone: never set, or deleted while the slot still points at it."""
-    return slot.object is None or is_deleted(slot.object, scene)
+    if slot.object is None:
+        return True
+    # What is seen is there; finding an object in a scene takes longer the more there are.
+    if scene == bpy.context.scene and slot.object.visible_get():
+        return False
+    return is_deleted(slot.object, scene)
 
 
 class SCFPF_UL_surfaces(bpy.types.UIList):

@@ -30,17 +30,18 @@ def set_edit_volume(camera, on: bool) -> None:
 
 def obey(camera) -> None:
     """Let a camera's surfaces follow the modes of the cameras that have them; linked ones stay."""
+    cameras = _cameras()
     for surface in _surfaces(camera):
         if surface.is_editable:
-            free = in_edit_volume(surface)
+            free = in_edit_volume(surface, cameras)
             _set(surface, not free, free)
 
 
-def in_edit_volume(surface) -> bool:
-    """Whether a camera that has the surface is in the mode."""
+def in_edit_volume(surface, cameras=None) -> bool:
+    """Whether a camera that has the surface is in the mode. cameras: all of the file, if they are known."""
     return any(
         other.scfpf.edit_volume and surface in _surfaces(other) and other.users_collection
-        for other in _cameras()
+        for other in cameras or _cameras()
     )
 
 
@@ -51,8 +52,9 @@ def release(surface) -> None:
     """
     if not surface.is_editable:
         return
-    listed = any(surface in _surfaces(other) and other.users_collection for other in _cameras())
-    free = in_edit_volume(surface)
+    cameras = _cameras()
+    listed = any(surface in _surfaces(other) and other.users_collection for other in cameras)
+    free = in_edit_volume(surface, cameras)
     _set(surface, listed and not free, free)
 
 
