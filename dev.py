@@ -27,6 +27,7 @@ BENCHMARKS = {
     "cycles": ("portals",),
     "engine": ("engine",),
     "soak": ("soak",),
+    "counts": ("counts",),
 }
 
 
