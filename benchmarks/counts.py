@@ -4,8 +4,8 @@
     python3 dev.py bench --counts [--write]
 
 Rays, chords, exact tests and the like of small pictures, and the chords that each preset needs in Cycles.
-Compared with those in counts.json, beside this file, as the tests do; --write puts today's there. A count that
-rises is a slower renderer; commit the file together with what changed it, and say why.
+Compared with those in counts.json, beside this file, as the tests do; --write puts today's there. A count
+that rises is a slower renderer; commit the file together with what changed it, and say why.
 """
 
 from __future__ import annotations
