@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that ask for a place or look a texture up: noise by the published algorithm, the rest by closed forms."""
+"""Nodes that ask for a place or look a texture up: noise as published, the rest by closed forms."""
 
 import math
 
