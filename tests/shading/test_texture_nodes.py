@@ -8,11 +8,11 @@ import pytest
 
 from scfpf_addon.casting.geometry import Geometry, Layer
 from scfpf_addon.shading.materials import inputs, noise, textures
-from scfpf_addon.shading.materials.graph import MaterialGraph, Operation, Ref
+from scfpf_addon.shading.materials.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.materials.image import ImageData
 from scfpf_addon.shading.materials.operations import OPERATIONS
 from scfpf_addon.shading.materials.place import Place, unit
-from scfpf_addon.shading.world import Surroundings
+from scfpf_addon.shading.world import Surroundings, World
 
 MASK = 0xFFFFFFFF
 CORNERS = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]])
@@ -326,3 +326,20 @@ def test_directions_answer_as_places():
     value, there = place.layer("UVMap", 2)
     assert not value.any() and not there.any()
     np.testing.assert_allclose(place.edge(), 1.0)
+
+
+@pytest.mark.parametrize("asks", [False, True])
+def test_a_world_is_uniform_if_nothing_in_its_light_asks_for_a_place(asks):
+    """A colour of a constant, or of the direction itself; what no shader uses does not count."""
+    operations = (
+        Operation("CONSTANT", settings={"value": 2.0}),
+        Operation("CONSTANT", settings={"value": (0.1, 0.2, 0.3)}),
+        Operation("LAYER", settings={"name": "GENERATED", "channels": 3}),
+        Operation("VECTOR_MATH", (Ref(1), Ref(2), Ref(1), Ref(0)), {"operation": "ADD"}),
+    )
+    world = World(MaterialGraph(operations, (Closure("EMISSION", Ref(0), {"color": Ref(3 if asks else 1)}),)))
+    assert world.uniform != asks
+    way = unit(np.random.default_rng(1).normal(size=(3, 7)))
+    light = world.radiance(5.0 * way)
+    expected = 2.0 * (column(0.1, 0.2, 0.3) + asks * way)
+    np.testing.assert_allclose(light, np.maximum(expected, 0.0))
