@@ -45,7 +45,7 @@ class Shading:
         lights = reaching(scene.lights, scene.geometry.vertices)
         sky = sky_of(scene, cast_scene, settings.samples)
         shadows = any(light.casts_shadow for light in lights) or sky is not None
-        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
+        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows, settings.threads)
         phong = PhongTable.of(scene.materials, scene.world_color, sky)
         lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
         lamps += sky.lamps if sky else ()
