@@ -22,9 +22,6 @@ from .tracing import Tracer
 from .typing import Single
 from .visible import held_out, shadowed, shadowing
 
-# In place of positions that do not matter.
-NOWHERE = np.full((3, 1), np.nan)
-
 
 @dataclass(frozen=True)
 class Shading:
@@ -81,17 +78,6 @@ class Shading:
         if parts:
             parts.rows[:, held] = 0.0
         return np.concatenate([color * ~held, ~held[None]]).astype(np.float32)
-
-    def under_suns(
-        self, triangle: IndexArray, weights: tuple[Single, Single] | None, way: Single, sample: int
-    ) -> Single:
-        """As ``color``, (3, n), where there are but suns without shadows, for which places do not matter.
-
-        triangle: (n,), where it is negative any colour comes out. weights: of its second and third
-        corner, each (n,), for smooth shading. way: (3, n) away from the viewer.
-        """
-        points = self.surface.points(triangle, weights, NOWHERE, way)
-        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)
 
 
 def sky_of(scene: Scene, cast_scene: CastScene, samples: int) -> SkyLight | None:

@@ -147,7 +147,8 @@ def test_both_ways_make_the_same_picture(
     allowed = SAME * (1 + np.abs(general.pixels).max(axis=2))
     assert (off > allowed).mean() <= AT_EDGES * samples
     mine, its = short.report, general.report
-    assert (mine.projectors, mine.rays, mine.chords) == (its.projectors, its.rays, its.chords)
+    assert mine.projectors == its.projectors
+    assert mine.rays == mine.chords <= its.rays
     assert mine.hit_fraction == pytest.approx(its.hit_fraction, abs=AT_EDGES)
 
 
