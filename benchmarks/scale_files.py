@@ -115,7 +115,7 @@ def file_of(cameras: int, each: int) -> dict[str, Any]:
         ours, found = list(handlers), {}
         for kind in ("with", "without"):
             handlers[:] = ours if kind == "with" else []
-            found[kind] = median(_costs(lambda n, e=edit: (e(n), bpy.context.view_layer.update())))
+            found[kind] = min(_costs(lambda n, e=edit: (e(n), bpy.context.view_layer.update())))
         handlers[:] = ours
         result[name], result[f"{name}, Blender alone"] = found["with"], found["without"]
     result["structure"] = median(_costs(_linked(), 5))
