@@ -13,6 +13,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from . import versions
 from .edit_volume import release
 from .volume_object import delete_volume_object, sync_volume_object, volume_facts
 
@@ -52,6 +53,7 @@ def tend() -> None:
     _free_surfaces([camera for camera in cameras if camera.users_collection])
     _upkeep.cameras = [(o.name, o.library.filepath if o.library else None) for o in cameras]
     _upkeep.facts = _facts()
+    versions.settle_view_layers()
 
 
 def sharers(camera) -> list[str]:

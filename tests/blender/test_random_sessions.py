@@ -58,3 +58,22 @@ def test_a_preset_is_not_exported_to_no_file(tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match="Choose a file"):
         bpy.ops.scfpf.preset_export(name="One")
     assert not list(tmp_path.iterdir())
+
+
+def test_passes_of_cycles_are_refused_in_another_engine():
+    bpy.ops.scfpf.camera_add()
+    bpy.ops.scfpf.cycles_rig()
+    bpy.context.scene.render.engine = "SCFPF"
+    with pytest.raises(RuntimeError, match="Choose Cycles as the render engine") as refused:
+        bpy.ops.scfpf.cycles_passes()
+    assert "Traceback" not in str(refused.value)
+
+
+def test_a_mesh_that_is_called_a_patch_is_refused():
+    bpy.ops.scfpf.camera_add()
+    bpy.ops.scfpf.surface_to_grid()
+    camera = bpy.context.scene.camera
+    camera.scfpf.surfaces[camera.scfpf.active_surface].object.scfpf_surface.kind = "PATCH"
+    with pytest.raises(RuntimeError, match="choose another kind") as refused:
+        bpy.ops.scfpf.surface_subdivide()
+    assert "Traceback" not in str(refused.value)
