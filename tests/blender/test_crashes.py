@@ -4,7 +4,6 @@
 import os
 import subprocess
 
-import bpy
 import pytest
 from test_render_engine import after, interpreter
 

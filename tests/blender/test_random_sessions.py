@@ -69,11 +69,15 @@ def test_passes_of_cycles_are_refused_in_another_engine():
     assert "Traceback" not in str(refused.value)
 
 
-def test_a_mesh_that_is_called_a_patch_is_refused():
+def test_a_grid_of_another_name_is_subdivided_or_refused():
     bpy.ops.scfpf.camera_add()
-    bpy.ops.scfpf.surface_to_grid()
+    bpy.ops.scfpf.surface_to_grid(columns=2, rows=3)
     camera = bpy.context.scene.camera
-    camera.scfpf.surfaces[camera.scfpf.active_surface].object.scfpf_surface.kind = "PATCH"
+    surface = camera.scfpf.surfaces[camera.scfpf.active_surface].object
+    surface.scfpf_surface.kind = "PATCH"
+    assert bpy.ops.scfpf.surface_subdivide() == {"FINISHED"}
+    assert len(surface.data.vertices) == 5 * 7
+    surface.scfpf_surface.kind = "NURBS"
     with pytest.raises(RuntimeError, match="choose another kind") as refused:
         bpy.ops.scfpf.surface_subdivide()
     assert "Traceback" not in str(refused.value)
