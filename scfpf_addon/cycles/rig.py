@@ -92,6 +92,7 @@ def set_passes(rig, on: bool) -> None:
     """Let a rig's scene have passes of t, depth, u and v, or no longer. Raises RigError."""
     if on and rig.scfpf_rig.scene.render.engine != CYCLES:
         raise RigError("Choose Cycles as the render engine: only it has these passes")
+    check_surfaces(rig.scfpf_rig.camera)
     rig.scfpf_rig.passes = on
     (passes.add if on else passes.remove)(rig.scfpf_rig.scene)
     update_nodes(rig)

@@ -14,6 +14,7 @@ from ..bridge import lattice_object, versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
+from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
 from ..scanline.field_nodes import BUILD, BUILD_KEY
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
@@ -80,7 +81,9 @@ def check(scene, camera) -> None:
 
 
 def check_surfaces(camera) -> None:
-    """Raises RigError where the table of projectors does not follow a control surface."""
+    """Raises RigError where no table of projectors can be made of the control surfaces."""
+    if not 2 <= len(camera.scfpf.surfaces) <= MAXIMUM_SURFACES:
+        raise RigError(f"'{camera.name}' needs from two to {MAXIMUM_SURFACES} control surfaces")
     for slot in camera.scfpf.surfaces:
         if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
             raise RigError(
@@ -211,7 +214,10 @@ def adopt(rig) -> None:
         return
     if portal_object.animation_data is None or not camera.is_editable:
         return
-    update_nodes(rig)
+    try:
+        update_nodes(rig)
+    except RigError:
+        return  # again as soon as the camera has surfaces; the panel says so
     for curve in portal_object.animation_data.drivers:
         for variable in curve.driver.variables:
             target = variable.targets[0]
@@ -225,8 +231,12 @@ def has_old_nodes(rig) -> bool:
 
 
 def update_nodes(rig) -> None:
-    """The table and the modifier as the camera's list of surfaces and its settings now ask for."""
+    """The table and the modifier as the camera's list of surfaces and its settings now ask for.
+
+    Raises RigError.
+    """
     settings = rig.scfpf_rig
+    check_surfaces(settings.camera)
     settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
     settings.table[RIG_KEY] = settings.camera
     _place(settings.view_camera)

@@ -13,6 +13,7 @@ import bpy
 from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.lattice_object import KIND as LATTICE_KIND
+from ..projection.preset import MAXIMUM_SURFACES
 from . import remap_nodes
 from .table_object import TABLE_KEY
 
@@ -114,6 +115,8 @@ def _check_surfaces(camera) -> None:
         )
     if len(surfaces) < 2 or None in surfaces:
         raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
+    if len(surfaces) > MAXIMUM_SURFACES:
+        raise PreviewError(f"'{camera.name}' has more than {MAXIMUM_SURFACES} control surfaces: remove some")
 
 
 def add_parts(source, count: int) -> list:

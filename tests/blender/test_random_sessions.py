@@ -60,11 +60,16 @@ def test_a_preset_is_not_exported_to_no_file(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_passes_of_cycles_are_refused_in_another_engine():
+def test_passes_of_cycles_are_refused_in_another_engine_and_without_surfaces():
     bpy.ops.scfpf.camera_add()
     bpy.ops.scfpf.cycles_rig()
     bpy.context.scene.render.engine = "SCFPF"
     with pytest.raises(RuntimeError, match="Choose Cycles as the render engine") as refused:
+        bpy.ops.scfpf.cycles_passes()
+    assert "Traceback" not in str(refused.value)
+    bpy.context.scene.render.engine = "CYCLES"
+    bpy.ops.scfpf.surface_remove()
+    with pytest.raises(RuntimeError, match="needs from two to 64") as refused:
         bpy.ops.scfpf.cycles_passes()
     assert "Traceback" not in str(refused.value)
 
