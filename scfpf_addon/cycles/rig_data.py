@@ -82,14 +82,18 @@ def check(scene, camera) -> None:
 
 def check_surfaces(camera) -> None:
     """Raises RigError where no table of projectors can be made of the control surfaces."""
-    if not 2 <= len(camera.scfpf.surfaces) <= MAXIMUM_SURFACES:
-        raise RigError(f"'{camera.name}' needs from two to {MAXIMUM_SURFACES} control surfaces")
     for slot in camera.scfpf.surfaces:
         if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
             raise RigError(
                 f"Cycles cannot follow the lattice '{slot.object.name}': use control surfaces instead of it, "
                 "or render with SCFPF"
             )
+    count = len(camera.scfpf.surfaces)
+    if not 2 <= count <= MAXIMUM_SURFACES:
+        raise RigError(
+            f"'{camera.name}' has {count or 'no'} control surface{'s' * (count != 1)}: a viewing volume needs at "
+            f"least two and may have {MAXIMUM_SURFACES}; add one in the camera's properties or load a preset"
+        )
 
 
 def make_rig(scene, camera, chords: ChordPlan):

@@ -69,7 +69,7 @@ def test_passes_of_cycles_are_refused_in_another_engine_and_without_surfaces():
     assert "Traceback" not in str(refused.value)
     bpy.context.scene.render.engine = "CYCLES"
     bpy.ops.scfpf.surface_remove()
-    with pytest.raises(RuntimeError, match="needs from two to 64") as refused:
+    with pytest.raises(RuntimeError, match="needs at least two") as refused:
         bpy.ops.scfpf.cycles_passes()
     assert "Traceback" not in str(refused.value)
 
