@@ -91,7 +91,7 @@ def check_surfaces(camera) -> None:
     count = len(camera.scfpf.surfaces)
     if not 2 <= count <= MAXIMUM_SURFACES:
         raise RigError(
-            f"'{camera.name}' has {count or 'no'} control surface{'s' * (count != 1)}: a viewing volume needs at "
+            f"'{camera.name}' has {count or 'no'} control surface{'s' * (count != 1)}: a volume needs at "
             f"least two and may have {MAXIMUM_SURFACES}; add one in the camera's properties or load a preset"
         )
 
