@@ -60,7 +60,9 @@ def is_whole(rig) -> bool:
     """Whether all parts of a rig are there and its camera is a flexible one of its scene."""
     settings = rig.scfpf_rig
     scene, camera = settings.scene, settings.camera
-    if None in (scene, camera, settings.table) or not camera.scfpf.enabled:
+    if None in (scene, camera, settings.table) or camera.type != "CAMERA" or not camera.scfpf.enabled:
+        return False
+    if settings.portals is None or settings.portals.modifiers.get(MODIFIER) is None:
         return False
     for part in (settings.portals, settings.view_camera):
         if part is None or rig.objects.get(part.name) != part:

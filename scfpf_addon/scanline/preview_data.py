@@ -59,7 +59,9 @@ def is_whole(source) -> bool:
     """Whether all parts of a preview are there and its camera is a flexible one of its scene."""
     settings = source.scfpf_preview
     scene, shelf, camera = settings.scene, settings.shelf, settings.camera
-    if None in (scene, shelf, camera, settings.table) or not camera.scfpf.enabled:
+    if None in (scene, shelf, camera, settings.table) or camera.type != "CAMERA":
+        return False
+    if not camera.scfpf.enabled:
         return False
     if not settings.parts or any(part.members is None for part in settings.parts):
         return False
