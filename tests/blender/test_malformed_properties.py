@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files whose properties are nonsense: no traceback, no crash, and what is refused is refused in plain words."""
+"""Files whose properties are nonsense: no traceback, no crash, and refusals in plain words."""
 
 import os
 
@@ -100,7 +100,7 @@ def test_what_is_set_back_is_named_on_the_camera(tmp_path):
     assert settings.report.startswith("Set back on loading")
     for title in ("Samples", "Projectors", "U Range", "Control Surface"):
         assert title in settings.report
-    with pytest.raises(RuntimeError, match="Control surface 1 of .* is empty"):
+    with pytest.raises(RuntimeError, match=r"Control surface 1 of .* is empty"):
         bpy.ops.scfpf.render()
 
 

@@ -13,7 +13,7 @@ from scfpf_addon.casting.cast import usable_projectors
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.casting.straight import OFF_VERTICES
 from scfpf_addon.casting.triangles_seen import FlatRays
-from scfpf_addon.casting.visibility import EVERYWHERE, HOLDOUT
+from scfpf_addon.casting.visibility import CATCHER, EVERYWHERE, HOLDOUT
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import BilinearPatch, Cylinder, Disc, Plane, Point
 from scfpf_addon.projection.volume import Projection, ViewingVolume
@@ -22,13 +22,14 @@ from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.hit_colors import Shading
 from scfpf_addon.shading.lens import Aperture, lens_of
 from scfpf_addon.shading.light_passes import LIGHT_PASSES
+from scfpf_addon.shading.lighting import Lamp
 from scfpf_addon.shading.passes import DataPasses
 from scfpf_addon.shading.pipeline import Pipeline
 from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light, Materials
 from scfpf_addon.shading.settings import Border, FrameSettings
 from scfpf_addon.shading.suns_alone import SunsAlone
-from scfpf_addon.shading.surface import PhongTable, SurfacePoints
+from scfpf_addon.shading.surface import PhongTable, SurfacePoints, SurfaceTable
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
 SAME = 1e-4
@@ -147,7 +148,8 @@ def test_both_ways_make_the_same_picture(
     allowed = SAME * (1 + np.abs(general.pixels).max(axis=2))
     assert (off > allowed).mean() <= AT_EDGES * samples
     mine, its = short.report, general.report
-    assert (mine.projectors, mine.rays, mine.chords) == (its.projectors, its.rays, its.chords)
+    assert mine.projectors == its.projectors
+    assert mine.rays == mine.chords <= its.rays
     assert mine.hit_fraction == pytest.approx(its.hit_fraction, abs=AT_EDGES)
 
 
@@ -181,10 +183,11 @@ def test_only_simple_pictures_take_the_short_way(build, light, curved, wanted, a
 def test_holdouts_and_passes_of_light_take_the_general_way(build, monkeypatch):
     scene = build.scene([build.square(), build.square(0.4, 0.3)], [sun(build)])
     projection, wanted = build.looking_down(1, -1), FrameSettings(8, 6)
-    held = replace(
-        scene.geometry, visibility=np.array([EVERYWHERE] * 2 + [EVERYWHERE | HOLDOUT] * 2, np.uint8)
-    )
-    assert Pipeline.of(projection, replace(scene, geometry=held), wanted, None).suns_alone is None
+    for bit in (HOLDOUT, CATCHER):
+        held = replace(
+            scene.geometry, visibility=np.array([EVERYWHERE] * 2 + [EVERYWHERE | bit] * 2, np.uint8)
+        )
+        assert Pipeline.of(projection, replace(scene, geometry=held), wanted, None).suns_alone is None
     monkeypatch.setattr(SunsAlone, "sample", lambda *_: pytest.fail("the short way was taken"))
     name = next(iter(LIGHT_PASSES))
     render_frame(projection, scene, replace(wanted, passes=DataPasses((name,))))
@@ -205,9 +208,11 @@ def test_a_lens_takes_the_general_way(build):
 KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
     "moments drawing",
-    Shading: "surface phong lamps tracer held_out",
+    Shading: "surface phong lamps tracer held_out catchers",
     PhongTable: "emitted emission diffuse gloss exponent glossy albedo sky",
+    SurfaceTable: "cast_scene flat smooth bulge shadows material linked",
     SurfacePoints: "position normal view material shadow linked",
+    Lamp: "light color places axis local softness occluders",
     Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "
     "receivers blockers scattered mirrored",
     FrameSettings: "width height samples pixel_error transparent threads border passes pixel_filter "
