@@ -25,7 +25,7 @@ def cast(scene, generator):
 
 
 def test_embree_takes_the_arrays_as_they_are():
-    """This Python's embreex is one whose scenes are found; without, every picture takes half as long again."""
+    """This embreex is one whose scenes are found; without, every picture takes much longer."""
     modules = _load_embreex()
     _, kept = embree.mesh_in_embree(modules, *soup(np.random.default_rng(1)))
     assert not isinstance(kept, modules[1].TriangleMesh)
@@ -34,7 +34,7 @@ def test_embree_takes_the_arrays_as_they_are():
 @pytest.mark.parametrize("fault", ["no library", "another object"])
 def test_both_ways_meet_the_same(fault, monkeypatch):
     vertices, triangles = soup(np.random.default_rng(2))
-    quick, kept = embree.mesh_in_embree(_load_embreex(), vertices, triangles)
+    quick, _kept = embree.mesh_in_embree(_load_embreex(), vertices, triangles)
     if fault == "no library":
         monkeypatch.setattr(embree, "_library", lambda module: None)
     else:
