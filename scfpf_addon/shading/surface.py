@@ -32,6 +32,9 @@ SMALLEST_ROUGHNESS = 0.08
 # Corner normals this close to their triangle's, component by component, are no smooth shading:
 # float32 normals that were stored in 16 bits.
 FLAT = 1e-4
+# The same where a triangle's corners share one normal: what float32 makes of small faces far from the
+# origin, or of a quad as good as flat. A tenth of a per cent of the light.
+FLAT_FACE = 1e-3
 
 
 class ShadowStart(NamedTuple):
@@ -116,15 +119,17 @@ class SurfaceTable:
     @classmethod
     def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool) -> SurfaceTable:
         """The table of the triangles that ``cast_scene`` was made of."""
+        corners = [geometry.corner_normals[:, corner].T for corner in range(1 if geometry.flat else 3)]
+        flat = cast_scene.planes[:3].astype(np.float32)
+        flat *= np.copysign(np.float32(1), dot(flat, sum(corners[1:], corners[0])))
+        material = geometry.material
+        hit = (flat != 0).any(axis=0)
+        far = FLAT_FACE if geometry.flat else FLAT
+        if all(np.abs(corner - flat).max(axis=0)[hit].max(initial=0) <= far for corner in corners):
+            return cls(cast_scene, flat, None, None, shadows, material, geometry.linked)
         normals = np.empty((3, 3, len(geometry.triangles)), np.float32)
         for corner in range(3):
             normals[corner] = geometry.corner_normals[:, corner].T
-        flat = cast_scene.planes[:3].astype(np.float32)
-        flat *= np.copysign(np.float32(1), dot(flat, normals[0] + normals[1] + normals[2]))
-        material = geometry.material.astype(np.intp)
-        hit = (flat != 0).any(axis=0)
-        if all(np.abs(normal - flat).max(axis=0)[hit].max(initial=0) <= FLAT for normal in normals):
-            return cls(cast_scene, flat, None, None, shadows, material, geometry.linked)
         bulge = corner_heights(cast_scene, normals) if shadows else None
         normals[1:] -= normals[0]
         return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material, geometry.linked)
@@ -165,7 +170,7 @@ class SurfaceTable:
         if self.single:
             material = np.broadcast_to(self.material[0], triangle.shape)
         else:
-            material = self.material.take(triangle, mode="wrap")
+            material = self.material.take(triangle, mode="wrap").astype(np.intp)
         linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
         return SurfacePoints(position.astype(np.float32), normal, view, material, shadow, linked)
 
