@@ -57,8 +57,8 @@ def render_frame(
     shows its background.
     """
     started = perf_counter()
-    # Vertices of other frames belong to all triangles.
-    alone = not moments and settings.passes.neighbours is None
+    # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
+    alone = not moments and settings.passes.neighbours is None and settings.lens is None
     pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
     if moments:
         pipeline = pipeline.with_moments(scene, moments, cancelled)
