@@ -369,7 +369,7 @@ class CastScene:
                     self._beyond_scene, self._beyond_mesh = embree, mesh
             return self._beyond_scene
 
-    def offset_origins(self, positions: Array, triangles: IndexArray, directions: Array) -> Array:
+    def offset_origins(self, positions: Array, triangles: IndexArray, directions: NDArray[Any]) -> Array:
         """Origins (3, N) of secondary rays that leave ``triangles`` (N,) at ``positions`` (3, N).
 
         Moved off the triangle's plane to the side that ``directions`` (3, N) go to,

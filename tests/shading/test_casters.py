@@ -32,9 +32,10 @@ def scattered(build, lights, smooth):
     return build.scene([build.square(8, -0.8), *balls], lights, (0.1, 0.1, 0.1))
 
 
-@pytest.mark.parametrize("smooth", [False, True], ids=["flat", "smooth"])
-@pytest.mark.parametrize("heights", [(3, -1), (3, 1, -1)], ids=["straight", "curved"])
-@pytest.mark.parametrize("lamp", LAMPS)
+@pytest.mark.parametrize(
+    ("lamp", "heights", "smooth"),
+    [(lamp, (3, -1), smooth) for lamp in LAMPS for smooth in (False, True)] + [("sun", (3, 1, -1), True)],
+)
 def test_pictures_are_those_of_the_whole_scene(build, lamp, heights, smooth):
     scene = scattered(build, [LAMPS[lamp](build)], smooth)
     view = build.looking_down(*heights, size=1.8, shifts=np.linspace(0.0, 1.0, len(heights)).tolist())
