@@ -59,24 +59,26 @@ class SunsShadowed:
         rays = None if alone is None or places.scrambled else _rays(projection, scene)
         if alone is None or rays is None:
             return None
-        return cls(places, scene, shading, rays, alone.background)
+        return cls(places, scene, shading, rays, alone.colors.background)
 
-    def sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Single, NDArray[np.int32]]:
-        """A sample of each pixel of whole rows, (4, n), and the triangles (n,) that it sees, -1 for none."""
+    def sample(self, rows: slice, sample: int, counts: CastCounts, into: Single) -> NDArray[np.int32]:
+        """A sample of each pixel of whole rows, written with alpha into (4, n), however that lies in memory.
+
+        What comes back are the triangles (n,) that it sees, -1 for none.
+        """
         origins, ways = self.rays.made(*self.places.of_grid(rows, sample))
         count = origins.shape[1]
         triangle = self.scene.trace(origins, ways, np.full(count, 1.0 + END_SLACK, np.float32))
         counts.projectors, counts.rays = counts.projectors + count, counts.rays + count
         counts.chords += count
-        color = np.empty((4, count), np.float32)
-        color[:] = self.background[:, None]
+        into[:] = self.background[:, None]
         where = np.flatnonzero(triangle >= 0)
         if len(where):
             origins, ways = origins.take(where, axis=1), ways.take(where, axis=1)
             lit = self._lit(triangle.take(where), origins, ways, sample, counts)
-            for channel, values in zip(color, (*lit, np.float32(1)), strict=True):
+            for channel, values in zip(into, (*lit, np.float32(1)), strict=True):
                 channel[where] = values
-        return color, triangle
+        return triangle
 
     def _lit(
         self, triangle: IndexArray, origins: Float32Array, ways: Float32Array, sample: int, counts: CastCounts
