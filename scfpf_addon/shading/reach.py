@@ -14,6 +14,7 @@ from ..casting.scene import CastScene, NothingToCastAt, require_room_for_prisms
 from ..casting.visibility import CAMERA, SHADOW, visible_to
 from ..projection.typing import Array
 from ..projection.volume import Projection
+from .casters import may_shade
 from .scene import Scene
 
 
@@ -53,7 +54,9 @@ def _within_reach(
         return scene, _built(whole, exact)
     if not kept.any():
         return scene, None
-    beyond = whole.vertices, whole.triangles[~kept]
+    rest = ~kept
+    rest &= may_shade(scene, kept, projection.volume)
+    beyond = (whole.vertices, whole.triangles[rest]) if rest.any() else None
     part = replace(scene, geometry=whole.part(kept))
     return part, _built(part.geometry, exact, beyond)
 
