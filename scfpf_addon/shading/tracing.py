@@ -432,4 +432,7 @@ def _stacked(parts: list[Materials], some: IndexArray) -> Materials:
         specular_f0=rows("specular_f0"),
         emission=rows("emission"),
         ambient=rows("ambient"),
+        layer=rows("layer"),
+        edge=rows("edge"),
+        multiple=rows("multiple"),
     )

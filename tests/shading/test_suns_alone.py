@@ -207,7 +207,7 @@ KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
     "moments drawing",
     Shading: "surface phong lamps tracer held_out catchers",
-    PhongTable: "emitted emission diffuse gloss exponent glossy albedo sky",
+    PhongTable: "emitted emission diffuse front edge alpha glossy albedo sky",
     SurfacePoints: "position normal view material shadow linked",
     Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "
     "receivers blockers scattered mirrored",
