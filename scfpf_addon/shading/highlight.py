@@ -40,17 +40,31 @@ def facets(cosine: Single, facing: Single, between: Single, alpha: Single) -> tu
     spread += 1
     spread *= spread
     rest = 1 - alpha
-    masked = facing * np.sqrt(alpha + rest * lit * lit)
-    masked += lit * np.sqrt(alpha + rest * facing * facing)
+    masked = _masking(lit, alpha, rest)
+    masked *= facing
+    other = _masking(facing, alpha, rest)
+    other *= lit
+    masked += other
     spread *= masked
     spread *= np.float32(2 * np.pi)
-    density = alpha / np.maximum(spread, TINY)
-    grazing = 1 - np.sqrt(half, out=half) * np.float32(0.5)
+    np.maximum(spread, TINY, out=spread)
+    density = np.divide(alpha, spread, out=spread)
+    grazing = np.sqrt(half, out=half)
+    grazing *= np.float32(-0.5)
+    grazing += 1
     np.maximum(grazing, 0, out=grazing)
     fourth = grazing * grazing
     fourth *= fourth
     grazing *= fourth
     return density, grazing
+
+
+def _masking(cosine: Single, alpha: Single, rest: Single) -> Single:
+    """The root that Smith's masking has for a cosine, (N,)."""
+    root = cosine * cosine
+    root *= rest
+    root += alpha
+    return np.sqrt(root, out=root)
 
 
 def sent_again(reflected: Array, white: Array) -> Array:

@@ -20,7 +20,7 @@ from .film import lamp_positions
 from .highlight import facets
 from .light_passes import DIFFUSE, SPECULAR, LightParts
 from .scene import Light
-from .surface import TINY, PhongTable, SurfacePoints, dot
+from .surface import TINY, LightTable, SurfacePoints, dot
 from .typing import Single
 
 # A blend of nothing would make the spot's edge a division by zero.
@@ -135,7 +135,7 @@ class Lamp:
 
 def radiance(
     points: SurfacePoints,
-    table: PhongTable,
+    table: LightTable,
     lamps: Sequence[Lamp],
     sample: int | IndexArray,
     cast_scene: CastScene,

@@ -224,7 +224,7 @@ def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Si
 
 
 @dataclass(frozen=True)
-class PhongTable:
+class LightTable:
     """M materials, turned into the coefficients of what lamps and the world make of them, float32.
 
     emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
@@ -244,7 +244,7 @@ class PhongTable:
     sky: SkyLight | None = None
 
     @classmethod
-    def of(cls, materials: Materials, world_color: Array, sky: SkyLight | None = None) -> PhongTable:
+    def of(cls, materials: Materials, world_color: Array, sky: SkyLight | None = None) -> LightTable:
         """Coefficients under a uniform world of radiance ``world_color`` (3,), and what a sky adds to it.
 
         Diffuse is Lambert's, scaled by 1 - metallic and by what the layer above it lets through, as a mean

@@ -28,7 +28,7 @@ from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light, Materials
 from scfpf_addon.shading.settings import Border, FrameSettings
 from scfpf_addon.shading.suns_alone import SunsAlone
-from scfpf_addon.shading.surface import PhongTable, SurfacePoints
+from scfpf_addon.shading.surface import LightTable, SurfacePoints
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
 SAME = 1e-4
@@ -207,7 +207,7 @@ KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
     "moments drawing",
     Shading: "surface phong lamps tracer held_out catchers",
-    PhongTable: "emitted emission diffuse front edge alpha glossy albedo sky",
+    LightTable: "emitted emission diffuse front edge alpha glossy albedo sky",
     SurfacePoints: "position normal view material shadow linked",
     Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "
     "receivers blockers scattered mirrored",

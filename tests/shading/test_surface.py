@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.shading.scene import Materials
-from scfpf_addon.shading.surface import PhongTable, SurfaceTable
+from scfpf_addon.shading.surface import LightTable, SurfaceTable
 
 
 def table_of(geometry, shadows=False):
@@ -122,15 +122,15 @@ def rows(base, metallic, roughness, f0, emission=(0, 0, 0)):
 def test_white_things_send_all_light_back():
     """In even light nothing is lost in white metals and dielectrics of any roughness, nor is anything won."""
     grid = np.meshgrid([0.0, 0.25, 1.0], [0.0, 0.3, 0.6, 1.0], [0.0, 0.04, 0.3])
-    table = PhongTable.of(rows((1, 1, 1), *grid), np.array([0.5, 0.5, 1]))
+    table = LightTable.of(rows((1, 1, 1), *grid), np.array([0.5, 0.5, 1]))
     assert np.allclose(table.emitted, [[0.5], [0.5], [1]], rtol=1e-6)
     # The layer of a dielectric keeps from what is below what it reflects itself.
-    dull, polished = PhongTable.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3)).diffuse[0] * np.pi
+    dull, polished = LightTable.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3)).diffuse[0] * np.pi
     assert dull == pytest.approx(1.0) and 0.65 < polished < 0.75
 
 
 def test_what_light_makes_of_materials():
-    table = PhongTable.of(rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04, (1, 2, 3)), np.array([0.5, 0.5, 1]))
+    table = LightTable.of(rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04, (1, 2, 3)), np.array([0.5, 0.5, 1]))
     assert np.allclose(table.emission.T, [1, 2, 3])
     # Facets of polished things send nothing to each other; head-on it is f0, or the base colour of a metal.
     assert np.allclose(table.front.T, [[0.04] * 3, [0.2, 0.4, 0.6]], rtol=1e-3)
@@ -141,7 +141,7 @@ def test_what_light_makes_of_materials():
     metal = np.array([0.2, 0.4, 0.6]) + np.array([0.8, 0.6, 0.4]) / 21
     assert np.allclose(table.albedo[:, 1] * np.pi, metal, rtol=2e-2)
     # A glossy shader is as bright everywhere, and what lacks f0 has no highlight at any angle.
-    flat = PhongTable.of(replace(rows((0.5,) * 3, 1.0, 0.08, 0.04), edge=np.zeros(1)), np.zeros(3))
+    flat = LightTable.of(replace(rows((0.5,) * 3, 1.0, 0.08, 0.04), edge=np.zeros(1)), np.zeros(3))
     assert not flat.edge.any() and flat.front.mean() == pytest.approx(0.5, rel=1e-3)
-    matt = PhongTable.of(rows((1, 1, 1), 0.0, 0.5, 0.0), np.zeros(3))
+    matt = LightTable.of(rows((1, 1, 1), 0.0, 0.5, 0.0), np.zeros(3))
     assert not matt.glossy and not matt.front.any() and not matt.edge.any()
