@@ -111,6 +111,11 @@ class Film:
             self._sum = sample
         self._samples += 1
 
+    @property
+    def exposed(self) -> bool:
+        """Whether any sample has been added."""
+        return self._samples > 0
+
     def develop(self, pixels: Single) -> None:
         """Write the mean into pixels (count, 4): premultiplied by alpha."""
         for start in range(0, len(pixels), AT_ONCE):

@@ -19,8 +19,9 @@ from ..projection.typing import Array, IndexArray
 from .film import lamp_positions
 from .highlight import facets
 from .light_passes import DIFFUSE, SPECULAR, LightParts
+from .normals import dot
 from .scene import Light
-from .surface import TINY, LightTable, SurfacePoints, dot
+from .surface import TINY, LightTable, SurfacePoints
 from .typing import Single
 
 # A blend of nothing would make the spot's edge a division by zero.
