@@ -16,10 +16,10 @@ import numpy as np
 
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
-from .film import lamp_positions
 from .highlight import facets
 from .light_passes import DIFFUSE, SPECULAR, LightParts
 from .normals import dot
+from .sample_sets import lamp_positions
 from .scene import Light
 from .surface import TINY, LightTable, SurfacePoints
 from .typing import Single

@@ -15,6 +15,7 @@ from ..casting.cast import cast
 from ..casting.chord_map import chord_map
 from ..casting.chords import complete
 from ..casting.curves import Bundle
+from ..casting.frame import pixel_centres
 from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
@@ -327,9 +328,7 @@ class Pipeline:
 
     def pixel_centres(self, rows: slice) -> tuple[Array, Array]:
         """Image positions (x, y) of the middle of each pixel of the rows, each (n,)."""
-        x = (np.arange(self.settings.width) + 0.5) / self.settings.width
-        y = (np.arange(rows.start, rows.stop) + 0.5) / self.settings.height
-        return np.tile(x, len(y)), np.repeat(y, len(x))
+        return pixel_centres(self.settings.width, self.settings.height, (rows.start, rows.stop))
 
     def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Hits, Onward | None]:
         """What a sample of the pixels of whole rows hits, and what follows it on."""
