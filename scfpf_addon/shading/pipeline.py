@@ -36,6 +36,7 @@ from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
 from .suns_alone import SunsAlone
+from .suns_shadowed import SunsShadowed
 from .typing import Single
 from .visible import seen_directly
 from .world import World
@@ -148,11 +149,10 @@ class Pipeline:
         return replace(self, moments=tuple(replace(e, background=self.background) for _, e in made[1:]))
 
     @cached_property
-    def suns_alone(self) -> SunsAlone | None:
+    def suns_alone(self) -> SunsAlone | SunsShadowed | None:
         """The short way to pictures that are simple enough for it."""
-        return SunsAlone.of(
-            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
-        )
+        made_of = self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
+        return SunsAlone.of(*made_of) or SunsShadowed.of(*made_of)
 
     @property
     def behind(self) -> Array:
