@@ -118,7 +118,7 @@ def _cast_curved(
         return complete(Hits.empty(len(x))._replace(mask=mask), bundle)
     error = max(pixel_error, SMALLEST_ERROR)
     groups = bend_groups(points, mask)
-    answer = Hits.empty(len(x))
+    answer = Hits.empty(len(x) if len(groups) > 1 else 0)
     for group in groups:
         curves = sample_curves(projection, x, y, group, pixel_size)
         schedule = plan(spans, curves, reach, error, 1)
