@@ -71,7 +71,7 @@ def cast_chords(
     hits that the curves do not bear out as the chords have them. Otherwise they are left
     out, and the second answer is the projectors that have one.
     """
-    hits = Hits.empty(bundle.count)._replace(mask=mask)
+    hits = Hits.unplaced(bundle.count)._replace(mask=mask)
     work = Work(scene, bundle, schedule, hits, counts)
     records = _march(work, mask, where)
     curves = bundle.take(records.projector)

@@ -23,7 +23,7 @@ Float32Array = NDArray[np.float32]
 
 # ε is this share of a typical triangle's height: thinner prisms need more chords, of which
 # few are cast; thicker ones are entered in vain more often.
-EPSILON_SHARE = 1.0 / 300.0
+EPSILON_SHARE = 1.0 / 200.0
 
 # Bounds of ε in cast units: below, caps of uneven prisms would be closer than a walk can tell
 # apart; above, a scene of a few large triangles would be entered from everywhere.
