@@ -44,7 +44,9 @@ class Solutions(NamedTuple):
 
     def take(self, index: IndexArray) -> Solutions:
         """The solutions at ``index``."""
-        return Solutions(self.t[index], self.triangle[index], self.barycentric[:, index], self.inside[index])
+        return Solutions(
+            self.t.take(index), self.triangle.take(index), self.barycentric.take(index, 1), self.inside.take(index)
+        )
 
     def put(self, where: IndexArray, found: Solutions, which: IndexArray) -> None:
         """Write the solutions ``which`` of ``found`` over those at where[which]."""

@@ -58,12 +58,12 @@ class Hits(NamedTuple):
     def take(self, index: IndexArray) -> Hits:
         """Copies of the hits at ``index``."""
         return Hits(
-            self.t[index],
-            self.triangle[index],
-            self.barycentric[:, index],
-            self.position[:, index],
-            self.tangent[:, index],
-            self.mask[index],
+            self.t.take(index),
+            self.triangle.take(index),
+            self.barycentric.take(index, 1),
+            self.position.take(index, 1),
+            self.tangent.take(index, 1),
+            self.mask.take(index),
         )
 
     def put(self, where: slice | IndexArray, part: Hits) -> None:
