@@ -196,8 +196,11 @@ class Bundle:
 
     def next_root(
         self, scene: CastScene, triangle: IndexArray, span: IndexArray, low: Array, high: Array
-    ) -> Solutions:
-        """The first meeting with the triangles' planes in [low, high] of t, in the spans; all (N,)."""
+    ) -> tuple[Solutions, Array]:
+        """The first meeting with the triangles' planes in [low, high] of t, in the spans; all (N,).
+
+        Also where that is, (3, N), anything where it is nowhere.
+        """
         plane = scene.planes.take(triangle, 1)
         heights = np.einsum("cn,kcn->kn", plane[:3], self.points)
         heights += plane[3]
@@ -216,7 +219,7 @@ class Bundle:
                 early = np.flatnonzero(t < low)
                 t[early] = root[early]
             t[(t < low) | (t > high)] = np.nan
-        return self._inside(scene, triangle, t)
+        return self._inside_at(scene, triangle, t)
 
     def walk(self, scene: CastScene, span: IndexArray, low: Array, high: Array, found: Solutions) -> int:
         """Move solutions outside their triangle to the neighbour that they are in.
@@ -261,12 +264,16 @@ class Bundle:
 
     def _inside(self, scene: CastScene, triangle: IndexArray, t: Array) -> Solutions:
         """Solutions at t (N,), NaN allowed."""
+        return self._inside_at(scene, triangle, t)[0]
+
+    def _inside_at(self, scene: CastScene, triangle: IndexArray, t: Array) -> tuple[Solutions, Array]:
+        """As _inside, and where they are, (3, N)."""
         known = ~np.isnan(t)
         position = self.place(np.where(known, t, 0.0))
         barycentric = scene.barycentric(position, triangle)
         second, third = barycentric
         inside = known & (second >= -INSIDE) & (third >= -INSIDE) & (second + third <= 1.0 + INSIDE)
-        return Solutions(t, triangle, barycentric, inside)
+        return Solutions(t, triangle, barycentric, inside), position
 
 
 def _restricted(coefficients: Array, low: Array, high: Array) -> Array:

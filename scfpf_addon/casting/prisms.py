@@ -27,7 +27,7 @@ EPSILON_SHARE = 1.0 / 200.0
 
 # Bounds of ε in cast units: below, caps of uneven prisms would be closer than a walk can tell
 # apart; above, a scene of a few large triangles would be entered from everywhere.
-EPSILON_RANGE = (2e-5, 2e-2)
+EPSILON_RANGE = (1e-5, 2e-2)
 
 # Every prism is thicker by this, in cast units, for the rounding of its corners, of
 # chord ends and of Embree's arithmetic: 50 roundings (2⁻²⁴) of a coordinate of 1.
