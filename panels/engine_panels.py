@@ -198,6 +198,7 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
         column.prop(view_layer, "use_pass_emit", text="Emission")
         column.prop(view_layer, "use_pass_environment")
         column.prop(view_layer, "use_pass_shadow")
+        column.prop(view_layer.scfpf, "use_pass_shadow_catcher")
         column = layout.column(heading="Projectors", align=True)
         column.prop(view_layer.scfpf, "use_pass_parameters")
         column.prop(view_layer.scfpf, "use_pass_perspective_depth")
@@ -240,6 +241,7 @@ class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
         layout.prop(owner, "visible_glossy", text="Mirrors")
         layout.prop(owner, "visible_transmission", text="Glass")
         layout.prop(owner, "visible_shadow", text="Shadow")
+        layout.prop(owner, "is_shadow_catcher")
 
 
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(

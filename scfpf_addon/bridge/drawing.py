@@ -19,6 +19,7 @@ from ..projection.diagram import DiagramOptions, diagram, even_iso, projector_po
 from ..projection.line_colors import line_colors
 from .read_projection import ProjectionError, read_projection
 from .render_job import RenderError, picture_aspect
+from .volume_upkeep import concerned
 
 SHADER = "POLYLINE_UNIFORM_COLOR"
 # Multiples of the line thickness that the preferences suggest for the screen.
@@ -49,6 +50,10 @@ NEARER = 2.0
 NEARER_DEPTH = 1e-6
 
 
+# Of a drawing whose volume has to be read again.
+STALE = -1
+
+
 @dataclass
 class Drawing:
     """What is kept of one camera's volume. signature: None while the volume cannot be read."""
@@ -69,15 +74,22 @@ class Drawings:
 
     def __init__(self):
         self.edits = 0
-        self._cameras: dict[tuple[int, str], tuple[int, list[tuple[str, int]]]] = {}
+        # How often the cameras that are drawn may have become others.
+        self._lists = 0
+        self._cameras: dict[tuple[int, str], tuple[int, set[int]]] = {}
         self._drawings: dict[tuple[int, str, int], Drawing] = {}
 
     def __len__(self):
         return len(self._drawings)
 
-    def mark_edited(self):
-        """Something in the file may have changed: read the volumes again when they are drawn next."""
-        self.edits += 1
+    def mark_edited(self, cameras: set[int] | None = None):
+        """Read the volumes again of these cameras, session ids, or of all, when they are drawn next."""
+        if cameras is None:
+            self.edits += 1
+        for key, drawing in self._drawings.items() if cameras else ():
+            if key[2] in cameras:
+                drawing.edits = STALE
+        self._lists += cameras is None or bool(cameras)
 
     def clear(self):
         """Forget everything, for another file."""
@@ -88,15 +100,16 @@ class Drawings:
     def cameras(self, scene, view_layer) -> list:
         """The objects of a view layer that are flexible cameras with their drawing switched on."""
         key = (scene.session_uid, view_layer.name)
-        edits, known = self._cameras.get(key, (-1, []))
-        if edits != self.edits:
-            known = [(o.name, o.session_uid) for o in view_layer.objects if _is_drawn(o)]
-            self._cameras[key] = (self.edits, known)
-            kept = {uid for _, uid in known}
-            for old in [k for k in self._drawings if k[:2] == key and k[2] not in kept]:
-                del self._drawings[old]
-        found = [view_layer.objects.get(name) for name, _ in known]
-        return [o for o, (_, uid) in zip(found, known, strict=True) if o is not None and o.session_uid == uid]
+        lists, known = self._cameras.get(key, (-1, set()))
+        # One way through all objects is much quicker than finding each camera by its name.
+        if lists == self._lists:
+            return [o for o in view_layer.objects if o.session_uid in known] if known else []
+        found = [o for o in view_layer.objects if _is_drawn(o)]
+        known = {o.session_uid for o in found}
+        self._cameras[key] = (self._lists, known)
+        for old in [k for k in self._drawings if k[:2] == key and k[2] not in known]:
+            del self._drawings[old]
+        return found
 
     def drawing(self, camera, depsgraph, aspect: float) -> Drawing:
         """The drawing of a camera's volume, made anew if it has changed; empty while it cannot be read."""
@@ -288,6 +301,15 @@ def draw_viewport() -> None:
 
 
 @persistent
+def _evaluated(_scene, depsgraph):
+    # What is linked or unlinked may be a surface that counts as deleted then.
+    if depsgraph.id_type_updated("COLLECTION"):
+        drawings.mark_edited()
+    else:
+        drawings.mark_edited(concerned(depsgraph))
+
+
+@persistent
 def _file_edited(*_):
     drawings.mark_edited()
 
@@ -298,8 +320,8 @@ def _file_loaded(*_):
 
 
 HANDLERS = {
-    "depsgraph_update_post": _file_edited,
-    "frame_change_post": _file_edited,
+    "depsgraph_update_post": _evaluated,
+    "frame_change_post": _evaluated,
     "undo_post": _file_edited,
     "redo_post": _file_edited,
     "load_post": _file_loaded,

@@ -38,7 +38,10 @@ def obey(camera) -> None:
 
 def in_edit_volume(surface) -> bool:
     """Whether a camera that has the surface is in the mode."""
-    return any(other.scfpf.edit_volume and surface in _surfaces(other) for other in _cameras())
+    return any(
+        other.scfpf.edit_volume and surface in _surfaces(other) and other.users_collection
+        for other in _cameras()
+    )
 
 
 def release(surface) -> None:
@@ -48,7 +51,8 @@ def release(surface) -> None:
     """
     if not surface.is_editable:
         return
-    listed, free = any(surface in _surfaces(other) for other in _cameras()), in_edit_volume(surface)
+    listed = any(surface in _surfaces(other) and other.users_collection for other in _cameras())
+    free = in_edit_volume(surface)
     _set(surface, listed and not free, free)
 
 
@@ -68,8 +72,5 @@ def _surfaces(camera) -> list:
 
 
 def _cameras():
-    return [
-        obj
-        for obj in bpy.data.objects
-        if obj.type == "CAMERA" and obj.scfpf.surfaces and obj.users_collection
-    ]
+    # Whether they are in a collection is asked of few: that looks through all collections.
+    return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]

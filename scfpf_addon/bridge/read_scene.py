@@ -155,7 +155,6 @@ class _SceneReader:
         self._bad_place: dict[str, None] = {}
         self._bad_shape: dict[str, None] = {}
         self._faceless: dict[str, None] = {}
-        self._catchers: dict[str, None] = {}
 
     def add(self, instance) -> None:
         """Take one entry of ``object_instances``; nothing of it is kept."""
@@ -180,8 +179,6 @@ class _SceneReader:
             self._placed.append(self._mesh_and_look(thing, pointer))
             self._matrices.append(matrix)
             self._seen.append(shown)
-            if own.is_shadow_catcher:
-                self._catchers[own.name] = None
         elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
             self._bad_place[own.name] = None
         else:
@@ -270,7 +267,6 @@ class _SceneReader:
         found = (
             (self._bad_place, "Left out, as their transforms are not finite: "),
             (self._bad_shape, "Faces left out, as their vertices are not finite: "),
-            (self._catchers, "Shadow catchers are shown as they are, take the Shadow pass instead: "),
             (self._faceless, "Not shown, as they have no faces (hair, points, volumes, Grease Pencil): "),
         )
         return tuple(text + listing(list(names)) for names, text in found if names)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..casting.visibility import CAMERA, EVERYWHERE, GLASS, HOLDOUT, MIRROR, SHADOW
+from ..casting.visibility import CAMERA, CATCHER, EVERYWHERE, GLASS, HOLDOUT, MIRROR, SHADOW
 from ..shading.scene import Light
 
 RAYS = (
@@ -31,6 +31,8 @@ def visible_rays(thing, parent, view_layer) -> int:
     top = (parent or thing).original
     if top.holdout_get(view_layer=view_layer) or thing.is_holdout:
         return bits | HOLDOUT if bits & CAMERA else bits
+    if thing.is_shadow_catcher and bits & CAMERA:
+        bits |= CATCHER
     if top.indirect_only_get(view_layer=view_layer):
         bits &= ~CAMERA
     return bits

@@ -40,6 +40,7 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
         (view_layer.use_pass_emit, RenderPass(emission, "RGB", "COLOR", "EMISSION")),
         (view_layer.use_pass_environment, RenderPass(environment, "RGB", "COLOR", "ENVIRONMENT")),
         (view_layer.use_pass_shadow, RenderPass("Shadow", "RGB", "COLOR", "SHADOW")),
+        (own.use_pass_shadow_catcher, RenderPass("Shadow Catcher", "RGB", "COLOR", "SHADOW_CATCHER")),
         (view_layer.use_pass_z, RenderPass("Depth", "Z", "VALUE", "DEPTH")),
         (view_layer.use_pass_position, RenderPass("Position", "XYZ", "VECTOR", "POSITION")),
         (view_layer.use_pass_normal, RenderPass("Normal", "XYZ", "VECTOR", "NORMAL")),
@@ -117,6 +118,14 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     use_pass_specular: BoolProperty(
         name="Specular",
         description="Highlights of lamps, and all that is seen in mirrors and through glass",
+        default=False,
+        update=_switched,
+        override={"LIBRARY_OVERRIDABLE"},
+    )
+    use_pass_shadow_catcher: BoolProperty(
+        name="Shadow Catcher",
+        description="What shadows leave of the light on shadow catchers, white elsewhere: multiply footage "
+        "by it and put the picture over that. The picture itself then has no shadows on catchers",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},

@@ -27,7 +27,7 @@ def volume_facts(camera) -> tuple:
     if not settings.enabled:
         return (camera.session_uid,)
     volume = settings.volume_object
-    listed = tuple(_uid(member) for member in _members(settings))
+    listed = tuple(_uid(member) for member in members(settings))
     facts = (camera.session_uid, camera.users, camera.is_editable, listed)
     if volume is None:
         return facts
@@ -41,7 +41,7 @@ def volume_facts(camera) -> tuple:
     )
 
 
-def _members(settings) -> list:
+def members(settings) -> list:
     """What a camera's volume object takes: its surfaces, and the grids of its image mappings."""
     # A longer list is no volume; taking its thousands would hold Blender up.
     surfaces = [slot.object for slot in settings.surfaces[:MAXIMUM_SURFACES]]
@@ -104,7 +104,7 @@ def sync_volume_object(camera):
     if volume.parent != camera:
         volume.parent = camera
     _link_beside(volume, camera)
-    surfaces = _members(settings)
+    surfaces = members(settings)
     group = _volume_group(len(surfaces))
     modifier = _node_modifier(volume)
     if modifier is None:

@@ -4,25 +4,31 @@
 Duplicating, pasting, linking, undoing or deleting a camera leaves its volume
 object shared, in the wrong place or behind, and the surfaces of a deleted one out
 of reach of the mouse. A handler after each evaluation puts that right. It compares
-a few numbers of each camera first, so that it costs next to nothing while none of
-them has changed.
+a few numbers of those cameras that the evaluation concerns, and of one more in turn: scripts
+may take surfaces off a list without a word to Blender.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
+from .camera_index import CameraIndex
 from .edit_volume import release
-from .volume_object import delete_volume_object, sync_volume_object, volume_facts
+from .volume_object import delete_volume_object, members, sync_volume_object, volume_facts
 
 
 class _Upkeep:
-    """Names and numbers only, no Blender data. facts: None before the first look at a file."""
+    """Names and numbers only, no Blender data. facts: by camera; None before the first look at a file."""
 
     def __init__(self):
-        self.cameras: list[tuple[str, str | None]] = []
-        self.facts: tuple | None = None
+        self.index = CameraIndex()
+        self.file: tuple = ()
+        self.facts: dict[int, tuple] | None = None
+        self.all_concerned = False
         self.listed: set[tuple[int, int]] = set()  # surfaces and their cameras, session ids
 
 
@@ -30,18 +36,39 @@ _upkeep = _Upkeep()
 
 
 def forget() -> None:
-    """Look at every object again after the next evaluation."""
+    """Put every camera in order after the next evaluation, whatever it looks like."""
     _upkeep.facts = None
 
 
-def tend() -> None:
-    """Put the volume objects of all flexible cameras in order, if anything about them has changed."""
-    if _upkeep.facts is not None and _facts() == _upkeep.facts:
-        return
-    cameras = [obj for obj in bpy.data.objects if obj.type == "CAMERA"]
-    for camera in cameras:
+def tend(concerned: Iterable[int] | None = None) -> None:
+    """Put the volume objects of flexible cameras in order, where anything about them has changed.
+
+    concerned: session ids of the cameras that may have changed, None for all of them.
+    """
+    facts, file = _upkeep.facts, _file_facts()
+    if facts is not None and concerned is not None and file == _upkeep.file:
+        found = {uid: _upkeep.index.find(uid) for uid in concerned}
+        if all(camera and volume_facts(camera) == facts[uid] for uid, camera in found.items()):
+            return
+    cameras = _camera_objects()
+    changed = cameras
+    if facts is not None and file[1] == _upkeep.file[1]:
+        now = {camera.session_uid: volume_facts(camera) for camera in cameras}
+        if now == facts and file == _upkeep.file:
+            _look_up(cameras)  # they may have other names
+            return
+        changed = [camera for camera in cameras if now[camera.session_uid] != facts.get(camera.session_uid)]
+    _put_in_order(cameras, changed)
+    _look_up(cameras)
+    _upkeep.file, _upkeep.facts = _file_facts(), {c.session_uid: volume_facts(c) for c in cameras}
+
+
+def _put_in_order(cameras, changed) -> None:
+    """Mend the volume objects of ``changed`` and what belongs to no camera any more. cameras: all of them."""
+    shown = _session_ids(scene.objects for scene in bpy.data.scenes)
+    for camera in changed:
         # Not those that were deleted and live on for a pointer.
-        if camera.scfpf.enabled and camera.users_scene:
+        if camera.scfpf.enabled and camera.session_uid in shown:
             sync_volume_object(camera)
     owned = {camera.scfpf.volume_object for camera in cameras}
     for obj in bpy.data.objects:
@@ -49,22 +76,52 @@ def tend() -> None:
         is_left = obj.scfpf_surface.is_volume and obj not in owned
         if is_left and obj.is_editable and not obj.override_library:
             delete_volume_object(obj)
-    _free_surfaces([camera for camera in cameras if camera.users_collection])
-    _upkeep.cameras = [(o.name, o.library.filepath if o.library else None) for o in cameras]
-    _upkeep.facts = _facts()
+    linked = _session_ids(
+        c.objects for c in (*bpy.data.collections, *(s.collection for s in bpy.data.scenes))
+    )
+    _free_surfaces([camera for camera in cameras if camera.session_uid in linked])
+
+
+def _camera_objects() -> list:
+    return [obj for obj in bpy.data.objects if obj.type == "CAMERA"]
+
+
+def _look_up(cameras) -> None:
+    _upkeep.index.fill(cameras, _depends_on)
+
+
+def _depends_on(camera) -> list:
+    settings = camera.scfpf
+    return [obj for obj in (settings.volume_object, *members(settings)) if obj is not None]
+
+
+def _session_ids(collections) -> set[int]:
+    """The session ids of all objects in the collections given."""
+    found: set[int] = set()
+    for objects in collections:
+        numbers = np.empty(len(objects), np.int32)
+        objects.foreach_get("session_uid", numbers)
+        found.update(numbers.tolist())
+    return found
+
+
+def concerned(depsgraph) -> set[int]:
+    """Session ids of the cameras whose volumes an evaluation's updates may have changed."""
+    return _upkeep.index.concerned(depsgraph)
 
 
 def sharers(camera) -> list[str]:
     """Names of the other cameras that have control surfaces of this one; for panels, which must be quick."""
     own = {slot.object for slot in camera.scfpf.surfaces if slot.object is not None}
-    known = (bpy.data.objects.get(key) for key in _upkeep.cameras)
-    return [
+    others = {uid for surface in own for uid in _upkeep.index.having(surface)} - {camera.session_uid}
+    known = (_upkeep.index.find(uid) for uid in others)
+    return sorted(
         other.name
         for other in known
-        if other not in (None, camera)
-        and other.users_collection
+        if other is not None
         and not own.isdisjoint(slot.object for slot in other.scfpf.surfaces)
-    ]
+        and other.users_collection
+    )
 
 
 def _free_surfaces(cameras) -> None:
@@ -82,15 +139,14 @@ def _free_surfaces(cameras) -> None:
             release(obj)
 
 
-def _facts() -> tuple:
-    """What changes when a flexible camera comes, goes or is edited; cheap in a file of many objects."""
-    known = [bpy.data.objects.get(key) for key in _upkeep.cameras]
-    return (
-        # A camera object that comes or goes is one user of its data more or less.
-        tuple((data.session_uid, data.users) for data in bpy.data.cameras),
-        tuple(scene.session_uid for scene in bpy.data.scenes),
-        tuple(None if camera is None else volume_facts(camera) for camera in known),
-    )
+def _file_facts() -> tuple:
+    """What changes when a camera object or a scene comes or goes."""
+    cameras = bpy.data.cameras
+    numbers = np.empty((2, len(cameras)), np.int32)
+    cameras.foreach_get("session_uid", numbers[0])
+    # A camera object that comes or goes is one user of its data more or less.
+    cameras.foreach_get("users", numbers[1])
+    return numbers.tobytes(), tuple(scene.session_uid for scene in bpy.data.scenes)
 
 
 @persistent
@@ -98,7 +154,11 @@ def _evaluated(_scene, depsgraph):
     # A render job reads the file from another thread.
     if depsgraph.mode != "VIEWPORT" or bpy.app.is_job_running("RENDER"):
         return
-    tend()
+    if _upkeep.all_concerned or _upkeep.facts is None:
+        _upkeep.all_concerned = False
+        tend()
+        return
+    tend(concerned(depsgraph) | _upkeep.index.in_turn())
 
 
 @persistent
@@ -111,7 +171,8 @@ def _render_begins(*_):
 
 @persistent
 def _undone(*_):
-    forget()
+    # Objects may have other names, and pointers have moved; session ids are what they were.
+    _upkeep.all_concerned = True
 
 
 @persistent

@@ -35,6 +35,8 @@ BEYOND = 4.0
 
 # The next hits of projectors (n,) behind those at t (n,) on triangles (n,).
 Behind: TypeAlias = Callable[[IndexArray, Array, IndexArray], Hits]
+# Where projectors (n,) leave the volume, (3, n).
+WaysOut: TypeAlias = Callable[[IndexArray], Array]
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,17 @@ class Onward:
         """``hits`` by place among the known hits ``where``."""
         number = where if self.known is None else self.known[where]
         return lambda which, t, triangle: self.hits(number[which], t, triangle)
+
+    def leaving(self, where: IndexArray) -> WaysOut:
+        """``ways_out`` by place among the known hits ``where``."""
+        number = where if self.known is None else self.known[where]
+        return lambda which: self.ways_out(number[which])
+
+    def ways_out(self, which: IndexArray) -> Array:
+        """Tangents (3, n) where the projectors ``which`` (n,) leave the volume."""
+        points = self.projection.taken(which).projectors(self.x[which], self.y[which]).points
+        nothing = Hits.empty(len(which))._replace(mask=np.ones(len(which), bool))
+        return complete(nothing, Bundle(self.projection.volume.spans, points)).tangent
 
     def hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits:
         """The next hits of the projectors ``which`` (n,) behind those at t (n,) on ``triangle`` (n,).

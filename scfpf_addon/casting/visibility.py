@@ -13,6 +13,8 @@ CAMERA, SHADOW, MIRROR, GLASS = 1, 2, 4, 8
 EVERYWHERE = CAMERA | SHADOW | MIRROR | GLASS
 # Not a ray: what hides things and leaves a hole in the picture.
 HOLDOUT = 16
+# Nor this: what is seen of things is but the shadows on them.
+CATCHER = 32
 
 
 def visible_to(visibility: NDArray[np.uint8] | None, ray: int) -> BoolArray | None:

@@ -11,6 +11,7 @@ from ..casting.behind import Onward
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
 from ..projection.typing import BoolArray, IndexArray
+from .catchers import Catchers
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
 from .lit import reaching
@@ -20,7 +21,7 @@ from .sky_light import SkyLight
 from .surface import PhongTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
-from .visible import held_out, shadowed, shadowing
+from .visible import catches, held_out, shadowed, shadowing
 
 # In place of positions that do not matter.
 NOWHERE = np.full((3, 1), np.nan)
@@ -30,7 +31,8 @@ NOWHERE = np.full((3, 1), np.nan)
 class Shading:
     """All that colours a hit: lookup tables, and lamps in cast space.
 
-    held_out: (T,) the triangles that leave a hole in the picture, None for none.
+    held_out: (T,) the triangles that leave a hole in the picture, None for none. catchers: those of which
+    but shadows are seen.
     """
 
     surface: SurfaceTable
@@ -38,6 +40,7 @@ class Shading:
     lamps: tuple[Lamp, ...]
     tracer: Tracer | None
     held_out: BoolArray | None = None
+    catchers: Catchers | None = None
 
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
@@ -45,13 +48,14 @@ class Shading:
         lights = reaching(scene.lights, scene.geometry.vertices)
         sky = sky_of(scene, cast_scene, settings.samples)
         shadows = any(light.casts_shadow for light in lights) or sky is not None
-        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows)
+        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows or catches(scene.geometry))
         phong = PhongTable.of(scene.materials, scene.world_color, sky)
         lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
         lamps += sky.lamps if sky else ()
         lamps = tuple(shadowed(lamp, scene.geometry, cast_scene) for lamp in lamps)
-        tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent)
-        return cls(surface, phong, lamps, tracer, held_out(scene.geometry))
+        catchers = Catchers.of(scene, cast_scene, lamps, settings)
+        tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent, catchers)
+        return cls(surface, phong, lamps, tracer, held_out(scene.geometry), catchers)
 
     def color(
         self,
@@ -68,19 +72,25 @@ class Shading:
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            return tracer.color(hits.take(where), sample, onward.pixels_of(where), onward.of(where), parts)
+            pixel, behind = onward.pixels_of(where), onward.of(where)
+            return tracer.color(hits.take(where), sample, pixel, behind, onward.leaving(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
             position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
         points = self.surface.points(triangle, barycentric, position, tangent)
         color = radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene, parts)
+        if self.catchers:
+            color = self.catchers.over(color, triangle, points, sample, onward.leaving(where), parts)
         if self.held_out is None:
             return color
         held = self.held_out.take(triangle)
         if parts:
             parts.rows[:, held] = 0.0
-        return np.concatenate([color * ~held, ~held[None]]).astype(np.float32)
+        if len(color) == 3:
+            color = np.concatenate([color, np.ones_like(color[:1])])
+        color *= ~held
+        return color
 
     def under_suns(
         self, triangle: IndexArray, weights: tuple[Single, Single] | None, way: Single, sample: int

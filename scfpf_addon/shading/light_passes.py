@@ -16,12 +16,14 @@ from numpy.typing import DTypeLike
 from ..projection.typing import Array, BoolArray, IndexArray
 from .typing import Single
 
-# Rows of ``LightParts``: four colours, then what arrives of lamps' light and what would without shadows.
+# Rows of ``LightParts``: four colours, then what arrives of lamps' light and what would without shadows, and
+# the share of light that is taken from shadow catchers.
 DIFFUSE, SPECULAR, EMISSION, ENVIRONMENT = (slice(row, row + 3) for row in (0, 3, 6, 9))
 COLORS = 12
 ARRIVED, FULL = 12, 13
-# Of a film the last row is their ratio.
-SHADOW = slice(COLORS, COLORS + 1)
+TAKEN = slice(14, 17)
+# Of a film the last rows are their ratio, and what is left.
+SHADOW, CAUGHT = slice(COLORS, COLORS + 1), slice(COLORS + 1, COLORS + 4)
 
 # Passes and their rows. The environment is shown behind a transparent film too, as by Cycles.
 LIGHT_PASSES = {
@@ -30,16 +32,17 @@ LIGHT_PASSES = {
     "EMISSION": EMISSION,
     "ENVIRONMENT": ENVIRONMENT,
     "SHADOW": SHADOW,
+    "SHADOW_CATCHER": CAUGHT,
 }
 # Their values where nothing is hit; the background is put there for the environment.
-LIGHT_MISS = {"SHADOW": 1.0}
+LIGHT_MISS = {"SHADOW": 1.0, "SHADOW_CATCHER": 1.0}
 
 
 class LightParts:
-    """What the colours of ``count`` hits are the sum of. rows: (14, count), see above."""
+    """What the colours of ``count`` hits are the sum of. rows: (17, count), see above."""
 
     def __init__(self, count: int, kind: DTypeLike = np.float32) -> None:
-        self.rows = np.zeros((FULL + 1, count), kind)
+        self.rows = np.zeros((TAKEN.stop, count), kind)
 
     def shine(self, emission: Single, emitted: Single) -> None:
         """Add light that needs no lamp, each (3, count) or (3, 1): a surface's own, and with the world's."""
@@ -68,6 +71,17 @@ class LightParts:
         ):
             row += np.bincount(pixel, values, count)
 
+    def catch(self, pixel: IndexArray, share: Array, shown: Single, left: Single) -> None:
+        """Add places (n,) that catch shadows, by shares (3, n) of a pixel's light.
+
+        shown: (4, n) of the background. left: (3, n), see ``Catchers.left``.
+        """
+        part, count = share.mean(axis=0), self.rows.shape[1]
+        mean = (left[0] + left[1] + left[2]) / 3
+        values = np.concatenate([share * shown[:3], part * mean[None], part[None], part * (1 - left)])
+        for row, value in zip((*self.rows[ENVIRONMENT], *self.rows[COLORS:]), values, strict=True):
+            row += np.bincount(pixel, value, count)
+
     def miss(self, pixel: IndexArray, light: Array, sent: BoolArray) -> None:
         """Add the world's light (3, n), seen by places that meet nothing."""
         count = self.rows.shape[1]
@@ -80,8 +94,8 @@ class LightFilm:
     """The sums of n pixels' samples, part by part. background: (3,) radiance."""
 
     def __init__(self, count: int, background: Array) -> None:
-        self._sum: Single = np.zeros((COLORS + 1, count), np.float32)
-        self._empty: Single = np.zeros((COLORS + 1, 1), np.float32)
+        self._sum: Single = np.zeros((CAUGHT.stop, count), np.float32)
+        self._empty: Single = np.zeros((CAUGHT.stop, 1), np.float32)
         self._empty[ENVIRONMENT, 0] = background
 
     @classmethod
@@ -93,9 +107,10 @@ class LightFilm:
         """One sample of the pixels (m,). shown, hit: as in ``AdaptiveFilm.add``. parts: of the hits."""
         sample = self._empty * shown
         arrived, full = parts.rows[ARRIVED], parts.rows[FULL]
-        sample[SHADOW] = 1.0
+        sample[COLORS:] = 1.0
         sample[:COLORS, hit] = parts.rows[:COLORS]
         sample[COLORS, hit] = np.divide(arrived, full, out=np.ones_like(full), where=full > 0.0)
+        sample[CAUGHT, hit] = 1.0 - parts.rows[TAKEN]
         self._sum[:, pixel] += sample
 
     def develop(self, pixel: IndexArray, samples: Single | float, into: dict[str, Single]) -> None:

@@ -56,6 +56,8 @@ class SunsAlone:
             return None
         if shading.tracer is not None or shading.held_out is not None or shading.phong.sky is not None:
             return None
+        if shading.catchers is not None:
+            return None
         spans = projection.volume.spans
         straight = spans.direct and spans.degree == 1 and spans.point_weights is None
         if not straight or type(projection) is not Projection:

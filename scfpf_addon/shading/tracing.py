@@ -15,12 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..casting.behind import Behind, cast_rays
+from ..casting.behind import Behind, WaysOut, cast_rays
 from ..casting.hits import Hits
 from ..casting.scene import CastScene
 from ..casting.stopping import stop_here
 from ..casting.visibility import GLASS, HOLDOUT, MIRROR, visible_to
 from ..projection.typing import Array, BoolArray, IndexArray
+from .catchers import Catchers
 from .light_passes import LightParts
 from .lighting import Lamp, radiance
 from .materials.glossy import EVEN, MIRROR_ROUGHNESS, reflected, sent_on_at_once
@@ -100,7 +101,7 @@ class Tracer:
     """What colours hits where some materials are graphs.
 
     has_graph: (M,) by material. transparent: what hits nothing is see-through. mirrors, glass: what
-    mirrors and glass show, None for nothing at all.
+    mirrors and glass show, None for nothing at all. catchers: of what projectors see but shadows.
     """
 
     scene: Scene
@@ -111,6 +112,7 @@ class Tracer:
     transparent: bool
     mirrors: CastScene | None
     glass: CastScene | None
+    catchers: Catchers | None = None
 
     @classmethod
     def of(
@@ -120,6 +122,7 @@ class Tracer:
         phong: PhongTable,
         lamps: tuple[Lamp, ...],
         transparent: bool,
+        catchers: Catchers | None = None,
     ) -> Tracer | None:
         """None where no material needs it."""
         graphs = scene.materials.graphs
@@ -130,7 +133,7 @@ class Tracer:
         mirrors, glass = (
             surface.cast_scene.only(visible_to(scene.geometry.visibility, ray)) for ray in (MIRROR, GLASS)
         )
-        return cls(scene, surface, phong, lamps, has_graph, transparent, mirrors, glass)
+        return cls(scene, surface, phong, lamps, has_graph, transparent, mirrors, glass, catchers)
 
     def needed(self, triangle: IndexArray) -> bool:
         """Whether any of the triangles has a material of nodes."""
@@ -142,12 +145,13 @@ class Tracer:
         sample: int,
         pixel: IndexArray,
         behind: Behind,
+        ways_out: WaysOut,
         parts: LightParts | None = None,
     ) -> Single:
         """Radiance towards the viewer and alpha of n hits, (4, n).
 
-        pixel: (n,) of the image. behind: of the hits by their place in the list. parts: gets what the
-        colours are the sum of.
+        pixel: (n,) of the image. behind, ways_out: of the hits by their place in the list. parts: gets what
+        the colours are the sum of.
         """
         count = len(hits.t)
         film = np.zeros((4, count))
@@ -165,6 +169,8 @@ class Tracer:
         )
         while len(wave.pixel):
             wave = self._hold_out(wave, film)
+            if self.catchers:
+                wave = self._catch(wave, self.catchers, sample, film, ways_out, split)
             onward = self._gather(wave, sample, film, split)
             sent = [self._send(wave, each, film, behind, chances, split) for each in onward]
             if not sent:
@@ -182,6 +188,30 @@ class Tracer:
         held = ((visibility.take(wave.hits.triangle) & HOLDOUT) != 0) & ~wave.straight
         film[3] -= np.bincount(wave.pixel, wave.share.mean(axis=0) * held, film.shape[1])
         return wave.take(np.flatnonzero(~held))
+
+    def _catch(
+        self,
+        wave: Wave,
+        catchers: Catchers,
+        sample: int,
+        film: Array,
+        ways_out: WaysOut,
+        split: LightParts | None,
+    ) -> Wave:
+        """The wave without what projectors meet of shadow catchers: there is the picture's own background."""
+        caught = catchers.meets(wave.hits.triangle) & ~wave.straight
+        came = wave.take(np.flatnonzero(caught))
+        if not len(came.pixel):
+            return wave
+        hits = came.hits
+        points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
+        left = catchers.left(points, sample)
+        shown = catchers.picture(left, ways_out(came.pixel) if catchers.looks_on else None)
+        add(film, came.pixel, came.share * shown[:3])
+        film[3] -= np.bincount(came.pixel, came.share.mean(axis=0) * (1.0 - shown[3]), film.shape[1])
+        if split:
+            split.catch(came.pixel, came.share, shown, left)
+        return wave.take(np.flatnonzero(~caught))
 
     def _gather(
         self, wave: Wave, sample: int, film: Array, split: LightParts | None

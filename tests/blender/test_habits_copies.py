@@ -377,7 +377,11 @@ def test_upkeep_does_nothing_while_nothing_has_changed(addon, shown, monkeypatch
     assert calls == []
     bpy.ops.object.camera_add()
     bpy.context.view_layer.update()
-    assert calls == ["Eye"]
+    assert calls == [], "a camera without surfaces concerns nobody"
+    select(camera)
+    bpy.ops.object.duplicate()
+    bpy.context.view_layer.update()
+    assert set(calls) == {"Eye", "Eye.001"}, "a user more of what they share"
 
 
 def test_upkeep_ends(addon, shown):

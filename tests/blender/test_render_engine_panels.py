@@ -113,4 +113,4 @@ def test_passes_panel_has_a_switch_for_every_pass(addon, engine_scene):
             setattr(owner, name, True)
             # Cryptomattes have two of the six names in a layer.
             assert len(list(listed(view_layer))) == before + (3 if "crypto" in name else 1), name
-    assert len(list(listed(view_layer))) == 24
+    assert len(list(listed(view_layer))) == 25

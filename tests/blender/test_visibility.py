@@ -169,12 +169,6 @@ def test_lamps_without_diffuse_light_or_highlights(stage, tmp_path):
     assert np.array_equal(picture(stage, "SCFPF", tmp_path), shiny) and shiny[..., :3].max() > 0.3
 
 
-def test_shadow_catchers_are_told_once(stage, read_render):
-    floor = bpy.data.objects["Plane"]
-    floor.is_shadow_catcher = True
-    assert sum("Shadow catchers" in line for line in read_render().warnings) == 1
-
-
 def test_nothing_more_is_kept_of_scenes_without(stage, read_render):
     thing("Cube", matt((1, 1, 1)), (0, 0, 0))
     sun()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import scfpf_addon.casting.tiles as tiles
-from scfpf_addon.casting.visibility import CAMERA, HOLDOUT
+from scfpf_addon.casting.visibility import CAMERA, CATCHER, EVERYWHERE, HOLDOUT
 from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 from scfpf_addon.shading.drawn.edges import Segments
@@ -259,6 +259,23 @@ def test_what_is_held_out_is_a_hole_without_a_rim(build):
         settings = replace(drawn_with(hatching=Hatching(hatching)), transparent=True)
         assert render_frame(build.looking_down(1, -1), scene, settings).pixels.any()
         assert not render_frame(build.looking_down(1, -1), held, settings).pixels.any()
+
+
+def test_shadows_that_are_caught_are_those_of_the_rendered_picture(build):
+    """In all fills, and nothing else of the catcher: neither its fill nor its rim."""
+    lights = [Light("SUN", np.full(3, np.pi), build.placed(shines=(0.5, 0.2, -1)))]
+    scene = build.scene([build.square(0.7), build.square(0.3, 0.6)], lights)
+    visibility = np.array([EVERYWHERE | CATCHER] * 2 + [EVERYWHERE] * 2, np.uint8)
+    scene = replace(scene, geometry=replace(scene.geometry, visibility=visibility))
+    made = {}
+    for fill in ("RENDERED", "TOON", "FLAT", "PAPER"):
+        settings = replace(drawn_with(lines=None, fill=fill, on_paper=False), transparent=True)
+        made[fill] = render_frame(build.looking_down(1, -1), scene, settings).pixels[..., 3]
+        lined = replace(settings, drawn=replace(settings.drawn, lines=Lines(EVERY_KIND, 1.0, 1.0)))
+        rim = render_frame(build.looking_down(1, -1), scene, lined).pixels[..., 3] - made[fill]
+        assert np.ptp(np.flatnonzero(rim.any(axis=0))) < 35
+    assert all(np.array_equal(alpha, made["RENDERED"]) for alpha in made.values())
+    assert set(np.unique(made["FLAT"])) == {0.0, 1.0} and 0.1 < made["FLAT"].mean() < 0.2
 
 
 @pytest.fixture(scope="module")

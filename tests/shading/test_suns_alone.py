@@ -13,7 +13,7 @@ from scfpf_addon.casting.cast import usable_projectors
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.casting.straight import OFF_VERTICES
 from scfpf_addon.casting.triangles_seen import FlatRays
-from scfpf_addon.casting.visibility import EVERYWHERE, HOLDOUT
+from scfpf_addon.casting.visibility import CATCHER, EVERYWHERE, HOLDOUT
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import BilinearPatch, Cylinder, Disc, Plane, Point
 from scfpf_addon.projection.volume import Projection, ViewingVolume
@@ -181,10 +181,11 @@ def test_only_simple_pictures_take_the_short_way(build, light, curved, wanted, a
 def test_holdouts_and_passes_of_light_take_the_general_way(build, monkeypatch):
     scene = build.scene([build.square(), build.square(0.4, 0.3)], [sun(build)])
     projection, wanted = build.looking_down(1, -1), FrameSettings(8, 6)
-    held = replace(
-        scene.geometry, visibility=np.array([EVERYWHERE] * 2 + [EVERYWHERE | HOLDOUT] * 2, np.uint8)
-    )
-    assert Pipeline.of(projection, replace(scene, geometry=held), wanted, None).suns_alone is None
+    for bit in (HOLDOUT, CATCHER):
+        held = replace(
+            scene.geometry, visibility=np.array([EVERYWHERE] * 2 + [EVERYWHERE | bit] * 2, np.uint8)
+        )
+        assert Pipeline.of(projection, replace(scene, geometry=held), wanted, None).suns_alone is None
     monkeypatch.setattr(SunsAlone, "sample", lambda *_: pytest.fail("the short way was taken"))
     name = next(iter(LIGHT_PASSES))
     render_frame(projection, scene, replace(wanted, passes=DataPasses((name,))))
@@ -205,7 +206,7 @@ def test_a_lens_takes_the_general_way(build):
 KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
     "moments drawing",
-    Shading: "surface phong lamps tracer held_out",
+    Shading: "surface phong lamps tracer held_out catchers",
     PhongTable: "emitted emission diffuse gloss exponent glossy albedo sky",
     SurfacePoints: "position normal view material shadow linked",
     Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "

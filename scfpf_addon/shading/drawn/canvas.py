@@ -78,6 +78,8 @@ def see(pipeline: Pipeline, hits: Hits) -> View:
         # A hole in the picture has neither rim nor surface.
         held = shading.held_out.take(triangle) & hit
         mask, hit = mask & ~held, hit & ~held
+    if shading.catchers is not None:
+        hit = hit & ~shading.catchers.meets(triangle)
     normal = cast_scene.normals(triangle)
     ahead = hits.tangent / np.maximum(np.sqrt(np.einsum("cn,cn->n", hits.tangent, hits.tangent)), TINY)
     corners = shading.surface.smooth

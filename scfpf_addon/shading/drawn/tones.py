@@ -16,6 +16,7 @@ from ..light_passes import LightParts
 from ..scene import Materials, Scene
 from ..settings import FrameSettings
 from ..typing import Single
+from ..visible import uncaught
 from .settings import Drawn
 from .strokes import tone_of
 
@@ -68,6 +69,7 @@ class DrawnShading(Shading):
         """Prepared for frames of these settings."""
         plain = Shading.of(scene, cast_scene, settings)
         parts = {each.name: getattr(plain, each.name) for each in fields(Shading)}
+        scene = replace(scene, geometry=uncaught(scene.geometry))
         flat = light = None
         if drawn.fill in ("TOON", "FLAT"):
             flat = Shading.of(without_light(scene), cast_scene, settings)
@@ -90,6 +92,19 @@ class DrawnShading(Shading):
             return super().color(hits, where, sample, onward, parts)
         if parts:
             super().color(hits, where, sample, onward, parts)
+        color = self._filled(hits, where, sample, onward)
+        caught = np.zeros(0, np.intp)
+        if self.catchers:
+            caught = np.flatnonzero(self.catchers.meets(hits.triangle.take(where)))
+        if len(caught):
+            own = sample if isinstance(sample, int) else sample[caught]
+            if len(color) == 3:
+                color = np.concatenate([color, np.ones_like(color[:1])])
+            color[:, caught] = super().color(hits, where[caught], own, onward)
+        return color
+
+    def _filled(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+        """As ``color``, as if no thing was a shadow catcher, for those have no fill."""
         if self.flat is None:
             paper = np.ones((4, len(where)), np.float32)
             paper[:3] = self.drawn.paper.astype(np.float32)[:, None]
