@@ -45,7 +45,10 @@ class Solutions(NamedTuple):
     def take(self, index: IndexArray) -> Solutions:
         """The solutions at ``index``."""
         return Solutions(
-            self.t.take(index), self.triangle.take(index), self.barycentric.take(index, 1), self.inside.take(index)
+            self.t.take(index),
+            self.triangle.take(index),
+            self.barycentric.take(index, 1),
+            self.inside.take(index),
         )
 
     def put(self, where: IndexArray, found: Solutions, which: IndexArray) -> None:

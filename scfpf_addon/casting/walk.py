@@ -45,7 +45,10 @@ class Rays(NamedTuple):
     def take(self, index: IndexArray) -> Rays:
         """The rays at ``index``."""
         return Rays(
-            self.projector.take(index), self.chord.take(index), self.share.take(index), self.last.take(index, 1)
+            self.projector.take(index),
+            self.chord.take(index),
+            self.share.take(index),
+            self.last.take(index, 1),
         )
 
 

@@ -119,12 +119,14 @@ def test_blocks_of_a_grid_are_those_of_their_pixels(columns):
         assert np.array_equal(np.sort(one[one >= 0]), np.sort(other[other >= 0]))
 
 
-def test_parts_of_t_are_held_where_any_stretch_in_them_is():
+@pytest.mark.parametrize("count", [20, 40])
+def test_parts_of_t_are_held_where_any_stretch_in_them_is(count):
+    """Fewer parts than stretches are looked at one by one, more by running sums."""
     generator = np.random.default_rng(3)
     edges = np.linspace(0.0, 1.0, 33)
     held = generator.random((32, 7)) < 0.2
-    low = np.sort(generator.uniform(-0.1, 1.0, 40))
-    high = low + generator.uniform(1e-3, 0.3, 40)
+    low = np.sort(generator.uniform(-0.1, 1.0, count))
+    high = low + generator.uniform(1e-3, 0.3, count)
     found = Stretches(edges, held, np.arange(7)).within(low, high)
     touching = (edges[1:] > low[:, None]) & (edges[:-1] < high[:, None])
     assert np.array_equal(found, (touching[:, :, None] & held).any(axis=1))
