@@ -14,7 +14,7 @@ import argparse
 import os
 from concurrent.futures import ThreadPoolExecutor
 
-from devtools import environments, own_blender, package, pictures, testing, window
+from devtools import coverage, environments, own_blender, package, pictures, testing, window
 
 # Parts of the suite that need nothing built before them, the longest first: they run two at a time.
 PARTS = ("blender", "pure")
@@ -22,11 +22,13 @@ PARTS = ("blender", "pure")
 # Scripts in benchmarks/ by what is asked for.
 BENCHMARKS = {
     "speed": ("run", "scanline"),
+    "ratios": ("ratios",),
     "trade": ("trade", "peers"),
     "extremes": ("extremes",),
     "cycles": ("portals",),
     "engine": ("engine",),
     "soak": ("soak",),
+    "counts": ("counts",),
 }
 
 
@@ -56,6 +58,8 @@ def command_test(options, rest):
     """Run all tests under every supported Blender whose Python is here; further arguments go to pytest."""
     if options.blender:
         return own_blender.test(options.blender, rest)
+    if options.coverage:
+        return coverage.test(environments.first(), rest)
     wanted = [b for b in environments.BLENDERS if not options.python or b.python in options.python]
     found = [environments.ensure(blender) for blender in wanted]
     missing = tuple(blender for blender, made in zip(wanted, found) if made is None)
@@ -130,7 +134,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Run benchmarks: speed, --trade, --extremes, --cycles, --engine or --soak; --json FILE for figures."""
+    """Benchmarks: speed, --ratios, --trade, --extremes, --cycles, --engine, --counts, --soak."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]
@@ -153,6 +157,8 @@ def parser():
     test = commands.choices["test"]
     test.add_argument("--python", action="append", choices=pythons, help="only this Python; it must be here")
     test.add_argument("--blender", metavar="PATH", help="only inside this Blender of your own")
+    what = "only the pure tests, and which lines of the pure packages they run"
+    test.add_argument("--coverage", action="store_true", help=what)
     for name, what in (("test", "the tests in a window use"), ("pictures", "use")):
         commands.choices[name].add_argument("--blender-window", metavar="PATH", help=f"{what} this Blender")
     commands.choices["lint"].add_argument("--fix", action="store_true", help="mend what can be mended")

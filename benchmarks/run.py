@@ -109,11 +109,15 @@ def lit(mesh: Mesh, smooth: bool = False) -> Scene:
         np.add.at(at_vertex, triangles, normals)
         normals = at_vertex[triangles]
     normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-30)
+    normals = normals.astype(np.float32)
+    if not smooth:
+        # As the reader of Blender's meshes has it: one normal in memory, shown thrice.
+        normals = np.broadcast_to(normals[:, :1].copy(), normals.shape)
     count = len(triangles)
     geometry = Geometry(
         vertices,
         triangles,
-        normals.astype(np.float32),
+        normals,
         np.zeros(count, np.int32),
         np.zeros(count, np.int32),
     )

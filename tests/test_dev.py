@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from devtools import environments, own_blender, package, pythons, testing, window
+from devtools import coverage, environments, own_blender, package, pythons, testing, window
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 RUNNING = f"{sys.version_info[0]}.{sys.version_info[1]}"
@@ -92,6 +92,12 @@ def test_named_tests_run_where_they_belong(monkeypatch):
             "x or y",
         ],
     }
+
+
+def test_coverage_is_of_pure_tests_only():
+    nowhere = environments.Environment("none", ROOT, "not a Python")
+    with pytest.raises(environments.Failure, match="tests/projection"):
+        coverage.test(nowhere, [str(ROOT / "tests" / "blender" / "test_package.py")])
 
 
 @pytest.mark.parametrize(

@@ -21,12 +21,3 @@ class Records(NamedTuple):
     def take(self, index: IndexArray) -> Records:
         """The records at ``index``."""
         return Records(self.projector.take(index), self.chord.take(index), self.triangle.take(index))
-
-    @classmethod
-    def joined(cls, parts: list[Records]) -> Records:
-        """Several records as one, in order."""
-        return cls(
-            np.concatenate([p.projector for p in parts]),
-            np.concatenate([p.chord for p in parts]),
-            np.concatenate([p.triangle for p in parts]),
-        )

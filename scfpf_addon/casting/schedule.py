@@ -95,11 +95,6 @@ class Schedule:
         """The number of chords."""
         return len(self.pixel)
 
-    def pixel_at(self, t: Array) -> Array:
-        """The size of a pixel at t (N,), as a step in t."""
-        size: Array = np.interp(t, 0.5 * (self.breaks[:-1] + self.breaks[1:]), self.pixel)
-        return size
-
 
 class Curves(NamedTuple):
     """Sampled projectors with their derivatives by one pixel step in x and in y, (K, 3, S)."""

@@ -22,6 +22,7 @@ from .hits import CastCounts
 from .scene import CastScene, Float32Array
 from .schedule import scene_reach
 from .straight import END_SLACK, OFF_VERTICES, float32_rays
+from .window import Window, window_round
 
 # Corners this close to a parallelogram's, as a share of the largest coordinate, make one: it is
 # far below what float32 tells apart.
@@ -77,9 +78,13 @@ class FlatRays:
         left, right, above, _ = points.transpose(2, 0, 1)
         return cls(0.5 * (left + right), right - left, above - left)
 
+    def window(self, scene: CastScene) -> Window:
+        """Where in the picture these rays can meet anything."""
+        corner = self.middle - 0.5 * self.across
+        return window_round(corner, self.across, self.up, scene.lower, scene.upper)
+
     def made(self, x: Array, y: Array) -> tuple[Float32Array, Float32Array]:
         """Origins and directions (3, rows · columns), row by row; x: (columns,), y: (rows,) in [0, 1]."""
-
         column = (self.across[:, :, None] * (x - 0.5)).astype(np.float32)
         height = self.up[:, :, None] * y
         height += self.middle[:, :, None]

@@ -18,6 +18,9 @@ from ..projection.typing import Array
 # Smaller pixel errors than this are beyond the float32 of Cycles and count as this.
 SMALLEST_ERROR = 0.01
 
+# The least length that is still above nought when it is squared.
+LEAST_LENGTH = float(np.sqrt(np.finfo(np.float64).tiny))
+
 
 class Pixels(NamedTuple):
     """Pixels in space at G places of S projectors.
@@ -74,7 +77,7 @@ def pixels(curves: Curves, spans: SpanBasis, span: int, local: Array) -> Pixels:
     length = np.sqrt((across**2).sum(axis=0))
     across = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
     # Less than float32 can tell counts as nothing, and where pixels are squeezed the narrow way counts less.
-    least = (FINEST * np.abs(position).max(axis=0) + np.finfo(np.float64).tiny) / SMALLEST_ERROR
+    least = (FINEST * np.abs(position).max(axis=0) + LEAST_LENGTH) / SMALLEST_ERROR
     wide = np.sqrt(wide)
     narrow = np.maximum(np.maximum(np.sqrt(narrow), wide / MOST_SQUEEZE), least)
     return Pixels(position, tangent, bend, across, np.maximum(wide, least), narrow)

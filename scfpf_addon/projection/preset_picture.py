@@ -29,7 +29,7 @@ PROJECTOR = (0.47, 0.64, 1.0), 0.5
 BORDER = (0.36, 0.95, 0.44), 0.8
 PROJECTORS = 5, 4
 
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
@@ -41,7 +41,7 @@ def volume_picture(projection: Projection) -> Array:
         (projector_lines(projection, *PROJECTORS), *PROJECTOR),
         (np.concatenate([surface_lines(projection, i, 1) for i in range(count)]), *BORDER),
     )
-    flat = [(_seen(lines), colour, half) for lines, colour, half in drawn]
+    flat = [(_seen(lines), color, half) for lines, color, half in drawn]
     ends = np.concatenate([lines.reshape(-1, 2) for lines, _, _ in flat])
     canvas = np.empty((HEIGHT * FINER, WIDTH * FINER, 4))
     canvas[:] = (*PAPER, 1.0)
@@ -51,8 +51,8 @@ def volume_picture(projection: Projection) -> Array:
     size = np.maximum(high - low, np.finfo(np.float32).tiny)
     frame = np.array([WIDTH, HEIGHT]) * FINER
     scale = float((frame * (1 - 2 * MARGIN) / size).min())
-    for lines, colour, half in flat:
-        _stroke(canvas, (lines - (low + high) / 2) * scale + frame / 2, colour, half * FINER)
+    for lines, color, half in flat:
+        _stroke(canvas, (lines - (low + high) / 2) * scale + frame / 2, color, half * FINER)
     picture: Array = canvas.reshape(HEIGHT, FINER, WIDTH, FINER, 4).mean(axis=(1, 3))
     return picture
 
@@ -64,7 +64,7 @@ def _seen(lines: Segments) -> Array:
     return np.stack([across, np.sin(RISE) * back - np.cos(RISE) * y], axis=-1)
 
 
-def _stroke(canvas: Array, lines: Array, colour: Colour, half: float) -> None:
+def _stroke(canvas: Array, lines: Array, color: Color, half: float) -> None:
     """Draw segments (S, 2, 2), in pixels, onto a canvas (H, W, 4): square dots half a pixel apart."""
     length = np.abs(lines[:, 1] - lines[:, 0]).max(axis=1, initial=0.0)
     steps = (2 * np.ceil(length) + 1).astype(np.int64)
@@ -78,7 +78,7 @@ def _stroke(canvas: Array, lines: Array, colour: Colour, half: float) -> None:
             if np.hypot(dx, dy) <= half:
                 column, row = np.floor(dots).astype(np.int64).T + np.array([[dx], [dy]])
                 inside = (column >= 0) & (column < canvas.shape[1]) & (row >= 0) & (row < canvas.shape[0])
-                canvas[row[inside], column[inside]] = (*colour, 1.0)
+                canvas[row[inside], column[inside]] = (*color, 1.0)
 
 
 def png(pixels: Array) -> bytes:

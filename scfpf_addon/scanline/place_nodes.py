@@ -43,7 +43,8 @@ BRANCH_NUMBER = "scfpf_branch"
 # What is this near to the volume may be turned inside out: it is a fold, no mirror image beyond an apex.
 INSIDE = 1e-3
 
-NEAR_Z, FAR_Z = -1.0, -2.0
+# Where the near surface is in the viewbox.
+NEAR_Z = -1.0
 
 VIEW_INPUTS = TABLE_INPUTS | {
     "Cloud": ("Geometry", None, "The table's cloud"),

@@ -17,11 +17,12 @@ from ..casting.visibility import CATCHER, SHADOW, visible_to
 from ..projection.typing import Array, BoolArray, IndexArray
 from .light_passes import LightParts
 from .lighting import Lamp, cut_shadows
+from .normals import dot
 from .scene import Scene
 from .settings import FrameSettings
 from .sky_light import SkyLight
 from .sky_map import COLUMNS, ROWS, WorldLight
-from .surface import SurfacePoints, dot
+from .surface import SurfacePoints
 from .typing import Single
 from .visible import shadowed, shadowing
 from .world import World

@@ -23,9 +23,6 @@ from .tracing import Tracer
 from .typing import Single
 from .visible import catches, held_out, shadowed, shadowing
 
-# In place of positions that do not matter.
-NOWHERE = np.full((3, 1), np.nan)
-
 
 @dataclass(frozen=True)
 class Shading:
@@ -48,7 +45,8 @@ class Shading:
         lights = reaching(scene.lights, scene.geometry.vertices)
         sky = sky_of(scene, cast_scene, settings.samples)
         shadows = any(light.casts_shadow for light in lights) or sky is not None
-        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows or catches(scene.geometry))
+        cast_shadows = shadows or catches(scene.geometry)
+        surface = SurfaceTable.of(scene.geometry, cast_scene, cast_shadows, settings.threads)
         phong = PhongTable.of(scene.materials, scene.world_color, sky)
         lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
         lamps += sky.lamps if sky else ()
@@ -91,17 +89,6 @@ class Shading:
             color = np.concatenate([color, np.ones_like(color[:1])])
         color *= ~held
         return color
-
-    def under_suns(
-        self, triangle: IndexArray, weights: tuple[Single, Single] | None, way: Single, sample: int
-    ) -> Single:
-        """As ``color``, (3, n), where there are but suns without shadows, for which places do not matter.
-
-        triangle: (n,), where it is negative any colour comes out. weights: of its second and third
-        corner, each (n,), for smooth shading. way: (3, n) away from the viewer.
-        """
-        points = self.surface.points(triangle, weights, NOWHERE, way)
-        return radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene)
 
 
 def sky_of(scene: Scene, cast_scene: CastScene, samples: int) -> SkyLight | None:

@@ -16,10 +16,11 @@ import numpy as np
 
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
-from .film import lamp_positions
 from .light_passes import DIFFUSE, SPECULAR, LightParts
+from .normals import dot
+from .sample_sets import lamp_positions
 from .scene import Light
-from .surface import TINY, PhongTable, SurfacePoints, dot
+from .surface import TINY, PhongTable, SurfacePoints
 from .typing import Single
 
 # A blend of nothing would make the spot's edge a division by zero.

@@ -17,11 +17,17 @@ from .scene import Light
 # Cones and planes are wider by this share of the scene, for rounding and for the lamp's own size.
 SLACK = 1e-3
 
+# The kinds of lights that do not shine on everything.
+CONFINED = ("AREA", "SPOT")
+
 
 def reaching(lights: tuple[Light, ...], vertices: Array) -> list[Light]:
     """The lights that have power and may reach the box round the vertices (V, 3), in world space."""
-    lower, upper = (end(vertices, axis=0) for end in (np.min, np.max))
     shining = [light for light in lights if np.any(light.color)]
+    if not any(light.kind in CONFINED for light in shining):
+        return shining
+    # Axis by axis: NumPy takes fifty times as long for all three at once.
+    lower, upper = (np.array([end(places) for places in vertices.T]) for end in (np.min, np.max))
     if not np.isfinite(lower + upper).all():
         return shining
     corners = np.stack(np.meshgrid(*zip(lower, upper, strict=True)), axis=-1).reshape(-1, 3)
@@ -33,7 +39,7 @@ def _reaches(light: Light, corners: Array) -> bool:
     matrix = np.asarray(light.matrix, np.float64)
     place, axis = matrix[:3, 3], -matrix[:3, 2]
     length = float(np.linalg.norm(axis))
-    if light.kind not in ("AREA", "SPOT") or length == 0.0:
+    if light.kind not in CONFINED or length == 0.0:
         return True
     axis = axis / length
     size = float(np.linalg.norm(corners[7] - corners[0]))

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..projection.typing import Array
 from ..projection.volume import Projection
-from .film import THIRD, shuffled
 from .lens import Lens
+from .sample_sets import THIRD, shuffled
 from .scene import Scene
 
 # Nodes of the table that inverts a shutter's curve.

@@ -189,11 +189,16 @@ class Pipeline:
                 return TileCounts(counts, hit_count)
             now = self.at(sample)
             if now.suns_alone and light is None:
-                color, triangle = now.suns_alone.sample(job.rows, sample, counts)
+                # A single sample needs no film.
+                straight = inside is None and self.settings.samples == 1
+                count = (job.rows.stop - job.rows.start) * self.settings.width
+                color = pixels.T if straight else np.empty((4, count), np.float32)
+                triangle = now.suns_alone.sample(job.rows, sample, counts, color)
                 hit_count += int(np.count_nonzero(triangle >= 0))
                 if inside is not None:
                     color, triangle = color[:, inside], triangle[inside]
-                film.add_whole(color)
+                if not straight:
+                    film.add_whole(color)
                 if crypto.wanted and now.geometry:
                     where = np.flatnonzero(triangle >= 0)
                     crypto.add(where, now.geometry, triangle[where])
@@ -215,7 +220,8 @@ class Pipeline:
             if now.geometry:
                 crypto.add(where, now.geometry, hits.triangle[where])
             job.done = (sample + 1) / self.settings.samples
-        film.develop(pixels)
+        if film.exposed:
+            film.develop(pixels)
         if self.drawing:
             self.drawing.draw_over(job, inside, pixels)
         for each in (crypto, light):

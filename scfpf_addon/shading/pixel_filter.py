@@ -44,17 +44,15 @@ class PixelFilter:
             inside: Array = share - 0.5
             return inside
         place = np.linspace(-0.5, 0.5, NODES)
-        weight = self.weight(place)
+        weight = self._weight(place)
         below = np.concatenate([[0.0], np.cumsum(0.5 * (weight[1:] + weight[:-1]))])
         offset: Array = np.interp(share, below / below[-1], place) * (REACH[self.kind] * self.width)
         return offset
 
-    def weight(self, place: Array) -> Array:
-        """The filter at places in [-1/2, 1/2] of its reach, not normalised."""
+    def _weight(self, place: Array) -> Array:
+        """The filter, but a box, at places in [-1/2, 1/2] of its reach, not normalised."""
         weight: Array
-        if self.kind == "BOX":
-            weight = np.ones_like(place)
-        elif self.kind == "GAUSSIAN":
+        if self.kind == "GAUSSIAN":
             weight = np.exp(-GAUSSIAN_FALL * (2.0 * place) ** 2)
         else:
             angle = 2.0 * np.pi * (place + 0.5)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, IndexArray
-from .film import pixel_positions
 from .pixel_filter import PixelFilter
+from .sample_sets import pixel_positions
 
 Bits = NDArray[np.uint32]
 

@@ -9,12 +9,13 @@ import numpy as np
 
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
-from .film import SILVER, pixel_positions, shuffled
 from .lighting import Incidence, Lamp, by_material, cut_shadows
+from .normals import dot
+from .sample_sets import SILVER, pixel_positions, shuffled
 from .samples import BITS, Bits, scramble
 from .scene import Light
 from .sky_map import COLUMNS, LUMINANCE, NORMAL_ROWS, ROWS, Gathered, WorldLight, brightness, map_places
-from .surface import SurfacePoints, dot
+from .surface import SurfacePoints
 from .typing import Single
 
 # Directions in which a pixel looks for what hides the sky, at least.

@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 
 from ..casting.hits import CastCounts
 from ..casting.scene import CastScene
-from ..casting.triangles_seen import FlatRays, TrianglesSeen, see, see_rows
-from ..projection.typing import Array, BoolArray
+from ..casting.triangles_seen import FlatRays, see, see_rows
+from ..casting.window import Window
+from ..projection.typing import Array
 from ..projection.volume import Projection
 from .hit_colors import Shading
 from .lighting import Lamp
 from .samples import SamplePlaces
 from .settings import FrameSettings
+from .sun_colors import SunColors
 from .typing import Single
 
 
@@ -30,16 +32,16 @@ from .typing import Single
 class SunsAlone:
     """What makes such a picture.
 
-    projection: in cast space. rays: None where each projector's ray has to be made by itself.
-    background: (4,) what hits nothing.
+    projection: in cast space. rays: None where each projector's ray has to be made by itself. window: where
+    rays can meet anything, if they are given.
     """
 
     projection: Projection
     places: SamplePlaces
     scene: CastScene
-    shading: Shading
+    colors: SunColors
     rays: FlatRays | None
-    background: Single
+    window: Window | None
 
     @classmethod
     def of(
@@ -70,40 +72,48 @@ class SunsAlone:
         if not settings.transparent:
             empty[:] = (*background, 1)
         rays = None if places.scrambled else FlatRays.of(projection)
-        return cls(projection, places, scene, shading, rays, empty)
+        colors = SunColors(shading.surface, shading.phong, shading.lamps, empty)
+        return cls(projection, places, scene, colors, rays, rays.window(scene) if rays else None)
 
-    def sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Single, NDArray[np.int32]]:
-        """A sample of each pixel of whole rows, (4, n), and the triangles (n,) that it sees, -1 for none."""
-        weighted = self.shading.surface.weighted
-        if self.rays:
-            x, y = self.places.of_grid(rows, sample)
-            seen = see_rows(self.scene, self.rays, x, y, counts, weighted)
-        else:
-            x, y = self.places.of_rows(rows, sample)
-            seen = see(self.scene, self.projection, x, y, counts, weighted)
-        hit = seen.triangle >= 0
-        color = np.empty((4, len(hit)), np.float32)
-        # Often there are rows of sky without any hit, above or below the others.
-        lines = np.flatnonzero(hit.reshape(-1, self.places.width).any(axis=1))
-        first, last = (lines[0], lines[-1] + 1) if len(lines) else (0, 0)
-        some = slice(first * self.places.width, last * self.places.width)
-        color[:, : some.start], color[:, some.stop :] = self.background[:, None], self.background[:, None]
-        if len(lines):
-            self._fill(color[:, some], seen.part(some), hit[some], sample)
+    def sample(self, rows: slice, sample: int, counts: CastCounts, into: Single) -> NDArray[np.int32]:
+        """A sample of each pixel of whole rows, written with alpha into (4, n), however that lies in memory.
+
+        What comes back are the triangles (n,) that it sees, -1 for none.
+        """
+        if self.rays and self.window:
+            return self._sample_window(self.rays, self.window, rows, sample, counts, into)
+        x, y = self.places.of_rows(rows, sample)
+        seen = see(self.scene, self.projection, x, y, counts, self.colors.surface.weighted)
+        self.colors.write(seen, sample, into)
         if seen.mask is not None:
-            color *= seen.mask
-        return color, seen.triangle
+            into *= seen.mask
+        return seen.triangle
 
-    def _fill(self, color: Single, seen: TrianglesSeen, hit: BoolArray, sample: int) -> None:
-        """Write the colours of what is seen into color (4, n)."""
-        lit = self.shading.under_suns(seen.triangle, seen.weights, seen.way, sample)
-        if hit.all():
-            color[:3], color[3] = lit, 1
-            return
-        np.multiply(lit, hit, out=color[:3])
-        color[3] = hit
-        for channel in np.flatnonzero(self.background):
-            color[channel] += self.background[channel] * ~hit
+    def _sample_window(
+        self, rays: FlatRays, window: Window, rows: slice, sample: int, counts: CastCounts, into: Single
+    ) -> NDArray[np.int32]:
+        """As ``sample``: only what the window holds is cast at."""
+        x, y = self.places.of_grid(rows, sample)
+        columns, lines = window.held(x, y)
+        triangle = np.full((len(y), len(x)), -1, np.int32)
+        held = triangle[lines, columns]
+        counts.projectors += triangle.size - held.size
+        picture = into.reshape(4, *triangle.shape)
+        behind = self.colors.background[:, None, None]
+        if not held.size:
+            picture[:] = behind
+            return triangle.reshape(-1)
+        picture[:, : lines.start], picture[:, lines.stop :] = behind, behind
+        seen = see_rows(self.scene, rays, x[columns], y[lines], counts, self.colors.surface.weighted)
+        held[:] = seen.triangle.reshape(held.shape)
+        if held.shape[1] == len(x):
+            self.colors.write(seen, sample, into[:, lines.start * len(x) : lines.stop * len(x)])
+            return triangle.reshape(-1)
+        color = np.empty((4, held.size), np.float32)
+        self.colors.write(seen, sample, color)
+        picture[:, lines, : columns.start], picture[:, lines, columns.stop :] = behind, behind
+        picture[:, lines, columns] = color.reshape(4, *held.shape)
+        return triangle.reshape(-1)
 
 
 def _is_alone(lamp: Lamp, scrambled: bool) -> bool:

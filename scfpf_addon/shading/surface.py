@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..casting.geometry import Geometry
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
+from .normals import dot, normals_of
 from .scene import Materials
 from .typing import Single
 
@@ -29,9 +30,6 @@ TINY = np.float32(1e-30)
 # Roughness below which a highlight no longer sharpens. Its exponent is 12,200, a spot a
 # degree across; what that power makes of a float32's rounding is still below 0.1 %.
 SMALLEST_ROUGHNESS = 0.08
-# Corner normals this close to their triangle's, component by component, are no smooth shading:
-# float32 normals that were stored in 16 bits.
-FLAT = 1e-4
 
 
 class ShadowStart(NamedTuple):
@@ -78,12 +76,6 @@ class SurfacePoints(NamedTuple):
         )
 
 
-def dot(a: Single, b: Single) -> Single:
-    """Scalar products of two (3, N) arrays, (N,); either may be (3, 1)."""
-    result: Single = np.einsum("cn,cn->n", a, b)
-    return result
-
-
 @dataclass(frozen=True)
 class SurfaceTable:
     """What is looked up by triangle, component-first so that a lookup is one take.
@@ -106,7 +98,7 @@ class SurfaceTable:
     @cached_property
     def single(self) -> bool:
         """Whether all is of one material."""
-        return bool((self.material == self.material[0]).all())
+        return self.material.strides[0] == 0 or bool((self.material == self.material[0]).all())
 
     @property
     def weighted(self) -> bool:
@@ -114,20 +106,16 @@ class SurfaceTable:
         return self.smooth is not None
 
     @classmethod
-    def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool) -> SurfaceTable:
-        """The table of the triangles that ``cast_scene`` was made of."""
-        normals = np.empty((3, 3, len(geometry.triangles)), np.float32)
-        for corner in range(3):
-            normals[corner] = geometry.corner_normals[:, corner].T
-        flat = cast_scene.planes[:3].astype(np.float32)
-        flat *= np.copysign(np.float32(1), dot(flat, normals[0] + normals[1] + normals[2]))
-        material = geometry.material.astype(np.intp)
-        hit = (flat != 0).any(axis=0)
-        if all(np.abs(normal - flat).max(axis=0)[hit].max(initial=0) <= FLAT for normal in normals):
-            return cls(cast_scene, flat, None, None, shadows, material, geometry.linked)
-        bulge = corner_heights(cast_scene, normals) if shadows else None
-        normals[1:] -= normals[0]
-        return cls(cast_scene, flat, normals.reshape(9, -1), bulge, shadows, material, geometry.linked)
+    def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int = 0) -> SurfaceTable:
+        """The table of the triangles that ``cast_scene`` was made of, made in threads (0: all cores)."""
+        flat, smooth, bulge = normals_of(geometry, cast_scene, shadows, threads)
+        number = geometry.material
+        # One number need not be written a million times.
+        alike = bool((number == number[0]).all())
+        material = (
+            np.broadcast_to(number[0].astype(np.intp), number.shape) if alike else number.astype(np.intp)
+        )
+        return cls(cast_scene, flat, smooth, bulge, shadows, material, geometry.linked)
 
     def points(
         self,
@@ -186,22 +174,6 @@ def smooth_normal(
     normal += term
     normal *= side / (np.sqrt(dot(normal, normal)) + TINY)
     return normal
-
-
-def corner_heights(cast_scene: CastScene, normals: Single) -> Single:
-    """How far each corner lies above the tangent plane at each other, (6, T) float32.
-
-    normals: (3, 3, T), corner by corner. Row 2k+j: for corner k the next one (j = 0)
-    and the one after (j = 1), along the shading normal at k, in cast space.
-    """
-    vertices = cast_scene.vertices.astype(np.float32)
-    corners = [vertices.take(cast_scene.triangles[:, k], axis=1) for k in range(3)]
-    heights = np.empty((6, normals.shape[2]), np.float32)
-    for k in range(3):
-        for j in range(2):
-            edge = corners[(k + j + 1) % 3] - corners[k]
-            heights[2 * k + j] = dot(edge, normals[k])
-    return heights
 
 
 def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Single:

@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The chords that Cycles' rays follow: as near to the projectors as asked for, and the sheets between."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from scfpf_addon.cycles.chord_plan import ROUND_CELLS, PlanError, chord_error, plan_chords
+from scfpf_addon.cycles.chord_plan import FEWEST_CELLS, ROUND_CELLS, PlanError, chord_error, plan_chords
 from scfpf_addon.cycles.sheets import crosses_itself, has_no_area, portals
 from scfpf_addon.projection.inverse import invert
+from scfpf_addon.projection.preset import read_preset
 from scfpf_addon.projection.reparameterisation import Polar
 from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 
 SIZE = (320, 200)
+PRESETS = Path(__file__).parents[2] / "presets"
 
 
 def plane(half_width, depth, x=0.0, turn=0.0):
@@ -141,3 +145,13 @@ def test_crossing_is_noticed():
     assert not has_no_area(lines), "the screen is elsewhere"
     lines[-1, 1] = 0.0
     assert has_no_area(lines)
+
+
+def test_sheets_of_a_volume_that_begins_in_a_point_are_as_fine_as_elsewhere():
+    """The stereographic preset begins in its origin, where pixels have no size to measure by."""
+    projection = read_preset(PRESETS / "stereographic.json").projection(1.6)
+    moved = np.eye(4)
+    moved[:3, 3] = 0.3, -0.2, 5.0
+    here, there = (plan_chords([one], SIZE, 0.3) for one in (projection, projection.transformed(moved)))
+    assert here.cells == there.cells and here.cells[0] > FEWEST_CELLS
+    assert here.error == pytest.approx(there.error, rel=1e-3) and 0.0 < here.error <= 0.3

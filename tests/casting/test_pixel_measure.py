@@ -50,3 +50,14 @@ def test_squeezed_pixels_count_as_less_squeezed():
     offset = np.cross(there.tangent, there.across, axis=0)
     length = np.linalg.norm(offset, axis=0)
     assert there.moved(offset) == pytest.approx(length / there.narrow)
+
+
+def test_where_all_pixels_are_one_point_nothing_is_not_a_number():
+    """A volume that begins in a point at the origin: no way there is any number of pixels."""
+    curves = projectors(np.random.default_rng(4), 1.0)
+    for control in curves:
+        control[0] = 0.0
+    there = pixels(curves, span_basis("BEZIER", 2), 0, PLACES)
+    for offset in (np.zeros_like(there.position), 1e-3 * there.position):
+        moved = there.moved(offset)
+        assert np.isfinite(moved).all() and (moved[0] == 0.0).all()

@@ -204,3 +204,44 @@ def test_what_lies_inside_a_weighted_volume_is_found(weights):
     assert invert(volume, volume.evaluate(*inner).position).found.all()
     outside = ViewingVolume(VOLUMES["cylinders"]).evaluate(U[:40], V[:40], np.full(40, 1.05)).position
     assert not invert(volume, outside).found.any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "parameters", "scale", "expected"),
+    [
+        ("PLANE", {"width": 2.0, "height": 3.0}, (2, -3, 5), {"width": 4.0, "height": 9.0}),
+        ("DISC", {"radius": 2.0, "arc": 1.0}, (3, -3, 7), {"radius": 6.0, "arc": 1.0}),
+        (
+            "CYLINDER",
+            {"radius": 2.0, "arc": 1.0, "height": 1.0},
+            (3, 2, 3),
+            {"radius": 6.0, "arc": 1.0, "height": 2.0},
+        ),
+        ("SPHERE", {"radius": 2.0}, (0.5, 0.5, 0.5), {"radius": 1.0}),
+        ("POINT", {}, (1, 2, 3), {}),
+    ],
+)
+def test_a_scale_goes_into_the_sizes(kind, parameters, scale, expected):
+    assert editing.scaled(kind, parameters, scale) == expected
+
+
+@pytest.mark.parametrize(
+    ("kind", "scale", "said"),
+    [
+        ("GRID", (1, 1, 1), "no sizes"),
+        ("SPHERE", (1, 1, 0), "scale is 0"),
+        ("DISC", (1, 2, 1), "no longer round"),
+    ],
+)
+def test_a_scale_that_no_size_can_take_is_refused(kind, scale, said):
+    with pytest.raises(editing.EditingError, match=said):
+        editing.scaled(kind, {"radius": 1.0}, scale)
+
+
+def test_grids_are_blended_on_the_lines_of_both():
+    """Of 3 and 4 columns the least common lines are 7: the blend is exact between them."""
+    first, second = grid(3, 3, 0.0), grid(2, 4, -1.0)
+    made = editing.blend(first, second, 0.25, 5)
+    assert made.exact and made.points.shape == (3, 7, 3)
+    mixed = 0.75 * first.positions(U, V).position + 0.25 * second.positions(U, V).position
+    np.testing.assert_allclose(surface(made).positions(U, V).position, mixed, atol=1e-12)

@@ -126,6 +126,49 @@ def test_no_preset_folds_or_mirrors(name):
         assert (determinant(sample._replace(du=qx, dv=qy))[image.mask] < 0).all()
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_are_those_of_neighbouring_projectors(name):
+    """Qx, Qy and Qt of a projection against differences of its own positions, on one smooth piece each."""
+    shown = preset(name)
+    x, y, t = np.random.default_rng(6).uniform(0.05, 0.95, (3, 60))
+    step = 1e-6
+
+    def at(x, y, t):
+        projection = shown.projection(shown.aspect)
+        image = projection.parameters(x, y)
+        controls = projection.volume.controls(image.u, image.v)
+        sample = projection.volume.evaluate_controls(controls, t)
+        return sample, image_derivatives(sample.du, sample.dv, image.jacobian), controls, image.mask
+
+    here, (qx, qy), controls, mask = at(x, y, t)
+    for derivative, move in ((qx, (step, 0, 0)), (qy, (0, step, 0)), (here.dt, (0, 0, step))):
+        (less, _, one, before), (more, _, other, after) = (
+            at(x + sign * move[0], y + sign * move[1], t + sign * move[2]) for sign in (-1, 1)
+        )
+        alike = mask & before & after & (one.tile == controls.tile) & (other.tile == controls.tile)
+        assert alike.mean() > 0.5
+        found = (more.position - less.position) / (2 * step)
+        size = np.abs(here.position).max() + np.abs(derivative[:, alike]).max()
+        # A kink may lie between two places: lines of a grid, the rim of a lens, the break of a polyline.
+        wrong = np.abs(found - derivative).max(axis=0)[alike] > 1e-6 * size
+        assert wrong.sum() <= 1, name
+
+
+@pytest.mark.parametrize("aspect", [0.5, 1.0, 16 / 9])
+def test_perspective_looks_ahead_in_the_middle_and_as_wide_as_its_planes_at_the_borders(aspect):
+    """All projectors run from one centre; to a border's middle half the angle of the planes."""
+    projection = preset("perspective").projection(aspect)
+    points, valid = projection.projectors(np.array([0.5, 0.0, 1.0, 0.5]), np.array([0.5, 0.5, 0.5, 1.0]))
+    near, far = projection.volume.surfaces
+    way = points[1] - points[0]
+    slopes = way[:2] / -way[2]
+    depth = near.matrix[2, 3] - far.matrix[2, 3]
+    half = np.array([far.width - near.width, far.height - near.height]) / 2 / depth
+    assert valid.all()
+    np.testing.assert_allclose(slopes, [[0, -half[0], half[0], 0], [0, 0, 0, half[1]]], atol=1e-12)
+    assert half[0] / half[1] == pytest.approx(aspect)
+
+
 @pytest.mark.parametrize("name", sorted(set(NAMES) - POLAR))
 def test_right_is_right_and_up_is_up_at_the_picture_s_centre(name):
     volume = preset(name).volume()

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scfpf_addon.shading.film import Film, lamp_positions, pixel_positions
+from scfpf_addon.shading.film import Film
+from scfpf_addon.shading.sample_sets import lamp_positions, pixel_positions
 
 SHAPES = ("SQUARE", "DISC", "BALL")
 

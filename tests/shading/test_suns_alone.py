@@ -22,13 +22,14 @@ from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.hit_colors import Shading
 from scfpf_addon.shading.lens import Aperture, lens_of
 from scfpf_addon.shading.light_passes import LIGHT_PASSES
+from scfpf_addon.shading.lighting import Lamp
 from scfpf_addon.shading.passes import DataPasses
 from scfpf_addon.shading.pipeline import Pipeline
 from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light, Materials
 from scfpf_addon.shading.settings import Border, FrameSettings
 from scfpf_addon.shading.suns_alone import SunsAlone
-from scfpf_addon.shading.surface import PhongTable, SurfacePoints
+from scfpf_addon.shading.surface import PhongTable, SurfacePoints, SurfaceTable
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
 SAME = 1e-4
@@ -147,7 +148,8 @@ def test_both_ways_make_the_same_picture(
     allowed = SAME * (1 + np.abs(general.pixels).max(axis=2))
     assert (off > allowed).mean() <= AT_EDGES * samples
     mine, its = short.report, general.report
-    assert (mine.projectors, mine.rays, mine.chords) == (its.projectors, its.rays, its.chords)
+    assert mine.projectors == its.projectors
+    assert mine.rays == mine.chords <= its.rays
     assert mine.hit_fraction == pytest.approx(its.hit_fraction, abs=AT_EDGES)
 
 
@@ -208,7 +210,9 @@ KNOWN = {
     "moments drawing",
     Shading: "surface phong lamps tracer held_out catchers",
     PhongTable: "emitted emission diffuse gloss exponent glossy albedo sky",
+    SurfaceTable: "cast_scene flat smooth bulge shadows material linked",
     SurfacePoints: "position normal view material shadow linked",
+    Lamp: "light color places axis local softness occluders",
     Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "
     "receivers blockers scattered mirrored",
     FrameSettings: "width height samples pixel_error transparent threads border passes pixel_filter "

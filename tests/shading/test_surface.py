@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.shading import normals
 from scfpf_addon.shading.scene import Materials
 from scfpf_addon.shading.surface import PhongTable, SurfaceTable
 
@@ -18,17 +19,30 @@ def table_of(geometry, shadows=False):
 
 def test_normals_of_a_sphere_are_interpolated(build):
     """Against the interpolation in float64, and near the true normal."""
-    vertices, faces, normals = build.sphere(32)
-    table, cast_scene = table_of(build.geometry((vertices, faces, normals)))
+    vertices, faces, at_corners = build.sphere(32)
+    table, cast_scene = table_of(build.geometry((vertices, faces, at_corners)))
     rng = np.random.default_rng(2)
     triangle = rng.integers(0, len(faces), 3000)
     weights = rng.dirichlet(np.ones(3), 3000)
-    expected = np.einsum("nk,nkc->cn", weights, normals[triangle])
+    expected = np.einsum("nk,nkc->cn", weights, at_corners[triangle])
     expected /= np.linalg.norm(expected, axis=0)
     position = np.einsum("nk,nkc->cn", weights, vertices[faces[triangle]])
     points = table.points(triangle, weights[:, 1:].T, position * cast_scene.scale, -position)
     assert np.allclose(points.normal, expected, atol=1e-6)
     assert np.allclose(points.normal, position / np.linalg.norm(position, axis=0), atol=0.01)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_portions_and_threads_change_no_table(build, monkeypatch, smooth):
+    """The smooth thing is the last, so that the first portions are flat."""
+    parts = [build.square(0.5, k / 40) for k in range(30)] + [build.sphere(4)] * smooth
+    geometry = build.geometry(*parts)
+    whole, _ = table_of(geometry, True)
+    monkeypatch.setattr(normals, "PORTION", 3)
+    portions, _ = table_of(geometry, True)
+    assert (whole.smooth is not None) == smooth
+    for name in ("flat", "smooth", "bulge"):
+        assert np.array_equal(getattr(portions, name), getattr(whole, name))
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: abs(v[2]) > 1e-3), st.floats(1e-9, 1e9))

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Normals of all triangles and their corners, as shading looks them up: a portion at a time, in threads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple, Self, TypeVar
+
+import numpy as np
+
+from ..casting.geometry import Geometry
+from ..casting.scene import CastScene
+from ..casting.tiles import thread_count
+from .typing import Single
+
+Result = TypeVar("Result")
+
+# Corner normals this close to their triangle's, component by component, are no smooth shading:
+# float32 normals that were stored in 16 bits.
+FLAT = 1e-4
+
+# Triangles in a portion: what is read and written of them fits a core's cache.
+PORTION = 1 << 15
+
+# Portions below which one thread is done before others have begun.
+WORTH_THREADS = 8
+
+
+class Normals(NamedTuple):
+    """The rows of ``SurfaceTable`` that depend on normals: flat, smooth and bulge."""
+
+    flat: Single
+    smooth: Single | None
+    bulge: Single | None
+
+
+def dot(a: Single, b: Single) -> Single:
+    """Scalar products of two (3, N) arrays, (N,); either may be (3, 1)."""
+    result: Single = np.einsum("cn,cn->n", a, b)
+    return result
+
+
+def normals_of(geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int) -> Normals:
+    """Of the triangles that ``cast_scene`` was made of; threads: 0 for all cores."""
+    count = len(geometry.triangles)
+    portions = [slice(first, min(first + PORTION, count)) for first in range(0, count, PORTION)]
+    made = _Making(geometry, cast_scene, np.empty((3, count), np.float32))
+    # Most meshes that are smooth anywhere are so in the first portion, and then no other is asked.
+    if made.flat_shaded(portions[0]) and all(_in_threads(made.flat_shaded, portions[1:], threads)):
+        return Normals(made.flat, None, None)
+    made = made.to_be_smooth(shadows)
+    _in_threads(made.write_smooth, portions, threads)
+    return Normals(made.flat, made.smooth, made.bulge)
+
+
+def _in_threads(work: Callable[[slice], Result], portions: list[slice], threads: int) -> list[Result]:
+    if len(portions) < WORTH_THREADS:
+        return [work(some) for some in portions]
+    with ThreadPoolExecutor(thread_count(threads)) as pool:
+        return list(pool.map(work, portions))
+
+
+@dataclass(frozen=True)
+class _Making:
+    """The arrays, while threads write their portions of them."""
+
+    geometry: Geometry
+    cast_scene: CastScene
+    flat: Single
+    smooth: Single | None = None
+    bulge: Single | None = None
+    vertices: Single | None = None
+
+    def to_be_smooth(self, shadows: bool) -> Self:
+        """The same with room for what smooth shading needs."""
+        count = self.flat.shape[1]
+        smooth = np.empty((9, count), np.float32)
+        if not shadows:
+            return type(self)(self.geometry, self.cast_scene, self.flat, smooth)
+        bulge, vertices = np.empty((6, count), np.float32), self.cast_scene.vertices.astype(np.float32)
+        return type(self)(self.geometry, self.cast_scene, self.flat, smooth, bulge, vertices)
+
+    def flat_shaded(self, some: slice) -> bool:
+        """Write unit normals of triangles; whether all their corners have these."""
+        shared = self._corners(some)
+        corners = np.empty(shared.shape, np.float32)
+        corners[:] = shared
+        flat = self._write_flat(some, corners)
+        off = np.abs(np.subtract(corners, flat, out=corners), out=corners).max(axis=(0, 1))
+        return bool(off[(flat != 0).any(axis=0)].max(initial=0) <= FLAT)
+
+    def write_smooth(self, some: slice) -> None:
+        """Write everything."""
+        if self.smooth is None:
+            return
+        rows = self.smooth[:, some].reshape(3, 3, -1)
+        rows[:] = self._corners(some)
+        self._write_flat(some, rows)
+        if self.bulge is not None and self.vertices is not None:
+            places = [self.vertices.take(self.cast_scene.triangles[some, k], axis=1) for k in range(3)]
+            self.bulge[:, some] = corner_heights(places, rows)
+        rows[1:] -= rows[0]
+
+    def _corners(self, some: slice) -> Single:
+        """Normals of corners, (3, 3, n) corner by corner, or (1, 3, n) where these share one."""
+        return self.geometry.corner_normals[some, : 1 if self.geometry.flat else 3].transpose(1, 2, 0)
+
+    def _write_flat(self, some: slice, corners: Single) -> Single:
+        flat = self.cast_scene.planes[:3, some].astype(np.float32)
+        flat *= np.copysign(np.float32(1), dot(flat, sum(corners[1:], corners[0])))
+        self.flat[:, some] = flat
+        return flat
+
+
+def corner_heights(places: list[Single], normals: Single) -> Single:
+    """How far each corner of triangles lies above the tangent plane at each other, (6, T) float32.
+
+    places: of the corners in cast space, three (3, T). normals: (3, 3, T), corner by corner. Row 2k+j: for
+    corner k the next one (j = 0) and the one after (j = 1), along the shading normal at k.
+    """
+    heights = np.empty((6, normals.shape[2]), np.float32)
+    for k in range(3):
+        for j in range(2):
+            edge = places[(k + j + 1) % 3] - places[k]
+            heights[2 * k + j] = dot(edge, normals[k])
+    return heights
