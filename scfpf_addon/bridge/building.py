@@ -54,7 +54,8 @@ def build(inputs, kept: KeptScene | None, keep: bool) -> Built:
         made = KeptScene.of(inputs.scene.geometry, kept)
         _build_the_rest(inputs, made.cast_scene)
         return Built(inputs, made.cast_scene, made, triangles, perf_counter() - started)
-    alone = not inputs.moments and inputs.settings.passes.neighbours is None
+    settings = inputs.settings
+    alone = not inputs.moments and settings.passes.neighbours is None and settings.lens is None
     scene, cast_scene = within_reach(inputs.scene, inputs.projection, alone)
     part = replace(inputs, scene=scene)
     _build_the_rest(inputs, cast_scene)

@@ -302,31 +302,29 @@ def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
     mesh.calc_loop_triangles()
     count = len(mesh.loop_triangles)
     vertices = np.empty((len(mesh.vertices), 3), np.float32)
-    corners = np.empty(3 * count, np.int32)
     slot = np.zeros(count, np.int32)
     if count == 0:
-        return MeshArrays(vertices[:0], corners.reshape(-1, 3), np.empty((0, 3, 3), np.float32), slot)
-    mesh.vertices.foreach_get("co", vertices.reshape(-1))
-    mesh.loop_triangles.foreach_get("loops", corners)
+        none = np.empty((0, 3), np.int32)
+        return MeshArrays(vertices[:0], none, np.empty((0, 3, 3), np.float32), slot)
+    # Attributes' memory is copied at once; vertices[].co and loops[].vertex_index go one by one.
+    mesh.attributes["position"].data.foreach_get("vector", vertices.reshape(-1))
     corner_vertex = np.empty(len(mesh.loops), np.int32)
-    # The attribute's memory is copied at once; loops[].vertex_index goes corner by corner.
     mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
-    face = np.empty(count, np.int32)
-    mesh.loop_triangle_polygons.foreach_get("value", face)
+    face, corners = _triangulation(mesh)
     if "material_index" in mesh.attributes:
         face_slot = np.empty(len(mesh.polygons), np.int32)
         mesh.attributes["material_index"].data.foreach_get("value", face_slot)
-        slot = face_slot.take(face)
+        slot = _taken(face_slot, face)
     uv = None
     layer = next((each for each in mesh.uv_layers if each.active_render), None) if with_uv else None
     if layer is not None:
         corner_uv = np.empty((len(mesh.loops), 2), np.float32)
         layer.uv.foreach_get("vector", corner_uv.reshape(-1))
-        uv = corner_uv.take(corners, axis=0).reshape(-1, 3, 2)
+        uv = _taken(corner_uv, corners).reshape(-1, 3, 2)
     return _finite(
         MeshArrays(
             vertices,
-            corner_vertex.take(corners).reshape(-1, 3),
+            _taken(corner_vertex, corners).reshape(-1, 3),
             _normals(mesh, corners, face),
             slot,
             uv=uv,
@@ -334,16 +332,35 @@ def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
     )
 
 
-def _normals(mesh, corners: NDArray[np.int32], face: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Normals as in ``MeshArrays``. corners: (3T,) of the triangles. face: (T,) that they belong to."""
+def _triangulation(mesh) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
+    """The face of each triangle (T,), and their corners (3T,); None for as they come.
+
+    Where each face has one triangle it is that triangle, and its corners need not be asked for, one by one.
+    """
+    face = np.empty(len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangle_polygons.foreach_get("value", face)
+    if len(face) == len(mesh.polygons) and (face == np.arange(len(face), dtype=np.int32)).all():
+        return None, None
+    corners = np.empty(3 * len(face), np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners)
+    return face, corners
+
+
+def _taken(values: NDArray, which: NDArray[np.int32] | None) -> NDArray:
+    """The rows ``which`` of values, None for all."""
+    return values if which is None else values.take(which, axis=0)
+
+
+def _normals(mesh, corners: NDArray[np.int32] | None, face: NDArray[np.int32] | None) -> NDArray[np.float32]:
+    """Normals as in ``MeshArrays``. corners, face: of the triangles, see ``_triangulation``."""
     if mesh.normals_domain == "FACE":
         # A third of the memory, and Blender need not spread them to the corners first.
         normal = np.empty((len(mesh.polygons), 3), np.float32)
         mesh.polygon_normals.foreach_get("vector", normal.reshape(-1))
-        return normal.take(face, axis=0)[:, None]
+        return _taken(normal, face)[:, None]
     normal = np.empty((len(mesh.loops), 3), np.float32)
     mesh.corner_normals.foreach_get("vector", normal.reshape(-1))
-    return normal.take(corners, axis=0).reshape(-1, 3, 3)
+    return _taken(normal, corners).reshape(-1, 3, 3)
 
 
 def _finite(mesh: MeshArrays) -> MeshArrays:

@@ -119,6 +119,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             cancelled=self.test_break,
             on_tile=delivery.add,
             moments=inputs.moments,
+            keep=False,
         )
         if frame is not None:
             delivery.flush()

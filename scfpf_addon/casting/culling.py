@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..projection.surfaces import BilinearPatch, Plane, Point
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import ViewingVolume
+from .half_spaces import HalfSpaces
 from .pieces import piece_bounds, piece_weights
 
 # Cells along each axis of the box round the volume.
@@ -27,6 +29,9 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
 
     vertices: (V, 3), in the volume's space. triangles: (T, 3).
     """
+    sides = _flat_sides(volume)
+    if sides is not None:
+        return sides.met_by(np.asarray(vertices, np.float64).reshape(-1, 3), triangles)
     frame = _frame(volume)
     with np.errstate(invalid="ignore", over="ignore"):
         hulls = [frame @ surface.hull() for surface in volume.surfaces]
@@ -66,6 +71,32 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
             for x, again in ((last[0], turned), (first[0], -turned)):
                 count += again * flat[x * plane + y * row + z]
     return (count > 0) | ~finite[triangles].all(axis=1)
+
+
+def _flat_sides(volume: ViewingVolume) -> HalfSpaces | None:
+    """A body round a volume of straight projectors between two flat surfaces, close to it; None for others.
+
+    Its planes hold the sides of the volume, and a box along ``_frame``.
+    """
+    surfaces, spans = volume.surfaces, volume.spans
+    if len(surfaces) != 2 or spans.degree != 1 or not spans.direct:
+        return None
+    if any(type(surface) not in (Point, Plane, BilinearPatch) for surface in surfaces):
+        return None
+    around = np.array([0.0, 1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0])
+    with np.errstate(invalid="ignore", over="ignore"):
+        hull = np.concatenate([surface.hull() for surface in surfaces], axis=1)
+        near, far = (surface.positions(*around).position for surface in surfaces)
+        axes = _frame(volume)
+        # Sides by the longer of their two edges: a surface may be a point.
+        edges = np.stack([np.roll(end, -1, axis=1) - end for end in (near, far)])
+        longer = edges[(edges**2).sum(axis=1).argmax(axis=0), :, np.arange(4)]
+        sides = np.cross(longer, (far - near).T)
+        # Outwards.
+        sides *= np.sign(np.einsum("kc,kc->k", sides, ((near + far).T / 2) - hull.mean(axis=1)))[:, None]
+        if not np.isfinite(hull).all() or not np.isfinite(sides).all():
+            return None
+        return HalfSpaces.around(np.concatenate([axes, -axes, sides]), hull)
 
 
 def _frame(volume: ViewingVolume) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray
+from .embree import mesh_in_embree
 
 Float32Array = NDArray[np.float32]
 
@@ -79,12 +80,11 @@ class Prisms:
         prism[~usable] = np.where(np.isfinite(corners[0]), corners[0], 0.0).T[~usable][:, None]
         return cls(prism, epsilon, radius * (1.0 + UNEVEN))
 
-    def embree_scene(self, scenes: Any, meshes: Any) -> tuple[Any, Any]:
-        """The Embree scene and its mesh, from embreex's modules; built at the first run."""
+    def embree_scene(self, modules: tuple[Any, Any]) -> tuple[Any, Any]:
+        """As ``mesh_in_embree``."""
         count = len(self.corners)
         faces = (FACES[None] + 6 * np.arange(count, dtype=np.int32)[:, None, None]).reshape(-1, 3)
-        scene = scenes.EmbreeScene(robust=True)
-        return scene, meshes.TriangleMesh(scene, self.corners.reshape(-1, 3), faces)
+        return mesh_in_embree(modules, self.corners.reshape(-1, 3), faces)
 
 
 def typical_epsilon(corners: Array, usable: BoolArray) -> float:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
+from .embree import mesh_in_embree
 from .memory import available_memory
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
@@ -160,13 +161,11 @@ class CastScene:
 
     def _build(self, usable: BoolArray) -> None:
         """Put the triangles ``usable`` (T,) into Embree."""
-        scenes, meshes = _load_embreex()
         self._usable = usable
         faces = self.triangles
         if not usable.all():
             faces = np.where(usable[:, None], faces, faces[:, :1])
-        self._embree = scenes.EmbreeScene(robust=True)
-        self._mesh = meshes.TriangleMesh(self._embree, self.vertices.T.astype(np.float32), faces)
+        self._embree, self._mesh = mesh_in_embree(_load_embreex(), self.vertices.T, faces)
         # Embree builds at the first run, which must happen in one thread.
         nowhere = np.zeros((3, 1), np.float32)
         self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
@@ -362,15 +361,15 @@ class CastScene:
                 triangles = np.ascontiguousarray(triangles[finite[triangles].all(axis=1)], np.int32)
                 self._beyond = None
                 if len(triangles):
-                    scenes, meshes = _load_embreex()
-                    embree = scenes.EmbreeScene(robust=True)
-                    mesh = meshes.TriangleMesh(embree, np.where(finite[:, None], points, 0.0), triangles)
+                    embree, mesh = mesh_in_embree(
+                        _load_embreex(), np.where(finite[:, None], points, 0.0), triangles
+                    )
                     nowhere = np.zeros((1, 3), np.float32)
                     embree.run(nowhere, nowhere, np.full(1, -1, np.float32))
                     self._beyond_scene, self._beyond_mesh = embree, mesh
             return self._beyond_scene
 
-    def offset_origins(self, positions: Array, triangles: IndexArray, directions: Array) -> Array:
+    def offset_origins(self, positions: Array, triangles: IndexArray, directions: NDArray[Any]) -> Array:
         """Origins (3, N) of secondary rays that leave ``triangles`` (N,) at ``positions`` (3, N).
 
         Moved off the triangle's plane to the side that ``directions`` (3, N) go to,
@@ -421,8 +420,7 @@ class PrismScene:
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
-        modules = _load_embreex()
-        self._embree, self._mesh = prisms.embree_scene(*modules)
+        self._embree, self._mesh = prisms.embree_scene(_load_embreex())
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)

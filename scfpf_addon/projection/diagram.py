@@ -18,7 +18,7 @@ from .bezier import chord_count
 from .folds import find_folds, folded_pieces
 from .line_colors import Role
 from .marks import direction_arrows, far_rim, iso_lines, safe_area
-from .segments import Segments, joined, ranged, segments
+from .segments import Segments, image_rim, joined, ranged, segments
 from .surfaces import Plane
 from .typing import Array, BoolArray, IndexArray
 from .volume import ControlSample, Projection, ViewingVolume
@@ -185,10 +185,7 @@ def image_frame(projection: Projection, resolution: int = 48) -> Segments:
     Where the re-parameterisation shows only a part of the image the rim is that
     of the part, taken as star-shaped about the image's centre.
     """
-    step = np.arange(resolution) / resolution
-    one, nought = np.ones(resolution), np.zeros(resolution)
-    x = np.concatenate([step, one, 1 - step, nought, [0.0]])
-    y = np.concatenate([nought, step, one, 1 - step, [0.0]])
+    x, y = image_rim(resolution)
     inside, outside = np.zeros(len(x)), np.ones(len(x))
 
     def shown(share: Array) -> BoolArray:

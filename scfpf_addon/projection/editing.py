@@ -21,6 +21,7 @@ Axis = Literal["U", "V"]
 SAME_SHARE = 1e-5
 # The most cells along one direction of a grid that holds two grids' lines at once.
 MOST_CELLS = 512
+HOLES = "A control surface has holes, which no grid can have: fill them first"
 
 
 class EditingError(ValueError):
@@ -62,7 +63,7 @@ def sampled(surface: ControlSurface, columns: int, rows: int) -> Array:
     """
     placed = surface.evaluate(*lattice(columns, rows))
     if not placed.valid.all():
-        raise EditingError("A control surface has holes, which no grid can have: fill them first")
+        raise EditingError(HOLES)
     return placed.position.T.reshape(rows, columns, 3)
 
 

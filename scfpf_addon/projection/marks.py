@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .segments import Segments, joined, ranged, segments
+from .segments import Segments, image_rim, joined, ranged, segments
 from .surfaces import ControlSurface
 from .volume import Projection
 
@@ -64,10 +64,7 @@ def safe_area(projection: Projection, margin_x: float, margin_y: float) -> Segme
 
     margin_x, margin_y: in [0, 1], distance from the image's borders as a share of half its size.
     """
-    step = np.arange(RIM_SEGMENTS) / RIM_SEGMENTS
-    one, nought = np.ones(RIM_SEGMENTS), np.zeros(RIM_SEGMENTS)
-    x = np.concatenate([step, one, 1 - step, nought, [0.0]])
-    y = np.concatenate([nought, step, one, 1 - step, [0.0]])
+    x, y = image_rim(RIM_SEGMENTS)
     image = projection.parameters(0.5 + (x - 0.5) * (1 - margin_x), 0.5 + (y - 0.5) * (1 - margin_y))
     sample = projection.volume.surfaces[0].evaluate(image.u, image.v)
     return segments(sample.position[:, None], (sample.valid & image.mask)[None], sample.tile[None])

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .editing import EditingError, sampled
+from .editing import HOLES, EditingError, sampled
 from .surfaces import ControlSurface
 from .typing import Array
 
@@ -52,7 +52,7 @@ def unevenness(points: Array, axis: int) -> float:
 def _points(surface: ControlSurface, u: Array, v: Array) -> Array:
     placed = surface.positions(u.ravel(), v.ravel())
     if not placed.valid.all():
-        raise EditingError("A control surface has holes, which no grid can have: fill them first")
+        raise EditingError(HOLES)
     return placed.position.T.reshape(*u.shape, 3)
 
 

@@ -38,6 +38,14 @@ def joined(parts: Sequence[Segments]) -> Segments:
     return np.concatenate(parts) if parts else np.zeros((0, 2, 3), np.float32)
 
 
+def image_rim(resolution: int) -> tuple[Array, Array]:
+    """x and y, (4 · resolution + 1,) each, once round the image's border from its lower left corner."""
+    step = np.arange(resolution) / resolution
+    one, nought = np.ones(resolution), np.zeros(resolution)
+    x = np.concatenate([step, one, 1 - step, nought, [0.0]])
+    return x, np.concatenate([nought, step, one, 1 - step, [0.0]])
+
+
 def ranged(projection: Projection, x: Array, y: Array) -> tuple[Array, Array]:
     """(u, v) at shares x, y of the projection's u and v ranges."""
     (u0, u1), (v0, v1) = projection.u_range, projection.v_range

@@ -44,6 +44,7 @@ def render_frame(
     cancelled: Callable[[], bool] | None = None,
     on_tile: Callable[[slice, Single, dict[str, Single]], None] | None = None,
     moments: tuple[Moment, ...] = (),
+    keep: bool = True,
 ) -> Frame | None:
     """The picture that a projection makes of a scene, or None when cancelled.
 
@@ -52,22 +53,24 @@ def render_frame(
     pixels (rows, W, 4), passes) are called from the calling thread, the last as tiles are
     finished, in any order; rows count from the border's bottom. What a tile raises is raised
     here, after all threads have ended. moments: what the samples see while the shutter is open,
-    instead of the projection and the scene, which data passes are made of.
+    instead of the projection and the scene, which data passes are made of. keep: without, the frame has no
+    rows: what on_tile was given is all that there is.
     CastError when the scene's triangles cannot be cast at; a scene without any
     shows its background.
     """
     started = perf_counter()
-    # Vertices of other frames belong to all triangles.
-    alone = not moments and settings.passes.neighbours is None
+    # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
+    alone = not moments and settings.passes.neighbours is None and settings.lens is None
     pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
     if moments:
         pipeline = pipeline.with_moments(scene, moments, cancelled)
     build_seconds = perf_counter() - started
     region = settings.region
     height, width = region.top - region.bottom, region.right - region.left
-    pixels = np.empty((height, width, 4), np.float32)
-    passes = empty_passes(settings.passes, height, width)
+    pixels = np.empty((height if keep else 0, width, 4), np.float32)
+    passes = empty_passes(settings.passes, len(pixels), width)
     counts, hits = CastCounts(), 0
+    tiles_made: dict[int, tuple[Single, dict[str, Single]]] = {}
 
     def made(rows: slice) -> slice:
         """The rows of a tile that are in the border, counted from its bottom."""
@@ -75,18 +78,26 @@ def render_frame(
             max(rows.start, region.bottom) - region.bottom, min(rows.stop, region.top) - region.bottom
         )
 
+    def place(rows: slice) -> tuple[Single, dict[str, Single]]:
+        """Where the pixels and passes of a tile are written."""
+        own = made(rows)
+        if keep:
+            return pixels[own], {name: values[own] for name, values in passes.items()}
+        count = own.stop - own.start
+        return np.empty((count, width, 4), np.float32), empty_passes(settings.passes, count, width)
+
     def render(job: TileJob) -> TileCounts:
-        own = made(job.rows)
-        flat = {name: values[own].reshape(-1, values.shape[2]) for name, values in passes.items()}
-        return pipeline.render_tile(job, pixels[own].reshape(-1, 4), flat)
+        tile, data = tiles_made[job.rows.start] = place(job.rows)
+        flat = {name: values.reshape(-1, values.shape[2]) for name, values in data.items()}
+        return pipeline.render_tile(job, tile.reshape(-1, 4), flat)
 
     def finished(rows: slice, tile: TileCounts) -> None:
         nonlocal hits
         counts.add(tile.cast)
         hits += tile.hits
+        written = tiles_made.pop(rows.start)
         if on_tile:
-            own = made(rows)
-            on_tile(own, pixels[own], {name: values[own] for name, values in passes.items()})
+            on_tile(made(rows), *written)
 
     # Tiles are whole rows of the whole image whatever the border: their projectors share chords.
     tiles = [

@@ -20,6 +20,9 @@ Result = TypeVar("Result")
 # Corner normals this close to their triangle's, component by component, are no smooth shading:
 # float32 normals that were stored in 16 bits.
 FLAT = 1e-4
+# The same where a triangle's corners share one normal: what float32 makes of small faces far from the
+# origin, or of a quad as good as flat. A tenth of a per cent of the light.
+FLAT_FACE = 1e-3
 
 # Triangles in a portion: what is read and written of them fits a core's cache.
 PORTION = 1 << 15
@@ -89,7 +92,8 @@ class _Making:
         corners[:] = shared
         flat = self._write_flat(some, corners)
         off = np.abs(np.subtract(corners, flat, out=corners), out=corners).max(axis=(0, 1))
-        return bool(off[(flat != 0).any(axis=0)].max(initial=0) <= FLAT)
+        far = FLAT_FACE if self.geometry.flat else FLAT
+        return bool(off[(flat != 0).any(axis=0)].max(initial=0) <= far)
 
     def write_smooth(self, some: slice) -> None:
         """Write everything."""

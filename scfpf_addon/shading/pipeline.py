@@ -15,6 +15,7 @@ from ..casting.cast import cast
 from ..casting.chord_map import chord_map
 from ..casting.chords import complete
 from ..casting.curves import Bundle
+from ..casting.frame import pixel_centres
 from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
@@ -35,6 +36,7 @@ from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
 from .suns_alone import SunsAlone
+from .suns_shadowed import SunsShadowed
 from .typing import Single
 from .visible import seen_directly
 from .world import World
@@ -147,11 +149,10 @@ class Pipeline:
         return replace(self, moments=tuple(replace(e, background=self.background) for _, e in made[1:]))
 
     @cached_property
-    def suns_alone(self) -> SunsAlone | None:
+    def suns_alone(self) -> SunsAlone | SunsShadowed | None:
         """The short way to pictures that are simple enough for it."""
-        return SunsAlone.of(
-            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
-        )
+        made_of = self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
+        return SunsAlone.of(*made_of) or SunsShadowed.of(*made_of)
 
     @property
     def behind(self) -> Array:
@@ -327,9 +328,7 @@ class Pipeline:
 
     def pixel_centres(self, rows: slice) -> tuple[Array, Array]:
         """Image positions (x, y) of the middle of each pixel of the rows, each (n,)."""
-        x = (np.arange(self.settings.width) + 0.5) / self.settings.width
-        y = (np.arange(rows.start, rows.stop) + 0.5) / self.settings.height
-        return np.tile(x, len(y)), np.repeat(y, len(x))
+        return pixel_centres(self.settings.width, self.settings.height, (rows.start, rows.stop))
 
     def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Hits, Onward | None]:
         """What a sample of the pixels of whole rows hits, and what follows it on."""

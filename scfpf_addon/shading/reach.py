@@ -9,6 +9,7 @@ from ..casting.culling import within_volume
 from ..casting.scene import CastScene, NothingToCastAt
 from ..casting.visibility import CAMERA, SHADOW, visible_to
 from ..projection.volume import Projection
+from .casters import may_shade
 from .scene import Scene
 
 
@@ -43,6 +44,8 @@ def _within_reach(scene: Scene, projection: Projection, alone: bool) -> tuple[Sc
         return scene, CastScene(whole.vertices, whole.triangles)
     if not kept.any():
         return scene, None
-    beyond = whole.vertices, whole.triangles[~kept]
+    rest = ~kept
+    rest &= may_shade(scene, kept, projection.volume)
+    beyond = (whole.vertices, whole.triangles[rest]) if rest.any() else None
     part = replace(scene, geometry=whole.part(kept))
     return part, CastScene(part.geometry.vertices, part.geometry.triangles, beyond)

@@ -23,7 +23,10 @@ from .typing import Single
 
 @dataclass(frozen=True)
 class SunColors:
-    """What colours the triangles that are seen; background: (4,) what is seen where there is none."""
+    """What colours the triangles that are seen.
+
+    background: (4,) what is seen where there is none, of alpha 1 or empty.
+    """
 
     surface: SurfaceTable
     phong: PhongTable
@@ -48,8 +51,9 @@ class SunColors:
         if hit.all():
             into[:3], into[3] = color, 1
             return
-        into[3] = hit
-        if not self.background.any():
+        # A background is seen through or not at all.
+        into[3] = 1 if self.background[3] else hit
+        if not self.background[:3].any():
             np.multiply(color, hit, out=into[:3])
             return
         color *= hit
@@ -58,8 +62,6 @@ class SunColors:
             if self.background[channel]:
                 color[channel] += np.multiply(missed, self.background[channel], out=rows[4])
         into[:3] = color
-        missed *= self.background[3]
-        into[3] += missed
 
     def _sum(self, seen: TrianglesSeen, sample: int, color: Single, rows: Single) -> None:
         """Write colours (3, n), anything where nothing is hit; rows (9, n) are used up."""

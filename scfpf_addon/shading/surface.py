@@ -148,7 +148,7 @@ class SurfaceTable:
                 height = np.zeros_like(side)
             else:
                 height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
-            origin = self.cast_scene.offset_origins(position, triangle, -tangent)
+            origin = self.cast_scene.offset_origins(position, triangle, view)
             shadow = ShadowStart(origin, flat, height)
         if self.single:
             material = np.broadcast_to(self.material[0], triangle.shape)

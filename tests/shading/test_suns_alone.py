@@ -165,7 +165,7 @@ def sun(build, **changed):
         ({"angle": 0.2}, False, {}, True),
         ({}, False, {"scrambled": True}, True),
         ({"angle": 0.2}, False, {"scrambled": True}, False),
-        ({"casts_shadow": True}, False, {}, False),
+        ({"casts_shadow": True}, False, {}, True),
         ({"kind": "POINT"}, False, {}, False),
         ({"kind": "AREA"}, False, {}, False),
         ({}, True, {}, False),

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangles on their way into Embree.
+
+embreex copies a mesh number by number through Python objects, which takes longer than Embree takes to
+build its tree. Embree's own C interface, which its library offers to whoever asks, takes arrays as they
+are. embreex does not tell the scene's handle; where that stands in its object is found, not assumed, and
+where it is not found embreex copies as ever.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from ctypes import c_int, c_size_t, c_uint, c_void_p
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+# RTCBufferType, RTCFormat and RTCGeometryType of Embree 4.
+INDEX_BUFFER, VERTEX_BUFFER = 0, 1
+UINT3, FLOAT3 = 0x5003, 0x9003
+TRIANGLES = 0
+# Bytes of three float32 or int32.
+STRIDE = 12
+
+# What is called of Embree: what it returns, what it takes.
+FUNCTIONS: dict[str, tuple[Any, ...]] = {
+    "rtcGetSceneDevice": (c_void_p, c_void_p),
+    "rtcReleaseDevice": (None, c_void_p),
+    "rtcNewGeometry": (c_void_p, c_void_p, c_int),
+    "rtcSetNewGeometryBuffer": (c_void_p, c_void_p, c_int, c_uint, c_int, c_size_t, c_size_t),
+    "rtcSetSharedGeometryBuffer": (
+        None,
+        *(c_void_p, c_int, c_uint, c_int, c_void_p, c_size_t, c_size_t, c_size_t),
+    ),
+    "rtcCommitGeometry": (None, c_void_p),
+    "rtcAttachGeometry": (c_uint, c_void_p, c_void_p),
+    "rtcReleaseGeometry": (None, c_void_p),
+}
+
+# A number that embreex's ``is_committed`` does not have by chance.
+MARK = 0x5CF9F1
+
+
+class SceneObject(ctypes.Structure):
+    """embreex's EmbreeScene as its own declaration (rtcore_scene.pxd) has it, behind Python's header."""
+
+    _fields_ = (
+        ("header", ctypes.c_byte * object.__basicsize__),
+        ("handle", c_void_p),
+        ("is_committed", c_int),
+        ("device", c_void_p),
+    )
+
+
+def mesh_in_embree(
+    modules: tuple[Any, Any], vertices: NDArray[Any], triangles: NDArray[np.int32]
+) -> tuple[Any, Any]:
+    """A scene of one mesh, and what has to be kept as long as it; built at the first run.
+
+    modules: embreex's for scenes and meshes. vertices: (V, 3), of any kind and order. triangles: (T, 3)
+    int32, contiguous; they may be Embree's own from now on and must not change. Raises MemoryError.
+    """
+    scenes, meshes = modules
+    scene = scenes.EmbreeScene(robust=True)
+    library = _library(scenes.__file__)
+    handle = _handle(scene) if library else None
+    if library is None or handle is None:
+        return scene, meshes.TriangleMesh(scene, vertices.astype(np.float32), triangles)
+    device = library.rtcGetSceneDevice(handle)
+    geometry = library.rtcNewGeometry(device, TRIANGLES)
+    try:
+        place = library.rtcSetNewGeometryBuffer(geometry, VERTEX_BUFFER, 0, FLOAT3, STRIDE, len(vertices))
+        if not place:
+            raise MemoryError(f"There is not enough memory for {len(vertices):,} vertices")
+        own = np.ctypeslib.as_array((ctypes.c_float * (3 * len(vertices))).from_address(place))
+        own.reshape(-1, 3)[:] = vertices
+        library.rtcSetSharedGeometryBuffer(
+            geometry, INDEX_BUFFER, 0, UINT3, triangles.ctypes.data, 0, STRIDE, len(triangles)
+        )
+        library.rtcCommitGeometry(geometry)
+        library.rtcAttachGeometry(handle, geometry)
+    finally:
+        library.rtcReleaseGeometry(geometry)
+        library.rtcReleaseDevice(device)
+    return scene, triangles
+
+
+@cache
+def _library(module: str) -> Any:
+    """Embree's library as embreex's module file has loaded it, None where its functions are not found."""
+    # Elsewhere than on Windows a module is asked for what it was linked with, too.
+    places = [Path(module)]
+    if sys.platform == "win32":
+        places = list(Path(module).parents[1].glob("embreex.libs/*embree4*.dll"))
+    for place in places:
+        library = ctypes.CDLL(str(place))
+        if all(hasattr(library, name) for name in FUNCTIONS):
+            for name, (result, *arguments) in FUNCTIONS.items():
+                function = getattr(library, name)
+                function.restype, function.argtypes = result, arguments
+            return library
+    return None
+
+
+def _handle(scene: Any) -> int | None:
+    """Embree's handle of embreex's scene, None where the object is another than it was."""
+    if type(scene).__basicsize__ != ctypes.sizeof(SceneObject):
+        return None
+    inside = SceneObject.from_address(id(scene))
+    scene.is_committed = MARK
+    marked = inside.is_committed == MARK
+    scene.is_committed = 0
+    handle: int | None = inside.handle
+    return handle if marked and inside.is_committed == 0 else None

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which triangles may cast a shadow on what a volume shows: the others need not be built.
+
+Certain, not sampled: what stands in the way of light lies in the hull of the lamp and of what it lights.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..casting.geometry import Geometry
+from ..casting.half_spaces import HalfSpaces, heights
+from ..casting.scene import ORIGIN_OFFSET
+from ..projection.typing import Array, BoolArray
+from ..projection.volume import ViewingVolume
+from .scene import Light, Scene
+
+# Turns of 22.5° about a sun's direction; axes and diagonals of space for other lamps.
+TURNS = np.arange(8) * (np.pi / 4)
+DIAGONALS = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], float)
+DIAGONALS = DIAGONALS[(np.abs(DIAGONALS).sum(axis=1) != 2) & DIAGONALS.any(axis=1)]
+# Shadow rays start off their triangle by less than this share of the largest coordinate.
+OFFSET = 4.0 * ORIGIN_OFFSET
+# A sun whose axes are farther from a rotation's shines on all.
+SKEW = 1e-3
+
+
+def may_shade(scene: Scene, shown: BoolArray, volume: ViewingVolume) -> BoolArray:
+    """Which triangles (T,) may cast a shadow on those ``shown`` (T,), where the volume meets them."""
+    whole = scene.geometry
+    everything = np.ones(len(whole.triangles), bool)
+    if scene.world is not None:
+        return everything
+    seen = np.zeros(len(whole.vertices), bool)
+    seen[whole.triangles[shown]] = True
+    corners = np.asarray(whole.vertices, np.float64)[seen].T
+    with np.errstate(invalid="ignore", over="ignore"):
+        hull = np.concatenate([surface.hull() for surface in volume.surfaces], axis=1)
+    if not (np.isfinite(corners).all() and np.isfinite(hull).all()):
+        return everything
+    # Projectors of other bases may leave the hull of their surfaces; the triangles that they meet do not.
+    bodies = [corners, hull] if volume.basis in ("BEZIER", "POLYLINE") else [corners]
+    margin = OFFSET * float(np.abs(corners).max()) + _roundness(whole, shown)
+    found = np.zeros(len(everything), bool)
+    for light in scene.lights:
+        if light.casts_shadow and np.any(light.color):
+            between = _between(light, bodies, margin, whole.vertices)
+            if between is None:
+                return everything
+            found |= between.met_by(whole.vertices, whole.triangles)
+    return found
+
+
+def _roundness(whole: Geometry, shown: BoolArray) -> float:
+    """How far shadow rays may start off the triangles ``shown``: the surface that smooth shading pretends
+    to lies nowhere farther from them than one corner from the plane of another's normal.
+    """
+    normals = whole.corner_normals[:, : 1 if whole.flat else 3][shown]
+    corners = [whole.vertices.take(whole.triangles[shown, k], axis=0) for k in range(3)]
+    most = 0.0
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        edge = corners[second] - corners[first]
+        for normal in (normals[:, first % normals.shape[1]], normals[:, second % normals.shape[1]]):
+            most = max(most, float(np.abs(np.einsum("tc,tc->t", edge, normal)).max()))
+            if whole.flat:
+                break
+    return most
+
+
+def _between(light: Light, bodies: list[Array], margin: float, vertices: Array) -> HalfSpaces | None:
+    """What lies between a lamp and what is in all of the bodies, each (3, N), and ``margin`` farther.
+
+    None where that may be anything.
+    """
+    matrix = np.asarray(light.matrix, np.float64)
+    if not np.isfinite(matrix).all():
+        return None
+    if light.kind == "SUN":
+        axes = matrix[:3, :3]
+        if np.abs(axes.T @ axes - np.eye(3)).max() > SKEW:
+            return None
+        x, y, towards = axes.T
+        sides = np.outer(np.cos(TURNS), x) + np.outer(np.sin(TURNS), y)
+        lit = _common(np.concatenate([sides, -towards[None]]), bodies)
+        with np.errstate(invalid="ignore", over="ignore"):
+            highest = float(heights(towards, vertices.T).max())
+        if not np.isfinite(highest):
+            return None
+        # A sun that fills some of the sky shines past what is high up at an angle.
+        spread = max(highest + lit.limits[-1], 0.0) * (1.0 + SKEW) * np.tan(light.angle / 2)
+        lit.limits[:-1] += spread
+    else:
+        lit = _common(DIAGONALS, bodies)
+        size = light.radius
+        if light.kind == "AREA":
+            size = 0.5 * float(np.linalg.norm(matrix[:3, :2] * np.asarray(light.size), axis=0).sum())
+        lit.limits[:] = np.maximum(lit.limits, lit.normals @ matrix[:3, 3] + size)
+    lit.limits[:] += margin
+    return lit
+
+
+def _common(normals: Array, bodies: list[Array]) -> HalfSpaces:
+    """Half-spaces that hold what is in all of the bodies."""
+    each = [HalfSpaces.around(normals, body) for body in bodies]
+    limits: Array = np.stack([one.limits for one in each]).min(axis=0)
+    return HalfSpaces(each[0].normals, limits)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes handed to Embree by its own interface are those that embreex makes."""
+
+import ctypes
+
+import numpy as np
+import pytest
+
+from scfpf_addon.casting import embree
+from scfpf_addon.casting.scene import _load_embreex
+
+RAYS = 4000
+
+
+def soup(generator, count=500):
+    """Triangles whose vertices are shared, and stand in other orders and kinds than Embree's."""
+    vertices = np.asfortranarray(generator.uniform(-1.0, 1.0, (3 * count // 2, 3)))
+    return vertices, generator.integers(0, len(vertices), (count, 3), dtype=np.int32)
+
+
+def cast(scene, generator):
+    """All that is known of rays in all directions."""
+    origins, ways = generator.uniform(-1.0, 1.0, (2, RAYS, 3)).astype(np.float32)
+    return scene.run(origins, ways, np.full(RAYS, 9.0, np.float32), output=True)
+
+
+def test_embree_takes_the_arrays_as_they_are():
+    """This embreex is one whose scenes are found; without, every picture takes much longer."""
+    modules = _load_embreex()
+    _, kept = embree.mesh_in_embree(modules, *soup(np.random.default_rng(1)))
+    assert not isinstance(kept, modules[1].TriangleMesh)
+
+
+@pytest.mark.parametrize("fault", ["no library", "another object"])
+def test_both_ways_meet_the_same(fault, monkeypatch):
+    vertices, triangles = soup(np.random.default_rng(2))
+    quick, _kept = embree.mesh_in_embree(_load_embreex(), vertices, triangles)
+    if fault == "no library":
+        monkeypatch.setattr(embree, "_library", lambda module: None)
+    else:
+        monkeypatch.setattr(embree, "SceneObject", type("Other", (ctypes.Structure,), {"_fields_": ()}))
+    modules = _load_embreex()
+    slow, mesh = embree.mesh_in_embree(modules, vertices, triangles)
+    assert isinstance(mesh, modules[1].TriangleMesh)
+    one, other = (cast(scene, np.random.default_rng(3)) for scene in (quick, slow))
+    assert (one["primID"] >= 0).mean() > 0.5
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, other[name])
+
+
+def test_the_library_is_asked_only_where_it_has_all_functions(monkeypatch):
+    monkeypatch.setitem(embree.FUNCTIONS, "rtcNoSuchFunction", (None,))
+    assert embree._library.__wrapped__(_load_embreex()[0].__file__) is None

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is left out of shadows casts none: pictures are those of the whole scene."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scfpf_addon.casting.culling import within_volume
+from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.shading.casters import may_shade
+from scfpf_addon.shading.frame import render_frame
+from scfpf_addon.shading.scene import Light
+from scfpf_addon.shading.settings import FrameSettings
+
+POWER = np.full(3, 3.0)
+LAMPS = {
+    "sun": lambda build: Light("SUN", POWER, build.placed(shines=(0.9, 0.4, -1))),
+    "wide sun": lambda build: Light("SUN", POWER, build.placed(shines=(0.5, 0.2, -1)), angle=0.3),
+    "point": lambda build: Light("POINT", 200 * POWER, build.placed((-3, 1, 4)), radius=0.4),
+    "area": lambda build: Light("AREA", 200 * POWER, build.placed((2, -2, 5)), size=(1.5, 0.7)),
+}
+
+
+def scattered(build, lights, smooth):
+    """Balls all around a ground that goes on beyond the picture."""
+    generator = np.random.default_rng(4)
+    places = generator.uniform((-6, -6, -0.5), (6, 6, 3.5), (150, 3))
+    balls = [build.sphere(5, place, 0.35) for place in places]
+    if not smooth:
+        balls = [(vertices, faces, None) for vertices, faces, _ in balls]
+    return build.scene([build.square(8, -0.8), *balls], lights, (0.1, 0.1, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("lamp", "heights", "smooth"),
+    [(lamp, (3, -1), smooth) for lamp in LAMPS for smooth in (False, True)] + [("sun", (3, 1, -1), True)],
+)
+def test_pictures_are_those_of_the_whole_scene(build, lamp, heights, smooth):
+    scene = scattered(build, [LAMPS[lamp](build)], smooth)
+    view = build.looking_down(*heights, size=1.8, shifts=np.linspace(0.0, 1.0, len(heights)).tolist())
+    settings = FrameSettings(32, 32, samples=2)
+    geometry = scene.geometry
+    shown = within_volume(geometry.vertices, geometry.triangles, view.volume)
+    shading = may_shade(scene, shown, view.volume) & ~shown
+    # Less than what is not shown; more than nothing.
+    assert 0.005 < shading.mean() < 0.6 * (1 - shown.mean())
+    made = render_frame(view, scene, settings).pixels
+    whole = render_frame(view, scene, settings, CastScene(geometry.vertices, geometry.triangles)).pixels
+    assert np.abs(made - whole).max() < 1e-4
+    alone = replace(scene, geometry=geometry.part(shown))
+    assert np.abs(render_frame(view, alone, settings).pixels - whole).max() > 0.1
+
+
+def test_a_sky_is_hidden_by_everything(build):
+    scene = replace(scattered(build, [], False), world=object())
+    assert may_shade(
+        scene, np.arange(len(scene.geometry.triangles)) == 0, build.looking_down(2, -1).volume
+    ).all()
