@@ -69,7 +69,11 @@ class SCFPF_OT_cycles_passes(bpy.types.Operator):
 
     def execute(self, context):
         rig = rig_of(context.scene)
-        rigs.set_passes(rig, not rig.scfpf_rig.passes)
+        try:
+            rigs.set_passes(rig, not rig.scfpf_rig.passes)
+        except BAD_INPUT as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
         if rig.scfpf_rig.passes:
             self.report({"INFO"}, "Link the outputs of the compositor's node SCFPF Passes")
         return {"FINISHED"}

@@ -16,6 +16,7 @@ from . import (
     render_passes,
     result_undo,
     sampling,
+    sound_properties,
     volume_upkeep,
 )
 
@@ -26,6 +27,7 @@ MODULES = (
     properties,
     sampling,
     drawn,
+    sound_properties,  # before all that looks at a file that was loaded
     read_mappings,
     volume_upkeep,
     drawing,

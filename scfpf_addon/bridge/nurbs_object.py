@@ -212,12 +212,7 @@ def read_patch(evaluated, mode: str) -> ControlSurface:
     the tessellated surface so that no net of control points makes it, a Grid of its vertices.
     Raises SurfaceError when it is no single valid patch.
     """
-    name = evaluated.name
-    if evaluated.type != "SURFACE":
-        raise SurfaceError(
-            f"'{name}' is of type {evaluated.type.title()}, not a surface: choose another kind for it"
-        )
-    spline = _only_spline(evaluated)
+    name, spline = evaluated.name, _only_spline(evaluated)
     points = _points(spline)
     if not np.isfinite(points).all():
         raise SurfaceError(f"'{name}' has control points that are not finite")
@@ -238,6 +233,10 @@ def read_patch(evaluated, mode: str) -> ControlSurface:
 
 
 def _only_spline(surface):
+    if surface.type != "SURFACE":
+        raise SurfaceError(
+            f"'{surface.name}' is of type {surface.type.title()}, not a surface: choose another kind for it"
+        )
     splines = surface.data.splines
     if len(splines) != 1:
         raise SurfaceError(

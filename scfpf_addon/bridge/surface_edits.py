@@ -84,6 +84,8 @@ def own_shape(surface) -> ControlSurface:
         return read_uv_mesh(surface, np.eye(4))
     parameters = surface_parameters(surface)
     points = parameters.pop("points", None)
+    if points is not None and points.shape[:2] != (2, 2):
+        return Grid(points)  # as in pictures, a patch with more points is a grid
     return surface_from_parameters(surface.scfpf_surface.kind, parameters, points, np.eye(4))
 
 

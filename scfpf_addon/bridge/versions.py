@@ -77,6 +77,17 @@ def set_node_menu(node, socket: str, setting: str, value: str) -> None:
         node.inputs[socket].default_value = value.replace("_", " ").title()
 
 
+def settle_view_layers() -> None:
+    """Call at the end of a handler of updates or frames that may have linked, unlinked or removed objects.
+
+    Blender then evaluates once more, and from 5.0 crashes where a driver reads another scene whose view
+    layers have not been brought in step with its objects yet. Asking for the active object does that.
+    """
+    for scene in bpy.data.scenes:
+        for layer in scene.view_layers:
+            _ = layer.objects.active
+
+
 def has_portal_depth() -> bool:
     """Whether the Light Path node knows how many portals a ray has passed: from 5.0."""
     return bpy.app.version >= (5, 0, 0)

@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from . import versions
 from .camera_index import CameraIndex
 from .edit_volume import release
 from .volume_object import delete_volume_object, members, sync_volume_object, volume_facts
@@ -59,6 +60,7 @@ def tend(concerned: Iterable[int] | None = None) -> None:
             return
         changed = [camera for camera in cameras if now[camera.session_uid] != facts.get(camera.session_uid)]
     _put_in_order(cameras, changed)
+    versions.settle_view_layers()
     _look_up(cameras)
     _upkeep.file, _upkeep.facts = _file_facts(), {c.session_uid: volume_facts(c) for c in cameras}
 

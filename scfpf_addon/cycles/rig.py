@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from ..bridge import versions
 from ..bridge.read_projection import ProjectionError, read_projection
 from ..bridge.render_job import RenderError, picture_aspect, picture_size
 from ..bridge.slot_animation import curve_collections
@@ -21,6 +22,7 @@ from ..scanline.table_object import grid_cells
 from . import passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
 from .rig_data import (
+    CYCLES,
     RigError,
     adopt,
     check,
@@ -87,7 +89,10 @@ def update(context, rig) -> None:
 
 
 def set_passes(rig, on: bool) -> None:
-    """Let a rig's scene have passes of t, depth, u and v, or no longer."""
+    """Let a rig's scene have passes of t, depth, u and v, or no longer. Raises RigError."""
+    if on and rig.scfpf_rig.scene.render.engine != CYCLES:
+        raise RigError("Choose Cycles as the render engine: only it has these passes")
+    check_surfaces(rig.scfpf_rig.camera)
     rig.scfpf_rig.passes = on
     (passes.add if on else passes.remove)(rig.scfpf_rig.scene)
     update_nodes(rig)
@@ -178,7 +183,7 @@ def cautions(scene, view_layer, rig) -> list[str]:
     found = []
     if settings.problem:
         found.append(settings.problem)
-    if scene.render.engine != "CYCLES":
+    if scene.render.engine != CYCLES:
         found.append("The rig works in Cycles only")
     if scene.camera != settings.view_camera:
         found.append("Another camera is the scene's now")
@@ -324,12 +329,14 @@ def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
 def _scene_updated(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         tend(scene, depsgraph)
+        versions.settle_view_layers()
 
 
 @persistent
 def _frame_changed(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         tend(scene, depsgraph, may_remove=False)
+        versions.settle_view_layers()
 
 
 @persistent

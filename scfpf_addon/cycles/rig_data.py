@@ -14,6 +14,7 @@ from ..bridge import lattice_object, versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
+from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
 from ..scanline.field_nodes import BUILD, BUILD_KEY
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
@@ -59,7 +60,9 @@ def is_whole(rig) -> bool:
     """Whether all parts of a rig are there and its camera is a flexible one of its scene."""
     settings = rig.scfpf_rig
     scene, camera = settings.scene, settings.camera
-    if None in (scene, camera, settings.table) or not camera.scfpf.enabled:
+    if None in (scene, camera, settings.table) or camera.type != "CAMERA" or not camera.scfpf.enabled:
+        return False
+    if settings.portals is None or settings.portals.modifiers.get(MODIFIER) is None:
         return False
     for part in (settings.portals, settings.view_camera):
         if part is None or rig.objects.get(part.name) != part:
@@ -80,13 +83,19 @@ def check(scene, camera) -> None:
 
 
 def check_surfaces(camera) -> None:
-    """Raises RigError where the table of projectors does not follow a control surface."""
+    """Raises RigError where no table of projectors can be made of the control surfaces."""
     for slot in camera.scfpf.surfaces:
         if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
             raise RigError(
                 f"Cycles cannot follow the lattice '{slot.object.name}': use control surfaces instead of it, "
                 "or render with SCFPF"
             )
+    count = len(camera.scfpf.surfaces)
+    if not 2 <= count <= MAXIMUM_SURFACES:
+        raise RigError(
+            f"'{camera.name}' has {count or 'no'} control surface{'s' * (count != 1)}: a volume needs at "
+            f"least two and may have {MAXIMUM_SURFACES}; add one in the camera's properties or load a preset"
+        )
 
 
 def make_rig(scene, camera, chords: ChordPlan):
@@ -211,7 +220,10 @@ def adopt(rig) -> None:
         return
     if portal_object.animation_data is None or not camera.is_editable:
         return
-    update_nodes(rig)
+    try:
+        update_nodes(rig)
+    except RigError:
+        return  # again as soon as the camera has surfaces; the panel says so
     for curve in portal_object.animation_data.drivers:
         for variable in curve.driver.variables:
             target = variable.targets[0]
@@ -225,8 +237,12 @@ def has_old_nodes(rig) -> bool:
 
 
 def update_nodes(rig) -> None:
-    """The table and the modifier as the camera's list of surfaces and its settings now ask for."""
+    """The table and the modifier as the camera's list of surfaces and its settings now ask for.
+
+    Raises RigError.
+    """
     settings = rig.scfpf_rig
+    check_surfaces(settings.camera)
     settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
     settings.table[RIG_KEY] = settings.camera
     _place(settings.view_camera)

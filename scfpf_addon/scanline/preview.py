@@ -11,6 +11,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
+from ..bridge import versions
 from ..bridge.mesh_grid import uv_layer
 from . import preview_viewports
 from .picture_table import picture_signature
@@ -263,12 +264,14 @@ def _scene_updated(scene, depsgraph) -> None:
         changed = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
         tend(scene, changed, depsgraph)
         _follow_strokes(depsgraph)
+        versions.settle_view_layers()
 
 
 @persistent
 def _frame_changed(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT":
         tend(scene, False, may_remove=False)
+        versions.settle_view_layers()
 
 
 @persistent

@@ -13,6 +13,7 @@ import bpy
 from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.lattice_object import KIND as LATTICE_KIND
+from ..projection.preset import MAXIMUM_SURFACES
 from . import remap_nodes
 from .table_object import TABLE_KEY
 
@@ -58,7 +59,9 @@ def is_whole(source) -> bool:
     """Whether all parts of a preview are there and its camera is a flexible one of its scene."""
     settings = source.scfpf_preview
     scene, shelf, camera = settings.scene, settings.shelf, settings.camera
-    if None in (scene, shelf, camera, settings.table) or not camera.scfpf.enabled:
+    if None in (scene, shelf, camera, settings.table) or camera.type != "CAMERA":
+        return False
+    if not camera.scfpf.enabled:
         return False
     if not settings.parts or any(part.members is None for part in settings.parts):
         return False
@@ -114,6 +117,8 @@ def _check_surfaces(camera) -> None:
         )
     if len(surfaces) < 2 or None in surfaces:
         raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
+    if len(surfaces) > MAXIMUM_SURFACES:
+        raise PreviewError(f"'{camera.name}' has more than {MAXIMUM_SURFACES} control surfaces: remove some")
 
 
 def add_parts(source, count: int) -> list:

@@ -32,7 +32,8 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
     It is linked to no collection: the modifier that reads it keeps it evaluated.
     """
     table = camera.get(key)
-    if table is None or table.parent != camera:  # a duplicate of the camera points to the other one's
+    # A duplicate of the camera points to the other one's.
+    if not isinstance(table, bpy.types.Object) or table.parent != camera:
         name = f"{camera.name} {label}"
         table = bpy.data.objects.new(name, bpy.data.meshes.new(name))
         table.parent = camera

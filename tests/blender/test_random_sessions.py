@@ -58,3 +58,31 @@ def test_a_preset_is_not_exported_to_no_file(tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match="Choose a file"):
         bpy.ops.scfpf.preset_export(name="One")
     assert not list(tmp_path.iterdir())
+
+
+def test_passes_of_cycles_are_refused_in_another_engine_and_without_surfaces():
+    bpy.ops.scfpf.camera_add()
+    bpy.ops.scfpf.cycles_rig()
+    bpy.context.scene.render.engine = "SCFPF"
+    with pytest.raises(RuntimeError, match="Choose Cycles as the render engine") as refused:
+        bpy.ops.scfpf.cycles_passes()
+    assert "Traceback" not in str(refused.value)
+    bpy.context.scene.render.engine = "CYCLES"
+    bpy.ops.scfpf.surface_remove()
+    with pytest.raises(RuntimeError, match="needs at least two") as refused:
+        bpy.ops.scfpf.cycles_passes()
+    assert "Traceback" not in str(refused.value)
+
+
+def test_a_grid_of_another_name_is_subdivided_or_refused():
+    bpy.ops.scfpf.camera_add()
+    bpy.ops.scfpf.surface_to_grid(columns=2, rows=3)
+    camera = bpy.context.scene.camera
+    surface = camera.scfpf.surfaces[camera.scfpf.active_surface].object
+    surface.scfpf_surface.kind = "PATCH"
+    assert bpy.ops.scfpf.surface_subdivide() == {"FINISHED"}
+    assert len(surface.data.vertices) == 5 * 7
+    surface.scfpf_surface.kind = "NURBS"
+    with pytest.raises(RuntimeError, match="choose another kind") as refused:
+        bpy.ops.scfpf.surface_subdivide()
+    assert "Traceback" not in str(refused.value)

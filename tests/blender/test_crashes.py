@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What random sessions have crashed Blender with, each in a process that may crash."""
+
+import os
+import subprocess
+
+import pytest
+from test_render_engine import after, interpreter
+
+BEGIN = """
+import importlib, sys, bpy
+repository = sys.argv[-1]
+bpy.context.preferences.extensions.repos.new(
+    name="checkout", module="checkout", custom_directory=repository, remote_url="")
+assert bpy.ops.preferences.addon_enable(module="bl_ext.checkout.scfpf") == {"FINISHED"}
+bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+bpy.ops.mesh.primitive_cube_add()
+cube = bpy.context.object
+bpy.ops.scfpf.camera_add()
+camera, scene = bpy.context.object, bpy.context.scene
+
+def drive(obj, other):
+    driver = obj.driver_add("location", 0).driver
+    variable = driver.variables.new()
+    variable.name = driver.expression = "width"
+    target = variable.targets[0]
+    target.id_type, target.id, target.data_path = "SCENE", other, "render.resolution_x"
+"""
+END = """
+bpy.context.view_layer.update()
+print("SURVIVED", flush=True)
+"""
+
+# Blender 5.2 evaluates once more after a handler that unlinks something, and follows drivers into the
+# other scene, whose view layers it has not brought in step.
+CASES = {
+    "a camera is deleted from a linked copy of its scene, which a driver reads": """
+drive(cube, scene)
+bpy.ops.scene.new(type="LINK_COPY")
+bpy.ops.object.delete()
+""",
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_blender_survives(case, tmp_path, extension):
+    script = tmp_path / "session.py"
+    script.write_text(BEGIN + CASES[case] + END)
+    repository = os.path.dirname(os.path.dirname(extension.__file__))
+    done = subprocess.run(
+        [*interpreter(), str(script), *after(), repository],
+        env={**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path)},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert "SURVIVED" in done.stdout, f"ended with {done.returncode}: {done.stderr[-2000:]}"
+    assert "Traceback" not in done.stdout + done.stderr
