@@ -125,8 +125,9 @@ def ratios(figures: dict[str, Any], kind: str, step: str) -> list[float]:
 def table(results: dict[str, dict[str, Any]]) -> list[str]:
     """The figures as lines of Markdown."""
     lines = [
-        f"| scene | picture | seconds | Cycles, direct light (goal {TIME_GOAL:g}) | processor time | "
-        "Cycles, default bounces | processor time |",
+        "| scene | picture | seconds, processor time | "
+        f"Cycles, direct light, clock (goal {TIME_GOAL:g}) | processor | "
+        "Cycles, default bounces, clock | processor |",
         "|---|---|---|---|---|---|---|",
     ]
     memory = [f"| scene | MB | of Cycles' (goal {MEMORY_GOAL:g}) |", "|---|---|---|"]
@@ -136,8 +137,8 @@ def table(results: dict[str, dict[str, Any]]) -> list[str]:
             for step in STEPS:
                 clock, busy = (ratios(figures, each, step) for each in ("seconds", "processor"))
                 times = (f"{ratio:.1f} ×" for pair in zip(clock, busy, strict=True) for ratio in pair)
-                own = figures["SCFPF"]["seconds"][step]
-                lines.append(f"| {where} | {step} | {own:.2f} | {' | '.join(times)} |")
+                own = (f"{figures['SCFPF'][kind][step]:.2f}" for kind in ("seconds", "processor"))
+                lines.append(f"| {where} | {step} | {', '.join(own)} | {' | '.join(times)} |")
             share = figures["SCFPF"]["memory"] / figures["direct"]["memory"]
             memory.append(f"| {where} | {figures['SCFPF']['memory']:.0f} | {share:.2f} |")
     return [*lines, "", *memory]

@@ -22,13 +22,14 @@ NO_MATERIAL = "default_surface"
 
 @dataclass(frozen=True)
 class MaterialConstants:
-    """One material, scene-linear. base_color, emission: (3,)."""
+    """One material, scene-linear. base_color, emission: (3,). edge: see ``Materials``."""
 
     base_color: Array
     metallic: float = 0.0
     roughness: float = 0.5
     specular_f0: float = DEFAULT_F0
     emission: Array | tuple = (0.0, 0.0, 0.0)
+    edge: float = 1.0
 
 
 # What a face without a material shows, as in Cycles and EEVEE.
@@ -77,7 +78,7 @@ class MaterialTable:
         """All of them as arrays, colours and values in their allowed ranges."""
         columns = {
             name: np.nan_to_num(np.array([getattr(row, name) for row in self._rows], np.float64))
-            for name in ("base_color", "metallic", "roughness", "specular_f0", "emission")
+            for name in ("base_color", "metallic", "roughness", "specular_f0", "emission", "edge")
         }
         for name in ("metallic", "roughness", "specular_f0"):
             columns[name] = columns[name].clip(0.0, 1.0)
@@ -160,7 +161,7 @@ def _diffuse(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
 
 def _glossy(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
     roughness = inputs.value("Roughness", inputs.viewport.roughness)
-    return MaterialConstants(inputs.color("Color"), metallic=1.0, roughness=roughness), inputs.whole
+    return MaterialConstants(inputs.color("Color"), metallic=1.0, roughness=roughness, edge=0.0), inputs.whole
 
 
 def _emission(inputs: _Inputs) -> tuple[MaterialConstants, bool]:

@@ -93,7 +93,7 @@ def cast(
     counts.projectors += int(np.count_nonzero(mask))
     bundle = Bundle(spans, points)
     if reach is None:
-        return complete(Hits.empty(len(x))._replace(mask=mask), bundle)
+        return complete(Hits.unplaced(len(x))._replace(mask=mask), bundle)
     return complete(cast_chords(scene, bundle, mask, corners(spans, reach), counts)[0], bundle)
 
 
@@ -115,12 +115,12 @@ def _cast_curved(
     where = stretches(scene.occupancy, spans, bundle.single, columns)
     reach = where.reach
     if reach is None or not mask.any():
-        return complete(Hits.empty(len(x))._replace(mask=mask), bundle)
+        return complete(Hits.unplaced(len(x))._replace(mask=mask), bundle)
     error = max(pixel_error, SMALLEST_ERROR)
     groups = bend_groups(points, mask)
-    answer = Hits.empty(len(x))
+    answer = Hits.unplaced(len(x) if len(groups) > 1 else 0)
     for group in groups:
-        curves = sample_curves(projection, x, y, group, pixel_size)
+        curves = sample_curves(projection, x, y, group, pixel_size, columns)
         schedule = plan(spans, curves, reach, error, 1)
         counts.error_bound = max(counts.error_bound, schedule.error)
         hits, doubtful = cast_chords(scene, bundle, group, schedule, counts, where, False)

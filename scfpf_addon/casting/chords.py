@@ -47,12 +47,13 @@ class Work(NamedTuple):
     hits: Hits
     counts: CastCounts
 
-    def store(self, projector: NDArray[np.intp], found: Solutions, which: IndexArray) -> None:
-        """Write the solutions ``which`` of the projectors into the hits."""
-        where = projector[which]
-        self.hits.t[where] = found.t[which]
-        self.hits.triangle[where] = found.triangle[which]
-        self.hits.barycentric[:, where] = found.barycentric[:, which]
+    def store(self, projector: NDArray[np.intp], found: Solutions) -> None:
+        """Write the solutions of the projectors into the hits."""
+        self.hits.t[projector] = found.t
+        self.hits.triangle[projector] = found.triangle
+        # Row by row: indices along one axis alone are quick.
+        for row, weights in zip(self.hits.barycentric, found.barycentric, strict=True):
+            row[projector] = weights
 
 
 def cast_chords(
@@ -71,7 +72,7 @@ def cast_chords(
     hits that the curves do not bear out as the chords have them. Otherwise they are left
     out, and the second answer is the projectors that have one.
     """
-    hits = Hits.empty(bundle.count)._replace(mask=mask)
+    hits = Hits.unplaced(bundle.count)._replace(mask=mask)
     work = Work(scene, bundle, schedule, hits, counts)
     records = _march(work, mask, where)
     curves = bundle.take(records.projector)
@@ -81,13 +82,22 @@ def cast_chords(
     low, high = (begin - slack).take(records.chord), (end + slack).take(records.chord)
     found = curves.solve(scene, records.triangle, span, low, high)
     counts.walked += curves.walk(scene, span, low, high, found)
-    work.store(records.projector, found, np.flatnonzero(found.inside))
+    work.store(records.projector, found)
     doubtful = np.flatnonzero(~found.inside)
+    some = records.take(doubtful)
     if last:
         counts.unresolved += len(doubtful)
-        some = records.take(doubtful)
-        work.store(some.projector, _chord_hits(work, some), np.arange(len(doubtful)))
-    return hits, records.projector[doubtful]
+        work.store(some.projector, _chord_hits(work, some))
+    else:
+        work.store(some.projector, _none(len(doubtful)))
+    return hits, some.projector
+
+
+def _none(count: int) -> Solutions:
+    """Solutions that are none."""
+    return Solutions(
+        np.full(count, np.inf), np.full(count, -1, np.int32), np.zeros((2, count)), np.zeros(count, bool)
+    )
 
 
 def complete(hits: Hits, bundle: Bundle) -> Hits:

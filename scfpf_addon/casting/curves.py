@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..projection.basis import SpanBasis
 from ..projection.bezier import bernstein, bernstein_derivative, evaluate, restrict
 from ..projection.typing import Array, BoolArray, IndexArray
-from .plane_roots import unit_roots
+from .plane_roots import crossing, unit_roots
 from .scene import CastScene
 
 # A curve that leaves a triangle by less than this share of it still hits it: with
@@ -44,7 +44,12 @@ class Solutions(NamedTuple):
 
     def take(self, index: IndexArray) -> Solutions:
         """The solutions at ``index``."""
-        return Solutions(self.t[index], self.triangle[index], self.barycentric[:, index], self.inside[index])
+        return Solutions(
+            self.t.take(index),
+            self.triangle.take(index),
+            self.barycentric.take(index, 1),
+            self.inside.take(index),
+        )
 
     def put(self, where: IndexArray, found: Solutions, which: IndexArray) -> None:
         """Write the solutions ``which`` of ``found`` over those at where[which]."""
@@ -79,6 +84,8 @@ class Bundle:
     def at(self, t: Array) -> tuple[Array, Array]:
         """Position and tangent dQ/dt at t (N,), each (3, N)."""
         if self.spans.direct and self.spans.point_weights is None:
+            if self.spans.degree == 2:
+                return self._at_quadratic(t)
             weights, slopes = bernstein(self.spans.degree, t), bernstein_derivative(self.spans.degree, t)
         else:
             weights, slopes = self.spans.weights(t)
@@ -86,6 +93,22 @@ class Bundle:
             np.einsum("kn,kcn->cn", weights, self.points),
             np.einsum("kn,kcn->cn", slopes, self.points),
         )
+
+    def _at_quadratic(self, t: Array) -> tuple[Array, Array]:
+        """As ``at``, by differences: Q0 + t (2 d + t e), with d from Q0 to Q1 and e how that changes."""
+        first, middle, last = self.points
+        step = middle - first
+        change = last - middle
+        change -= step
+        change *= t
+        tangent = change
+        tangent += step
+        position = step
+        position += tangent
+        position *= t
+        position += first
+        tangent *= 2.0
+        return position, tangent
 
     def place(self, t: Array) -> Array:
         """The position at t (N,), (3, N)."""
@@ -155,27 +178,32 @@ class Bundle:
         first = np.clip((low - start) / length, 0.0 - T_ROUNDING, 1.0)
         last = np.clip((high - start) / length, 0.0, 1.0 + T_ROUNDING)
         if len(coefficients) == 3:
-            roots = _quadratic(coefficients, first, last)
-        elif len(coefficients) > 2:
-            roots = _restricted(coefficients, first, last)
+            root, others = _single_roots(coefficients, first, last)
         else:
-            roots = _linear(coefficients, first, last)
-        t = np.clip(start + roots * length, 0.0, 1.0)
-        best = self._inside(scene, triangle, t[0])
-        for later in t[1:]:
-            open_ones = np.flatnonzero(~best.inside & ~np.isnan(later))
-            if len(open_ones):
-                again = self.take(open_ones)._inside(scene, triangle[open_ones], later[open_ones])
-                better = open_ones[again.inside]
-                best.t[better] = again.t[again.inside]
-                best.barycentric[:, better] = again.barycentric[:, again.inside]
-                best.inside[better] = True
+            root, others = np.empty(len(triangle)), np.arange(len(triangle))
+        several = _restricted if len(coefficients) > 2 else _linear
+        roots = several(coefficients.take(others, 1), first.take(others), last.take(others))
+        root[others] = roots[0]
+        best = self._inside(scene, triangle, np.clip(start + root * length, 0.0, 1.0))
+        if len(roots) > 1 and len(others):
+            if not self.spans.direct:
+                start, length = start.take(others), length.take(others)
+            later = np.clip(start + roots[1:] * length, 0.0, 1.0)
+            for t in later:
+                open_ones = np.flatnonzero(~best.inside.take(others) & ~np.isnan(t))
+                if len(open_ones):
+                    which = others[open_ones]
+                    again = self.take(which)._inside(scene, triangle[which], t[open_ones])
+                    best.put(which, again, np.flatnonzero(again.inside))
         return best
 
     def next_root(
         self, scene: CastScene, triangle: IndexArray, span: IndexArray, low: Array, high: Array
-    ) -> Solutions:
-        """The first meeting with the triangles' planes in [low, high] of t, in the spans; all (N,)."""
+    ) -> tuple[Solutions, Array]:
+        """The first meeting with the triangles' planes in [low, high] of t, in the spans; all (N,).
+
+        Also where that is, (3, N), anything where it is nowhere.
+        """
         plane = scene.planes.take(triangle, 1)
         heights = np.einsum("cn,kcn->kn", plane[:3], self.points)
         heights += plane[3]
@@ -194,7 +222,7 @@ class Bundle:
                 early = np.flatnonzero(t < low)
                 t[early] = root[early]
             t[(t < low) | (t > high)] = np.nan
-        return self._inside(scene, triangle, t)
+        return self._inside_at(scene, triangle, t)
 
     def walk(self, scene: CastScene, span: IndexArray, low: Array, high: Array, found: Solutions) -> int:
         """Move solutions outside their triangle to the neighbour that they are in.
@@ -239,12 +267,16 @@ class Bundle:
 
     def _inside(self, scene: CastScene, triangle: IndexArray, t: Array) -> Solutions:
         """Solutions at t (N,), NaN allowed."""
+        return self._inside_at(scene, triangle, t)[0]
+
+    def _inside_at(self, scene: CastScene, triangle: IndexArray, t: Array) -> tuple[Solutions, Array]:
+        """As _inside, and where they are, (3, N)."""
         known = ~np.isnan(t)
         position = self.place(np.where(known, t, 0.0))
         barycentric = scene.barycentric(position, triangle)
         second, third = barycentric
         inside = known & (second >= -INSIDE) & (third >= -INSIDE) & (second + third <= 1.0 + INSIDE)
-        return Solutions(t, triangle, barycentric, inside)
+        return Solutions(t, triangle, barycentric, inside), position
 
 
 def _restricted(coefficients: Array, low: Array, high: Array) -> Array:
@@ -253,18 +285,18 @@ def _restricted(coefficients: Array, low: Array, high: Array) -> Array:
     return roots
 
 
-def _quadratic(coefficients: Array, low: Array, high: Array) -> Array:
-    """As _restricted: all roots are as quickly found as those in a part, but at the ends of [0, 1]."""
-    roots = unit_roots(coefficients)
-    with np.errstate(invalid="ignore"):
-        roots[(roots < low) | (roots > high)] = np.nan
-    late = np.flatnonzero(np.isnan(roots[0]))
-    roots[0, late] = roots[1, late]
-    roots[1, late] = np.nan
-    ends = np.flatnonzero((low <= 0.0) | (high >= 1.0))
-    if len(ends):
-        roots[:, ends] = _restricted(coefficients.take(ends, 1), low.take(ends), high.take(ends))
-    return roots
+def _single_roots(coefficients: Array, low: Array, high: Array) -> tuple[Array, IndexArray]:
+    """The roots (N,) of quadratics whose ends lie on different sides, and the numbers of those left.
+
+    Left are those with another number of roots, those whose root is not in [low, high], and those for
+    which an end of that is one of [0, 1]: there rounding decides.
+    """
+    first, middle, last = coefficients
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        root = crossing(first, middle, last)
+        known = (first * last < 0.0) & (root >= low) & (root <= high)
+    known &= (low > 0.0) & (high < 1.0)
+    return root, np.flatnonzero(~known)
 
 
 def _linear(coefficients: Array, low: Array, high: Array) -> Array:

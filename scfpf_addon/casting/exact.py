@@ -77,7 +77,7 @@ def cast_exact(
     than the scene would need more chords than ``certify.MOST_CHORDS``.
     """
     prisms = scene.prisms
-    hits = Hits.empty(bundle.count)._replace(mask=mask)
+    hits = Hits.unplaced(bundle.count)._replace(mask=mask)
     present = np.flatnonzero(mask)
     if len(present) == 0:
         return hits
@@ -139,7 +139,7 @@ def _in_halves(scene: CastScene, bundle: Bundle, mask: BoolArray, counts: CastCo
             f"exact casting would need more than {MOST_CHORDS:,} chords a projector, so much larger than the "
             "scene is the viewing volume: set the pixel error above 0, or bring the control surfaces nearer"
         )
-    hits = Hits.empty(bundle.count)
+    hits = Hits.unplaced(bundle.count)
     for part in np.array_split(np.arange(bundle.count), 2):
         hits.put(part, cast_exact(scene, bundle.take(part), mask[part], None, counts))
     return hits

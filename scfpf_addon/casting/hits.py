@@ -43,15 +43,27 @@ class Hits(NamedTuple):
             np.zeros(count, bool),
         )
 
+    @classmethod
+    def unplaced(cls, count: int) -> Hits:
+        """As ``empty``, but position and tangent are anything until ``chords.complete`` gives them."""
+        return cls(
+            np.full(count, np.inf),
+            np.full(count, -1, np.int32),
+            np.zeros((2, count)),
+            np.empty((3, count)),
+            np.empty((3, count)),
+            np.zeros(count, bool),
+        )
+
     def take(self, index: IndexArray) -> Hits:
         """Copies of the hits at ``index``."""
         return Hits(
-            self.t[index],
-            self.triangle[index],
-            self.barycentric[:, index],
-            self.position[:, index],
-            self.tangent[:, index],
-            self.mask[index],
+            self.t.take(index),
+            self.triangle.take(index),
+            self.barycentric.take(index, 1),
+            self.position.take(index, 1),
+            self.tangent.take(index, 1),
+            self.mask.take(index),
         )
 
     def put(self, where: slice | IndexArray, part: Hits) -> None:

@@ -38,44 +38,65 @@ def march(
     """
     size = members.shape[1]
     controls = source.take(members.ravel(), 2)
-    searching = mask[members] & (members >= 0)
-    # Of each ray, negative where none is cast, and how many of a block are.
-    limits = np.where(searching, np.float32(1.0 + OVERLAP), np.float32(-1.0))
-    left = searching.sum(axis=1)
+    # Of each ray, negative where none is cast.
+    limits = np.full(members.shape, 1.0 + OVERLAP, np.float32)
+    if not mask.all():
+        limits[~mask.take(members)] = -1.0
+    limits[members < 0] = -1.0
     weights = ends.astype(source.dtype)
     ways = np.diff(ends, axis=0).astype(source.dtype)
-    triangle = np.full(members.size, -1, np.int32)
-    chords = np.zeros(members.size, np.intp)
-    shares = np.zeros(members.size)
+    triangle = np.full(members.shape, -1, np.int32)
+    chords = np.zeros(members.shape, np.int32)
+    shares = np.zeros(members.shape)
+    # How many rays of a block are still to be cast.
+    left = (limits > 0.0).sum(axis=1)
     cast = 0
     for chord in range(len(ways)):
         blocks = np.flatnonzero(held[chord] & (left > 0))
-        count = int(left[blocks].sum())
+        count = int(left.take(blocks).sum())
         if count == 0:
             continue
         cast += count
-        now = limits.take(blocks, 0).ravel()
-        sparse = count < (1.0 - MOST_DEAD) * len(now)
+        whole = len(blocks) == len(members)
+        now = limits if whole else limits.take(blocks, 0)
+        sparse = count < (1.0 - MOST_DEAD) * now.size
         if sparse:
-            rays = np.flatnonzero(now > 0.0)
-            slots = blocks[rays // size] * size + rays % size
-            some, now = controls.take(slots, 2), now.take(rays)
-        elif len(blocks) < len(members):
+            rays = np.flatnonzero(now.ravel() > 0.0)
+            some = controls.take(blocks.take(rays // size) * size + rays % size, 2)
+        elif whole:
+            some = controls
+        else:
             some = controls.reshape(*source.shape[:2], *members.shape).take(blocks, 2)
             some = some.reshape(*source.shape[:2], -1)
-        else:
-            some = controls
         start = np.einsum("k,kcn->cn", weights[chord], some)
         way = np.einsum("k,kcn->cn", ways[chord], some)
-        found, where = trace(start, way, now)
-        hit = np.flatnonzero(found >= 0)
-        if len(hit) == 0:
+        found, where = trace(start, way, now.ravel().take(rays) if sparse else now.ravel())
+        if sparse:
+            met = np.flatnonzero(found >= 0)
+            slot = rays.take(met)
+            slot = blocks.take(slot // size) * size + slot % size
+            triangle.ravel()[slot], chords.ravel()[slot] = found.take(met), chord
+            limits.ravel()[slot] = -1.0
+            if where is not None:
+                shares.ravel()[slot] = where.take(met)
+            left -= np.bincount(slot // size, minlength=len(left))
             continue
-        slot = slots[hit] if sparse else blocks[hit // size] * size + hit % size
-        triangle[slot], chords[slot] = found[hit], chord
+        found = found.reshape(now.shape)
+        hit = found >= 0
+        left[blocks] -= hit.sum(axis=1)
+        # Whole blocks are written back: what has been met before is kept.
+        before = triangle.take(blocks, 0)
+        triangle[blocks] = np.maximum(before, found, out=before)
+        number = chords.take(blocks, 0)
+        np.putmask(number, hit, chord)
+        chords[blocks] = number
+        np.putmask(now, hit, -1.0)
+        limits[blocks] = now
         if where is not None:
-            shares[slot] = where[hit]
-        limits.ravel()[slot] = -1.0
-        left -= np.bincount(slot // size, minlength=len(left))
+            share = shares.take(blocks, 0)
+            np.copyto(share, where.reshape(now.shape), where=hit)
+            shares[blocks] = share
     slot = np.flatnonzero(triangle >= 0)
-    return Records(members.ravel()[slot], chords[slot], triangle[slot]), shares[slot], cast
+    chord_of = chords.ravel().take(slot).astype(np.intp)
+    records = Records(members.ravel().take(slot), chord_of, triangle.ravel().take(slot))
+    return records, shares.ravel().take(slot), cast

@@ -8,6 +8,7 @@ projectors are looked for by boxes around the control points of their pieces.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise, product
 from typing import Any, NamedTuple
 
@@ -204,15 +205,19 @@ def _small_pieces(corners: Array) -> list[Array]:
 class Stretches(NamedTuple):
     """Where along t blocks of projectors may meet something.
 
-    edges: (P+1,) in t. held: (P, B) bool. block: (N,) of each projector.
+    edges: (P+1,) in t. held: (P, B) bool. block: (N,) of each projector. grid: what ``members``
+    answers, if that is known.
     """
 
     edges: Array
     held: BoolArray
     block: IndexArray
+    grid: IndexArray | None = None
 
     def members(self) -> IndexArray:
         """The projectors of each block, (B, most in one), -1 where there are fewer."""
+        if self.grid is not None:
+            return self.grid
         # NumPy sorts 16 bits by radix, in a tenth of the time.
         few = self.held.shape[1] <= np.iinfo(np.uint16).max
         order = np.argsort(self.block.astype(np.uint16) if few else self.block, kind="stable")
@@ -234,18 +239,38 @@ class Stretches(NamedTuple):
     def take(self, which: IndexArray) -> Stretches:
         """Those of the projectors ``which``, and of the blocks only theirs."""
         blocks, block = np.unique(self.block[which], return_inverse=True)
-        return self._replace(held=self.held.take(blocks, 1), block=block)
+        return self._replace(held=self.held.take(blocks, 1), block=block, grid=None)
 
     def within(self, low: Array, high: Array) -> BoolArray:
         """Whether blocks may meet something in [low, high] (C,) of t, (C, B)."""
-        few = len(self.held) <= np.iinfo(np.int16).max
-        before = np.zeros((len(self.edges), self.held.shape[1]), np.int16 if few else np.int32)
-        for piece, held in enumerate(self.held):
-            np.add(before[piece], held, out=before[piece + 1])
         first = np.clip(np.searchsorted(self.edges, low, side="right") - 1, 0, len(self.held))
         last = np.clip(np.searchsorted(self.edges, high, side="left"), 0, len(self.held))
-        some: BoolArray = before[last] > before[first]
+        some: BoolArray = np.zeros((len(first), self.held.shape[1]), bool)
+        if len(first) > len(self.held):
+            before = np.zeros((len(self.edges), self.held.shape[1]), np.int32)
+            np.cumsum(self.held, axis=0, out=before[1:])
+            np.greater(before[last], before[first], out=some)
+            return some
+        for chord, (start, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+            np.logical_or.reduce(self.held[start:end], axis=0, out=some[chord])
         return some
+
+
+@lru_cache(maxsize=8)
+def _grid_of_blocks(rows: int, columns: int, height: int, width: int) -> tuple[IndexArray, IndexArray]:
+    """The block of each pixel (rows · columns,), and the pixels of each block (B, height · width), read-only.
+
+    -1 where a block reaches over the border. Nearly all tiles of a picture have one size.
+    """
+    row, column = np.arange(rows) // height, np.arange(columns) // width
+    block = (row[:, None] * (column[-1] + 1) + column).ravel()
+    members = np.full(((row[-1] + 1) * height, (column[-1] + 1) * width), -1)
+    members[:rows, :columns] = np.arange(rows * columns).reshape(rows, columns)
+    members = members.reshape(row[-1] + 1, height, column[-1] + 1, width).swapaxes(1, 2)
+    members = np.ascontiguousarray(members).reshape(-1, height * width)
+    for kept in (block, members):
+        kept.setflags(write=False)
+    return block, members
 
 
 def everywhere(count: int) -> Stretches:
@@ -274,26 +299,36 @@ def stretches(
         # As high as makes them all of one height, so that none is left nearly empty.
         height, width = -(-rows.shape[2] // max(1, round(rows.shape[2] / BLOCK))), BLOCK
     lower, upper = (_reduced(_reduced(rows, f, 2, height), f, 3, width) for f in (np.minimum, np.maximum))
-    row, column = np.arange(rows.shape[2]) // height, np.arange(rows.shape[3]) // width
-    block = (row[:, None] * (column[-1] + 1) + column).ravel()
+    block, members = _grid_of_blocks(rows.shape[2], rows.shape[3], height, width)
     weights = piece_weights(spans)
     slack = np.float32(apart + SLACK * (1.0 + max(float(upper.max()), -float(lower.min()))))
     held = np.zeros((len(weights), *lower.shape[2:]), bool)
     # Groups of blocks are looked at first: where they meet nothing, their blocks need not be.
-    starts = range(0, held.shape[2], -(-held.shape[2] // GROUPS))
-    for start, end in pairwise((*starts, held.shape[2])):
-        least, most = lower[..., start:end], upper[..., start:end]
-        around = least.min(axis=(2, 3))[:, :, None], most.max(axis=(2, 3))[:, :, None]
-        low, high = piece_bounds(weights, *around)
-        some = np.flatnonzero(occupancy.holds(low - slack, high + slack))
+    starts = (*range(0, held.shape[2], -(-held.shape[2] // GROUPS)), held.shape[2])
+    least = np.minimum.reduceat(lower.min(axis=2), starts[:-1], axis=2)
+    most = np.maximum.reduceat(upper.max(axis=2), starts[:-1], axis=2)
+    low, high = piece_bounds(weights, least, most)
+    met = occupancy.holds(low - slack, high + slack)
+    parts, bounds = [], []
+    for (start, end), group in zip(pairwise(starts), met.T, strict=True):
+        some = np.flatnonzero(group)
         if len(some):
-            boxes = (a.reshape(*a.shape[:2], -1) for a in (least, most))
+            boxes = (a[..., start:end].reshape(*a.shape[:2], -1) for a in (lower, upper))
             low, high = piece_bounds(weights[some], *boxes)
-            inside = occupancy.holds(low - slack, high + slack)
-            held[some, :, start:end] = inside.reshape(len(some), *least.shape[2:])
+            bounds.append((low.reshape(3, -1), high.reshape(3, -1)))
+            parts.append((some, start, end))
+    if parts:
+        low, high = (np.concatenate(each, axis=1) for each in zip(*bounds, strict=True))
+        low -= slack
+        high += slack
+        inside, done = occupancy.holds(low, high), 0
+        for some, start, end in parts:
+            shape = len(some), held.shape[1], end - start
+            held[some, :, start:end] = inside[done : done + np.prod(shape)].reshape(shape)
+            done += np.prod(shape)
     least, most = (a.reshape(*a.shape[:2], -1) for a in (lower, upper))
-    parts = _parts(occupancy, spans, held.reshape(len(held), -1), least, most, slack)
-    return Stretches(piece_edges(spans, PARTS), parts, block)
+    fine = _parts(occupancy, spans, held.reshape(len(held), -1), least, most, slack)
+    return Stretches(piece_edges(spans, PARTS), fine, block, members)
 
 
 def _parts(

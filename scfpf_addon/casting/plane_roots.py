@@ -55,14 +55,14 @@ def _quadratic(coefficients: Array) -> Array:
     first, middle, last = coefficients
     roots = np.full((2, len(first)), np.nan)
     sides = first * last
-    np.copyto(roots[0], _crossing(first, middle, last), where=sides < 0.0)
+    np.copyto(roots[0], crossing(first, middle, last), where=sides < 0.0)
     turning = np.flatnonzero((sides >= 0.0) & ((first * middle <= 0.0) | (sides == 0.0)))
     if len(turning):
         roots[:, turning] = _turning(*coefficients.take(turning, 1))
     return roots
 
 
-def _crossing(first: Array, middle: Array, last: Array) -> Array:
+def crossing(first: Array, middle: Array, last: Array) -> Array:
     """The one root of quadratics whose ends lie on different sides, as s/(1-s): nothing cancels."""
     upward = np.abs(middle) + np.sqrt(middle * middle - first * last)
     early = first * middle < 0.0
@@ -130,7 +130,7 @@ def _monotone(coefficients: Array) -> Array:
     degree = len(coefficients) - 1
     start, end = coefficients[0], coefficients[-1]
     middle = _value(coefficients, np.full(1, 0.5))[0]
-    s = _crossing(start, 2.0 * middle - 0.5 * (start + end), end)
+    s = crossing(start, 2.0 * middle - 0.5 * (start + end), end)
     powers = [start]
     differences = coefficients
     for k in range(1, degree + 1):

@@ -24,11 +24,11 @@ Float32Array = NDArray[np.float32]
 
 # ε is this share of a typical triangle's height: thinner prisms need more chords, of which
 # few are cast; thicker ones are entered in vain more often.
-EPSILON_SHARE = 1.0 / 100.0
+EPSILON_SHARE = 1.0 / 200.0
 
 # Bounds of ε in cast units: below, caps of uneven prisms would be closer than a walk can tell
 # apart; above, a scene of a few large triangles would be entered from everywhere.
-EPSILON_RANGE = (2e-5, 2e-2)
+EPSILON_RANGE = (1e-5, 2e-2)
 
 # Every prism is thicker by this, in cast units, for the rounding of its corners, of
 # chord ends and of Embree's arithmetic: 50 roundings (2⁻²⁴) of a coordinate of 1.

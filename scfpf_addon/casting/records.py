@@ -20,4 +20,4 @@ class Records(NamedTuple):
 
     def take(self, index: IndexArray) -> Records:
         """The records at ``index``."""
-        return Records(self.projector[index], self.chord[index], self.triangle[index])
+        return Records(self.projector.take(index), self.chord.take(index), self.triangle.take(index))

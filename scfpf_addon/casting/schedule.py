@@ -134,13 +134,25 @@ def scene_reach(spans: SpanBasis, points: Array, scene: CastScene) -> tuple[floa
 
 
 def sample_curves(
-    projection: Projection, x: Array, y: Array, mask: BoolArray, pixel_size: tuple[float, float]
+    projection: Projection,
+    x: Array,
+    y: Array,
+    mask: BoolArray,
+    pixel_size: tuple[float, float],
+    columns: int | None = None,
 ) -> Curves:
-    """A spread of the tile's projectors: its outermost ones and SAMPLES within."""
+    """A spread of the tile's projectors: its outermost ones and SAMPLES within.
+
+    columns: says that they are whole rows of so many pixels.
+    """
     present = np.flatnonzero(mask)
     if len(present) > SAMPLES:
-        px, py = x[present], y[present]
-        outermost = [f(a) for a in (px, py, px + py, px - py) for f in (np.argmin, np.argmax)]
+        if columns is not None and len(present) == len(mask):
+            last = len(mask) - 1
+            outermost = [0, columns - 1, last - columns + 1, last]
+        else:
+            px, py = x[present], y[present]
+            outermost = [int(f(a)) for a in (px, py, px + py, px - py) for f in (np.argmin, np.argmax)]
         # Multiples of the golden section spread evenly over rows and columns alike.
         spread = (np.arange(SAMPLES) * 0.6180339887498949 % 1.0 * len(present)).astype(np.int64)
         present = present[np.concatenate([outermost, spread])]

@@ -30,10 +30,10 @@ def settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
     scene = walk.scene
     curves = walk.bundle.take(rays.projector)
     met_t, end_t = _straight(walk, rays)
-    found = curves.next_root(scene, triangle, walk.chords.span.take(rays.chord), met_t, end_t)
+    found, way = curves.next_root(scene, triangle, walk.chords.span.take(rays.chord), met_t, end_t)
     walk.counts.tested += len(triangle)
     start = curves.place(met_t)
-    way = curves.place(np.where(found.inside, found.t, met_t)) - start
+    way -= start
     certain = _well_within(walk, found.barycentric, triangle) & _nearer(walk, rays, found)
     certain &= _well_within(walk, scene.barycentric(start, triangle), triangle)
     some = np.flatnonzero(certain)
@@ -107,9 +107,8 @@ def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> BoolArray:
     curves, start, way = curves.take(some), start.take(some, 1), way.take(some, 1)
     aim, over, rays = aim[some], over[some], rays.take(some)
     walk.counts.tested += len(some)
-    found: Solutions = curves.next_root(
-        scene, aim, walk.chords.span.take(rays.chord), met_t[some], end_t[some]
-    )
+    span = walk.chords.span.take(rays.chord)
+    found, _ = curves.next_root(scene, aim, span, met_t[some], end_t[some])
     clear = _nearer(walk, rays, found) & _well_within(walk, found.barycentric, aim)
     clear &= _well_within(walk, scene.barycentric(start, over), over)
     clear &= (_apart(walk, start, way, aim) > WELL_WITHIN) & (_apart(walk, start, way, over) > WELL_WITHIN)

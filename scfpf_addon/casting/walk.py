@@ -44,7 +44,12 @@ class Rays(NamedTuple):
 
     def take(self, index: IndexArray) -> Rays:
         """The rays at ``index``."""
-        return Rays(self.projector[index], self.chord[index], self.share[index], self.last[:, index])
+        return Rays(
+            self.projector.take(index),
+            self.chord.take(index),
+            self.share.take(index),
+            self.last.take(index, 1),
+        )
 
 
 class Walk(NamedTuple):
@@ -242,7 +247,9 @@ def store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
     """Write the solutions into the hits of the projectors (M,)."""
     hits.t[projector] = found.t
     hits.triangle[projector] = found.triangle
-    hits.barycentric[:, projector] = found.barycentric
+    # Row by row: indices along one axis alone are quick.
+    for row, weights in zip(hits.barycentric, found.barycentric, strict=True):
+        row[projector] = weights
 
 
 def behind(walk: Walk, rays: Rays, step: float) -> Rays:

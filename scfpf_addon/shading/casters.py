@@ -14,6 +14,7 @@ from ..casting.scene import ORIGIN_OFFSET
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import ViewingVolume
 from .scene import Light, Scene
+from .visible import catches
 
 # Turns of 22.5° about a sun's direction; axes and diagonals of space for other lamps.
 TURNS = np.arange(8) * (np.pi / 4)
@@ -29,7 +30,8 @@ def may_shade(scene: Scene, shown: BoolArray, volume: ViewingVolume) -> BoolArra
     """Which triangles (T,) may cast a shadow on those ``shown`` (T,), where the volume meets them."""
     whole = scene.geometry
     everything = np.ones(len(whole.triangles), bool)
-    if scene.world is not None:
+    # A world of one colour casts shadows on catchers alone.
+    if scene.world is not None or (catches(whole) and np.any(scene.world_color)):
         return everything
     seen = np.zeros(len(whole.vertices), bool)
     seen[whole.triangles[shown]] = True

@@ -18,7 +18,7 @@ from .lit import reaching
 from .scene import Scene
 from .settings import FrameSettings
 from .sky_light import SkyLight
-from .surface import PhongTable, SurfaceTable
+from .surface import LightTable, SurfaceTable
 from .tracing import Tracer
 from .typing import Single
 from .visible import catches, held_out, shadowed, shadowing
@@ -33,7 +33,7 @@ class Shading:
     """
 
     surface: SurfaceTable
-    phong: PhongTable
+    phong: LightTable
     lamps: tuple[Lamp, ...]
     tracer: Tracer | None
     held_out: BoolArray | None = None
@@ -47,7 +47,7 @@ class Shading:
         shadows = any(light.casts_shadow for light in lights) or sky is not None
         cast_shadows = shadows or catches(scene.geometry)
         surface = SurfaceTable.of(scene.geometry, cast_scene, cast_shadows, settings.threads)
-        phong = PhongTable.of(scene.materials, scene.world_color, sky)
+        phong = LightTable.of(scene.materials, scene.world_color, sky)
         lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
         lamps += sky.lamps if sky else ()
         lamps = tuple(shadowed(lamp, scene.geometry, cast_scene) for lamp in lamps)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lamps in Blender's units, straight shadow rays, and the Phong sum (paper §4.3).
+"""Lamps in Blender's units, straight shadow rays, and the sum of what they light (paper §4.3).
 
 Everything happens in cast space. Lengths there are ``scale`` times the world's,
 so a lamp whose light thins out with the square of the distance is made scale² stronger.
@@ -16,11 +16,12 @@ import numpy as np
 
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
+from .highlight import facets
 from .light_passes import DIFFUSE, SPECULAR, LightParts
 from .normals import dot
 from .sample_sets import lamp_positions
 from .scene import Light
-from .surface import TINY, PhongTable, SurfacePoints
+from .surface import TINY, LightTable, SurfacePoints
 from .typing import Single
 
 # A blend of nothing would make the spot's edge a division by zero.
@@ -135,7 +136,7 @@ class Lamp:
 
 def radiance(
     points: SurfacePoints,
-    table: PhongTable,
+    table: LightTable,
     lamps: Sequence[Lamp],
     sample: int | IndexArray,
     cast_scene: CastScene,
@@ -143,8 +144,8 @@ def radiance(
 ) -> Single:
     """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 
-    Emission and the world's or the sky's light, plus for every lamp Lambert's and Phong's share
-    of what arrives. The highlight is (R·V)ⁿ with V against the projector's tangent.
+    Emission and the world's or the sky's light, plus for every lamp Lambert's share of what arrives
+    and that of GGX facets, towards V against the projector's tangent.
     parts: gets what it is the sum of, where that is asked for.
     """
     color = np.empty_like(points.normal)
@@ -156,7 +157,7 @@ def radiance(
         color += lit
         if parts:
             parts.rows[DIFFUSE] += lit
-    exponent = by_material(table.exponent, points.material)
+    alpha = by_material(table.alpha, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:
         light = lamp.incidence(points.position, sample)
@@ -177,14 +178,11 @@ def radiance(
             if parts:
                 parts.rows[DIFFUSE] += lit
         if table.glossy and lamp.light.mirrored:
-            mirror = 2 * cosine
-            mirror *= facing
-            mirror -= dot(points.view, light.direction)
-            # exp(n log x) because NumPy vectorises these for float32 and its power is ten times slower.
-            mirror = np.log(np.maximum(mirror, TINY, out=mirror), out=mirror)
-            mirror *= exponent
-            received *= np.exp(mirror, out=mirror)
-            lit = by_material(table.gloss * tint, points.material) * received
+            density, grazing = facets(cosine, facing, dot(points.view, light.direction), alpha)
+            received *= density
+            lit = by_material(table.edge * tint, points.material) * grazing
+            lit += by_material(table.front * tint, points.material)
+            lit *= received
             color += lit
             if parts:
                 parts.rows[SPECULAR] += lit

@@ -24,8 +24,10 @@ LightKind = Literal["POINT", "SUN", "SPOT", "AREA"]
 class Materials:
     """Constants of M materials, scene-linear. colours (M, 3), the rest (M,), float64.
 
-    ambient: the share of the world's light that is not left to mirrors, None for all of it.
-    graphs: by number, the materials that are more than constants.
+    ambient: the share of the world's light that is not left to mirrors, None for all of it. layer: the share
+    of a dielectric's reflection that is not left to mirrors, edge: of what grazing light adds to a
+    reflection, multiple: of what facets send on to each other; None for all of these. graphs: by number,
+    the materials that are more than constants.
     """
 
     base_color: Array
@@ -34,6 +36,9 @@ class Materials:
     specular_f0: Array
     emission: Array
     ambient: Array | None = None
+    layer: Array | None = None
+    edge: Array | None = None
+    multiple: Array | None = None
     graphs: Mapping[int, MaterialGraph] = field(default_factory=dict)
 
 

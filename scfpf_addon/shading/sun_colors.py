@@ -3,8 +3,7 @@
 
 The sums are those of ``SurfaceTable.points`` and ``lighting.radiance``. As neither places nor unit normals
 and views are asked for, lengths are divided out of the scalar products instead of the vectors: with a normal
-N and a way W of any length the cosine is ± N·L / |N|, and the highlight's R·V is
-(W·L - 2 (N·L)(N·W) / N·N) / |W|.
+N and a way W of any length the cosines are ± N·L / |N|, ± N·W / |N| |W| and - W·L / |W|.
 """
 
 from __future__ import annotations
@@ -16,8 +15,9 @@ import numpy as np
 
 from ..casting.triangles_seen import TrianglesSeen
 from ..projection.typing import IndexArray
+from .highlight import facets
 from .lighting import Lamp
-from .surface import TINY, PhongTable, SurfaceTable
+from .surface import TINY, LightTable, SurfaceTable
 from .typing import Single
 
 
@@ -29,7 +29,7 @@ class SunColors:
     """
 
     surface: SurfaceTable
-    phong: PhongTable
+    phong: LightTable
     lamps: tuple[Lamp, ...]
     background: Single
 
@@ -78,12 +78,13 @@ class SunColors:
             _dot(normal, way, facing)
             squared = _dot(normal, normal, length)
             squared += TINY
-            facing /= squared
             side /= np.sqrt(squared, out=squared)
         if self.phong.glossy:
             _dot(way, way, length)
             length += TINY
             np.sqrt(length, out=length)
+            facing *= side
+            facing /= length
         material = self._materials(triangle)
         emitted = self.phong.emitted.take(material, axis=1)
         begun = not self.lamps or bool(emitted.any())
@@ -92,13 +93,13 @@ class SunColors:
         for lamp in self.lamps:
             light = lamp.towards[:, sample]
             cosine = _dot(normal, light, received)
+            cosine *= side
             if self.phong.glossy and lamp.light.mirrored:
-                np.multiply(cosine, facing, out=mirror)
-                mirror *= np.float32(-2)
-                mirror += _dot(way, light, term)
-                mirror /= length
-            # From here on negative, as side is where its light can be seen.
-            received *= side
+                np.negative(_dot(way, light, term), out=term)
+                term /= length
+                np.negative(cosine, out=mirror)
+                density, grazing = facets(mirror, facing, term, self.phong.alpha.take(material))
+            # Negative, as side is where its light can be seen.
             np.minimum(received, 0, out=received)
             if lamp.light.receivers is not None and self.surface.linked is not None:
                 linked = self.surface.linked.take(triangle, mode="wrap")
@@ -108,12 +109,10 @@ class SunColors:
                 _add(color, self.phong.diffuse.take(material, axis=1) * tint, received, term, begun)
                 begun = True
             if self.phong.glossy and lamp.light.mirrored:
-                # exp(n log x) because NumPy vectorises these for float32 and its power is ten times slower.
-                np.log(np.maximum(mirror, TINY, out=mirror), out=mirror)
-                mirror *= self.phong.exponent.take(material)
-                np.exp(mirror, out=mirror)
-                mirror *= received
-                _add(color, self.phong.gloss.take(material, axis=1) * tint, mirror, term, begun)
+                density *= received
+                grazing *= density
+                _add(color, self.phong.front.take(material, axis=1) * tint, density, term, begun)
+                _add(color, self.phong.edge.take(material, axis=1) * tint, grazing, term, True)
                 begun = True
         if not begun:
             color[:] = 0

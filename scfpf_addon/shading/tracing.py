@@ -29,7 +29,7 @@ from .materials.lobes import Body, Sent, SentKind, lobes
 from .materials.place import Place, dot, unit
 from .samples import Bits, scramble
 from .scene import Materials, Scene
-from .surface import PhongTable, SurfacePoints, SurfaceTable
+from .surface import LightTable, SurfacePoints, SurfaceTable
 from .typing import Single
 
 # What gets a smaller share of a pixel than this is not followed: a tenth of a step of 8 bits.
@@ -106,7 +106,7 @@ class Tracer:
 
     scene: Scene
     surface: SurfaceTable
-    phong: PhongTable
+    phong: LightTable
     lamps: tuple[Lamp, ...]
     has_graph: BoolArray
     transparent: bool
@@ -119,7 +119,7 @@ class Tracer:
         cls,
         scene: Scene,
         surface: SurfaceTable,
-        phong: PhongTable,
+        phong: LightTable,
         lamps: tuple[Lamp, ...],
         transparent: bool,
         catchers: Catchers | None = None,
@@ -281,7 +281,7 @@ class Tracer:
         some = np.flatnonzero(weight > 0.0)
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
-        table = PhongTable.of(
+        table = LightTable.of(
             _stacked([body.materials for _, body in bodies], some), self.scene.world_color, self.phong.sky
         )
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
@@ -432,4 +432,7 @@ def _stacked(parts: list[Materials], some: IndexArray) -> Materials:
         specular_f0=rows("specular_f0"),
         emission=rows("emission"),
         ambient=rows("ambient"),
+        layer=rows("layer"),
+        edge=rows("edge"),
+        multiple=rows("multiple"),
     )

@@ -359,3 +359,16 @@ def test_lights_and_world_come_along(read_render):
     scene = read_render()
     assert sorted(light.matrix[0, 3] for light in scene.lights) == [11, 21]
     assert scene.world_color == pytest.approx((0.1, 0.2, 0.3))
+
+
+def test_faces_of_one_triangle_are_read_in_order(addon):
+    """Corners are not asked for where each face is a triangle; a face more of four corners, and they are."""
+    read_mesh = addon("scfpf_addon.bridge.read_scene").read_mesh
+    points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1)]
+    for faces in ([(4, 1, 0), (2, 3, 4), (1, 4, 2)], [(4, 1, 0), (0, 1, 2, 3), (2, 3, 4)]):
+        mesh = bpy.data.meshes.new("Faces")
+        mesh.from_pydata(points, [], faces)
+        found = read_mesh(mesh)
+        assert found.triangles.tolist() == [list(each.vertices) for each in mesh.loop_triangles]
+        assert np.allclose(found.normals[:, 0], [each.normal for each in mesh.loop_triangles], atol=1e-6)
+        assert found.vertices.tolist() == [list(point) for point in points]

@@ -256,11 +256,12 @@ def test_duplicate_with_hidden_surfaces_renders_before_anything_is_evaluated(eng
     copy = next(o for o in bpy.data.objects if o.type == "CAMERA" and o != camera)
     for slot in copy.scfpf.surfaces:
         slot.object.hide_viewport = slot.object.hide_render = True
+    height = copy.location.z
     copy.location.z += 1
     engine_scene.camera = copy
     moved = f12(engine_scene)[COMBINED]
     assert not np.array_equal(moved, expected)
-    copy.location.z -= 1
+    copy.location.z = height
     assert np.array_equal(f12(engine_scene)[COMBINED], expected)
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from benchmarks.scenes import SCENES, bent_projection
 from scfpf_addon.casting.cast import CastCounts
 from scfpf_addon.casting.frame import pixel_centres
-from scfpf_addon.casting.occupancy import CELLS, FINER, Occupancy, stretches
+from scfpf_addon.casting.occupancy import CELLS, FINER, Occupancy, Stretches, stretches
 from scfpf_addon.casting.scene import CastScene
 
 WIDTH, HEIGHT = 75, 43
@@ -103,3 +103,30 @@ def test_empty_space_is_not_cast_at(reference):
     again = reference.cast_image(scene, projection, 96, 54, 0.01, grid=False, counts=full)
     assert counts.chords < 0.8 * full.chords
     assert np.array_equal(hits.triangle, again.triangle)
+
+
+@pytest.mark.parametrize("columns", [75, 64, 5])
+def test_blocks_of_a_grid_are_those_of_their_pixels(columns):
+    """The table that tiles share and the sorting that others need say the same."""
+    scene = CastScene(*SCENES["boxes"](1_000))
+    projection = bent_projection(2, 0.5).transformed(scene.matrix)
+    x, y = pixel_centres(columns, 43, (0, 43))
+    points, _ = projection.projectors(x, y)
+    where = stretches(scene.occupancy, projection.volume.spans, points.astype(np.float32), columns)
+    known, sorted_ones = where.members(), where._replace(grid=None).members()
+    assert np.array_equal(np.sort(known[known >= 0]), np.arange(len(x)))
+    for one, other in zip(known, sorted_ones, strict=True):
+        assert np.array_equal(np.sort(one[one >= 0]), np.sort(other[other >= 0]))
+
+
+@pytest.mark.parametrize("count", [20, 40])
+def test_parts_of_t_are_held_where_any_stretch_in_them_is(count):
+    """Fewer parts than stretches are looked at one by one, more by running sums."""
+    generator = np.random.default_rng(3)
+    edges = np.linspace(0.0, 1.0, 33)
+    held = generator.random((32, 7)) < 0.2
+    low = np.sort(generator.uniform(-0.1, 1.0, count))
+    high = low + generator.uniform(1e-3, 0.3, count)
+    found = Stretches(edges, held, np.arange(7)).within(low, high)
+    touching = (edges[1:] > low[:, None]) & (edges[:-1] < high[:, None])
+    assert np.array_equal(found, (touching[:, :, None] & held).any(axis=1))

@@ -164,6 +164,11 @@ def test_sampling_finds_the_corners_and_leaves_out_what_is_masked():
     assert near[1].min() == pytest.approx(-0.49375) and near[1].max() == pytest.approx(0.49375)
     assert len(np.unique(near[0].round(9))) > 30 and len(np.unique(near[1].round(9))) > 30
     np.testing.assert_allclose(curves.dx[0, 0], 0.01)
+    grid = sample_curves(projection, x, y, np.ones(len(x), bool), (0.01, 0.0125), int(np.sum(y == y[0])))
+    for known, searched in zip(grid, curves, strict=True):
+        assert {tuple(c) for c in known.reshape(-1, known.shape[2]).T} == {
+            tuple(c) for c in searched.reshape(-1, searched.shape[2]).T
+        }
     left = sample_curves(projection, x, y, x < 0.3, (0.01, 0.0125))
     assert left.points[0, 0].max() < -0.2
 

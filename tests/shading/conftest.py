@@ -12,7 +12,7 @@ from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
 from scfpf_addon.shading.lighting import Lamp, radiance
 from scfpf_addon.shading.scene import Materials, Scene
-from scfpf_addon.shading.surface import PhongTable, SurfaceTable
+from scfpf_addon.shading.surface import LightTable, SurfaceTable
 
 
 def placed(location=(0, 0, 0), shines=(0, 0, -1)):
@@ -107,7 +107,7 @@ def shade(what, triangle, position, tangent=(0, 0, -1), sample=0, samples=1):
         np.broadcast_to(np.reshape(np.asarray(tangent, float), (3, -1)), (3, count)),
     )
     lamps = [Lamp.of(light, cast_scene.matrix, samples) for light in what.lights]
-    return radiance(points, PhongTable.of(what.materials, what.world_color), lamps, sample, cast_scene)
+    return radiance(points, LightTable.of(what.materials, what.world_color), lamps, sample, cast_scene)
 
 
 def looking_down(*heights, size=2.0, shifts=None, basis="BEZIER", **projection):

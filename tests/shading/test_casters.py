@@ -8,6 +8,7 @@ import pytest
 
 from scfpf_addon.casting.culling import within_volume
 from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.casting.visibility import CATCHER, EVERYWHERE
 from scfpf_addon.shading.casters import may_shade
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.scene import Light
@@ -57,3 +58,13 @@ def test_a_sky_is_hidden_by_everything(build):
     assert may_shade(
         scene, np.arange(len(scene.geometry.triangles)) == 0, build.looking_down(2, -1).volume
     ).all()
+
+
+def test_all_may_shade_a_catcher_in_even_light(build):
+    """Alone there does a world of one colour cast shadows."""
+    scene = build.scene([build.square(), build.square(0.2, 9.0, (5, 5))], world=(0.1, 0.1, 0.1))
+    shown, volume = np.array([True, True, False, False]), build.looking_down(1, -1).volume
+    assert not may_shade(scene, shown, volume)[2:].any()
+    visibility = np.array([EVERYWHERE | CATCHER] * 2 + [EVERYWHERE] * 2, np.uint8)
+    caught = replace(scene, geometry=replace(scene.geometry, visibility=visibility))
+    assert may_shade(caught, shown, volume).all()

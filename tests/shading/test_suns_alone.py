@@ -29,7 +29,7 @@ from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light, Materials
 from scfpf_addon.shading.settings import Border, FrameSettings
 from scfpf_addon.shading.suns_alone import SunsAlone
-from scfpf_addon.shading.surface import PhongTable, SurfacePoints, SurfaceTable
+from scfpf_addon.shading.surface import LightTable, SurfacePoints, SurfaceTable
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
 SAME = 1e-4
@@ -209,7 +209,7 @@ KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
     "moments drawing",
     Shading: "surface phong lamps tracer held_out catchers",
-    PhongTable: "emitted emission diffuse gloss exponent glossy albedo sky",
+    LightTable: "emitted emission diffuse front edge alpha glossy albedo sky",
     SurfaceTable: "cast_scene flat smooth bulge shadows material linked",
     SurfacePoints: "position normal view material shadow linked",
     Lamp: "light color places axis local softness occluders",

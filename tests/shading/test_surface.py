@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Normals, sides and coefficients at a hit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.shading import normals
 from scfpf_addon.shading.scene import Materials
-from scfpf_addon.shading.surface import PhongTable, SurfaceTable
+from scfpf_addon.shading.surface import LightTable, SurfaceTable
 
 
 def table_of(geometry, shadows=False):
@@ -123,20 +125,37 @@ def test_a_smooth_bump_has_a_height_over_its_facets_on_its_outside_only(build, s
     assert (off > 0).all() and (off < 1e-5).all()
 
 
-def test_phong_coefficients():
-    table = PhongTable.of(
-        Materials(
-            np.array([[1.0, 0.5, 0], [0.2, 0.4, 0.6]]),
-            np.array([0.0, 0.25]),
-            np.array([1.0, 0.5]),
-            np.array([0.04, 0.08]),
-            np.array([[0.0, 0, 0], [1, 2, 3]]),
-        ),
-        np.array([0.5, 0.5, 1]),
-    )
-    assert np.allclose(table.emitted.T, [[0.5, 0.25, 0], [1.1, 2.2, 3.6]])
-    assert np.allclose(table.diffuse.T * np.pi, [[1, 0.5, 0], [0.15, 0.3, 0.45]])
-    assert np.allclose(table.exponent, [0, 7.5])
-    # Reflectance at normal incidence goes from f0 to the base colour with metallic.
-    assert np.allclose(table.gloss.T * np.pi, [[0.04] * 3, np.array([0.11, 0.16, 0.21]) * 9.5 / 2])
-    assert table.glossy
+def rows(base, metallic, roughness, f0, emission=(0, 0, 0)):
+    """Materials of several values each."""
+    shape = np.broadcast_shapes(np.shape(metallic), np.shape(roughness), np.shape(f0))
+    count = int(np.prod(shape))
+    each = (np.broadcast_to(value, shape).ravel().astype(float) for value in (metallic, roughness, f0))
+    return Materials(np.tile(np.float64(base), (count, 1)), *each, np.tile(np.float64(emission), (count, 1)))
+
+
+def test_white_things_send_all_light_back():
+    """In even light nothing is lost in white metals and dielectrics of any roughness, nor is anything won."""
+    grid = np.meshgrid([0.0, 0.25, 1.0], [0.0, 0.3, 0.6, 1.0], [0.0, 0.04, 0.3])
+    table = LightTable.of(rows((1, 1, 1), *grid), np.array([0.5, 0.5, 1]))
+    assert np.allclose(table.emitted, [[0.5], [0.5], [1]], rtol=1e-6)
+    # The layer of a dielectric keeps from what is below what it reflects itself.
+    dull, polished = LightTable.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3)).diffuse[0] * np.pi
+    assert dull == pytest.approx(1.0) and 0.65 < polished < 0.75
+
+
+def test_what_light_makes_of_materials():
+    table = LightTable.of(rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04, (1, 2, 3)), np.array([0.5, 0.5, 1]))
+    assert np.allclose(table.emission.T, [1, 2, 3])
+    # Facets of polished things send nothing to each other; head-on it is f0, or the base colour of a metal.
+    assert np.allclose(table.front.T, [[0.04] * 3, [0.2, 0.4, 0.6]], rtol=1e-3)
+    assert np.allclose(table.front + table.edge, 1, rtol=1e-3) and table.glossy
+    # Schlick's mean is 1/21 of the way to white.
+    layer = 0.04 + 0.96 / 21
+    assert np.allclose(table.diffuse.T * np.pi, [(1 - layer) * np.array([0.2, 0.4, 0.6]), [0] * 3], atol=2e-3)
+    metal = np.array([0.2, 0.4, 0.6]) + np.array([0.8, 0.6, 0.4]) / 21
+    assert np.allclose(table.albedo[:, 1] * np.pi, metal, rtol=2e-2)
+    # A glossy shader is as bright everywhere, and what lacks f0 has no highlight at any angle.
+    flat = LightTable.of(replace(rows((0.5,) * 3, 1.0, 0.08, 0.04), edge=np.zeros(1)), np.zeros(3))
+    assert not flat.edge.any() and flat.front.mean() == pytest.approx(0.5, rel=1e-3)
+    matt = LightTable.of(rows((1, 1, 1), 0.0, 0.5, 0.0), np.zeros(3))
+    assert not matt.glossy and not matt.front.any() and not matt.edge.any()

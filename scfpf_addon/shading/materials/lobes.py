@@ -14,6 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
+from ..highlight import SCHLICK_MEAN, mean_reflectance, sent_again
 from ..scene import Materials
 from .graph import MaterialGraph, registers
 from .inputs import fresnel_dielectric
@@ -24,8 +25,6 @@ from .place import Place, dot
 # to the world's even light: of metals, which show nothing else, and of what lies on something diffuse.
 METAL_ROUGHNESS = 0.7, 0.9
 COAT_ROUGHNESS = 0.3, 0.5
-# The mean of Schlick's reflectance over the hemisphere, between that of the front and 1.
-SCHLICK_MEAN = 1.0 / 21.0
 
 SentKind = Literal["THROUGH", "MIRROR", "REFRACTED"]
 
@@ -142,12 +141,27 @@ class _Reader:
         f0: Array | float = 0.0,
         emission: Array | float = 0.0,
         ambient: Array | float = 1.0,
+        layer: Array | float = 1.0,
+        edge: float = 1.0,
+        multiple: Array | float = 1.0,
     ) -> Body:
         """A body with one row of constants a hit."""
         count = self.count
-        rows = [np.broadcast_to(each, (1, count))[0] for each in (metallic, roughness, f0, ambient)]
+        given = metallic, roughness, f0, ambient, layer, edge, multiple
+        rows = [np.broadcast_to(each, (1, count))[0] for each in given]
         light = np.broadcast_to(emission, (3, count)).T
-        return Body(weight, Materials(color.T, rows[0], rows[1], rows[2], light, rows[3]), self.normal)
+        materials = Materials(
+            color.T,
+            metallic=rows[0],
+            roughness=rows[1],
+            specular_f0=rows[2],
+            emission=light,
+            ambient=rows[3],
+            layer=rows[4],
+            edge=rows[5],
+            multiple=rows[6],
+        )
+        return Body(weight, materials, self.normal)
 
     def sent(self, kind: SentKind, tint: Array, ior: Array | None = None) -> Sent:
         """A share that goes on."""
@@ -157,7 +171,8 @@ class _Reader:
         self, weight: Array, roughness: Array, front: Array, edge: Array, ior: Array | None = None
     ) -> Sent:
         """A share (1, n) that is reflected, sharp or not. The others as in ``Gloss``."""
-        again = (front + (edge - front) * SCHLICK_MEAN) * self.share("multiple")
+        white = mean_reflectance(roughness)[0]
+        again = sent_again(front + (edge - front) * SCHLICK_MEAN, white) * self.share("multiple")
         nothing = np.ones((1, self.count))
         return Sent(
             "MIRROR",
@@ -206,7 +221,11 @@ def _principled(reader: _Reader) -> Iterator[Body | Sent]:
         yield from _boundary(reader, weight * glass, 1.0, np.sqrt(base))
     # Highlights of lamps stay whole; what the world lights is what no mirror shows.
     lit = base * np.maximum(1.0 - glass - coat, 0.0)
-    yield reader.body(weight, lit, metallic, roughness, f0, emission, 1.0 - polished)
+    layer = (1.0 - clear) * (1.0 - followed(roughness, COAT_ROUGHNESS))
+    rest = 1.0 - polished
+    yield reader.body(
+        weight, lit, metallic, roughness, f0, emission, rest, layer, multiple=reader.share("multiple")
+    )
 
 
 def ior_of(f0: Array) -> Array:
@@ -225,7 +244,8 @@ def _glossy(reader: _Reader) -> Iterator[Body | Sent]:
     traced = followed(roughness, METAL_ROUGHNESS)
     if traced.any():
         yield reader.glossy(reader.weight * traced, roughness, color, color)
-    yield reader.body(reader.weight, color, 1.0, roughness, ambient=1.0 - traced)
+    more = reader.share("multiple")
+    yield reader.body(reader.weight, color, 1.0, roughness, ambient=1.0 - traced, edge=0.0, multiple=more)
 
 
 def _emission(reader: _Reader) -> Iterator[Body | Sent]:
@@ -250,7 +270,9 @@ def _glass(reader: _Reader) -> Iterator[Body | Sent]:
     # Highlights of lamps, which no straight ray meets.
     ior = np.maximum(reader.value("ior"), 1e-5)
     f0 = ((ior - 1.0) / (ior + 1.0)) ** 2
-    yield reader.body(reader.weight, np.zeros((3, reader.count)), 0.0, reader.share("roughness"), f0)
+    yield reader.body(
+        reader.weight, np.zeros((3, reader.count)), 0.0, reader.share("roughness"), f0, layer=0.0
+    )
 
 
 def _refraction(reader: _Reader) -> Iterator[Body | Sent]:
