@@ -97,7 +97,10 @@ def _library(module: str) -> Any:
     if sys.platform == "win32":
         places = list(Path(module).parents[1].glob("embreex.libs/*embree4*.dll"))
     for place in places:
-        library = ctypes.CDLL(str(place))
+        try:
+            library = ctypes.CDLL(str(place))
+        except OSError:  # no library that this process can open: embreex copies
+            continue
         if all(hasattr(library, name) for name in FUNCTIONS):
             for name, (result, *arguments) in FUNCTIONS.items():
                 function = getattr(library, name)

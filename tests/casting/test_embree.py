@@ -51,3 +51,7 @@ def test_both_ways_meet_the_same(fault, monkeypatch):
 def test_the_library_is_asked_only_where_it_has_all_functions(monkeypatch):
     monkeypatch.setitem(embree.FUNCTIONS, "rtcNoSuchFunction", (None,))
     assert embree._library.__wrapped__(_load_embreex()[0].__file__) is None
+
+
+def test_a_library_that_does_not_open_is_none(tmp_path):
+    assert embree._library.__wrapped__(str(tmp_path / "embreex" / "rtcore_scene.so")) is None
