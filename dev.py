@@ -16,8 +16,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 from devtools import coverage, environments, own_blender, package, pictures, testing, window
 
-# Parts of the suite that need nothing built before them, the longest first: they run two at a time.
-PARTS = ("blender", "pure")
+# Parts of the suite without a window, the longest first: they run two at a time.
+PARTS = ("blender", "pure", "installed")
 
 # Scripts in benchmarks/ by what is asked for.
 BENCHMARKS = {
@@ -68,12 +68,20 @@ def command_test(options, rest):
     if not present or (missing and options.python):
         raise environments.Failure(environments.needed_help(missing))
     plan = testing.plan(rest)
-    results, warnings = [], []
+    results, warnings, zipped = [], [], None
+    if plan.keys() & {"installed", "window"}:
+        try:
+            zipped = package.build(present[0])
+        except environments.Failure as failure:
+            environments.say(f"the zips could not be built: {failure}")
+            results.append(testing.Result("building the zips", 0, 0, 0, False))
     runs = [(environment, part) for part in PARTS for environment in present if part in plan]
-    results += run_parts(runs, plan)
-    if "installed" in plan or "window" in plan:
-        zip_results, warnings = test_zip(present, plan, options.blender_window)
-        results += zip_results
+    if not zipped:
+        runs = [(environment, part) for environment, part in runs if part != "installed"]
+    results += run_parts(runs, plan, bool(zipped))
+    if "window" in plan and zipped:
+        window_results, warnings = window.test(options.blender_window, plan["window"])
+        results += window_results
     for blender in missing:
         warnings.append(f"NOT tested on Blender {blender.name}: no Python {blender.python} here")
     if "window" not in plan and "installed" in plan:
@@ -81,35 +89,23 @@ def command_test(options, rest):
     return testing.close(results, warnings)
 
 
-def test_zip(present, plan, blender_window):
-    """Build the zips and run the parts that install one; their results, and warnings."""
-    try:
-        package.build(present[0])
-    except environments.Failure as failure:
-        environments.say(f"the zips could not be built: {failure}")
-        return [testing.Result("building the zips", 0, 0, 0, False)], []
-    results, warnings = [], []
-    if "installed" in plan:
-        results = run_parts([(environment, "installed") for environment in present], plan)
-    if "window" in plan:
-        window_results, warnings = window.test(blender_window, plan["window"])
-        results += window_results
-    return results, warnings
-
-
-def run_parts(runs, plan):
+def run_parts(runs, plan, zipped):
     """Run parts of the suite, (environment, part) each, on as many cores as there are, and no more than two.
 
-    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory.
+    A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. Where
+    there are zips the Blender tests install theirs; otherwise they load the checkout.
     """
+    environ = {**os.environ, testing.INSTALL_ZIP: "1"} if zipped else None
 
     def run(environment, part):
         report = environment.folder / f"report-{part}.xml"
         command = [environment.python, "-m", "pytest", f"--junitxml={report}", *plan[part]]
         title = f"{environment.title}, {part} tests"
+        if zipped and part == "blender":
+            title += " of the installed zip"
         if jobs == 1:
-            return testing.run_pytest(title, report, command)
-        return testing.run_beside(f"[{environment.folder.name} {part}]", title, report, command)
+            return testing.run_pytest(title, report, command, environ)
+        return testing.run_beside(f"[{environment.folder.name} {part}]", title, report, command, environ)
 
     jobs = min(2, os.cpu_count() or 1, len(runs))
     if jobs < 1:

@@ -7,6 +7,8 @@ import hashlib
 import pathlib
 import re
 import subprocess
+import sys
+import sysconfig
 
 from .environments import REQUIREMENTS, ROOT, Environment, Failure, run, say
 
@@ -14,6 +16,8 @@ MANIFEST = ROOT / "blender_manifest.toml"
 WHEELS = ROOT / "wheels"
 DIST = ROOT / "dist"
 LOCK = REQUIREMENTS / "wheels.txt"
+# Blender's names of systems, by Python's.
+SYSTEMS = {"linux": "linux", "darwin": "macos", "win32": "windows"}
 
 # Where the module bpy keeps its scripts, without importing it.
 FIND_SCRIPTS = """
@@ -40,6 +44,15 @@ def build(environment: Environment) -> list[pathlib.Path]:
     for path in zips:
         say(f"built {path.relative_to(ROOT)} ({path.stat().st_size / 1e6:.1f} MB)")
     return zips
+
+
+def platform_zip() -> pathlib.Path:
+    """The zip in dist/ for this machine."""
+    machine = "arm64" if sysconfig.get_platform().endswith(("arm64", "aarch64")) else "x64"
+    found = sorted(DIST.glob(f"scfpf-*-{SYSTEMS[sys.platform]}_{machine}.zip"))
+    if len(found) != 1:
+        raise Failure(f"dist/ holds {len(found)} zips for this machine: run `python3 dev.py build`")
+    return found[0]
 
 
 def manifest_wheels() -> list[str]:

@@ -28,6 +28,8 @@ WHOLE_SUITE = {
     "window": [],
 }
 NO_TESTS_COLLECTED = 5  # pytest's exit code
+# With this variable set the Blender tests install the zip in dist/; without, they load the checkout.
+INSTALL_ZIP = "SCFPF_INSTALL_ZIP"
 
 
 class Result(NamedTuple):
@@ -80,15 +82,21 @@ def run_pytest(
     return count(title, report, lambda: subprocess.call(command, cwd=ROOT, env=environ))
 
 
-def run_beside(label: str, title: str, report: pathlib.Path, command: list[str]) -> Result:
+def run_beside(
+    label: str,
+    title: str,
+    report: pathlib.Path,
+    command: list[str],
+    environ: Mapping[str, str] | None = None,
+) -> Result:
     """As run_pytest, beside other runs: each line of the output begins with `label`."""
-    return count(title, report, lambda: call_labelled(label, command))
+    return count(title, report, lambda: call_labelled(label, command, environ))
 
 
-def call_labelled(label: str, command: list[str]) -> int:
+def call_labelled(label: str, command: list[str], environ: Mapping[str, str] | None) -> int:
     """The exit code of a command whose output is shown line by line behind a label."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    with subprocess.Popen(command, cwd=ROOT, text=True, errors="replace", **pipes) as process:
+    with subprocess.Popen(command, cwd=ROOT, env=environ, text=True, errors="replace", **pipes) as process:
         for line in process.stdout:
             print(f"{label} {line}", end="", flush=True)
     return process.returncode

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Loads the checkout as an extension, once a session, in a fresh profile."""
+"""Loads the checkout, or installs its zip, as an extension, once a session, in a fresh profile."""
 
 import importlib
 import os
@@ -20,6 +20,9 @@ sys.path.append(os.path.dirname(os.path.abspath(__file__)))
 
 import bpy
 import pytest
+
+from devtools.package import platform_zip
+from devtools.testing import INSTALL_ZIP
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 MODULE = "bl_ext.checkout.scfpf"
@@ -57,11 +60,16 @@ def extension():
     """The add-on's root package, enabled; disabled again at the end."""
     folder = pathlib.Path(SCRATCH.name, "repository")
     folder.mkdir()
-    link_folder(folder / "scfpf", ROOT)
     bpy.context.preferences.extensions.repos.new(
         name="checkout", module="checkout", custom_directory=str(folder), remote_url=""
     )
-    assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
+    if os.environ.get(INSTALL_ZIP):
+        install = {"repo": "checkout", "filepath": str(platform_zip()), "enable_on_install": True}
+        assert bpy.ops.extensions.package_install_files(**install) == {"FINISHED"}
+        assert (folder / "scfpf" / "blender_manifest.toml").is_file()
+    else:
+        link_folder(folder / "scfpf", ROOT)
+        assert bpy.ops.preferences.addon_enable(module=MODULE) == {"FINISHED"}
     yield importlib.import_module(MODULE)
     bpy.ops.preferences.addon_disable(module=MODULE)
 

@@ -6,7 +6,6 @@ import importlib.util
 import os
 import pathlib
 import sys
-import sysconfig
 import tempfile
 
 SCRATCH = tempfile.TemporaryDirectory(prefix="scfpf-tests-", ignore_cleanup_errors=True)
@@ -17,9 +16,9 @@ if "bpy" not in sys.modules:  # inside a Blender, tests/run_in_blender.py has do
 import bpy
 import pytest
 
-DIST = pathlib.Path(__file__).resolve().parents[2] / "dist"
+from devtools.package import platform_zip
+
 REPOSITORY = "user_default"
-SYSTEMS = {"linux": "linux", "darwin": "macos", "win32": "windows"}
 
 
 class WheelFinder:
@@ -38,14 +37,6 @@ class WheelFinder:
         if spec is None:
             raise ModuleNotFoundError(f"no {name} in {self.folder}", name=name)
         return spec
-
-
-def platform_zip():
-    """The zip for this machine."""
-    machine = "arm64" if sysconfig.get_platform().endswith(("arm64", "aarch64")) else "x64"
-    found = sorted(DIST.glob(f"scfpf-*-{SYSTEMS[sys.platform]}_{machine}.zip"))
-    assert len(found) == 1, f"dist/ holds {len(found)} zips for this machine: run `python3 dev.py build`"
-    return found[0]
 
 
 @pytest.fixture(scope="session")
