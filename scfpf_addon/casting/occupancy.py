@@ -21,8 +21,12 @@ from .pieces import bounds_of_each, piece_bounds, piece_edges, piece_weights
 
 Float32Array = NDArray[np.float32]
 
-# Cells of a scene's bounds, nearly cubes, and the most along an axis.
+# Cells of a scene's bounds, nearly cubes: so many a triangle, of any scene at least and at most, and
+# the most along an axis. A million boxes have four times the cells of fewer, which takes half a second
+# and saves a fifth to a third of the chords.
+CELLS_EACH = 8
 CELLS = 1 << 21
+MOST_CELLS = 1 << 24
 MOST_ALONG = 512
 
 # Finer cells along an axis of a cell.
@@ -79,7 +83,8 @@ class Occupancy:
         lower, upper = corners.min(axis=(0, 2)) - around, corners.max(axis=(0, 2)) + around
         size = np.maximum(upper - lower, SLACK)
         lower, size = lower - SLACK, size + 2.0 * SLACK
-        cells = FINER * np.clip(size * np.cbrt(CELLS / size.prod()), 1, MOST_ALONG).astype(np.intp)
+        count = min(max(CELLS, CELLS_EACH * corners.shape[2]), MOST_CELLS)
+        cells = FINER * np.clip(size * np.cbrt(count / size.prod()), 1, MOST_ALONG).astype(np.intp)
         scale = cells / size
         held = np.zeros(cells, bool)
         slack = ((SLACK + around) * scale)[:, None]

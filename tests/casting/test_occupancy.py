@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.scenes import SCENES, bent_projection
+from scfpf_addon.casting import occupancy
 from scfpf_addon.casting.cast import CastCounts
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.occupancy import CELLS, FINER, Occupancy, Stretches, stretches
@@ -130,3 +131,13 @@ def test_parts_of_t_are_held_where_any_stretch_in_them_is(count):
     found = Stretches(edges, held, np.arange(7)).within(low, high)
     touching = (edges[1:] > low[:, None]) & (edges[:-1] < high[:, None])
     assert np.array_equal(found, (touching[:, :, None] & held).any(axis=1))
+
+
+def test_more_triangles_have_more_cells(monkeypatch):
+    """Eight a triangle, from the fewest to the most."""
+    for count, cells in ((10, 1 << 10), (400, 3200), (9000, 1 << 14)):
+        monkeypatch.setattr(occupancy, "CELLS", 1 << 10)
+        monkeypatch.setattr(occupancy, "MOST_CELLS", 1 << 14)
+        corners = np.random.default_rng(count).uniform(0.0, 1.0, (3, 3, count))
+        made = np.prod(np.array(Occupancy.of(corners).sums.shape) - 1)
+        assert 0.7 * cells < made <= cells

@@ -73,6 +73,7 @@ def test_empty_space_takes_little_beside_the_triangles(monkeypatch):
     vertices, triangles = terrain(TRIANGLES)
     corners = vertices.T.take(triangles.T, 1).swapaxes(0, 1)
     monkeypatch.setattr(occupancy, "CELLS", 1000)
+    monkeypatch.setattr(occupancy, "CELLS_EACH", 0)
     at_once = Occupancy.of(corners)
     monkeypatch.setattr(occupancy, "AT_ONCE", 1000)
     held, made = most_held(lambda: Occupancy.of(corners))
