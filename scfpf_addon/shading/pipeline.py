@@ -35,6 +35,7 @@ from .reach import within_reach
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
+from .short_way import short_way
 from .suns_alone import SunsAlone
 from .suns_shadowed import SunsShadowed
 from .typing import Single
@@ -151,8 +152,9 @@ class Pipeline:
     @cached_property
     def suns_alone(self) -> SunsAlone | SunsShadowed | None:
         """The short way to pictures that are simple enough for it."""
-        made_of = self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
-        return SunsAlone.of(*made_of) or SunsShadowed.of(*made_of)
+        return short_way(
+            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
+        )
 
     @property
     def behind(self) -> Array:
