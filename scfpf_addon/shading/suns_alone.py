@@ -79,5 +79,6 @@ class SunsAlone:
         color = np.empty((4, held.size), np.float32)
         self.colors.write(seen, sample, color)
         picture[:, lines, : columns.start], picture[:, lines, columns.stop :] = behind, behind
-        picture[:, lines, columns] = color.reshape(4, *held.shape)
+        for shown, channel in zip(picture[:, lines, columns], color, strict=True):
+            shown[:] = channel.reshape(held.shape)
         return triangle.reshape(-1)
