@@ -61,7 +61,9 @@ class SCFPF_OT_camera_add(bpy.types.Operator):
         data, matrix = camera_like_view(context, aspect) or camera_seeing(box, aspect)
         camera = bpy.data.objects.new("Flexible Camera", data)
         camera.matrix_world = fit_depth(data, matrix, box)
-        context.collection.objects.link(camera)
+        # The active collection may be another file's.
+        holder = context.collection if context.collection.is_editable else scene.collection
+        holder.objects.link(camera)
         context.view_layer.update()
         try:
             if preset is None:
