@@ -252,6 +252,7 @@ class Pipeline:
         light = LightFilm.of(passes, len(block), self.background)
 
         def take(some: IndexArray | None, samples: range) -> None:
+            """Add samples of the pixels ``some`` (n,) of the block, None for all, to the films."""
             nonlocal hit_count
             which = np.arange(len(block)) if some is None else some
             for sample, hits, onward in self.cast_samples(rows, samples, counts, some):
@@ -268,6 +269,7 @@ class Pipeline:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
         def stopped(done: float) -> bool:
+            """Say how far the tile is; whether the work is to be given up."""
             job.done = done
             return job.stop.is_set()
 
