@@ -285,6 +285,7 @@ class CastScene:
                 require_room_for_prisms(len(self.triangles))
                 corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
                 second, third = self._corners[:3], self._corners[4:7]
+                stop_here()
                 slopes = np.stack([second, third, second + third])
                 steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
                 self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
@@ -318,6 +319,7 @@ class CastScene:
 
         The limits are used up.
         """
+        stop_here()
         found = self._embree.run(origins.T, directions.T, limits, output=True)
         return found["primID"], (found["u"], found["v"])
 
@@ -325,6 +327,7 @@ class CastScene:
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:
         """Embree's own distance to the first triangle, (N,) float32; the limit where none is."""
+        stop_here()
         # embreex overwrites the array of limits.
         found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")
         return found
@@ -425,7 +428,9 @@ class PrismScene:
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
+        stop_here()
         self._embree, self._mesh = prisms.embree_scene(_load_embreex())
+        stop_here()
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)
