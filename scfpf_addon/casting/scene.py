@@ -25,7 +25,7 @@ from .memory import available_memory
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
-from .stopping import stop_here
+from .stopping import stop_here, unstoppable
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
@@ -282,22 +282,27 @@ class CastScene:
         """
         with self._lock:
             if self._prisms is None:
-                require_room_for_prisms(len(self.triangles))
-                corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
-                second, third = self._corners[:3], self._corners[4:7]
-                stop_here()
-                slopes = np.stack([second, third, second + third])
-                steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
-                self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
+                with unstoppable():
+                    self._prisms = self._prisms_made()
             return self._prisms
+
+    def _prisms_made(self) -> PrismScene:
+        require_room_for_prisms(len(self.triangles))
+        corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
+        second, third = self._corners[:3], self._corners[4:7]
+        stop_here()
+        slopes = np.stack([second, third, second + third])
+        steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
+        return PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
 
     @property
     def occupancy(self) -> Occupancy:
         """Which parts of the scene are empty; made at first use."""
         with self._lock:
             if self._occupancy is None:
-                corners = self.vertices.take(self.triangles[self._usable].T, 1)
-                self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
+                with unstoppable():
+                    corners = self.vertices.take(self.triangles[self._usable].T, 1)
+                    self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
             return self._occupancy
 
     def trace(

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import local
+from threading import Lock, local
 from typing import Protocol
 
 
@@ -37,6 +37,33 @@ def watching(stop: Signal) -> Iterator[None]:
         yield
     finally:
         _watched.stop = before
+
+
+class _Unstoppable:
+    """How many threads are where they cannot stop."""
+
+    def __init__(self) -> None:
+        self.count, self.lock = 0, Lock()
+
+
+_unstoppable = _Unstoppable()
+
+
+@contextmanager
+def unstoppable() -> Iterator[None]:
+    """While this lasts there is work that does not end when it is to: Embree builds."""
+    with _unstoppable.lock:
+        _unstoppable.count += 1
+    try:
+        yield
+    finally:
+        with _unstoppable.lock:
+            _unstoppable.count -= 1
+
+
+def is_unstoppable() -> bool:
+    """Whether any thread does such work."""
+    return _unstoppable.count > 0
 
 
 def stop_here() -> None:

@@ -19,7 +19,7 @@ from scfpf_addon.shading.settings import FrameSettings
 from scfpf_addon.shading.sky_map import COLUMNS, ROWS
 from scfpf_addon.shading.world import MOST_AT_ONCE, World
 
-WIDTH, HEIGHT = 48, 3
+WIDTH, HEIGHT = 20, 3
 
 
 def graph(kind, **inputs):
@@ -148,3 +148,19 @@ def test_what_is_made_before_the_first_tile_may_end_too(heavy, monkeypatch):
         again = tuple(moment._replace(scene=fresh) for moment in moments[:1]) + moments[1:]
         assert render_frame(projection, fresh, settings, cancelled=cancelled(at), moments=again) is None
     assert not begun
+
+
+def test_what_cannot_be_stopped_says_so(heavy, monkeypatch):
+    """With motion blur prisms are built by the threads, one for each shutter time that is needed."""
+    projection, scene, moments = heavy
+    built = []
+    made = CastScene._prisms_made
+
+    def making(self):
+        built.append(stopping.is_unstoppable())
+        return made(self)
+
+    monkeypatch.setattr(CastScene, "_prisms_made", making)
+    settings = FrameSettings(WIDTH, HEIGHT, samples=4, pixel_error=0.0, threads=2)
+    render_frame(projection, scene, settings, moments=moments)
+    assert built == [True, True] and not stopping.is_unstoppable()
