@@ -17,6 +17,7 @@ from .scene import Light
 from .sky_map import COLUMNS, NORMAL_ROWS, ROWS, WorldLight, brightness, map_places
 from .sky_picks import QUANTILES, Picks, picks_of
 from .surface import TINY, SurfacePoints
+from .tables import between
 from .typing import Single
 
 # Directions in which a pixel looks for what hides the sky, at least, where nothing else lights it.
@@ -115,21 +116,7 @@ class SkyLight:
     def irradiance(self, normal: Single) -> Single:
         """On surfaces of unit normals (3, N) without anything in the way, (3, N)."""
         row, column = map_places(normal, NORMAL_ROWS)
-        row += 0.5
-        column += 0.5
-        low, left = np.floor(row).astype(np.intp), np.floor(column).astype(np.intp)
-        np.clip(low, 0, NORMAL_ROWS, out=low)
-        np.clip(left, 0, 2 * NORMAL_ROWS, out=left)
-        up, along = (row - low).astype(np.float32), (column - left).astype(np.float32)
-        wide = self.light.irradiance.shape[2]
-        table = self.light.irradiance.reshape(3, -1)
-        corner = low * wide + left
-        below, above = (
-            table.take(at, axis=1) * (1 - along) + table.take(at + 1, axis=1) * along
-            for at in (corner, corner + wide)
-        )
-        found: Single = below * (1 - up) + above * up
-        return found
+        return between(self.light.irradiance, row + 0.5, column + 0.5)
 
 
 def place_marks(position: Single) -> Bits:
