@@ -25,7 +25,7 @@ from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
-from .stopping import stop_here
+from .stopping import stop_here, unstoppable
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
@@ -281,21 +281,27 @@ class CastScene:
         """
         with self._lock:
             if self._prisms is None:
-                require_room_for_prisms(len(self.triangles))
-                corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
-                second, third = self._corners[:3], self._corners[4:7]
-                slopes = np.stack([second, third, second + third])
-                steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
-                self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
+                with unstoppable():
+                    self._prisms = self._prisms_made()
             return self._prisms
+
+    def _prisms_made(self) -> PrismScene:
+        require_room_for_prisms(len(self.triangles))
+        corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
+        second, third = self._corners[:3], self._corners[4:7]
+        stop_here()
+        slopes = np.stack([second, third, second + third])
+        steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
+        return PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
 
     @property
     def occupancy(self) -> Occupancy:
         """Which parts of the scene are empty; made at first use."""
         with self._lock:
             if self._occupancy is None:
-                corners = self.vertices.take(self.triangles[self._usable].T, 1)
-                self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
+                with unstoppable():
+                    corners = self.vertices.take(self.triangles[self._usable].T, 1)
+                    self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
             return self._occupancy
 
     def trace(
@@ -317,6 +323,7 @@ class CastScene:
 
         The limits are used up.
         """
+        stop_here()
         found = self._embree.run(origins.T, directions.T, limits, output=True)
         return found["primID"], (found["u"], found["v"])
 
@@ -324,6 +331,7 @@ class CastScene:
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:
         """Embree's own distance to the first triangle, (N,) float32; the limit where none is."""
+        stop_here()
         # embreex overwrites the array of limits.
         found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")
         return found
@@ -421,7 +429,9 @@ class PrismScene:
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
+        stop_here()
         self._embree, self._mesh = prisms.embree_scene(_load_embreex())
+        stop_here()
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 from ..casting.hits import CastCounts
 from ..casting.memory import peak_memory
 from ..casting.scene import CastScene
+from ..casting.stopping import Stopped, watching
 from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.folds import find_folds
 from ..projection.volume import Projection
@@ -33,6 +34,17 @@ class Frame(NamedTuple):
     pixels: Single
     report: RenderReport
     passes: dict[str, Single]
+
+
+@dataclass(frozen=True)
+class Asking:
+    """A signal that asks the caller of a render."""
+
+    cancelled: Callable[[], bool] | None
+
+    def is_set(self) -> bool:
+        """Whether the render is to end."""
+        return self.cancelled is not None and self.cancelled()
 
 
 def render_frame(
@@ -61,9 +73,9 @@ def render_frame(
     started = perf_counter()
     # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
     alone = not moments and settings.passes.neighbours is None and settings.lens is None
-    pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
-    if moments:
-        pipeline = pipeline.with_moments(scene, moments, cancelled)
+    pipeline = _prepared(cancelled, moments, projection, scene, settings, cast_scene, alone)
+    if pipeline is None:
+        return None
     build_seconds = perf_counter() - started
     region = settings.region
     height, width = region.top - region.bottom, region.right - region.left
@@ -114,6 +126,24 @@ def render_frame(
     return Frame(
         pixels, replace(report, seconds=perf_counter() - started, build_seconds=build_seconds), passes
     )
+
+
+def _prepared(
+    cancelled: Callable[[], bool] | None,
+    moments: tuple[Moment, ...],
+    projection: Projection,
+    scene: Scene,
+    settings: FrameSettings,
+    cast_scene: CastScene | None,
+    alone: bool,
+) -> Pipeline | None:
+    """The pipeline, None when cancelled on the way. The other arguments are those of ``Pipeline.of``."""
+    try:
+        with watching(Asking(cancelled)):
+            pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
+            return pipeline.with_moments(scene, moments) if moments else pipeline
+    except Stopped:
+        return None
 
 
 def report_of(
