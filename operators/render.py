@@ -7,6 +7,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..scfpf_addon.bridge import render_job
+from ..scfpf_addon.bridge.missing import missing_text
 from ..scfpf_addon.bridge.result_image import discard_progress, keep_result, result_image, show_progress
 from ..scfpf_addon.bridge.result_undo import stamp_result
 from .errors import BAD_INPUT
@@ -120,7 +121,9 @@ class SCFPF_OT_render(bpy.types.Operator):
         """Read the inputs and start the job; False after reporting why it cannot be."""
         camera = bpy.data.objects.get(self.camera) if self.camera else render_camera(context)
         if camera is None:
-            missing = f'There is no object "{self.camera}" to render through' if self.camera else NO_CAMERA
+            missing = missing_text(context.scene.camera) or NO_CAMERA
+            if self.camera:
+                missing = f'There is no object "{self.camera}" to render through'
             self.report({"ERROR"}, missing)
             return False
         if camera.type != "CAMERA" or not camera.scfpf.enabled:
