@@ -221,3 +221,18 @@ def test_a_click_after_what_it_was_for_is_gone(addon, camera, monkeypatch):
     assert pressed() == {"FINISHED"} and tuple(camera.scfpf.mappings[0].centre) == (0.25, 0.75)
     bpy.ops.scfpf.mapping_remove()
     assert pressed() == {"CANCELLED"} and said[-1] == click.NO_MORE
+
+
+def test_a_mirror_that_one_surface_cannot_have_changes_none(camera):
+    near, far = (slot.object for slot in camera.scfpf.surfaces)
+    far.scfpf_surface.kind = "GRID"
+    far.data.uv_layers.remove(far.data.uv_layers[0])
+    before = near.matrix_basis.copy()
+    with pytest.raises(RuntimeError, match="no UV map"):
+        bpy.ops.scfpf.volume_mirror()
+    assert near.matrix_basis == before
+
+
+def test_without_a_preview_nobody_looks_for_strokes(addon):
+    """Linking one object among many names them all in the updates."""
+    addon("scfpf_addon.scanline.preview")._follow_strokes(None)
