@@ -236,3 +236,13 @@ def test_a_mirror_that_one_surface_cannot_have_changes_none(camera):
 def test_without_a_preview_nobody_looks_for_strokes(addon):
     """Linking one object among many names them all in the updates."""
     addon("scfpf_addon.scanline.preview")._follow_strokes(None)
+
+
+def test_a_mesh_as_the_scenes_camera_is_refused_in_words():
+    """Blender's Ctrl-Numpad 0 makes any object the camera."""
+    bpy.ops.mesh.primitive_cube_add()
+    scene = bpy.context.scene
+    scene.camera, scene.render.engine = bpy.context.object, "SCFPF"
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    with pytest.raises(RuntimeError, match="'Cube' is no camera: choose one"):
+        bpy.ops.render.render()
