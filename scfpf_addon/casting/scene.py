@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
 from .embree import mesh_in_embree
-from .memory import available_memory
+from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
@@ -92,11 +92,11 @@ def caster_fault() -> str:
 
 def require_room_for_prisms(triangles: int) -> None:
     """Raise CastError where memory does not hold what exact casting makes of so many triangles."""
-    need, free = BYTES_PER_TRIANGLE * triangles, available_memory()
-    if free is not None and need > free:
+    short = shortage(BYTES_PER_TRIANGLE * triangles)
+    if short:
         raise CastError(
-            f"exact casting needs {need / 1e9:.1f} GB of memory for {triangles:,} triangles, "
-            f"{free / 1e9:.1f} GB are free: set the pixel error above 0, "
+            f"exact casting needs {short[0]} of memory for {triangles:,} triangles, "
+            f"{short[1]} are free: set the pixel error above 0, "
             "or hide what the picture does not show"
         )
 
@@ -177,9 +177,6 @@ class CastScene:
         if not usable.all():
             faces = np.where(usable[:, None], faces, faces[:, :1])
         self._embree, self._mesh = mesh_in_embree(_load_embreex(), self.vertices.T, faces)
-        # Embree builds at the first run, which must happen in one thread.
-        nowhere = np.zeros((3, 1), np.float32)
-        self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
@@ -364,14 +361,11 @@ class CastScene:
                     )
                     finite = np.isfinite(points).all(axis=1)
                 triangles = np.ascontiguousarray(triangles[finite[triangles].all(axis=1)], np.int32)
-                self._beyond = None
                 if len(triangles):
-                    embree, mesh = mesh_in_embree(
+                    self._beyond_scene, self._beyond_mesh = mesh_in_embree(
                         _load_embreex(), np.where(finite[:, None], points, 0.0), triangles
                     )
-                    nowhere = np.zeros((1, 3), np.float32)
-                    embree.run(nowhere, nowhere, np.full(1, -1, np.float32))
-                    self._beyond_scene, self._beyond_mesh = embree, mesh
+                self._beyond = None
             return self._beyond_scene
 
     def offset_origins(self, positions: Array, triangles: IndexArray, directions: NDArray[Any]) -> Array:
@@ -429,8 +423,6 @@ class PrismScene:
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)
-        nowhere = np.zeros((3, 1), np.float32)
-        self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
 
     def trace(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array

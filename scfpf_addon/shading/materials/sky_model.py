@@ -96,6 +96,7 @@ def rgb_of(spectrum: Array) -> Array:
     """Scene-linear colours (3, ...) of spectra (..., WAVELENGTHS)."""
 
     def lobe(height: float, middle: float, before: float, after: float) -> Array:
+        """A bell round a wavelength in nm, wider or narrower on either side, (WAVELENGTHS,)."""
         width = np.where(middle > WAVELENGTHS, before, after)
         found: Array = height * np.exp(-0.5 * ((WAVELENGTHS - middle) / width) ** 2)
         return found
