@@ -246,3 +246,14 @@ def test_a_mesh_as_the_scenes_camera_is_refused_in_words():
     scene.render.resolution_x = scene.render.resolution_y = 8
     with pytest.raises(RuntimeError, match="'Cube' is no camera: choose one"):
         bpy.ops.render.render()
+
+
+def test_another_file_keeps_nothing_of_a_render(addon, camera):
+    job = addon("scfpf_addon.bridge.render_job")
+    bpy.ops.mesh.primitive_cube_add()
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 8
+    render.use_persistent_data = True
+    assert bpy.ops.scfpf.render() == {"FINISHED"} and job._kept is not None
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert job._kept is None
