@@ -153,7 +153,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             editors[0].image = image
             self.report({"INFO"}, summary)
         else:
-            self.report({"INFO"}, f'{summary}. The image "{image.name}" is ready: open it in an Image Editor')
+            self.report({"INFO"}, f"{summary}. Show Picture, the icon beside Render, opens it")
         # The operator has no UNDO option, whose redo panel would render again at every change.
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message="SCFPF Render")
