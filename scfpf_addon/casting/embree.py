@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .stopping import stop_here
+
 # RTCBufferType, RTCFormat and RTCGeometryType of Embree 4.
 INDEX_BUFFER, VERTEX_BUFFER = 0, 1
 UINT3, FLOAT3 = 0x5003, 0x9003
@@ -59,17 +61,18 @@ class SceneObject(ctypes.Structure):
 def mesh_in_embree(
     modules: tuple[Any, Any], vertices: NDArray[Any], triangles: NDArray[np.int32]
 ) -> tuple[Any, Any]:
-    """A scene of one mesh, and what has to be kept as long as it; built at the first run.
+    """A scene of one mesh, built, and what has to be kept as long as it.
 
     modules: embreex's for scenes and meshes. vertices: (V, 3), of any kind and order. triangles: (T, 3)
-    int32, contiguous; they may be Embree's own from now on and must not change. Raises MemoryError.
+    int32, contiguous; they may be Embree's own from now on and must not change. Raises MemoryError, and
+    ``Stopped`` before it builds.
     """
     scenes, meshes = modules
     scene = scenes.EmbreeScene(robust=True)
     library = _library(scenes.__file__)
     handle = _handle(scene) if library else None
     if library is None or handle is None:
-        return scene, meshes.TriangleMesh(scene, vertices.astype(np.float32), triangles)
+        return _built(scene, meshes.TriangleMesh(scene, vertices.astype(np.float32), triangles))
     device = library.rtcGetSceneDevice(handle)
     geometry = library.rtcNewGeometry(device, TRIANGLES)
     try:
@@ -86,7 +89,15 @@ def mesh_in_embree(
     finally:
         library.rtcReleaseGeometry(geometry)
         library.rtcReleaseDevice(device)
-    return scene, triangles
+    return _built(scene, triangles)
+
+
+def _built(scene: Any, kept: Any) -> tuple[Any, Any]:
+    """Both, once Embree has built, which it does at the first run: that must happen in one thread."""
+    stop_here()
+    nowhere = np.zeros((1, 3), np.float32)
+    scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
+    return scene, kept
 
 
 @cache

@@ -99,15 +99,6 @@ def test_what_is_missing_says_where_it_was(spoiled, tmp_path):
         assert "is missing from '" in message and "lost.blend'" in message and "Relocate" in message
 
 
-def test_a_scene_s_camera_that_is_none_is_named():
-    """Blender takes any object for a scene's camera."""
-    scene = Scene()
-    scene.scene.camera = scene.cube
-    with pytest.raises(RuntimeError, match="'Cube' is no camera: choose one in Scene Properties") as refused:
-        bpy.ops.render.render()
-    assert "Traceback" not in str(refused.value)
-
-
 def test_what_is_set_back_is_named_on_the_camera(tmp_path):
     settings, name = Scene().settings, bpy.context.object.name
     put(settings, "samples", 2**31 - 1)
