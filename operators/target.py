@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..scfpf_addon.bridge.render_job import RenderError
 from ..scfpf_addon.bridge.missing import missing_text
+from ..scfpf_addon.bridge.render_job import RenderError
 from ..scfpf_addon.bridge.rig_mark import camera_behind
 
 NO_CAMERA = (
