@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from copy import copy
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from threading import Lock
 from typing import Any
 
@@ -67,16 +67,18 @@ class NothingToCastAt(CastError):
 
 
 def _load_embreex() -> tuple[Any, Any]:
-    """The embreex modules for scenes and meshes; CastError if missing or too old."""
-    needed = ".".join(map(str, EMBREEX_MINIMUM))
+    """The embreex modules for scenes and meshes; CastError if missing, not loadable or too old."""
+    remedy = REMEDY.format(".".join(map(str, EMBREEX_MINIMUM)))
     try:
         from embreex import mesh_construction, rtcore_scene
 
         found = version("embreex")
-    except (ImportError, PackageNotFoundError) as error:
-        raise CastError(f"the ray caster embreex is missing ({error}): {REMEDY.format(needed)}") from error
+    except ModuleNotFoundError as error:
+        raise CastError(f"the ray caster embreex is missing ({error}): {remedy}") from error
+    except ImportError as error:
+        raise CastError(f"the ray caster embreex cannot be loaded ({error}): {remedy}") from error
     if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
-        raise CastError(f"the ray caster embreex {found} is too old: {REMEDY.format(needed)}")
+        raise CastError(f"the ray caster embreex {found} is too old: {remedy}")
     return rtcore_scene, mesh_construction
 
 

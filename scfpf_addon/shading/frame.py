@@ -61,16 +61,14 @@ def render_frame(
 ) -> Frame | None:
     """The picture that a projection makes of a scene, or None when cancelled.
 
-    projection: in world space. cast_scene: made of the scene's triangles before, to
-    save building it again. progress(share in [0, 1]), cancelled() and on_tile(rows,
-    pixels (rows, W, 4), passes) are called from the calling thread, the last as tiles are
-    finished, in any order; rows count from the border's bottom. What a tile raises is raised
-    here, after all threads have ended. moments: what the samples see while the shutter is open,
-    instead of the projection and the scene, which data passes are made of. keep: without, the frame has no
-    rows: what on_tile was given is all that there is. pixels: the border's
-    (H, W, 4), to be the frame's own: tiles appear in it as they are finished.
-    CastError when the scene's triangles cannot be cast at; a scene without any
-    shows its background.
+    projection: in world space. cast_scene: made of the scene's triangles before, to save building it again.
+    progress(share in [0, 1]), cancelled() and on_tile(rows, pixels (rows, W, 4), passes) are called from the
+    calling thread, the last as tiles are finished, in any order; rows count from the border's bottom. What a
+    tile raises is raised here, after all threads have ended. moments: what the samples see while the shutter
+    is open, instead of the projection and the scene, which data passes are made of. keep: without, the frame
+    has no rows: what on_tile was given is all that there is. pixels: the border's (H, W, 4), to be the
+    frame's own: tiles appear in it as they are finished. CastError when the scene's triangles cannot be cast
+    at; a scene without any shows its background.
     """
     started = perf_counter()
     pipeline = _prepared(projection, scene, settings, cast_scene, cancelled, moments)
