@@ -39,6 +39,9 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "rtcCommitGeometry": (None, c_void_p),
     "rtcAttachGeometry": (c_uint, c_void_p, c_void_p),
     "rtcReleaseGeometry": (None, c_void_p),
+    "rtcSetDeviceErrorFunction": (None, c_void_p, c_void_p, c_void_p),
+    "rtcCommitScene": (None, c_void_p),
+    "rtcGetDeviceError": (c_int, c_void_p),
 }
 
 # A number that embreex's ``is_committed`` does not have by chance.
@@ -59,7 +62,7 @@ class SceneObject(ctypes.Structure):
 def mesh_in_embree(
     modules: tuple[Any, Any], vertices: NDArray[Any], triangles: NDArray[np.int32]
 ) -> tuple[Any, Any]:
-    """A scene of one mesh, and what has to be kept as long as it; built at the first run.
+    """A scene of one mesh, and what has to be kept as long as it; for ``build_tree``.
 
     modules: embreex's for scenes and meshes. vertices: (V, 3), of any kind and order. triangles: (T, 3)
     int32, contiguous; they may be Embree's own from now on and must not change. Raises MemoryError.
@@ -87,6 +90,29 @@ def mesh_in_embree(
         library.rtcReleaseGeometry(geometry)
         library.rtcReleaseDevice(device)
     return scene, triangles
+
+
+def build_tree(modules: tuple[Any, Any], scene: Any) -> None:
+    """Make Embree's tree of what a scene of ``mesh_in_embree`` holds, on all cores.
+
+    Python's other threads go on meanwhile, unless embreex has to do it. Raises MemoryError.
+    """
+    library = _library(modules[0].__file__)
+    handle = _handle(scene) if library else None
+    if library is None or handle is None:
+        nowhere = np.zeros((1, 3), np.float32)
+        scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
+        return
+    device = library.rtcGetSceneDevice(handle)
+    try:
+        # embreex's would speak Python in a thread that must not.
+        library.rtcSetDeviceErrorFunction(device, None, None)
+        library.rtcCommitScene(handle)
+        if library.rtcGetDeviceError(device):
+            raise MemoryError("There is not enough memory to build the scene for casting")
+    finally:
+        library.rtcReleaseDevice(device)
+    scene.is_committed = 1
 
 
 @cache

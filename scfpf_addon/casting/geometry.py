@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array, BoolArray, IndexArray
 
 
 @dataclass(frozen=True)
@@ -56,22 +56,31 @@ class Geometry:
 
     def part(self, kept: BoolArray) -> Geometry:
         """The triangles ``kept`` (T,) alone, with the vertices that they use."""
-        triangles = self.triangles[kept]
-        used = np.zeros(len(self.vertices), bool)
-        used[triangles] = True
-        number = np.cumsum(used, dtype=np.int32) - 1
+        # By number: several times as quick as by the mask.
+        which = np.flatnonzero(kept)
+        triangles = self.triangles.take(which, axis=0)
+        used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(self.vertices)))
+        number = np.empty(len(self.vertices), np.int32)
+        number[used] = np.arange(len(used), dtype=np.int32)
         normals = self.corner_normals
         if self.flat:
             normals = normals[:, :1]
         return Geometry(
-            self.vertices[used],
-            number[triangles],
-            np.broadcast_to(normals[kept], (len(triangles), 3, 3)),
-            self.material[kept],
-            self.object_index[kept],
+            self.vertices.take(used, axis=0),
+            number.take(triangles),
+            np.broadcast_to(normals.take(which, axis=0), (len(which), 3, 3)),
+            _of(self.material, which),
+            _of(self.object_index, which),
             self.object_names,
-            None if self.uv is None else self.uv[kept],
-            {name: Layer(layer.row[kept], layer.values) for name, layer in self.layers.items()},
-            None if self.visibility is None else self.visibility[kept],
-            None if self.linked is None else self.linked[kept],
+            None if self.uv is None else self.uv.take(which, axis=0),
+            {name: Layer(layer.row.take(which), layer.values) for name, layer in self.layers.items()},
+            None if self.visibility is None else self.visibility.take(which),
+            None if self.linked is None else self.linked.take(which),
         )
+
+
+def _of(numbers: NDArray[np.int32], which: IndexArray) -> NDArray[np.int32]:
+    """The numbers of the triangles ``which``; one that all share need not be written for each."""
+    if numbers.strides[0] == 0:
+        return np.broadcast_to(numbers[:1], which.shape)
+    return numbers.take(which)
