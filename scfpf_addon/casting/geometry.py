@@ -30,8 +30,8 @@ class Geometry:
 
     vertices: (V, 3) float64, world space. triangles: (T, 3) int32.
     corner_normals: (T, 3, 3) float32, unit, world space: the shading normal at
-    each corner; where nothing is smooth it may be one that is shown thrice. material,
-    object_index: (T,) int32. object_names: one name an index.
+    each corner; where nothing is smooth it may be one that is shown thrice, or None for the triangles' own.
+    material, object_index: (T,) int32, or one number that is shown T times. object_names: one name an index.
     uv: (T, 3, 2) float32, texture coordinates of the corners, NaN where a mesh has none;
     None where they were not asked for. layers: by name, those that materials ask for.
     visibility: (T,), see ``visibility``; None where every ray meets everything. linked: (T,) int32, the
@@ -40,7 +40,7 @@ class Geometry:
 
     vertices: Array
     triangles: NDArray[np.int32]
-    corner_normals: NDArray[np.float32]
+    corner_normals: NDArray[np.float32] | None
     material: NDArray[np.int32]
     object_index: NDArray[np.int32]
     object_names: tuple[str, ...] = ()
@@ -51,8 +51,8 @@ class Geometry:
 
     @property
     def flat(self) -> bool:
-        """Whether each triangle's corners share one normal in memory."""
-        return self.corner_normals.strides[1] == 0
+        """Whether each triangle's corners share one normal in memory, or have its own."""
+        return self.corner_normals is None or self.corner_normals.strides[1] == 0
 
     def part(self, kept: BoolArray) -> Geometry:
         """The triangles ``kept`` (T,) alone, with the vertices that they use."""
@@ -63,12 +63,13 @@ class Geometry:
         number = np.empty(len(self.vertices), np.int32)
         number[used] = np.arange(len(used), dtype=np.int32)
         normals = self.corner_normals
-        if self.flat:
-            normals = normals[:, :1]
+        if normals is not None:
+            some = normals[:, : 1 if self.flat else 3].take(which, axis=0)
+            normals = np.broadcast_to(some, (len(which), 3, 3))
         return Geometry(
             self.vertices.take(used, axis=0),
             number.take(triangles),
-            np.broadcast_to(normals.take(which, axis=0), (len(which), 3, 3)),
+            normals,
             _of(self.material, which),
             _of(self.object_index, which),
             self.object_names,

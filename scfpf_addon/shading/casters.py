@@ -58,6 +58,8 @@ def _roundness(shown: Geometry, vertices: Array) -> float:
     vertices: (3, V), of ``shown``.
     """
     most = 0.0
+    if shown.corner_normals is None:
+        return most
     for some in portions(len(shown.triangles)):
         corners = [vertices.take(shown.triangles[some, k], axis=1, mode="clip") for k in range(3)]
         normals = shown.corner_normals[some, : 1 if shown.flat else 3].transpose(1, 2, 0)
