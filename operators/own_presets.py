@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, StringProperty
 from ..scfpf_addon.bridge import camera_preset
 from ..scfpf_addon.bridge.render_job import picture_aspect
 from ..scfpf_addon.projection.preset import PresetError, read_preset
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .presets import PresetOperator
 from .target import flexible_camera_of
 from .tool import Tool
@@ -131,8 +131,7 @@ class SCFPF_OT_preset_import(bpy.types.Operator):
             preset = read_preset(pathlib.Path(bpy.path.abspath(self.filepath)))
             message = _kept(preset, self.replace)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         self.report({"INFO"}, message)
         return {"FINISHED"}
 
@@ -171,8 +170,7 @@ class SCFPF_OT_preset_remove(bpy.types.Operator):
         try:
             camera_preset.remove_own(self.preset)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         self.report({"INFO"}, f"The preset '{self.preset}' is removed")
         return {"FINISHED"}
 

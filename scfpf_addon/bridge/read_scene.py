@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..casting.geometry import Geometry
-from ..casting.memory import available_memory
+from ..casting.memory import shortage
 from ..casting.visibility import CAMERA, EVERYWHERE
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
@@ -294,11 +294,11 @@ def join(
     # Where nothing is smooth the corners of a triangle share one normal, and nothing has to be kept thrice.
     sizes = [0 if mesh.normals is None else mesh.normals.shape[1] for mesh in meshes if len(mesh.triangles)]
     corners = max(sizes, default=1)
-    needed, free = triangles * BYTES_PER_TRIANGLE, available_memory()
-    if free is not None and needed > free:
+    short = shortage(triangles * BYTES_PER_TRIANGLE)
+    if short:
         raise SceneError(
             f"The scene has {triangles:,} triangles once every instance is counted, which need about "
-            f"{needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free: hide instances or lower "
+            f"{short[0]} of memory, and {short[1]} are free: hide instances or lower "
             "the subdivision"
         )
     alone = len(order) == 1 and triangles > 0

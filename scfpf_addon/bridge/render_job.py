@@ -55,6 +55,11 @@ RENDER_ERRORS = (
 )
 
 
+def reason(error: BaseException) -> str:
+    """What to say of one of RENDER_ERRORS: Python may raise a MemoryError without a word."""
+    return str(error) or "There is not enough memory for this picture"
+
+
 @dataclass(frozen=True)
 class RenderInputs:
     """Arrays and numbers only: Blender may change or free anything while they are used.

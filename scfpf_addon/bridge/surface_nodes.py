@@ -28,6 +28,7 @@ from .node_builder import NodeBuilder
 from .surface_gizmos import add_gizmos
 from .surface_shape import store_shape
 from .uv_mesh import write_uv_mesh
+from .volume_object import delete_with_data
 
 # Kinds that are plain meshes, with their titles.
 MESH_KINDS = {"PATCH": "Patch", "GRID": "Grid", "UV_MESH": "UV Mesh"}
@@ -322,7 +323,7 @@ def new_surface(name: str, kind: str, parameters: dict | None = None, points=Non
         elif kind in MESH_KINDS:
             set_surface_parameters(surface, {"points": _flat(kind) if points is None else points})
     except SurfaceError:
-        delete_surface(surface)
+        delete_with_data(surface)
         raise
     return surface
 
@@ -332,16 +333,6 @@ def _flat(kind: str):
     line = np.linspace(-0.5, 0.5, 2 if kind == "PATCH" else 5)
     x, y = np.meshgrid(line, line)
     return np.stack([x, y, np.zeros_like(x)], 2)
-
-
-def delete_surface(surface) -> None:
-    """Delete a surface's object, and its data if nothing else uses it."""
-    data = surface.data
-    owners = {"SURFACE": bpy.data.curves, "LATTICE": bpy.data.lattices}
-    owner = owners.get(surface.type, bpy.data.meshes)
-    bpy.data.objects.remove(surface)
-    if data.users == 0:
-        owner.remove(data)
 
 
 def take_kind(surface) -> None:
@@ -364,6 +355,9 @@ def take_kind(surface) -> None:
             shape = surface_from_parameters(before, parameters, None, np.eye(4))
             points = shape.evaluate(u.ravel(), v.ravel()).position.T.reshape(rows, columns, 3)
         surface.modifiers.remove(modifier)
+        if surface.data.users > 1:
+            # Of a linked duplicate (Alt-D): the mesh was empty so far, the other's shape is its modifier's.
+            surface.data = surface.data.copy()
         write_grid(surface.data, points)
 
 

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .stopping import stop_here
+
 # RTCBufferType, RTCFormat and RTCGeometryType of Embree 4.
 INDEX_BUFFER, VERTEX_BUFFER = 0, 1
 UINT3, FLOAT3 = 0x5003, 0x9003
@@ -62,17 +64,23 @@ class SceneObject(ctypes.Structure):
 def mesh_in_embree(
     modules: tuple[Any, Any], vertices: NDArray[Any], triangles: NDArray[np.int32]
 ) -> tuple[Any, Any]:
-    """A scene of one mesh, and what has to be kept as long as it; for ``build_tree``.
+    """A scene of one mesh, built, and what has to be kept as long as it.
 
     modules: embreex's for scenes and meshes. vertices: (V, 3), of any kind and order. triangles: (T, 3)
-    int32, contiguous; they may be Embree's own from now on and must not change. Raises MemoryError.
+    int32, contiguous; they may be Embree's own from now on and must not change. Python's other threads go on
+    while Embree builds, on all cores. Raises MemoryError, and ``Stopped`` before it builds.
     """
     scenes, meshes = modules
     scene = scenes.EmbreeScene(robust=True)
     library = _library(scenes.__file__)
     handle = _handle(scene) if library else None
     if library is None or handle is None:
-        return scene, meshes.TriangleMesh(scene, vertices.astype(np.float32), triangles)
+        mesh = meshes.TriangleMesh(scene, vertices.astype(np.float32), triangles)
+        stop_here()
+        # Embree builds at embreex's first run, which must happen in one thread.
+        nowhere = np.zeros((1, 3), np.float32)
+        scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
+        return scene, mesh
     device = library.rtcGetSceneDevice(handle)
     geometry = library.rtcNewGeometry(device, TRIANGLES)
     try:
@@ -86,33 +94,17 @@ def mesh_in_embree(
         )
         library.rtcCommitGeometry(geometry)
         library.rtcAttachGeometry(handle, geometry)
-    finally:
-        library.rtcReleaseGeometry(geometry)
-        library.rtcReleaseDevice(device)
-    return scene, triangles
-
-
-def build_tree(modules: tuple[Any, Any], scene: Any) -> None:
-    """Make Embree's tree of what a scene of ``mesh_in_embree`` holds, on all cores.
-
-    Python's other threads go on meanwhile, unless embreex has to do it. Raises MemoryError.
-    """
-    library = _library(modules[0].__file__)
-    handle = _handle(scene) if library else None
-    if library is None or handle is None:
-        nowhere = np.zeros((1, 3), np.float32)
-        scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
-        return
-    device = library.rtcGetSceneDevice(handle)
-    try:
-        # embreex's would speak Python in a thread that must not.
+        stop_here()
+        # embreex's function would speak Python, in a thread that has let go of it.
         library.rtcSetDeviceErrorFunction(device, None, None)
         library.rtcCommitScene(handle)
         if library.rtcGetDeviceError(device):
             raise MemoryError("There is not enough memory to build the scene for casting")
     finally:
+        library.rtcReleaseGeometry(geometry)
         library.rtcReleaseDevice(device)
     scene.is_committed = 1
+    return scene, triangles
 
 
 @cache

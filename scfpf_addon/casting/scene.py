@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
-from .embree import build_tree, mesh_in_embree
-from .memory import available_memory
+from .embree import mesh_in_embree
+from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
@@ -93,11 +93,11 @@ def caster_fault() -> str:
 
 def require_room_for_prisms(triangles: int) -> None:
     """Raise CastError where memory does not hold what exact casting makes of so many triangles."""
-    need, free = BYTES_PER_TRIANGLE * triangles, available_memory()
-    if free is not None and need > free:
+    short = shortage(BYTES_PER_TRIANGLE * triangles)
+    if short:
         raise CastError(
-            f"exact casting needs {need / 1e9:.1f} GB of memory for {triangles:,} triangles, "
-            f"{free / 1e9:.1f} GB are free: set the pixel error above 0, "
+            f"exact casting needs {short[0]} of memory for {triangles:,} triangles, "
+            f"{short[1]} are free: set the pixel error above 0, "
             "or hide what the picture does not show"
         )
 
@@ -184,16 +184,15 @@ class CastScene:
         faces = self.triangles
         if not usable.all():
             faces = np.where(usable[:, None], faces, faces[:, :1])
-        modules = _load_embreex()
-        self._embree, self._mesh = mesh_in_embree(modules, self.vertices.T, faces)
+        mesh = _load_embreex(), self.vertices.T, faces
         if beyond is None:
-            build_tree(modules, self._embree)
+            self._embree, self._mesh = mesh_in_embree(*mesh)
         else:
             # Embree's threads do not need the interpreter, which NumPy holds for much of its work.
             with ThreadPoolExecutor(1) as pool:
-                built = pool.submit(build_tree, modules, self._embree)
+                built = pool.submit(mesh_in_embree, *mesh)
                 self._beyond = self._placed_beyond(*beyond())
-                built.result()
+                self._embree, self._mesh = built.result()
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
@@ -398,11 +397,9 @@ class CastScene:
         """What no projector meets, in Embree; None where there is nothing."""
         with self._lock:
             if self._beyond is not None:
-                modules, (vertices, triangles) = _load_embreex(), self._beyond
+                vertices, triangles = self._beyond
+                self._beyond_scene, self._beyond_mesh = mesh_in_embree(_load_embreex(), vertices.T, triangles)
                 self._beyond = None
-                embree, self._beyond_mesh = mesh_in_embree(modules, vertices.T, triangles)
-                build_tree(modules, embree)
-                self._beyond_scene = embree
             return self._beyond_scene
 
     def offset_origins(self, positions: Array, triangles: IndexArray, directions: NDArray[Any]) -> Array:
@@ -460,8 +457,6 @@ class PrismScene:
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)
-        nowhere = np.zeros((3, 1), np.float32)
-        self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
 
     def trace(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array

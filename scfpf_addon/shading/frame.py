@@ -90,11 +90,13 @@ def render_frame(
         return np.empty((count, width, 4), np.float32), empty_passes(settings.passes, count, width)
 
     def render(job: TileJob) -> TileCounts:
+        """Make a tile, in a thread."""
         tile, data = tiles_made[job.rows.start] = place(job.rows)
         flat = {name: values.reshape(-1, values.shape[2]) for name, values in data.items()}
         return pipeline.render_tile(job, tile.reshape(-1, 4), flat)
 
     def finished(rows: slice, tile: TileCounts) -> None:
+        """Count what a tile did and hand it on, in the calling thread."""
         nonlocal hits
         counts.add(tile.cast)
         hits += tile.hits

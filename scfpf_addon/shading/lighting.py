@@ -162,8 +162,8 @@ def radiance(
     for lamp in lamps:
         light = lamp.incidence(points.position, sample)
         cosine = dot(points.normal, light.direction)
-        received = np.maximum(cosine, 0)
-        received *= light.strength
+        np.maximum(cosine, 0, out=cosine)
+        received = cosine * light.strength
         if lamp.light.receivers is not None and points.linked is not None:
             received *= lamp.light.receivers.take(points.linked)
         full = received.copy() if parts else received

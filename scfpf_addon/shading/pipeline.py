@@ -35,6 +35,7 @@ from .reach import within_reach
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
+from .short_way import short_way
 from .suns_alone import SunsAlone
 from .suns_shadowed import SunsShadowed
 from .typing import Single
@@ -151,8 +152,9 @@ class Pipeline:
     @cached_property
     def suns_alone(self) -> SunsAlone | SunsShadowed | None:
         """The short way to pictures that are simple enough for it."""
-        made_of = self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
-        return SunsAlone.of(*made_of) or SunsShadowed.of(*made_of)
+        return short_way(
+            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
+        )
 
     @property
     def behind(self) -> Array:
@@ -250,6 +252,7 @@ class Pipeline:
         light = LightFilm.of(passes, len(block), self.background)
 
         def take(some: IndexArray | None, samples: range) -> None:
+            """Add samples of the pixels ``some`` (n,) of the block, None for all, to the films."""
             nonlocal hit_count
             which = np.arange(len(block)) if some is None else some
             for sample, hits, onward in self.cast_samples(rows, samples, counts, some):
@@ -266,6 +269,7 @@ class Pipeline:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
         def stopped(done: float) -> bool:
+            """Say how far the tile is; whether the work is to be given up."""
             job.done = done
             return job.stop.is_set()
 

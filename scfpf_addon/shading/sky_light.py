@@ -16,6 +16,7 @@ from .samples import BITS, Bits, scramble
 from .scene import Light
 from .sky_map import COLUMNS, LUMINANCE, NORMAL_ROWS, ROWS, Gathered, WorldLight, brightness, map_places
 from .surface import SurfacePoints
+from .tables import between
 from .typing import Single
 
 # Directions in which a pixel looks for what hides the sky, at least.
@@ -97,21 +98,7 @@ class SkyLight:
     def irradiance(self, normal: Single) -> Single:
         """On surfaces of unit normals (3, N) without anything in the way, (3, N)."""
         row, column = map_places(normal, NORMAL_ROWS)
-        row += 0.5
-        column += 0.5
-        low, left = np.floor(row).astype(np.intp), np.floor(column).astype(np.intp)
-        np.clip(low, 0, NORMAL_ROWS, out=low)
-        np.clip(left, 0, 2 * NORMAL_ROWS, out=left)
-        up, along = (row - low).astype(np.float32), (column - left).astype(np.float32)
-        wide = self.light.irradiance.shape[2]
-        table = self.light.irradiance.reshape(3, -1)
-        corner = low * wide + left
-        below, above = (
-            table.take(at, axis=1) * (1 - along) + table.take(at + 1, axis=1) * along
-            for at in (corner, corner + wide)
-        )
-        found: Single = below * (1 - up) + above * up
-        return found
+        return between(self.light.irradiance, row + 0.5, column + 0.5)
 
 
 def place_marks(position: Single) -> Bits:
