@@ -4,6 +4,7 @@
 import time
 
 import bpy
+from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
 from ..scfpf_addon.bridge import render_job
@@ -152,7 +153,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             editors[0].image = image
             self.report({"INFO"}, summary)
         else:
-            self.report({"INFO"}, f'{summary}. The image "{image.name}" is ready: open it in an Image Editor')
+            self.report({"INFO"}, f"{summary}. Show Picture, the icon beside Render, opens it")
         # The operator has no UNDO option, whose redo panel would render again at every change.
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message="SCFPF Render")
@@ -247,11 +248,19 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
 )
 
 
+@persistent
+def _file_loaded(*_):
+    # What persistent data keeps is hundreds of MB of the file before.
+    render_job.forget()
+
+
 def register():
     _register_classes()
+    bpy.app.handlers.load_post.append(_file_loaded)
 
 
 def unregister():
+    bpy.app.handlers.load_post.remove(_file_loaded)
     # Before the classes go: their thread may still be at work.
-    render_job.stop()
+    render_job.forget()
     _unregister_classes()

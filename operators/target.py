@@ -55,7 +55,7 @@ def poll_scene(cls, context) -> bool:
 def poll_object_mode(cls, context) -> bool:
     """Adding and removing objects needs Object Mode, as everywhere in Blender."""
     if context.mode != "OBJECT":
-        cls.poll_message_set("Leave the edit mode first")
+        cls.poll_message_set("Go to Object Mode first")
         return False
     return True
 

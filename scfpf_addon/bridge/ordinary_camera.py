@@ -28,8 +28,11 @@ def frustum(camera, scene) -> tuple[End, End]:
     """The near and the far end of what a camera sees, from clip start to clip end.
 
     Takes in lens, shift, sensor fit and ``scene``'s resolution and pixel aspect.
-    Raises FrustumError for a panoramic or custom camera, or one without depth.
+    Raises FrustumError for a panoramic or custom camera, one without depth, and what is no camera:
+    Blender lets any object be the scene's.
     """
+    if camera.type != "CAMERA":
+        raise FrustumError(f"'{camera.name}' is no camera: choose one in the Scene properties")
     lens = camera.data
     if lens.type not in {"PERSP", "ORTHO"}:
         raise FrustumError(

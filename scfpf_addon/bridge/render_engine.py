@@ -12,7 +12,7 @@ import numpy as np
 
 from ..shading.frame import render_frame
 from ..shading.settings import Border
-from .building import build, coarse_picture
+from .building import BUILDING, build, coarse_picture
 from .render_delivery import Delivery
 from .render_job import (
     RENDER_ERRORS,
@@ -107,7 +107,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         if self.test_break():
             return
         delivery.begin(inputs)
-        self.update_stats("", "Building the acceleration structure, which cannot be cancelled")
+        self.update_stats("", BUILDING)
         # Blender keeps the engine with persistent data, and makes one for each picture without.
         kept = getattr(self, "kept_scenes", {})
         keep = self.render.use_persistent_data

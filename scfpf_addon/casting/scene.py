@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from threading import Lock
 from typing import Any
 
@@ -26,7 +26,7 @@ from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
-from .stopping import stop_here
+from .stopping import stop_here, unstoppable
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
@@ -68,16 +68,18 @@ class NothingToCastAt(CastError):
 
 
 def _load_embreex() -> tuple[Any, Any]:
-    """The embreex modules for scenes and meshes; CastError if missing or too old."""
-    needed = ".".join(map(str, EMBREEX_MINIMUM))
+    """The embreex modules for scenes and meshes; CastError if missing, not loadable or too old."""
+    remedy = REMEDY.format(".".join(map(str, EMBREEX_MINIMUM)))
     try:
         from embreex import mesh_construction, rtcore_scene
 
         found = version("embreex")
-    except (ImportError, PackageNotFoundError) as error:
-        raise CastError(f"the ray caster embreex is missing ({error}): {REMEDY.format(needed)}") from error
+    except ModuleNotFoundError as error:
+        raise CastError(f"the ray caster embreex is missing ({error}): {remedy}") from error
+    except ImportError as error:
+        raise CastError(f"the ray caster embreex cannot be loaded ({error}): {remedy}") from error
     if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
-        raise CastError(f"the ray caster embreex {found} is too old: {REMEDY.format(needed)}")
+        raise CastError(f"the ray caster embreex {found} is too old: {remedy}")
     return rtcore_scene, mesh_construction
 
 
@@ -303,21 +305,27 @@ class CastScene:
         """
         with self._lock:
             if self._prisms is None:
-                require_room_for_prisms(len(self.triangles))
-                corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
-                second, third = self._corners[:3], self._corners[4:7]
-                slopes = np.stack([second, third, second + third])
-                steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
-                self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
+                with unstoppable():
+                    self._prisms = self._prisms_made()
             return self._prisms
+
+    def _prisms_made(self) -> PrismScene:
+        require_room_for_prisms(len(self.triangles))
+        corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
+        second, third = self._corners[:3], self._corners[4:7]
+        stop_here()
+        slopes = np.stack([second, third, second + third])
+        steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
+        return PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
 
     @property
     def occupancy(self) -> Occupancy:
         """Which parts of the scene are empty; made at first use."""
         with self._lock:
             if self._occupancy is None:
-                corners = self.vertices.take(self.triangles[self._usable].T, 1)
-                self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
+                with unstoppable():
+                    corners = self.vertices.take(self.triangles[self._usable].T, 1)
+                    self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
             return self._occupancy
 
     def trace(
@@ -339,6 +347,7 @@ class CastScene:
 
         The limits are used up.
         """
+        stop_here()
         found = self._embree.run(origins.T, directions.T, limits, output=True)
         return found["primID"], (found["u"], found["v"])
 
@@ -346,6 +355,7 @@ class CastScene:
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:
         """Embree's own distance to the first triangle, (N,) float32; the limit where none is."""
+        stop_here()
         # embreex overwrites the array of limits.
         found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")
         return found
@@ -453,7 +463,9 @@ class PrismScene:
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
+        stop_here()
         self._embree, self._mesh = prisms.embree_scene(_load_embreex())
+        stop_here()
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)

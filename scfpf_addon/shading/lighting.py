@@ -152,11 +152,6 @@ def radiance(
     color[:] = by_material(table.emitted, points.material)
     if parts:
         parts.shine(by_material(table.emission, points.material), color)
-    if table.sky:
-        lit = table.sky.scattered(points, table.albedo, sample)
-        color += lit
-        if parts:
-            parts.rows[DIFFUSE] += lit
     alpha = by_material(table.alpha, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:
@@ -186,6 +181,11 @@ def radiance(
             color += lit
             if parts:
                 parts.rows[SPECULAR] += lit
+    if table.sky:
+        lit = table.sky.scattered(points, table.albedo, sample, color)
+        color += lit
+        if parts:
+            parts.rows[DIFFUSE] += lit
     return color
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from ..casting.frame import pixel_centres
 from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
+from ..casting.stopping import stop_here
 from ..casting.tiles import TileJob
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
@@ -124,18 +125,12 @@ class Pipeline:
         )
         return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
 
-    def with_moments(
-        self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None
-    ) -> Pipeline:
-        """The pipeline, of ``scene``, of a picture that is exposed while things move.
-
-        It is left as it is when cancelled.
-        """
+    def with_moments(self, scene: Scene, moments: tuple[Moment, ...]) -> Pipeline:
+        """The pipeline, of ``scene``, of a picture that is exposed while things move."""
         made: list[tuple[Scene, Pipeline]] = [(scene, self)]
         bare = replace(self.settings, passes=DataPasses())
         for moment in moments:
-            if cancelled and cancelled():
-                return self
+            stop_here()
             settings = replace(bare, lens=moment.lens)
             same = next((known for seen, known in made if seen is moment.scene), None)
             if same is None:

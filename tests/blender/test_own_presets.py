@@ -105,7 +105,7 @@ def test_names_replace_only_when_asked_and_are_listed_and_removed(addon, camera,
     with pytest.raises(RuntimeError, match="already: choose another name, or tick Replace"):
         bpy.ops.scfpf.preset_save(name="My Wide / Lens!")
     assert bpy.ops.scfpf.preset_save(name="My Wide / Lens!", replace=True) == {"FINISHED"}
-    with pytest.raises(RuntimeError, match="must be a text in one line"):
+    with pytest.raises(RuntimeError, match="Give the preset a name"):
         bpy.ops.scfpf.preset_save(name="   ")
     assert bpy.ops.scfpf.preset_remove(preset="my_wide_lens") == {"FINISHED"}
     assert not list(folder.iterdir())
@@ -115,6 +115,16 @@ def test_names_replace_only_when_asked_and_are_listed_and_removed(addon, camera,
         with pytest.raises(RuntimeError, match="no preset"):
             bpy.ops.scfpf.preset_remove(preset=stem)
     assert addon("scfpf_addon.bridge.camera_preset").stem_of("CON") == "con_preset"
+
+
+def test_names_of_the_same_letters_are_presets_of_their_own(addon, camera, folder):
+    """Files are named in few letters: two names in Chinese are the same file's."""
+    listed = addon("operators.own_presets").own_presets
+    for name in ("広角", "望遠"):
+        assert bpy.ops.scfpf.preset_save(name=name, description="First.") == {"FINISHED"}
+    assert [item[:2] for item in listed()] == [("preset", "広角"), ("preset_2", "望遠")]
+    assert bpy.ops.scfpf.preset_save(name="望遠", description="Second.", replace=True) == {"FINISHED"}
+    assert {item[1:] for item in listed()} == {("広角", "First."), ("望遠", "Second.")}
 
 
 def test_presets_are_shared_as_files(camera, folder, tmp_path):
