@@ -67,6 +67,8 @@ class _SavesVolume(Tool):
 
     def preset(self, context, camera):
         """The volume as it is now. Raises what BAD_INPUT lists."""
+        if not self.name.strip():
+            raise PresetError("Give the preset a name")
         aspect = picture_aspect(context.scene)
         depsgraph = context.evaluated_depsgraph_get()
         return camera_preset.preset_of(camera, depsgraph, aspect, self.name, self.description)

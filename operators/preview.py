@@ -54,7 +54,10 @@ class SCFPF_OT_preview_show(bpy.types.Operator):
         if source is None or context.window is None:
             cls.poll_message_set("The camera has no live preview")
             return False
-        return not viewports_of(source)
+        if viewports_of(source):
+            cls.poll_message_set("A viewport shows the live preview already")
+            return False
+        return True
 
     def execute(self, context):
         try:

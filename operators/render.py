@@ -4,6 +4,7 @@
 import time
 
 import bpy
+from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
 from ..scfpf_addon.bridge import render_job
@@ -247,11 +248,19 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
 )
 
 
+@persistent
+def _file_loaded(*_):
+    # What persistent data keeps is hundreds of MB of the file before.
+    render_job.forget()
+
+
 def register():
     _register_classes()
+    bpy.app.handlers.load_post.append(_file_loaded)
 
 
 def unregister():
+    bpy.app.handlers.load_post.remove(_file_loaded)
     # Before the classes go: their thread may still be at work.
-    render_job.stop()
+    render_job.forget()
     _unregister_classes()

@@ -357,3 +357,10 @@ def stop() -> None:
         _current.wait()
         _kept = _current.kept
     _current = None
+
+
+def forget() -> None:
+    """As ``stop``, and let go of what was kept for the next picture, too."""
+    global _kept
+    stop()
+    _kept = None

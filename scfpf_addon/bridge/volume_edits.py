@@ -190,6 +190,8 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
                 raise FlexibleCameraError(
                     f"'{surface.name}' cannot be mirrored: take another kind of control surface first"
                 )
+            if surface.data.uv_layers.active is None:
+                raise FlexibleCameraError(f"'{surface.name}' has no UV map: unwrap it as a regular grid")
             continue
         if kind == "POINT":
             continue
@@ -226,8 +228,6 @@ def _mirror_uv(surface, axis: int) -> None:
     if surface.data.users > 1:
         surface.data = surface.data.copy()
     layer = surface.data.uv_layers.active
-    if layer is None:
-        raise FlexibleCameraError(f"'{surface.name}' has no UV map: unwrap it as a regular grid")
     # Not by ``layer.uv``: in Blender 4.5 that writes through to the mesh's copies and to its undo steps.
     uv = surface.data.attributes[layer.name].data
     values = np.empty(2 * len(uv), np.float32)

@@ -221,3 +221,39 @@ def test_a_click_after_what_it_was_for_is_gone(addon, camera, monkeypatch):
     assert pressed() == {"FINISHED"} and tuple(camera.scfpf.mappings[0].centre) == (0.25, 0.75)
     bpy.ops.scfpf.mapping_remove()
     assert pressed() == {"CANCELLED"} and said[-1] == click.NO_MORE
+
+
+def test_a_mirror_that_one_surface_cannot_have_changes_none(camera):
+    near, far = (slot.object for slot in camera.scfpf.surfaces)
+    far.scfpf_surface.kind = "GRID"
+    far.data.uv_layers.remove(far.data.uv_layers[0])
+    before = near.matrix_basis.copy()
+    with pytest.raises(RuntimeError, match="no UV map"):
+        bpy.ops.scfpf.volume_mirror()
+    assert near.matrix_basis == before
+
+
+def test_without_a_preview_nobody_looks_for_strokes(addon):
+    """Linking one object among many names them all in the updates."""
+    addon("scfpf_addon.scanline.preview")._follow_strokes(None)
+
+
+def test_a_mesh_as_the_scenes_camera_is_refused_in_words():
+    """Blender's Ctrl-Numpad 0 makes any object the camera."""
+    bpy.ops.mesh.primitive_cube_add()
+    scene = bpy.context.scene
+    scene.camera, scene.render.engine = bpy.context.object, "SCFPF"
+    scene.render.resolution_x = scene.render.resolution_y = 8
+    with pytest.raises(RuntimeError, match="'Cube' is no camera: choose one"):
+        bpy.ops.render.render()
+
+
+def test_another_file_keeps_nothing_of_a_render(addon, camera):
+    job = addon("scfpf_addon.bridge.render_job")
+    bpy.ops.mesh.primitive_cube_add()
+    render = bpy.context.scene.render
+    render.resolution_x = render.resolution_y = 8
+    render.use_persistent_data = True
+    assert bpy.ops.scfpf.render() == {"FINISHED"} and job._kept is not None
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    assert job._kept is None
