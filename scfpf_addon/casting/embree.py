@@ -41,6 +41,9 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "rtcCommitGeometry": (None, c_void_p),
     "rtcAttachGeometry": (c_uint, c_void_p, c_void_p),
     "rtcReleaseGeometry": (None, c_void_p),
+    "rtcSetDeviceErrorFunction": (None, c_void_p, c_void_p, c_void_p),
+    "rtcCommitScene": (None, c_void_p),
+    "rtcGetDeviceError": (c_int, c_void_p),
 }
 
 # A number that embreex's ``is_committed`` does not have by chance.
@@ -64,15 +67,20 @@ def mesh_in_embree(
     """A scene of one mesh, built, and what has to be kept as long as it.
 
     modules: embreex's for scenes and meshes. vertices: (V, 3), of any kind and order. triangles: (T, 3)
-    int32, contiguous; they may be Embree's own from now on and must not change. Raises MemoryError, and
-    ``Stopped`` before it builds.
+    int32, contiguous; they may be Embree's own from now on and must not change. Python's other threads go on
+    while Embree builds, on all cores. Raises MemoryError, and ``Stopped`` before it builds.
     """
     scenes, meshes = modules
     scene = scenes.EmbreeScene(robust=True)
     library = _library(scenes.__file__)
     handle = _handle(scene) if library else None
     if library is None or handle is None:
-        return _built(scene, meshes.TriangleMesh(scene, vertices.astype(np.float32), triangles))
+        mesh = meshes.TriangleMesh(scene, vertices.astype(np.float32), triangles)
+        stop_here()
+        # Embree builds at embreex's first run, which must happen in one thread.
+        nowhere = np.zeros((1, 3), np.float32)
+        scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
+        return scene, mesh
     device = library.rtcGetSceneDevice(handle)
     geometry = library.rtcNewGeometry(device, TRIANGLES)
     try:
@@ -86,18 +94,17 @@ def mesh_in_embree(
         )
         library.rtcCommitGeometry(geometry)
         library.rtcAttachGeometry(handle, geometry)
+        stop_here()
+        # embreex's function would speak Python, in a thread that has let go of it.
+        library.rtcSetDeviceErrorFunction(device, None, None)
+        library.rtcCommitScene(handle)
+        if library.rtcGetDeviceError(device):
+            raise MemoryError("There is not enough memory to build the scene for casting")
     finally:
         library.rtcReleaseGeometry(geometry)
         library.rtcReleaseDevice(device)
-    return _built(scene, triangles)
-
-
-def _built(scene: Any, kept: Any) -> tuple[Any, Any]:
-    """Both, once Embree has built, which it does at the first run: that must happen in one thread."""
-    stop_here()
-    nowhere = np.zeros((1, 3), np.float32)
-    scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
-    return scene, kept
+    scene.is_committed = 1
+    return scene, triangles
 
 
 @cache

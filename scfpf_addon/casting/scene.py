@@ -9,7 +9,8 @@ what a hit is, is computed from the float64 triangles.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import cache
 from importlib.metadata import version
@@ -135,8 +136,9 @@ class CastScene:
 
     vertices: (V, 3) float64, world space; triangles: (T, 3) int32. Triangles with
     a vertex that is not finite, and those without area, are never hit; indices of
-    triangles stay what they were. beyond: vertices and triangles that no projector meets
-    but that stand in the way of light: ``occluded`` builds them when it is first asked.
+    triangles stay what they were. beyond() gives vertices and triangles that no projector meets
+    but that stand in the way of light: it is asked while Embree builds the others; ``occluded`` builds
+    these when it is first asked.
     Raises CastError when embreex is missing or too old or an index is out of
     range, NothingToCastAt where no triangle is left.
 
@@ -150,7 +152,7 @@ class CastScene:
         self,
         vertices: Array,
         triangles: NDArray[np.int32],
-        beyond: tuple[Array, NDArray[np.int32]] | None = None,
+        beyond: Callable[[], tuple[Array, NDArray[np.int32]]] | None = None,
     ) -> None:
         _load_embreex()
         _keep_freed_memory()
@@ -158,9 +160,12 @@ class CastScene:
         self.triangles = np.ascontiguousarray(triangles, np.int32).reshape(-1, 3)
         if self.triangles.size and not 0 <= self.triangles.min() <= self.triangles.max() < len(vertices):
             raise CastError("a triangle names a vertex that does not exist")
+        finite: BoolArray = np.ones(len(vertices), bool)
+        usable: BoolArray = np.ones(len(self.triangles), bool)
         with np.errstate(invalid="ignore"):
-            finite: BoolArray = np.all(np.abs(vertices) < LARGEST_COORDINATE, axis=1)
-        usable: BoolArray = np.all(finite[self.triangles], axis=1)
+            if not max(vertices.max(initial=0.0), -vertices.min(initial=0.0)) < LARGEST_COORDINATE:
+                finite = np.all(np.abs(vertices) < LARGEST_COORDINATE, axis=1)
+                usable = np.all(finite[self.triangles], axis=1)
         if not usable.any():
             raise NothingToCastAt("the scene has no triangles: add a mesh, or show one in renders")
         self._place(vertices, finite, usable)
@@ -168,17 +173,28 @@ class CastScene:
         if not usable.any():
             raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
         self._neighbours: NDArray[np.int32] | None = None
-        self._beyond, self._beyond_scene = beyond, None
+        self._beyond: tuple[Float32Array, NDArray[np.int32]] | None = None
+        self._beyond_scene: Any = None
         self._parts: dict[bytes, CastScene] = {}
-        self._build(usable)
+        self._build(usable, beyond)
 
-    def _build(self, usable: BoolArray) -> None:
-        """Put the triangles ``usable`` (T,) into Embree."""
+    def _build(
+        self, usable: BoolArray, beyond: Callable[[], tuple[Array, NDArray[np.int32]]] | None = None
+    ) -> None:
+        """Put the triangles ``usable`` (T,) into Embree; what is beyond is looked for meanwhile."""
         self._usable = usable
         faces = self.triangles
         if not usable.all():
             faces = np.where(usable[:, None], faces, faces[:, :1])
-        self._embree, self._mesh = mesh_in_embree(_load_embreex(), self.vertices.T, faces)
+        mesh = _load_embreex(), self.vertices.T, faces
+        if beyond is None:
+            self._embree, self._mesh = mesh_in_embree(*mesh)
+        else:
+            # Embree's threads do not need the interpreter, which NumPy holds for much of its work.
+            with ThreadPoolExecutor(1) as pool:
+                built = pool.submit(mesh_in_embree, *mesh)
+                self._beyond = self._placed_beyond(*beyond())
+                self._embree, self._mesh = built.result()
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
@@ -208,17 +224,25 @@ class CastScene:
     def _place(self, vertices: Array, finite: BoolArray, usable: BoolArray) -> None:
         """Choose cast space and put the vertices, (3, V), into it."""
         used = np.zeros(len(vertices), bool)
-        used[self.triangles[usable]] = True
-        points = vertices[used]
+        used[self.triangles if usable.all() else self.triangles[usable]] = True
+        points = vertices if used.all() else vertices[used]
         # The median, not the middle of the bounds: float32 is finest at the
         # origin, which so falls among the objects and not in the middle of a sky.
         self.centre: Array = np.median(points, axis=0)
-        reach = float(np.abs(points - self.centre).max())
+        # Axis by axis: NumPy takes several times as long for all three at once.
+        reach = max(
+            float(max(places.max() - middle, middle - places.min()))
+            for places, middle in zip(points.T, self.centre, strict=True)
+        )
         self.scale = 1.0 / reach if reach > 0.0 else 1.0
         self.matrix: Array = np.diag([self.scale, self.scale, self.scale, 1.0])
         self.matrix[:3, 3] = -self.scale * self.centre
-        kept = np.where((finite & used)[:, None], vertices, self.centre)
-        self.vertices: Array = np.ascontiguousarray(((kept - self.centre) * self.scale).T)
+        # What no usable triangle has stays in the middle.
+        kept = finite & used
+        self.vertices: Array = np.zeros((3, len(vertices)))
+        for row, places, middle in zip(self.vertices, vertices.T, self.centre, strict=True):
+            np.subtract(places, middle, out=row, where=kept)
+        self.vertices *= self.scale
         self.lower: Array = self.vertices.min(axis=1)
         self.upper: Array = self.vertices.max(axis=1)
 
@@ -360,21 +384,31 @@ class CastScene:
             hit[free] = beyond.run(*ways, query="OCCLUDED") >= 0
         return hit
 
+    def _placed_beyond(
+        self, vertices: Array, triangles: NDArray[np.int32]
+    ) -> tuple[Float32Array, NDArray[np.int32]] | None:
+        """What is beyond in cast space: (3, n) of the vertices that are used; None where there is nothing."""
+        used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(vertices)))
+        number = np.empty(len(vertices), np.int32)
+        number[used] = np.arange(len(used), dtype=np.int32)
+        triangles = number.take(triangles)
+        with np.errstate(invalid="ignore", over="ignore"):
+            points = np.asarray(vertices, np.float64).take(used, axis=0)
+            points -= self.centre
+            points *= self.scale
+            placed = points.T.astype(np.float32, order="C")
+        finite: BoolArray = np.isfinite(placed).all(axis=0)
+        if not finite.all():
+            triangles = triangles[finite[triangles].all(axis=1)]
+            placed[:, ~finite] = 0.0
+        return (placed, triangles) if len(triangles) else None
+
     def _beyond_embree(self) -> Any:
         """What no projector meets, in Embree; None where there is nothing."""
         with self._lock:
             if self._beyond is not None:
                 vertices, triangles = self._beyond
-                with np.errstate(invalid="ignore", over="ignore"):
-                    points = ((np.asarray(vertices, np.float64) - self.centre) * self.scale).astype(
-                        np.float32
-                    )
-                    finite = np.isfinite(points).all(axis=1)
-                triangles = np.ascontiguousarray(triangles[finite[triangles].all(axis=1)], np.int32)
-                if len(triangles):
-                    self._beyond_scene, self._beyond_mesh = mesh_in_embree(
-                        _load_embreex(), np.where(finite[:, None], points, 0.0), triangles
-                    )
+                self._beyond_scene, self._beyond_mesh = mesh_in_embree(_load_embreex(), vertices.T, triangles)
                 self._beyond = None
             return self._beyond_scene
 

@@ -35,6 +35,7 @@ def test_embree_takes_the_arrays_as_they_are():
 def test_both_ways_meet_the_same(fault, monkeypatch):
     vertices, triangles = soup(np.random.default_rng(2))
     quick, _kept = embree.mesh_in_embree(_load_embreex(), vertices, triangles)
+    assert quick.is_committed == 1
     if fault == "no library":
         monkeypatch.setattr(embree, "_library", lambda module: None)
     else:
@@ -46,6 +47,14 @@ def test_both_ways_meet_the_same(fault, monkeypatch):
     assert (one["primID"] >= 0).mean() > 0.5
     for name, values in one.items():
         np.testing.assert_array_equal(values, other[name])
+
+
+def test_what_memory_does_not_hold_is_said(monkeypatch):
+    """Embree tells its error by a number, 4 for memory; embreex would write it to a log."""
+    modules = _load_embreex()
+    monkeypatch.setattr(embree._library(modules[0].__file__), "rtcGetDeviceError", lambda device: 4)
+    with pytest.raises(MemoryError, match="not enough memory"):
+        embree.mesh_in_embree(modules, *soup(np.random.default_rng(4)))
 
 
 def test_the_library_is_asked_only_where_it_has_all_functions(monkeypatch):
