@@ -71,9 +71,7 @@ def render_frame(
     at; a scene without any shows its background.
     """
     started = perf_counter()
-    # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
-    alone = not moments and settings.passes.neighbours is None and settings.lens is None
-    pipeline = _prepared(cancelled, moments, projection, scene, settings, cast_scene, alone)
+    pipeline = _prepared(projection, scene, settings, cast_scene, cancelled, moments)
     if pipeline is None:
         return None
     build_seconds = perf_counter() - started
@@ -129,15 +127,16 @@ def render_frame(
 
 
 def _prepared(
-    cancelled: Callable[[], bool] | None,
-    moments: tuple[Moment, ...],
     projection: Projection,
     scene: Scene,
     settings: FrameSettings,
     cast_scene: CastScene | None,
-    alone: bool,
+    cancelled: Callable[[], bool] | None,
+    moments: tuple[Moment, ...],
 ) -> Pipeline | None:
-    """The pipeline, None when cancelled on the way. The other arguments are those of ``Pipeline.of``."""
+    """The pipeline, None when cancelled on the way. As for ``render_frame``."""
+    # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
+    alone = not moments and settings.passes.neighbours is None and settings.lens is None
     try:
         with watching(Asking(cancelled)):
             pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
