@@ -24,7 +24,7 @@ from .embree import mesh_in_embree
 from .memory import available_memory
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
-from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
+from .prisms import BYTES_PER_TRIANGLE, Prisms
 from .stopping import stop_here
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
@@ -176,7 +176,7 @@ class CastScene:
         faces = self.triangles
         if not usable.all():
             faces = np.where(usable[:, None], faces, faces[:, :1])
-        self._embree, self._mesh = mesh_in_embree(_load_embreex(), self.vertices.T, faces)
+        self._embree, self._mesh, _ = mesh_in_embree(_load_embreex(), self.vertices.T, faces)
         # Embree builds at the first run, which must happen in one thread.
         nowhere = np.zeros((3, 1), np.float32)
         self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
@@ -366,7 +366,7 @@ class CastScene:
                 triangles = np.ascontiguousarray(triangles[finite[triangles].all(axis=1)], np.int32)
                 self._beyond = None
                 if len(triangles):
-                    embree, mesh = mesh_in_embree(
+                    embree, mesh, _ = mesh_in_embree(
                         _load_embreex(), np.where(finite[:, None], points, 0.0), triangles
                     )
                     nowhere = np.zeros((1, 3), np.float32)
@@ -425,7 +425,7 @@ class PrismScene:
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
-        self._embree, self._mesh = prisms.embree_scene(_load_embreex())
+        self._embree, self._mesh, self._faces = prisms.embree_scene(_load_embreex())
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)
@@ -442,5 +442,6 @@ class PrismScene:
         stop_here()
         found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
         triangle: NDArray[np.int32] = found["primID"]
-        triangle >>= FACE_BITS
+        # -1 stays what it is.
+        triangle //= self._faces
         return triangle, found["tfar"]
