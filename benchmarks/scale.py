@@ -28,7 +28,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.document import replace_section
 from benchmarks.scenes import SCENES, bent_projection
 from demo.render_demo import enable_add_on
-from scfpf_addon.casting import scene as cast_scenes
+from scfpf_addon.casting import memory
 from scfpf_addon.casting.memory import peak_memory
 from scfpf_addon.casting.scene import CastError
 from scfpf_addon.shading.frame import render_frame
@@ -83,7 +83,7 @@ def triangles(name: str, count: int, pixel_error: float, free: float) -> dict[st
     before = peak_memory()
     settings = FrameSettings(*SIZE, samples=1, pixel_error=pixel_error, threads=THREADS)
     # For all that is built from here on.
-    cast_scenes.available_memory = lambda: int(free)
+    memory.available_memory = lambda: int(free)
     started = perf_counter()
     result: dict[str, Any] = {"triangles": len(scene.geometry.triangles)}
     try:

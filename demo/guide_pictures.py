@@ -21,8 +21,12 @@ WHOLE_WIDTH, QUALITY = 1200, 76
 FEW = ("-colors", "64")
 # Room around what a picture is cropped to, pixels.
 MARGIN = 5
-# Panels that are shown by themselves, by the endings of their names.
+# Panels that are shown by themselves, by the endings of their names: of the camera, and of the engine.
 PANELS = ("surfaces", "projectors", "mappings", "preview", "quality", "cycles", "display", "drawn")
+ENGINE_PANELS = ("camera", "pattern", "passes")
+# Passes that are switched on in their picture.
+PASSES = ("use_pass_z", "use_pass_vector", "use_pass_cryptomatte_object")
+OWN_PASSES = ("use_pass_diffuse", "use_pass_specular", "use_pass_parameters")
 # Groups of presets and other menus: the picture's name, the menu, what the mouse is over does not matter.
 MENUS = {"menu-presets": "SCFPF_MT_presets_group_1", "menu-tools": "SCFPF_MT_surface_specials"}
 # The tutorial's towers: place, height, colour; each is repeated so many times, so far apart.
@@ -34,12 +38,13 @@ TOWERS = (
 )
 TOWER_SIZE, TOWERS_ACROSS, TOWERS_APART, GROUND_SIZE = 1.6, 8, 6.0, 60.0
 GROUND_COLOR, SKY_COLOR, SKY_STRENGTH = (0.25, 0.40, 0.18, 1.0), (0.35, 0.60, 1.0, 1.0), 0.6
-SUN_STRENGTH, SUN_ANGLES = 4.0, (50.0, 0.0, 30.0)
+# The sun's own angle is a real one's: shadows are crisp with few samples.
+SUN_STRENGTH, SUN_SIZE, SUN_ANGLES = 4.0, 0.5, (30.0, 0.0, 30.0)
 # Where the little planet is seen from, and how large its picture is, pixels.
 ABOVE, PLANET_SIZE = 7.0, 900
 # The bent camera of the last step: how far the middle surface is pulled aside and turned, degrees.
 PULL, TURN = 45.0, 40.0
-SURFACE_COLOR = (0.25, 0.85, 0.35, 1.0)
+SURFACE_COLOR = (0.35, 1.0, 0.45, 1.0)
 # The surfaces stand in rows of so many, so far apart, each so large.
 ACROSS, APART, SIZE, LATTICE_SHARE = 6, 3.2, 2.3, 0.35
 
@@ -105,7 +110,8 @@ def build_city():
     lamp = bpy.data.objects["Light"]
     lamp.data.type = "SUN"
     lamp.rotation_euler = [math.radians(angle) for angle in SUN_ANGLES]
-    bpy.data.lights[lamp.data.name].energy = SUN_STRENGTH
+    sun = bpy.data.lights[lamp.data.name]
+    sun.energy, sun.angle = SUN_STRENGTH, math.radians(SUN_SIZE)
     sky = bpy.context.scene.world.node_tree.nodes["Background"].inputs
     sky["Color"].default_value, sky["Strength"].default_value = SKY_COLOR, SKY_STRENGTH
 
@@ -219,7 +225,7 @@ def menu(driver, identifier, place):
     yield DRAW
 
 
-def panels(driver):
+def panels_and_menus(driver):
     """Each panel by itself, and menus."""
     prepare(driver)
     driver.add_camera("nonlinear_twist")
@@ -233,15 +239,23 @@ def panels(driver):
     space.overlay.show_overlays = space.show_gizmo = space.show_region_header = False
     space.show_region_tool_header = space.show_region_toolbar = False
     bpy.context.scene.scfpf_drawn.use_drawn = True
+    bpy.context.scene.render.engine = "SCFPF"
+    bpy.context.scene.scfpf_sampling.use_adaptive = True
+    bpy.context.scene.camera.scfpf.samples = 64
+    for owner, names in ((bpy.context.view_layer, PASSES), (bpy.context.view_layer.scfpf, OWN_PASSES)):
+        for name in names:
+            setattr(owner, name, True)
     region = driver.region("VIEW_3D")
     x, y = region.x + region.width // 2, region.y + region.height - 60
     yield DRAW
     before = screen(driver)
-    for name in PANELS:
+    shown = {name: f"SCFPF_PT_view_{name}" for name in PANELS}
+    shown |= {f"engine-{name}": f"SCFPF_PT_engine_{name}" for name in ENGINE_PANELS}
+    for name, identifier in shown.items():
         driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
         yield 0.2
         with driver.override():
-            bpy.ops.wm.call_panel(name=f"SCFPF_PT_view_{name}")
+            bpy.ops.wm.call_panel(name=identifier)
         yield DRAW
         popped_up(driver, before, f"panel-{name}.png")
         driver.key("ESC")
@@ -294,7 +308,7 @@ def kinds(driver):
         scale = SIZE / max(*surface.dimensions, 0.5)
         if name == "Point":
             surface = bpy.data.objects.new(name, None)
-            surface.empty_display_type, scale = "SPHERE", 0.12
+            surface.empty_display_type, scale = "SPHERE", 0.2
             bpy.context.collection.objects.link(surface)
         surface.matrix_world = Matrix.Translation(place) @ tilt @ upright @ Matrix.Scale(scale, 4)
         if name == "Lattice":
@@ -315,8 +329,9 @@ def kinds(driver):
     space.shading.light = "FLAT"
     look_from(driver, (0.0, -1.0, 0.0), ((ACROSS - 1) * APART / 2, 0, -APART / 2 - 0.2), 14.5)
     space.region_3d.view_perspective = "ORTHO"
-    # Lattices have no colour of their own.
-    bpy.context.preferences.themes[0].view_3d.wire = SURFACE_COLOR[:3]
+    # Lattices and empties have no colour of their own.
+    theme = bpy.context.preferences.themes[0].view_3d
+    theme.wire = theme.empty = SURFACE_COLOR[:3]
     yield 2 * DRAW
     region = driver.region("VIEW_3D")
     x, y, wide, high = region_box(region)
@@ -324,4 +339,4 @@ def kinds(driver):
     save(driver, "kinds.png", (x, y + high // 2 - half, wide, 2 * half), WHOLE_WIDTH, FEW)
 
 
-SCENARIOS = (planet, bend, panels, kinds)
+SCENARIOS = (planet, bend, panels_and_menus, kinds)

@@ -86,7 +86,7 @@ def ensure(blender: Blender) -> Environment | None:
     interpreter = folder / ("Scripts/python.exe" if pythons.WINDOWS else "bin/python")
     stamp = folder / STAMP
     digest = requirement_digest(blender)
-    if stamp.is_file() and stamp.read_text() == digest:
+    if stamp.is_file() and stamp.read_text(encoding="utf-8") == digest:
         made, _ = pythons.probe((str(interpreter),), blender.python)
         if made is not None:
             return Environment(
@@ -112,7 +112,7 @@ def ensure(blender: Blender) -> Environment | None:
         run([str(interpreter), "-c", "import bpy, embreex.rtcore_scene"])
     except Failure:
         raise Failure(LIBRARY_HELP) from None
-    stamp.write_text(digest)
+    stamp.write_text(digest, encoding="utf-8")
     return Environment(f"Blender {blender.name}, Python {base.full_version}", folder, str(interpreter))
 
 
@@ -128,7 +128,7 @@ def requirement_options() -> list[str]:
 
 def requirement_digest(blender: Blender) -> str:
     """A name for the set of requirements; an environment stamped with another one is made anew."""
-    files = [(REQUIREMENTS / name).read_text() for name in ("test.txt", "tools.txt")]
+    files = [(REQUIREMENTS / name).read_text(encoding="utf-8") for name in ("test.txt", "tools.txt")]
     return hashlib.sha256("\n".join([blender.requirement, *files]).encode()).hexdigest()
 
 

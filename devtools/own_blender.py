@@ -73,14 +73,14 @@ def requirement_digest() -> str:
 def is_filled(folder: pathlib.Path) -> bool:
     """Whether the folder holds the present set of packages."""
     stamp = folder / STAMP
-    return stamp.is_file() and stamp.read_text() == requirement_digest()
+    return stamp.is_file() and stamp.read_text(encoding="utf-8") == requirement_digest()
 
 
 def fill(folder: pathlib.Path, install: list[str]) -> None:
     """Install the packages into the folder with a `pip install` command."""
     say(f"filling {folder.relative_to(ROOT)}")
     environments.run([*install, "--upgrade", "--target", str(folder), "-r", str(REQUIREMENTS / "test.txt")])
-    (folder / STAMP).write_text(requirement_digest())
+    (folder / STAMP).write_text(requirement_digest(), encoding="utf-8")
 
 
 def pip_python() -> str:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures that the documents show: screenshots of a Blender with a window, and the page of presets."""
+"""The pictures that the documents show, screenshots of a Blender with a window, and the pages of tables."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pathlib
 import shutil
 import time
 
-from . import package, window
+from . import package, settings_page, window
 from .environments import ROOT, Environment, Failure, say
 
 FOLDER = ROOT / "docs" / "pictures"
@@ -26,12 +26,13 @@ page from the files in `presets/`; larger pictures of most of them are in the [g
 
 
 def take(environment: Environment, blender: str | None, names: list[str]) -> None:
-    """Write the page of presets, take the pictures, and put them into docs/pictures.
+    """Write the pages of presets and settings, take the pictures, and put them into docs/pictures.
 
     blender: the path of a Blender that must be used; names: some scenarios of demo/guide_pictures.py, or all.
     """
-    PAGE.write_text(presets_page(), encoding="utf-8")
-    say(f"written {PAGE.relative_to(ROOT)}")
+    for page, text in ((PAGE, presets_page()), (settings_page.PAGE, settings_page.page())):
+        page.write_text(text, encoding="utf-8")
+        say(f"written {page.relative_to(ROOT)}")
     package.build(environment)
     deadline = time.monotonic() + LIMIT
     try:

@@ -296,7 +296,7 @@ def outcome(
     title: str, results: pathlib.Path, status: int | None, seconds: float
 ) -> tuple[list[Result], list[str]]:
     """The counts in the driver's file. status: Blender's exit code, or None if the time ran out."""
-    lines = results.read_text().splitlines() if results.is_file() else []
+    lines = results.read_text(encoding="utf-8").splitlines() if results.is_file() else []
     planned = [name for line in lines[:1] for name in line.split()[1:]]
     went = {line.split()[1]: line.startswith("ok:") for line in lines[1:]}
     left = [name for name in planned if name not in went]

@@ -7,11 +7,11 @@ from bpy.props import EnumProperty
 
 from ..scfpf_addon.bridge.flexible_camera import make_flexible, volume_from_camera
 from ..scfpf_addon.bridge.render_job import picture_aspect
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .local_view import show_in_local_view
 from .placement import Box, camera_like_view, camera_seeing, fit_depth, scene_box
 from .presets import preset_items, shipped_preset, use_preset
-from .target import camera_of, poll_camera, poll_object_mode
+from .target import camera_of, poll_camera, poll_object_mode, poll_scene
 
 # What a new camera frames in an empty scene: a cube of Blender's usual size.
 EMPTY_SCENE = Box(np.full(3, -1.0), np.full(3, 1.0))
@@ -44,10 +44,7 @@ class SCFPF_OT_camera_add(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not context.scene.is_editable:
-            cls.poll_message_set("The scene is linked from another file")
-            return False
-        return poll_object_mode(cls, context)
+        return poll_scene(cls, context) and poll_object_mode(cls, context)
 
     def execute(self, context):
         scene = context.scene
@@ -55,13 +52,14 @@ class SCFPF_OT_camera_add(bpy.types.Operator):
             aspect = picture_aspect(scene)
             preset = None if self.preset == _VIEW[0] else shipped_preset(self.preset)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         box = scene_box(context) or EMPTY_SCENE
         data, matrix = camera_like_view(context, aspect) or camera_seeing(box, aspect)
         camera = bpy.data.objects.new("Flexible Camera", data)
         camera.matrix_world = fit_depth(data, matrix, box)
-        context.collection.objects.link(camera)
+        # The active collection may be another file's.
+        holder = context.collection if context.collection.is_editable else scene.collection
+        holder.objects.link(camera)
         context.view_layer.update()
         try:
             if preset is None:
@@ -70,8 +68,7 @@ class SCFPF_OT_camera_add(bpy.types.Operator):
                 use_preset(context, camera, preset, fit=True)
         except BAD_INPUT as error:
             bpy.data.cameras.remove(data)
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         for obj in context.selected_objects:
             obj.select_set(False)
         camera.select_set(True)
@@ -95,8 +92,7 @@ class SCFPF_OT_camera_from_camera(bpy.types.Operator):
         try:
             volume_from_camera(camera_of(context), context.scene)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         return {"FINISHED"}
 
 
@@ -119,8 +115,7 @@ class SCFPF_OT_camera_toggle(bpy.types.Operator):
             else:
                 volume_from_camera(camera, context.scene)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         return {"FINISHED"}
 
 

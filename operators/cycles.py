@@ -5,7 +5,7 @@ import bpy
 
 from ..scfpf_addon.cycles import rig as rigs
 from ..scfpf_addon.cycles.rig_data import rig_of
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .target import camera_of, poll_flexible_camera
 
 
@@ -27,8 +27,7 @@ class SCFPF_OT_cycles_rig(bpy.types.Operator):
         try:
             rig = rigs.switch_on(context, camera)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         for caution in rigs.cautions(context.scene, context.view_layer, rig):
             self.report({"WARNING"}, caution)
         self.report({"INFO"}, "Press F12: Cycles follows the projectors of " + camera.name)
@@ -53,8 +52,7 @@ class SCFPF_OT_cycles_rig_update(bpy.types.Operator):
         try:
             rigs.update(context, rig_of(context.scene))
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         return {"FINISHED"}
 
 
@@ -72,8 +70,7 @@ class SCFPF_OT_cycles_passes(bpy.types.Operator):
         try:
             rigs.set_passes(rig, not rig.scfpf_rig.passes)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         if rig.scfpf_rig.passes:
             self.report({"INFO"}, "Link the outputs of the compositor's node SCFPF Passes")
         return {"FINISHED"}

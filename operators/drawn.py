@@ -5,6 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty
 
 from ..scfpf_addon.bridge.drawn_styles import STYLES, apply_style
+from .target import poll_scene
 
 
 class SCFPF_OT_drawn_style(bpy.types.Operator):
@@ -26,6 +27,8 @@ class SCFPF_OT_drawn_style(bpy.types.Operator):
         "others make it grey",
         default=True,
     )
+
+    poll = classmethod(poll_scene)
 
     @classmethod
     def description(cls, _context, properties):

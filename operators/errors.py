@@ -4,7 +4,7 @@
 from ..scfpf_addon.bridge.edit_volume import EditVolumeError
 from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.mapping_edits import MappingError
-from ..scfpf_addon.bridge.render_job import RENDER_ERRORS
+from ..scfpf_addon.bridge.render_job import RENDER_ERRORS, reason
 from ..scfpf_addon.bridge.result_image import ResultError
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError
 from ..scfpf_addon.cycles.rig_data import RigError
@@ -28,3 +28,9 @@ BAD_INPUT = (
     ViewportError,
     *RENDER_ERRORS,
 )
+
+
+def refused(operator, error) -> set[str]:
+    """Report one of BAD_INPUT; what an operator returns then."""
+    operator.report({"ERROR"}, reason(error))
+    return {"CANCELLED"}

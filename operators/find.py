@@ -8,10 +8,10 @@ from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.flexible_camera import control_objects
 from ..scfpf_addon.shading.find import find, points_of
 from ..scfpf_addon.shading.pick import pick
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .pick import store_pick
-from .render import NO_CAMERA, redraw_interface
-from .target import render_camera
+from .render import redraw_interface
+from .target import editable_camera, object_by_uid, take_up_edits
 
 
 def _wanted(context) -> list:
@@ -56,22 +56,14 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        camera = render_camera(context)
-        if camera is None:
-            self.report({"ERROR"}, NO_CAMERA)
-            return {"CANCELLED"}
-        if not camera.is_editable:
-            self.report(
-                {"ERROR"}, f"{camera.name} is linked from another file: make a library override of it"
-            )
-            return {"CANCELLED"}
-        for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
-            edited.update_from_editmode()
         wanted = _wanted(context)
         names = {obj.name for obj in wanted}
         title = wanted[0].name if len(wanted) == 1 else f"{len(wanted)} objects"
-        origins, uid = _origins(wanted), camera.session_uid
+        origins = _origins(wanted)
         try:
+            camera = editable_camera(context, "")
+            take_up_edits(context)
+            uid = camera.session_uid
             inputs = render_job.prepare(context.scene, context.view_layer, camera)
             pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
             points = points_of(inputs.scene, names)
@@ -79,10 +71,8 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
             found = find(inputs.projection, inputs.scene, points, names, pixel)
             centre = None if found is None else pick(inputs.projection, inputs.scene, *found.centre, pixel)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        camera = next(obj for obj in bpy.data.objects if obj.session_uid == uid)
-        settings = camera.scfpf
+            return refused(self, error)
+        settings = object_by_uid(uid).scfpf
         if found is None:
             settings.show_found = False
             self.report({"WARNING"}, f"{title} is outside the picture")

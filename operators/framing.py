@@ -9,9 +9,9 @@ from mathutils import Matrix, Vector
 
 from ..scfpf_addon.bridge import volume_edits
 from ..scfpf_addon.projection.editing import framing
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .surfaces import poll_slot
-from .target import flexible_camera_of
+from .target import flexible_camera_of, object_by_uid
 
 # What a drag over the whole width of the region does: radians, the logarithm of a factor, and a share of
 # the volume's depth.
@@ -53,8 +53,7 @@ class SCFPF_OT_volume_frame(bpy.types.Operator):
         try:
             volume_edits.move_volume(flexible_camera_of(context), self._matrix())
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         return {"FINISHED"}
 
     def _matrix(self):
@@ -88,7 +87,7 @@ class SCFPF_OT_volume_frame(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
-        camera = _by_uid(self._camera)
+        camera = object_by_uid(self._camera)
         if camera is None:
             self._stop(context)
             return {"CANCELLED"}
@@ -153,14 +152,10 @@ class SCFPF_OT_volume_frame(bpy.types.Operator):
 
     def cancel(self, context):
         """Restore the volume; Blender calls this too when the window is closed."""
-        camera = _by_uid(self._camera)
+        camera = object_by_uid(self._camera)
         if camera is not None:
             self._restore(camera)
         self._stop(context)
-
-
-def _by_uid(uid: int):
-    return next((obj for obj in bpy.data.objects if obj.session_uid == uid), None)
 
 
 def _depth(camera, surface) -> float:

@@ -2,7 +2,7 @@
 """The stack of image mappings: added to, put in order, placed on the picture, written as an ST map."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty
+from bpy.props import BoolProperty, EnumProperty
 
 from ..scfpf_addon.bridge import mapping_edits
 from ..scfpf_addon.bridge.mapping_edits import MappingError
@@ -108,23 +108,6 @@ class SCFPF_OT_mapping_place(PictureClick, bpy.types.Operator):
     bl_label = "Place on Picture"
     bl_options = {"REGISTER", "UNDO"}
     cursor, hint = "CROSSHAIR", "Click where the mapping's centre is to be"
-
-    x: FloatProperty(
-        name="X",
-        description="From the picture's left border, as a share of its width",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        options={"SKIP_SAVE"},
-    )
-    y: FloatProperty(
-        name="Y",
-        description="From the picture's lower border, as a share of its height",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        options={"SKIP_SAVE"},
-    )
 
     poll = classmethod(_poll_mapping)
 

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty, StringProperty
 from ..scfpf_addon.bridge import camera_preset
 from ..scfpf_addon.bridge.render_job import picture_aspect
 from ..scfpf_addon.projection.preset import PresetError, read_preset
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .presets import PresetOperator
 from .target import flexible_camera_of
 from .tool import Tool
@@ -67,6 +67,8 @@ class _SavesVolume(Tool):
 
     def preset(self, context, camera):
         """The volume as it is now. Raises what BAD_INPUT lists."""
+        if not self.name.strip():
+            raise PresetError("Give the preset a name")
         aspect = picture_aspect(context.scene)
         depsgraph = context.evaluated_depsgraph_get()
         return camera_preset.preset_of(camera, depsgraph, aspect, self.name, self.description)
@@ -131,8 +133,7 @@ class SCFPF_OT_preset_import(bpy.types.Operator):
             preset = read_preset(pathlib.Path(bpy.path.abspath(self.filepath)))
             message = _kept(preset, self.replace)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         self.report({"INFO"}, message)
         return {"FINISHED"}
 
@@ -171,8 +172,7 @@ class SCFPF_OT_preset_remove(bpy.types.Operator):
         try:
             camera_preset.remove_own(self.preset)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         self.report({"INFO"}, f"The preset '{self.preset}' is removed")
         return {"FINISHED"}
 

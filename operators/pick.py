@@ -2,15 +2,15 @@
 """Pick in the picture: which projector makes a pixel, and what it meets."""
 
 import bpy
-from bpy.props import FloatProperty, StringProperty
+from bpy.props import StringProperty
 
 from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.result_image import result_image
 from ..scfpf_addon.shading.pick import pick
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .picture_click import PictureClick
-from .render import NO_CAMERA, redraw_interface
-from .target import render_camera
+from .render import redraw_interface
+from .target import editable_camera, object_by_uid, take_up_edits
 
 
 def pick_readout(settings) -> list[str]:
@@ -41,26 +41,6 @@ class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     hint = "Click in the picture to pick a projector"
 
-    x: FloatProperty(
-        name="X",
-        description="From the picture's left border, as a share of its width",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        precision=4,
-        step=1,
-        options={"SKIP_SAVE"},
-    )
-    y: FloatProperty(
-        name="Y",
-        description="From the picture's lower border, as a share of its height",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        precision=4,
-        step=1,
-        options={"SKIP_SAVE"},
-    )
     camera: StringProperty(
         name="Camera",
         description="Name of the flexible camera; empty for the scene's camera, or else the active one",
@@ -75,31 +55,19 @@ class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
         return True
 
     def execute(self, context):
-        camera = bpy.data.objects.get(self.camera) if self.camera else render_camera(context)
-        if camera is None:
-            missing = f'There is no object "{self.camera}" to pick through' if self.camera else NO_CAMERA
-            self.report({"ERROR"}, missing)
-            return {"CANCELLED"}
-        if camera.type != "CAMERA" or not camera.scfpf.enabled:
-            self.report(
-                {"ERROR"}, f"{camera.name} is not a flexible camera: switch on Flexible Projection for it"
-            )
-            return {"CANCELLED"}
-        for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
-            edited.update_from_editmode()
-        uid = camera.session_uid
         try:
+            camera = editable_camera(context, self.camera)
+            take_up_edits(context)
+            uid = camera.session_uid
             inputs = render_job.prepare(context.scene, context.view_layer, camera)
             size = 1 / inputs.settings.width, 1 / inputs.settings.height
             found = pick(inputs.projection, inputs.scene, self.x, self.y, size)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         if found is None:
             self.report({"WARNING"}, "The picture shows nothing there: no projector goes through it")
             return {"CANCELLED"}
-        camera = next(obj for obj in bpy.data.objects if obj.session_uid == uid)
-        settings = camera.scfpf
+        settings = object_by_uid(uid).scfpf
         store_pick(settings, self.x, self.y, found)
         self.report({"INFO"}, " · ".join(pick_readout(settings)))
         redraw_interface(context.window_manager)

@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A click in the picture, in an Image Editor that shows it: what operators that ask for one share."""
 
+from bpy.props import FloatProperty
+
 from ..scfpf_addon.bridge.result_image import result_image
 
 NO_PICTURE = "Open the picture in an Image Editor of this window first (Show Picture), then click in it"
+# Clicks elsewhere go on to Blender meanwhile: anything may have been removed, undone or started.
+NO_MORE = "What the click was for is not there any more: choose it again, then click"
 
 
 def picture_regions(window) -> list:
@@ -37,6 +41,27 @@ class PictureClick:
     cursor = "EYEDROPPER"
     hint = ""
 
+    x: FloatProperty(
+        name="X",
+        description="From the picture's left border, as a share of its width",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        precision=4,
+        step=1,
+        options={"SKIP_SAVE"},
+    )
+    y: FloatProperty(
+        name="Y",
+        description="From the picture's lower border, as a share of its height",
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        precision=4,
+        step=1,
+        options={"SKIP_SAVE"},
+    )
+
     def invoke(self, context, _event):
         if context.window is None or not picture_regions(context.window):
             self.report({"ERROR"}, NO_PICTURE)
@@ -54,6 +79,9 @@ class PictureClick:
             position = image_position(context.window, event.mouse_x, event.mouse_y)
             if position is not None:
                 self.cancel(context)
+                if not self.poll(context):
+                    self.report({"ERROR"}, NO_MORE)
+                    return {"CANCELLED"}
                 self.x, self.y = position
                 return self.execute(context)
             return {"RUNNING_MODAL"}

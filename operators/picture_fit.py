@@ -5,28 +5,18 @@ import bpy
 
 from ..scfpf_addon.bridge.picture_fit import fit_to_picture
 from ..scfpf_addon.bridge.render_job import picture_aspect
-from .errors import BAD_INPUT
-from .target import flexible_camera_of, poll_flexible_camera
+from .tool import Tool
 
 
-class SCFPF_OT_volume_fit_picture(bpy.types.Operator):
+class SCFPF_OT_volume_fit_picture(Tool, bpy.types.Operator):
     """Stretch the volume to the shape of the picture that the resolution gives, so that nothing in it
     looks stretched"""
 
     bl_idname = "scfpf.volume_fit_picture"
     bl_label = "Fit to Resolution"
-    bl_options = {"REGISTER", "UNDO"}
 
-    poll = classmethod(poll_flexible_camera)
-
-    def execute(self, context):
-        try:
-            camera = flexible_camera_of(context)
-            fit_to_picture(camera, context.evaluated_depsgraph_get(), picture_aspect(context.scene))
-        except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def edit(self, context, camera):
+        fit_to_picture(camera, context.evaluated_depsgraph_get(), picture_aspect(context.scene))
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_volume_fit_picture,))

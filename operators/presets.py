@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ..scfpf_addon.bridge.flexible_camera import apply_preset
 from ..scfpf_addon.bridge.render_job import picture_aspect
 from ..scfpf_addon.projection.preset import PresetError, read_preset
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .placement import around_subject, reaching_scale, scene_box
 from .target import camera_of, poll_camera
 
@@ -91,8 +91,7 @@ class PresetOperator:
             preset = self.read()
             use_preset(context, camera_of(context), preset, self.fit)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         self.report({"INFO"}, f"The camera now has the volume of the preset {preset.name}")
         return {"FINISHED"}
 

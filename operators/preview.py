@@ -6,7 +6,7 @@ import bpy
 from ..scfpf_addon.scanline.preview import show, switch_off, switch_on
 from ..scfpf_addon.scanline.preview_data import is_flat, preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .target import camera_of, poll_flexible_camera_in_any_mode
 
 
@@ -31,8 +31,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         try:
             source = switch_on(context, camera)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         if is_flat(source, context.evaluated_depsgraph_get()):
             text = "No preview: this volume is flat, all its rays lie in one surface"
             self.report({"WARNING"}, f"{text}. Press Render for its picture")
@@ -55,14 +54,16 @@ class SCFPF_OT_preview_show(bpy.types.Operator):
         if source is None or context.window is None:
             cls.poll_message_set("The camera has no live preview")
             return False
-        return not viewports_of(source)
+        if viewports_of(source):
+            cls.poll_message_set("A viewport shows the live preview already")
+            return False
+        return True
 
     def execute(self, context):
         try:
             show(context, preview_of(camera_of(context), context.scene))
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         return {"FINISHED"}
 
 

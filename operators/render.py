@@ -4,26 +4,19 @@
 import time
 
 import bpy
+from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
 from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.result_image import discard_progress, keep_result, result_image, show_progress
 from ..scfpf_addon.bridge.result_undo import stamp_result
-from .errors import BAD_INPUT
-from .target import render_camera
+from .errors import BAD_INPUT, refused
+from .target import chosen_camera, object_by_uid, take_up_edits
 
 # Seconds between two looks at the running job.
 TICK = 0.2
 # Seconds between two looks at the picture in the making: handing one of 4K to Blender takes a tenth.
 PICTURE_TICK = 0.5
-NO_CAMERA = (
-    "There is no flexible camera to render: add one with Add > Camera > Flexible Camera, or select one"
-)
-
-
-def object_by_uid(session_uid: int):
-    """The object of this session's number, whatever was renamed, undone or loaded since; None if gone."""
-    return next((obj for obj in bpy.data.objects if obj.session_uid == session_uid), None)
 
 
 def image_editors(window_manager) -> list:
@@ -118,25 +111,15 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def _start(self, context, with_tiles: bool) -> bool:
         """Read the inputs and start the job; False after reporting why it cannot be."""
-        camera = bpy.data.objects.get(self.camera) if self.camera else render_camera(context)
-        if camera is None:
-            missing = f'There is no object "{self.camera}" to render through' if self.camera else NO_CAMERA
-            self.report({"ERROR"}, missing)
-            return False
-        if camera.type != "CAMERA" or not camera.scfpf.enabled:
-            self.report(
-                {"ERROR"}, f"{camera.name} is not a flexible camera: switch on Flexible Projection for it"
-            )
-            return False
-        for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
-            edited.update_from_editmode()
-        self._camera_uid = camera.session_uid
         try:
+            camera = chosen_camera(context, self.camera)
+            take_up_edits(context)
+            self._camera_uid = camera.session_uid
             inputs = render_job.prepare(context.scene, context.view_layer, camera)
             keep = context.scene.render.use_persistent_data
             self._job = render_job.start(inputs, with_tiles, keep)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
+            refused(self, error)
             return False
         for warning in inputs.scene.warnings:
             self.report({"WARNING"}, warning)
@@ -147,8 +130,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         try:
             frame = self._job.result()
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error) or "There is not enough memory for this picture")
-            return {"CANCELLED"}
+            return refused(self, error)
         finally:
             render_job.stop()
         if frame is None:
@@ -161,8 +143,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             del frame, self._job
             image = keep_result()
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         stamp_result(image)
         camera = object_by_uid(self._camera_uid)
         if camera is not None and camera.is_editable:
@@ -172,7 +153,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             editors[0].image = image
             self.report({"INFO"}, summary)
         else:
-            self.report({"INFO"}, f'{summary}. The image "{image.name}" is ready: open it in an Image Editor')
+            self.report({"INFO"}, f"{summary}. Show Picture, the icon beside Render, opens it")
         # The operator has no UNDO option, whose redo panel would render again at every change.
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message="SCFPF Render")
@@ -267,11 +248,19 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
 )
 
 
+@persistent
+def _file_loaded(*_):
+    # What persistent data keeps is hundreds of MB of the file before.
+    render_job.forget()
+
+
 def register():
     _register_classes()
+    bpy.app.handlers.load_post.append(_file_loaded)
 
 
 def unregister():
+    bpy.app.handlers.load_post.remove(_file_loaded)
     # Before the classes go: their thread may still be at work.
-    render_job.stop()
+    render_job.forget()
     _unregister_classes()

@@ -7,10 +7,11 @@ from bpy.props import EnumProperty, IntProperty
 from ..scfpf_addon.bridge.edit_volume import set_edit_volume
 from ..scfpf_addon.bridge.flexible_camera import add_surface, attach_surface, move_surface, remove_surface
 from ..scfpf_addon.bridge.properties import KINDS
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .local_view import show_in_local_view
 from .placement import surface_place
 from .target import flexible_camera_of, poll_flexible_camera
+from .tool import Tool
 
 SURFACE_KINDS = tuple(kind for kind in KINDS if kind[0] != "NONE")
 
@@ -55,8 +56,7 @@ class SCFPF_OT_surface_add(bpy.types.Operator):
                 camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index
             )
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         settings.active_surface = index
         show_in_local_view(context, [surface])
         return {"FINISHED"}
@@ -89,7 +89,7 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
             try:
                 attach_surface(camera, obj)
             except BAD_INPUT as error:
-                self.report({"ERROR"}, str(error))
+                refused(self, error)
             else:
                 attached += 1
         if attached == 0:
@@ -104,33 +104,23 @@ def _candidates(context):
     return [obj for obj in context.selected_objects if obj != camera]
 
 
-class SCFPF_OT_surface_remove(bpy.types.Operator):
+class SCFPF_OT_surface_remove(Tool, bpy.types.Operator):
     """Remove the active control surface from the camera"""
 
     bl_idname = "scfpf.surface_remove"
     bl_label = "Remove Control Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     poll = classmethod(poll_slot)
 
-    def execute(self, context):
-        camera = flexible_camera_of(context)
-        settings = camera.scfpf
-        try:
-            remove_surface(camera, settings.active_surface)
-        except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        settings.active_surface = max(min(settings.active_surface, len(settings.surfaces) - 1), 0)
-        return {"FINISHED"}
+    def edit(self, _context, camera):
+        remove_surface(camera, camera.scfpf.active_surface)
 
 
-class SCFPF_OT_surface_move(bpy.types.Operator):
+class SCFPF_OT_surface_move(Tool, bpy.types.Operator):
     """Move the active control surface nearer to the eye, or farther"""
 
     bl_idname = "scfpf.surface_move"
     bl_label = "Move Control Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     direction: EnumProperty(
         name="Direction",
@@ -144,17 +134,8 @@ class SCFPF_OT_surface_move(bpy.types.Operator):
 
     poll = classmethod(poll_slot)
 
-    def execute(self, context):
-        camera = flexible_camera_of(context)
-        settings = camera.scfpf
-        try:
-            settings.active_surface = move_surface(
-                camera, settings.active_surface, -1 if self.direction == "UP" else 1
-            )
-        except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        return {"FINISHED"}
+    def edit(self, _context, camera):
+        move_surface(camera, camera.scfpf.active_surface, -1 if self.direction == "UP" else 1)
 
 
 class SCFPF_OT_surface_select(bpy.types.Operator):
@@ -191,8 +172,7 @@ class SCFPF_OT_surface_select(bpy.types.Operator):
             if surface.hide_select:
                 set_edit_volume(camera, True)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         context.view_layer.update()
         settings.active_surface = index
         for obj in context.selected_objects:

@@ -1,7 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Which camera an operator or a panel is about."""
 
+import bpy
+
+from ..scfpf_addon.bridge.missing import missing_text
+from ..scfpf_addon.bridge.render_job import RenderError
 from ..scfpf_addon.bridge.rig_mark import camera_behind
+
+NO_CAMERA = (
+    "There is no flexible camera to render: add one with Add > Camera > Flexible Camera, or select one"
+)
 
 
 def camera_with_surface(scene, surface):
@@ -37,10 +45,18 @@ def flexible_camera_of(context):
     return camera if camera is not None and camera.scfpf.enabled else None
 
 
+def poll_scene(cls, context) -> bool:
+    """A poll for operators that change the scene's own settings."""
+    if not context.scene.is_editable:
+        cls.poll_message_set("The scene is linked from another file")
+        return False
+    return True
+
+
 def poll_object_mode(cls, context) -> bool:
     """Adding and removing objects needs Object Mode, as everywhere in Blender."""
     if context.mode != "OBJECT":
-        cls.poll_message_set("Leave the edit mode first")
+        cls.poll_message_set("Go to Object Mode first")
         return False
     return True
 
@@ -86,3 +102,34 @@ def render_camera(context):
     if camera is not None and camera.scfpf.enabled:
         return camera
     return flexible_camera_of(context)
+
+
+def chosen_camera(context, name: str):
+    """The flexible camera of a name, or without one what Render means. Raises RenderError."""
+    camera = bpy.data.objects.get(name) if name else render_camera(context)
+    if camera is None:
+        if name:
+            raise RenderError(f'There is no object "{name}" to look through')
+        raise RenderError(missing_text(context.scene.camera) or NO_CAMERA)
+    if camera.type != "CAMERA" or not camera.scfpf.enabled:
+        raise RenderError(f"{camera.name} is not a flexible camera: switch on Flexible Projection for it")
+    return camera
+
+
+def editable_camera(context, name: str):
+    """``chosen_camera``, if what was found through it can be kept on it. Raises RenderError."""
+    camera = chosen_camera(context, name)
+    if not camera.is_editable:
+        raise RenderError(f"{camera.name} is linked from another file: make a library override of it")
+    return camera
+
+
+def take_up_edits(context) -> None:
+    """Let objects that are in a mode of editing be seen as they are now."""
+    for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
+        edited.update_from_editmode()
+
+
+def object_by_uid(session_uid: int):
+    """The object of this session's number, whatever was renamed, undone or loaded since; None if gone."""
+    return next((obj for obj in bpy.data.objects if obj.session_uid == session_uid), None)

@@ -2,7 +2,7 @@
 """What the tools for volumes and surfaces share."""
 
 from ..scfpf_addon.bridge.read_projection import is_lattice_volume
-from .errors import BAD_INPUT
+from .errors import BAD_INPUT, refused
 from .local_view import show_in_local_view
 from .target import flexible_camera_of, poll_flexible_camera
 
@@ -20,8 +20,7 @@ class Tool:
         try:
             message = self.edit(context, camera)
         except BAD_INPUT as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
+            return refused(self, error)
         made = [slot.object for slot in camera.scfpf.surfaces if slot.object not in before]
         show_in_local_view(context, made)
         if message:

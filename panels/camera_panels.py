@@ -104,7 +104,7 @@ def draw_pick(layout, settings) -> None:
 def draw_found(layout, settings) -> None:
     """The object found in the picture: switch, button, and how much of it is to be seen."""
     row = layout.row(align=True)
-    row.prop(settings, "show_found", text="Found Object")
+    row.prop(settings, "show_found", text="Found")
     row.operator("scfpf.find_in_image", text="", icon="VIEWZOOM")
     if settings.show_found:
         column = layout.column(align=True)

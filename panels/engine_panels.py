@@ -4,6 +4,7 @@
 import bpy
 
 from ..scfpf_addon.bridge.render_engine import ENGINE
+from ..scfpf_addon.bridge.rig_mark import camera_behind
 from .camera_panels import draw_caster_fault
 
 # Blender's panels that every engine may show come with BLENDER_RENDER; these would promise what is not there,
@@ -52,7 +53,7 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
         layout.use_property_split = True
         scene = context.scene
         layout.prop(scene, "camera")
-        camera = scene.camera
+        camera = camera_behind(scene.camera)
         if camera is None:
             layout.operator("scfpf.camera_add", icon="ADD")
             return
@@ -86,7 +87,7 @@ class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
         column.active = options.use_adaptive
         column.prop(options, "adaptive_threshold")
         column.prop(options, "adaptive_least")
-        camera = context.scene.camera
+        camera = camera_behind(context.scene.camera)
         if options.use_adaptive and camera and camera.scfpf.samples <= options.adaptive_least:
             layout.label(text="Raise Samples: all pixels get Min Samples anyway", icon="INFO")
 
@@ -109,7 +110,8 @@ class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
         layout.prop(scene.render, "motion_blur_position")
         layout.prop(scene.render, "motion_blur_shutter")
         layout.prop(scene.scfpf_sampling, "motion_steps")
-        if scene.camera and scene.camera.scfpf.samples < scene.scfpf_sampling.motion_steps:
+        camera = camera_behind(scene.camera)
+        if camera and camera.scfpf.samples < scene.scfpf_sampling.motion_steps:
             layout.label(text="Raise Samples: there are fewer than steps", icon="INFO")
 
 

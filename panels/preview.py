@@ -13,8 +13,9 @@ DIFFERENCES = (
     "All lit as seen from the camera's front",
     "For Rendered shading press Render",
     "Shows all that renders, hidden or not",
-    "No hair, points, particles, Grease Pencil",
-    "Materials of the mesh, not of the object",
+    "No hair, points or particles",
+    "No Grease Pencil",
+    "Materials of meshes, not of the object",
 )
 FLAT = ("No preview: this volume is flat,", "all its rays lie in one surface", "Press Render for its picture")
 LEFT_OUT = (

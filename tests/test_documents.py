@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from devtools import pictures
+from devtools import pictures, settings_page
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md")))
@@ -93,3 +93,40 @@ def test_guide_has_each_choice_with_its_tooltip():
             assert shown or identifier == "NONE", f"the guide has no row of {title} and its tooltip"
     for _, title, _ in choices("mapping_properties.py", "MAPPING_KINDS"):
         assert any(row.startswith(f"| {title} |") for row in rows), title
+
+
+def test_page_of_settings_is_that_of_the_code():
+    page = settings_page.PAGE.read_text(encoding="utf-8")
+    assert page == settings_page.page(), "python3 dev.py pictures writes it anew"
+    buttons = page[page.index("## Buttons") :]
+    labels = operator_labels()
+    assert len(labels) > 50
+    for label in labels:
+        assert re.search(rf"^\| (\*{re.escape(label)}\*|.*\({re.escape(label)}\)) \|", buttons, re.M), label
+
+
+def operator_labels():
+    """The name of every operator."""
+    texts = [path.read_text(encoding="utf-8") for path in (ROOT / "operators").glob("*.py")]
+    return re.findall(r'^    bl_label = "(.+)"$', "\n".join(texts), re.MULTILINE)
+
+
+def panel_titles():
+    """The titles of all panels: of classes whose bases or users are panels, not of menus."""
+    for path in (ROOT / "panels").glob("*.py"):
+        for owner in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(owner, ast.ClassDef) and (
+                "SCFPF_PT" in owner.name or owner.name.endswith("Section")
+            ):
+                for node in owner.body:
+                    if isinstance(node, ast.Assign) and node.targets[0].id == "bl_label":
+                        yield node.value.value
+
+
+def test_guide_has_a_paragraph_of_every_panel():
+    text = GUIDE.read_text(encoding="utf-8")
+    titles = list(panel_titles())
+    assert len(titles) > 15
+    for title in titles:
+        own = f"**{title}.**" in text or f"*{title}* (" in text
+        assert own, f"no paragraph of {title}"

@@ -17,6 +17,8 @@ from ..shading.reach import within_reach
 from ..shading.typing import Single
 from .kept_scene import KeptScene
 
+# What a window's header says meanwhile.
+BUILDING = "Building the acceleration structure, which cannot be cancelled"
 # Pixels across a square of the coarse picture that a window shows at first: it costs a
 # sixty-fourth of one sample.
 COARSE = 8

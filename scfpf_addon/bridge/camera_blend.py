@@ -11,7 +11,7 @@ import numpy as np
 
 from ..projection.blending import Blend
 from .mesh_grid import write_grid
-from .volume_object import editable_collections
+from .volume_object import link_beside
 
 # How far beyond its two cameras a blend goes.
 SMALLEST_BLEND, LARGEST_BLEND = -2.0, 3.0
@@ -37,8 +37,11 @@ def new_blend_camera(first, name: str):
     """A camera where another is, without surfaces, linked where that is."""
     camera = bpy.data.objects.new(name, first.data.copy())
     camera.matrix_world = first.matrix_world
-    for collection in editable_collections(first) or [bpy.context.scene.collection]:
-        collection.objects.link(camera)
+    link_beside(camera, first)
+    bpy.context.view_layer.update()
+    if camera.name not in bpy.context.view_layer.objects:
+        # The scene's camera may be in a collection that is excluded; the blend is to be seen.
+        bpy.context.scene.collection.objects.link(camera)
     return camera
 
 

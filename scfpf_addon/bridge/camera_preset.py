@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import pathlib
 import re
@@ -11,7 +12,7 @@ import bpy
 import numpy as np
 
 from ..projection.editing import EditingError
-from ..projection.preset import Preset, PresetError, load_preset, preset_to_json
+from ..projection.preset import Preset, PresetError, load_preset, preset_to_json, read_preset
 from ..projection.preset_picture import png, png_size, volume_picture
 from ..projection.preset_writing import stored_surface
 from ..projection.volume import Projection
@@ -146,11 +147,33 @@ def stem_of(name: str) -> str:
 
 def store_own(preset: Preset, replace: bool) -> pathlib.Path:
     """Write a preset into the folder of own ones. Raises PresetError where another must stay."""
-    path = own_folder(create=True) / f"{stem_of(preset.name)}.json"
-    if path.exists() and not replace:
+    path, is_taken = _own_place(preset.name)
+    if is_taken and not replace:
         raise PresetError(f"You have a preset '{preset.name}' already: choose another name, or tick Replace")
     write_preset(preset, path)
     return path
+
+
+def _own_place(name: str) -> tuple[pathlib.Path, bool]:
+    """The file for an own preset of a name, and whether that is there; others of the same letters stay.
+
+    Names of files hold few letters: all that is written in Chinese, say, begins with the same one.
+    """
+    folder, stem = own_folder(create=True), stem_of(name)
+    for number in itertools.count(1):
+        path = folder / (f"{stem}.json" if number == 1 else f"{stem}_{number}.json")
+        if not path.exists():
+            return path, False
+        if _name_in(path).casefold() == name.casefold():
+            return path, True
+
+
+def _name_in(path: pathlib.Path) -> str:
+    """The name of the preset in a file; of one that cannot be read, none."""
+    try:
+        return read_preset(path).name
+    except PresetError:
+        return ""
 
 
 def write_preset(preset: Preset, path: pathlib.Path) -> None:

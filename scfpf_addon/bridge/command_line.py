@@ -12,8 +12,8 @@ from pathlib import Path
 import bpy
 
 from .drawn_styles import STYLES, apply_style
-from .render_job import RENDER_ERRORS, RenderJob, prepare
-from .result_image import FILE_FORMATS, ResultError, save_result, write_result
+from .render_job import RENDER_ERRORS, RenderJob, prepare, reason
+from .result_image import FILE_FORMATS, ResultError, save_result, with_ending, write_result
 from .rig_mark import camera_behind
 
 # Blender's own limit, both ways.
@@ -95,8 +95,7 @@ def run(argv: list[str]) -> int:
     except SystemExit as left:  # argparse has shown its help.
         return int(left.code or 0)
     except (CommandError, ResultError, *RENDER_ERRORS) as error:
-        reason = " ".join(str(error).split()) or "not enough memory"
-        print(f"scfpf: {reason}", file=sys.stderr)
+        print(f"scfpf: {' '.join(reason(error).split())}", file=sys.stderr)
         return 1
     return 0
 
@@ -115,9 +114,11 @@ def _render(options) -> None:
     try:
         bpy.ops.wm.open_mainfile(filepath=str(options.file.absolute()), load_ui=False)
     except RuntimeError as error:
-        reason = str(error).removeprefix("Error: ").split(" in file ")[0]
-        raise CommandError(f"cannot open {options.file}: {reason}") from error
+        why = str(error).removeprefix("Error: ").split(" in file ")[0]
+        raise CommandError(f"cannot open {options.file}: {why}") from error
     scene = bpy.context.scene
+    # The scene's own format may be one that is not written: better said now than after the render.
+    output = with_ending(str(output), scene)
     if options.frame is not None:
         scene.frame_set(options.frame)
     if options.style == "none":
@@ -131,7 +132,7 @@ def _render(options) -> None:
     job = RenderJob(inputs)
     job.start()
     frame = job.result()
-    path = save_result(write_result(frame.pixels), str(output), scene)
+    path = save_result(write_result(frame.pixels), output, scene)
     print(f"scfpf: {path}: {frame.report.summary()}")
 
 

@@ -19,7 +19,7 @@ from .rig_mark import is_rig_part
 from .slot_animation import clear_slots, move_slot, remove_slot
 from .surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
-from .volume_object import editable_collections, is_volume_object, sync_volume_object
+from .volume_object import delete_with_data, is_volume_object, link_beside, sync_volume_object
 
 # The parameters that a preset's scale multiplies; the others are angles and counts.
 LENGTHS = {
@@ -81,8 +81,7 @@ def _place(camera, surface, matrix) -> None:
     """Make a new surface a child of the camera, at a (4, 4) matrix in camera space."""
     surface.parent = camera
     surface.matrix_basis = Matrix(np.asarray(matrix, np.float64).tolist())
-    for collection in editable_collections(camera) or [bpy.context.scene.collection]:
-        collection.objects.link(surface)
+    link_beside(surface, camera)
 
 
 def _require_room(camera) -> None:
@@ -109,13 +108,18 @@ def attach_surface(camera, surface) -> None:
     a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS, a lattice LATTICE. Raises
     FlexibleCameraError for any other object.
     """
+    require_attachable(camera, surface)
+    _insert(camera, surface)
+
+
+def require_attachable(camera, surface) -> None:
+    """Raise FlexibleCameraError where ``attach_surface`` does."""
     _require_camera(camera)
     _require_room(camera)
     if not may_be_surface(surface):
         raise FlexibleCameraError(
             f"'{surface.name}' cannot be a control surface: choose a mesh with UV map, a surface or a lattice"
         )
-    _insert(camera, surface)
 
 
 def may_be_surface(candidate) -> bool:
@@ -148,7 +152,7 @@ def delete_if_unused(camera, surface) -> None:
     if listed or surface.parent != camera or not surface.is_editable:
         edit_volume.release(surface)
         return
-    surface_nodes.delete_surface(surface)
+    delete_with_data(surface)
 
 
 def remove_surface(camera, index: int) -> None:
@@ -267,7 +271,7 @@ def replace_surfaces(camera, described) -> None:
             made.append(surface_nodes.new_surface(name, kind, parameters, points))
     except surface_nodes.SurfaceError:
         for surface in made:
-            surface_nodes.delete_surface(surface)
+            delete_with_data(surface)
         raise
     clear_surfaces(camera)
     for surface, (_, _, matrix, _, _) in zip(made, described, strict=True):

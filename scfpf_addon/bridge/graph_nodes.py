@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 # Entries of a colour ramp's and of a curve's table.
 RAMP_ENTRIES, CURVE_ENTRIES = 256, 1025
 
-# Skies that are shown by single scattering, and how bright Cycles has them compared with that.
-OTHER_SKIES = {"PREETHAM": 0.25, "HOSEK_WILKIE": 0.023}
+# Skies that are shown as Preetham's, and how bright Cycles has them compared with that.
+DAYLIGHTS = {"PREETHAM": 1.0, "HOSEK_WILKIE": 0.165}
 
 Outputs = dict[str, Ref]
 
@@ -289,26 +289,35 @@ def _environment(inputs: NodeInputs) -> Outputs:
 def _sky(inputs: NodeInputs) -> Outputs:
     node = inputs.node
     kind = node.sky_type
-    if kind not in OTHER_SKIES:
-        elevation, rotation = node.sun_elevation, node.sun_rotation
-        dust = node.aerosol_density if hasattr(node, "aerosol_density") else node.dust_density
-        again = kind == "MULTIPLE_SCATTERING"
-        what = Air(elevation, node.altitude, node.air_density, dust, node.ozone_density, again)
-        size = node.sun_size if node.sun_disc else 0.0
-    else:
-        x, y, z = node.sun_direction
-        rotation, what, size = np.arctan2(x, y), Air(np.arctan2(z, np.hypot(x, y)), 0.0, 1.0, 1.0, 1.0), 0.0
-    if kind in {"MULTIPLE_SCATTERING", *OTHER_SKIES}:
-        inputs.note(f": {kind.replace('_', ' ').title()}, about as bright")
-    vector = inputs.coordinates("GENERATED")
+    if kind in DAYLIGHTS:
+        return _daylight(inputs, DAYLIGHTS[kind])
+    dust = node.aerosol_density if hasattr(node, "aerosol_density") else node.dust_density
+    again = kind == "MULTIPLE_SCATTERING"
+    if again:
+        inputs.note(": Multiple Scattering, about as bright")
     color = inputs.builder.one(
         "SKY",
-        vector,
-        air=what,
-        rotation=float(rotation),
-        size=size,
+        inputs.coordinates("GENERATED"),
+        air=Air(node.sun_elevation, node.altitude, node.air_density, dust, node.ozone_density, again),
+        rotation=float(node.sun_rotation),
+        size=node.sun_size if node.sun_disc else 0.0,
         intensity=node.sun_intensity,
-        scale=OTHER_SKIES.get(kind, 1.0),
+        scale=1.0,
+    )
+    return {"Color": color}
+
+
+def _daylight(inputs: NodeInputs, scale: float) -> Outputs:
+    """Cycles has no sun in these, and takes the sun's direction of any length."""
+    node = inputs.node
+    if node.sky_type != "PREETHAM":
+        inputs.note(f": {node.sky_type.replace('_', ' ').title()}, as Preetham")
+    color = inputs.builder.one(
+        "DAYLIGHT",
+        inputs.coordinates("GENERATED"),
+        sun=tuple(node.sun_direction.normalized()),
+        turbidity=node.turbidity,
+        scale=scale,
     )
     return {"Color": color}
 

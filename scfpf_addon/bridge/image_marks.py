@@ -11,6 +11,7 @@ import gpu
 from gpu_extras.batch import batch_for_shader
 
 from .result_image import result_image
+from .rig_mark import camera_behind
 
 SHADER = "POLYLINE_UNIFORM_COLOR"
 # Display colours; every line and letter has a dark rim, so that it shows in any picture.
@@ -82,11 +83,20 @@ def _write(text: str, x: float, y: float, size: tuple[int, int], scale: float) -
     blf.disable(font, blf.SHADOW)
 
 
+def marked_camera(context):
+    """Whose marks are shown, as by Render: the scene's camera if flexible, else the active one, or None."""
+    for candidate in (context.scene.camera, context.object):
+        camera = camera_behind(candidate)
+        if camera is not None and camera.type == "CAMERA" and camera.scfpf.enabled:
+            return camera
+    return None
+
+
 def draw_image_editor() -> None:
-    """The draw handler: the marks of the scene's camera, over our picture only."""
+    """The draw handler: marks over our picture only."""
     context = bpy.context
-    image, camera = context.space_data.image, context.scene.camera
-    if image is None or image != result_image() or camera is None or not camera.scfpf.enabled:
+    image, camera = context.space_data.image, marked_camera(context)
+    if image is None or image != result_image() or camera is None:
         return
     region = context.region
     to_region = region.view2d.view_to_region

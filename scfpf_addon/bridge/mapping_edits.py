@@ -11,7 +11,7 @@ import numpy as np
 from ..projection.image_mappings import COEFFICIENTS, MAXIMUM_MAPPINGS
 from .mesh_grid import write_grid
 from .slot_animation import clear_slots, move_slot, remove_slot
-from .volume_object import editable_collections, sync_volume_object
+from .volume_object import delete_with_data, link_beside, sync_volume_object
 
 MAPPINGS = "mappings"
 # Hidden from Blender's own lists of node groups by the dot.
@@ -56,7 +56,7 @@ def new_curve(points=((0.0, 0.0), (1.0, 1.0))):
 
 
 def take_kind(camera, mapping) -> None:
-    """Give a mapping the datablock that its kind needs, if it has none; its radius is that of its kind."""
+    """Give a mapping the datablock that its kind needs, if it has none."""
     if mapping.kind == "RADIAL_CURVE" and curve_node(mapping.curve) is None:
         mapping.curve = new_curve()
     elif mapping.kind == "GRID" and mapping.grid is None:
@@ -83,8 +83,7 @@ def new_grid(camera, seen=None):
     grid.parent = camera
     grid.location = -width / 2, -height / 2, -distance
     grid.scale = width, height, 1.0
-    for collection in editable_collections(camera) or [bpy.context.scene.collection]:
-        collection.objects.link(grid)
+    link_beside(grid, camera)
     return grid
 
 
@@ -146,10 +145,7 @@ def _remove_unused(camera, curve, grid) -> None:
         bpy.data.node_groups.remove(curve)
     others = {g for obj in bpy.data.objects if obj.type == "CAMERA" for g in grids_of(obj.scfpf)}
     if grid is not None and grid not in others and grid.parent == camera and grid.is_editable:
-        data = grid.data
-        bpy.data.objects.remove(grid)
-        if data.users == 0:
-            bpy.data.meshes.remove(data)
+        delete_with_data(grid)
 
 
 def write_mappings(camera, mappings) -> None:
@@ -191,8 +187,7 @@ def own_mapping_data(camera) -> int:
         if mapping.grid is not None and mapping.grid in others:
             copy = mapping.grid.copy()
             copy.data = copy.data.copy()
-            for collection in editable_collections(camera) or [bpy.context.scene.collection]:
-                collection.objects.link(copy)
+            link_beside(copy, camera)
             copy.parent = camera
             mapping.grid = copy
             copied += 1

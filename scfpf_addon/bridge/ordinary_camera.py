@@ -10,6 +10,7 @@ import numpy as np
 from ..projection.surfaces import Plane
 from ..projection.typing import Array
 from ..projection.volume import Projection, ViewingVolume
+from .missing import missing_text
 
 
 class FrustumError(ValueError):
@@ -28,8 +29,12 @@ def frustum(camera, scene) -> tuple[End, End]:
     """The near and the far end of what a camera sees, from clip start to clip end.
 
     Takes in lens, shift, sensor fit and ``scene``'s resolution and pixel aspect.
-    Raises FrustumError for a panoramic or custom camera, or one without depth.
+    Raises FrustumError for a panoramic or custom camera, one without depth, and what is no camera:
+    Blender lets any object be the scene's.
     """
+    if camera.type != "CAMERA":
+        lost = missing_text(camera.original)
+        raise FrustumError(lost or f"'{camera.name}' is no camera: choose one in the Scene properties")
     lens = camera.data
     if lens.type not in {"PERSP", "ORTHO"}:
         raise FrustumError(

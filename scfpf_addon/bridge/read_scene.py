@@ -4,18 +4,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
+import bpy
 import numpy as np
 from numpy.typing import NDArray
 
 from ..casting.geometry import Geometry
-from ..casting.memory import available_memory
+from ..casting.memory import shortage
 from ..casting.visibility import CAMERA, EVERYWHERE
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
 from .light_paths import read_bounces
+from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh, read_normals
 from .read_layers import join_layers, read_layer
 from .read_lights import read_light
 from .read_materials import MaterialTable, listing
@@ -29,9 +31,6 @@ MAXIMUM_TRIANGLES = (2**31 - 1) // 9
 # What a triangle takes as arrays, in cast space and in Embree: measured, flat shading.
 BYTES_PER_TRIANGLE = 200
 
-# Beyond this the square of a float32 coordinate overflows; Blender itself turns an infinite one into 3.4e38.
-LARGEST_COORDINATE = 1e18
-
 # What has no faces to show but is seen in Blender's own renders.
 FACELESS = {"CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
@@ -40,28 +39,6 @@ NOTHING = "There is nothing to render: add an object with faces that is visible 
 
 class SceneError(ValueError):
     """The scene cannot be read; the message says what to do."""
-
-
-@dataclass(frozen=True)
-class MeshArrays:
-    """One mesh as evaluated, in its own space.
-
-    vertices: (V, 3) float32. triangles: (T, 3) int32. normals: (T, 3, 3) float32,
-    the shading normal at each corner, or (T, 1, 3) where all corners of a face have the same.
-    slot: (T,) int32, material slot numbers.
-    finite: False if triangles were left out because of non-finite vertices. uv: (T, 3, 2)
-    float32 texture coordinates of the corners, None if there are none or they are not wanted.
-    kept: of the mesh's triangles, None for all. layers: by name, what materials ask for.
-    """
-
-    vertices: NDArray[np.float32]
-    triangles: NDArray[np.int32]
-    normals: NDArray[np.float32]
-    slot: NDArray[np.int32]
-    finite: bool = True
-    uv: NDArray[np.float32] | None = None
-    kept: NDArray[np.bool_] | None = None
-    layers: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -104,6 +81,7 @@ def read_scene(
         if stopped and stopped():
             break
         reader.add(instance)
+    reader.complete(depsgraph)
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
     visibility = geometry.visibility
     shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
@@ -148,6 +126,8 @@ class _SceneReader:
         self._shown: dict[tuple[int, int], tuple[int, int]] = {}
         self._seen: list[tuple[int, int]] = []
         self._mesh_numbers: dict[int, int] = {}
+        # Whose meshes have no normals but the triangles' own, by the mesh's number.
+        self._plain: dict[int, bpy.types.Object] = {}
         self._look_numbers: dict[tuple[int, int], int] = {}
         self._looks: list[tuple[int, list[int]]] = []
         self._placed: list[tuple[int, int]] = []
@@ -176,7 +156,7 @@ class _SceneReader:
             return
         matrix = np.array(instance.matrix_world, np.float64)
         if thing.type == "MESH":
-            self._placed.append(self._mesh_and_look(thing, pointer))
+            self._placed.append(self._mesh_and_look(thing, pointer, instance.is_instance))
             self._matrices.append(matrix)
             self._seen.append(shown)
         elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
@@ -209,12 +189,15 @@ class _SceneReader:
             return False
         return not own.hide_render or top.instance_type != "COLLECTION"
 
-    def _mesh_and_look(self, thing, pointer: int) -> tuple[int, int]:
+    def _mesh_and_look(self, thing, pointer: int, is_instance: bool) -> tuple[int, int]:
         mesh_pointer = thing.data.as_pointer()
         mesh = self._mesh_numbers.get(mesh_pointer)
         if mesh is None:
             mesh = self._mesh_numbers[mesh_pointer] = len(self.meshes)
-            self.meshes.append(_of_mesh(thing, lambda data: read_mesh(data, self._with_uv)))
+            # What only stands in for an instance is not there any more when ``complete`` would ask for it.
+            self.meshes.append(of_mesh(thing, lambda data: read_mesh(data, self._with_uv, is_instance)))
+            if self.meshes[-1].normals is None:
+                self._plain[mesh] = thing.original
         look = self._look_numbers.get((pointer, mesh_pointer))
         if look is None:
             look = self._look_numbers[pointer, mesh_pointer] = len(self._looks)
@@ -236,10 +219,20 @@ class _SceneReader:
         wanted = {name for graph in graphs for name in graph.layers} - arrays.layers.keys()
         if not wanted:
             return
-        found = _of_mesh(thing, lambda data: {name: read_layer(data, name) for name in wanted})
+        found = of_mesh(thing, lambda data: {name: read_layer(data, name) for name in wanted})
         for name, values in found.items():
             if values is not None:
                 arrays.layers[name] = values if arrays.kept is None else values[arrays.kept]
+
+    def complete(self, depsgraph) -> None:
+        """Read what normals were left out, if other meshes have any that are not their triangles' own."""
+        if all(mesh.normals is None or not len(mesh.triangles) for mesh in self.meshes):
+            return
+        for number, own in self._plain.items():
+            mesh = self.meshes[number]
+            normals = of_mesh(own.evaluated_get(depsgraph), read_normals)
+            normals = normals if mesh.kept is None else normals[mesh.kept]
+            self.meshes[number] = replace(mesh, normals=normals)
 
     def instances(self) -> Instances:
         """All that was added and stands at a finite place, as arrays."""
@@ -285,102 +278,6 @@ def _rendered_objects(view_layer) -> set[str]:
     return names
 
 
-def _of_mesh(thing, read):
-    """read(mesh) of an evaluated object's mesh, with its triangles reckoned."""
-    try:
-        # The evaluated mesh of an object in Edit Mode has no arrays yet: to_mesh() makes them.
-        mesh = thing.to_mesh() if thing.data.is_editmode else thing.data
-        mesh.calc_loop_triangles()
-        return read(mesh)
-    finally:
-        if thing.data.is_editmode:
-            thing.to_mesh_clear()
-
-
-def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
-    """The arrays of an evaluated bpy.types.Mesh. with_uv: the texture coordinates, too."""
-    mesh.calc_loop_triangles()
-    count = len(mesh.loop_triangles)
-    vertices = np.empty((len(mesh.vertices), 3), np.float32)
-    slot = np.zeros(count, np.int32)
-    if count == 0:
-        none = np.empty((0, 3), np.int32)
-        return MeshArrays(vertices[:0], none, np.empty((0, 3, 3), np.float32), slot)
-    # Attributes' memory is copied at once; vertices[].co and loops[].vertex_index go one by one.
-    mesh.attributes["position"].data.foreach_get("vector", vertices.reshape(-1))
-    corner_vertex = np.empty(len(mesh.loops), np.int32)
-    mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
-    face, corners = _triangulation(mesh)
-    if "material_index" in mesh.attributes:
-        face_slot = np.empty(len(mesh.polygons), np.int32)
-        mesh.attributes["material_index"].data.foreach_get("value", face_slot)
-        slot = _taken(face_slot, face)
-    uv = None
-    layer = next((each for each in mesh.uv_layers if each.active_render), None) if with_uv else None
-    if layer is not None:
-        corner_uv = np.empty((len(mesh.loops), 2), np.float32)
-        layer.uv.foreach_get("vector", corner_uv.reshape(-1))
-        uv = _taken(corner_uv, corners).reshape(-1, 3, 2)
-    return _finite(
-        MeshArrays(
-            vertices,
-            _taken(corner_vertex, corners).reshape(-1, 3),
-            _normals(mesh, corners, face),
-            slot,
-            uv=uv,
-        )
-    )
-
-
-def _triangulation(mesh) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
-    """The face of each triangle (T,), and their corners (3T,); None for as they come.
-
-    Where each face has one triangle it is that triangle, and its corners need not be asked for, one by one.
-    """
-    face = np.empty(len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangle_polygons.foreach_get("value", face)
-    if len(face) == len(mesh.polygons) and (face == np.arange(len(face), dtype=np.int32)).all():
-        return None, None
-    corners = np.empty(3 * len(face), np.int32)
-    mesh.loop_triangles.foreach_get("loops", corners)
-    return face, corners
-
-
-def _taken(values: NDArray, which: NDArray[np.int32] | None) -> NDArray:
-    """The rows ``which`` of values, None for all."""
-    return values if which is None else values.take(which, axis=0)
-
-
-def _normals(mesh, corners: NDArray[np.int32] | None, face: NDArray[np.int32] | None) -> NDArray[np.float32]:
-    """Normals as in ``MeshArrays``. corners, face: of the triangles, see ``_triangulation``."""
-    if mesh.normals_domain == "FACE":
-        # A third of the memory, and Blender need not spread them to the corners first.
-        normal = np.empty((len(mesh.polygons), 3), np.float32)
-        mesh.polygon_normals.foreach_get("vector", normal.reshape(-1))
-        return _taken(normal, face)[:, None]
-    normal = np.empty((len(mesh.loops), 3), np.float32)
-    mesh.corner_normals.foreach_get("vector", normal.reshape(-1))
-    return _taken(normal, corners).reshape(-1, 3, 3)
-
-
-def _finite(mesh: MeshArrays) -> MeshArrays:
-    """The mesh without the triangles that have a NaN, infinite or as good as infinite corner."""
-    if np.abs(mesh.vertices).max() <= LARGEST_COORDINATE:
-        return mesh
-    good = (np.abs(mesh.vertices) <= LARGEST_COORDINATE).all(axis=1)
-    keep = good[mesh.triangles].all(axis=1)
-    return MeshArrays(
-        # No triangle uses the bad ones any more; they must not stretch the scene's bounds.
-        np.where(good[:, None], mesh.vertices, mesh.vertices[good][:1] if good.any() else 0.0),
-        mesh.triangles[keep],
-        mesh.normals[keep],
-        mesh.slot[keep],
-        finite=False,
-        uv=None if mesh.uv is None else mesh.uv[keep],
-        kept=keep,
-    )
-
-
 def join(
     meshes: list[MeshArrays], instances: Instances, object_names: tuple[str, ...], with_uv: bool = False
 ) -> Geometry:
@@ -395,20 +292,23 @@ def join(
             f"{MAXIMUM_TRIANGLES:,}: hide instances or lower the subdivision"
         )
     # Where nothing is smooth the corners of a triangle share one normal, and nothing has to be kept thrice.
-    corners = max((mesh.normals.shape[1] for mesh in meshes if len(mesh.triangles)), default=1)
-    needed, free = triangles * BYTES_PER_TRIANGLE, available_memory()
-    if free is not None and needed > free:
+    sizes = [0 if mesh.normals is None else mesh.normals.shape[1] for mesh in meshes if len(mesh.triangles)]
+    corners = max(sizes, default=1)
+    short = shortage(triangles * BYTES_PER_TRIANGLE)
+    if short:
         raise SceneError(
             f"The scene has {triangles:,} triangles once every instance is counted, which need about "
-            f"{needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free: hide instances or lower "
+            f"{short[0]} of memory, and {short[1]} are free: hide instances or lower "
             "the subdivision"
         )
+    alone = len(order) == 1 and triangles > 0
     result = Geometry(
         np.empty((vertices, 3)),
-        np.empty((triangles, 3), np.int32),
-        np.empty((triangles, corners, 3), np.float32),
-        np.empty(triangles, np.int32),
-        np.empty(triangles, np.int32),
+        # One mesh in one place keeps its own numbers.
+        meshes[instances.mesh[0]].triangles if alone else np.empty((triangles, 3), np.int32),
+        np.empty((triangles, corners, 3), np.float32) if corners else None,
+        _room(instances.slots, triangles),
+        _room(instances.look_object, triangles),
         object_names,
         np.full((triangles, 3, 2), np.nan, np.float32) if with_uv else None,
     )
@@ -424,8 +324,10 @@ def join(
             triangle += len(mine) * len(mesh.triangles)
             vertex += len(mine) * len(mesh.vertices)
             blocks.append((len(mesh.triangles), mesh.layers, mirrored[mine]))
-    normalize(result.corner_normals)
-    normals = np.broadcast_to(result.corner_normals, (triangles, 3, 3))
+    normals = result.corner_normals
+    if normals is not None:
+        normalize(normals)
+        normals = np.broadcast_to(normals, (triangles, 3, 3))
     many = [len(meshes[number].triangles) for number in instances.mesh[order]]
     return replace(
         result,
@@ -434,6 +336,12 @@ def join(
         visibility=None if instances.visibility is None else np.repeat(instances.visibility[order], many),
         linked=None if instances.linked is None else np.repeat(instances.linked[order], many),
     )
+
+
+def _room(numbers: NDArray[np.int32], triangles: int) -> NDArray[np.int32]:
+    """For a number of each triangle; where there is but one it is that, which nobody can write."""
+    alike = len(numbers) and (numbers == numbers[0]).all()
+    return np.broadcast_to(numbers[:1], triangles) if alike else np.empty(triangles, np.int32)
 
 
 def _place(
@@ -450,21 +358,24 @@ def _place(
     own = slice(triangle, triangle + count * many)
     matrix, look = instances.matrix[mine], instances.look[mine]
     vertices = into.vertices[vertex : vertex + count * each].reshape(count, each, 3)
-    turn(mesh.vertices, matrix[:, :3, :3], vertices)
-    vertices += matrix[:, None, :3, 3]
-    first = vertex + each * np.arange(count, dtype=np.int32)
-    np.add(mesh.triangles, first[:, None, None], out=into.triangles[own].reshape(count, many, 3))
-    normals = into.corner_normals[own].reshape(count, many, -1, 3)
-    if normals.shape[2] == mesh.normals.shape[1]:
-        turn(mesh.normals.reshape(-1, 3), normal_matrix, normals.reshape(count, -1, 3))
-    else:
-        turn(mesh.normals[:, 0], normal_matrix, normals[:, :, 0])
-        normals[:, :, 1:] = normals[:, :, :1]
+    turn(mesh.vertices, matrix[:, :3, :3], vertices, matrix[:, :3, 3])
+    if into.triangles is not mesh.triangles:
+        first = vertex + each * np.arange(count, dtype=np.int32)
+        np.add(mesh.triangles, first[:, None, None], out=into.triangles[own].reshape(count, many, 3))
+    if into.corner_normals is not None and mesh.normals is not None:
+        normals = into.corner_normals[own].reshape(count, many, -1, 3)
+        if normals.shape[2] == mesh.normals.shape[1]:
+            turn(mesh.normals.reshape(-1, 3), normal_matrix, normals.reshape(count, -1, 3))
+        else:
+            turn(mesh.normals[:, 0], normal_matrix, normals[:, :, 0])
+            normals[:, :, 1:] = normals[:, :, :1]
     # A face's slot that an object does not have is its last one.
-    first, last = instances.first_slot[look], instances.first_slot[look + 1] - 1
-    slot = np.minimum(first[:, None] + mesh.slot.clip(0), last[:, None])
-    into.material[own].reshape(count, many)[:] = instances.slots[slot]
-    into.object_index[own].reshape(count, many)[:] = instances.look_object[look][:, None]
+    if into.material.flags.writeable:
+        first, last = instances.first_slot[look], instances.first_slot[look + 1] - 1
+        slot = np.minimum(first[:, None] + mesh.slot.clip(0), last[:, None])
+        into.material[own].reshape(count, many)[:] = instances.slots[slot]
+    if into.object_index.flags.writeable:
+        into.object_index[own].reshape(count, many)[:] = instances.look_object[look][:, None]
     if into.uv is not None and mesh.uv is not None:
         into.uv[own].reshape(count, many, 3, 2)[:] = mesh.uv
 
@@ -474,7 +385,7 @@ def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many:
     for start in triangle + many * np.flatnonzero(mirrored):
         own = slice(start, start + many)
         into.triangles[own] = into.triangles[own][:, [0, 2, 1]]
-        if into.corner_normals.shape[1] == 3:
+        if into.corner_normals is not None and into.corner_normals.shape[1] == 3:
             into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
         if into.uv is not None:
             into.uv[own] = into.uv[own][:, [0, 2, 1]]

@@ -9,7 +9,9 @@ from time import perf_counter
 import numpy as np
 
 from ..casting.geometry import Geometry
+from ..casting.stopping import is_unstoppable
 from ..shading.typing import Single
+from .building import BUILDING
 from .render_job import RenderInputs
 from .render_passes import crypto_names, list_render_passes, stamp_manifests
 
@@ -70,7 +72,8 @@ class Delivery:
         if share > 0.0:
             left = (now - self._started) * (1.0 - share) / share
             text = f"Remaining {int(left // 60):02d}:{int(left % 60):02d} | {text}"
-        self._engine.update_stats("", text)
+        # With motion blur each shutter time is built at its first use, by the threads.
+        self._engine.update_stats("", BUILDING if is_unstoppable() else text)
         self.flush()
 
     def flush(self) -> None:

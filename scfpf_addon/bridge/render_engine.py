@@ -12,9 +12,17 @@ import numpy as np
 
 from ..shading.frame import render_frame
 from ..shading.settings import Border
-from .building import build, coarse_picture
+from .building import BUILDING, build, coarse_picture
 from .render_delivery import Delivery
-from .render_job import RENDER_ERRORS, RenderError, RenderInputs, read_inputs, require_size, with_motion
+from .render_job import (
+    RENDER_ERRORS,
+    RenderError,
+    RenderInputs,
+    read_inputs,
+    reason,
+    require_size,
+    with_motion,
+)
 from .render_passes import list_render_passes
 from .render_viewport import ViewportRender, stop_all
 from .rig_mark import camera_behind
@@ -53,7 +61,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             finally:
                 delivery.close()
         except RENDER_ERRORS as error:
-            self._fail(str(error) or "There is not enough memory for this picture")
+            self._fail(reason(error))
         except Exception as error:  # What leaves here Blender prints and takes for success.
             traceback.print_exc()
             self._fail(f"SCFPF has failed, the console says where ({type(error).__name__}: {error})")
@@ -99,7 +107,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         if self.test_break():
             return
         delivery.begin(inputs)
-        self.update_stats("", "Building the acceleration structure, which cannot be cancelled")
+        self.update_stats("", BUILDING)
         # Blender keeps the engine with persistent data, and makes one for each picture without.
         kept = getattr(self, "kept_scenes", {})
         keep = self.render.use_persistent_data

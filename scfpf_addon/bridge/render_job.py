@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..casting.memory import available_memory
 from ..casting.scene import CastError
+from ..casting.stopping import is_unstoppable
 from ..projection.volume import Projection
 from ..shading.cryptomatte import identifiers
 from ..shading.frame import Frame, render_frame
@@ -53,6 +54,11 @@ RENDER_ERRORS = (
     RenderError,
     SceneError,
 )
+
+
+def reason(error: BaseException) -> str:
+    """What to say of one of RENDER_ERRORS: Python may raise a MemoryError without a word."""
+    return str(error) or "There is not enough memory for this picture"
 
 
 @dataclass(frozen=True)
@@ -231,7 +237,7 @@ class RenderJob:
         """with_tiles: ``new_tiles`` shows the frame in the making. kept, keep: see ``build``."""
         self._inputs: RenderInputs | None = inputs
         self.kept, self._keep = kept, keep
-        self.building = True
+        self._building = True
         self._cancelled = threading.Event()
         self._progress = 0.0
         size = (inputs.settings.height, inputs.settings.width, 4)
@@ -246,7 +252,7 @@ class RenderJob:
             # Let go of: what the volume cannot meet is freed once the rest is built.
             inputs, self._inputs = self._inputs, None
             built = build(inputs, self.kept, self._keep)
-            inputs, self.kept, self.building = built.inputs, built.kept, False
+            inputs, self.kept, self._building = built.inputs, built.kept, False
             if self._tiles is not None:
                 coarse = coarse_picture(inputs, built.cast_scene, self._cancelled.is_set)
                 if coarse is not None:
@@ -288,6 +294,11 @@ class RenderJob:
     def progress(self) -> float:
         """How much of the picture is done, 0 to 1."""
         return self._progress
+
+    @property
+    def building(self) -> bool:
+        """Whether it is building, and cannot be cancelled."""
+        return self._building or is_unstoppable()
 
     @property
     def running(self) -> bool:
@@ -346,3 +357,10 @@ def stop() -> None:
         _current.wait()
         _kept = _current.kept
     _current = None
+
+
+def forget() -> None:
+    """As ``stop``, and let go of what was kept for the next picture, too."""
+    global _kept
+    stop()
+    _kept = None

@@ -22,7 +22,7 @@ from ..shading.settings import Border, FrameSettings
 from .drawn import drawn_of
 from .read_images import KnownImages, with_images
 from .read_scene import read_scene
-from .render_job import RENDER_ERRORS, RenderInputs, read_inputs
+from .render_job import RENDER_ERRORS, RenderInputs, read_inputs, reason
 from .sampling import sampling_of
 from .view_painter import Commission, Painting, ViewPainter
 
@@ -95,7 +95,7 @@ class ViewportRender:
                 self._scene = with_images(read_scene(depsgraph, may_be_empty=True), known=self._images)
             commission = read_commission(context, depsgraph, self._scene)
         except RENDER_ERRORS as error:
-            self._message = str(error) or "There is not enough memory for this picture"
+            self._message = reason(error)
             return
         self._message = ""
         if commission is None:

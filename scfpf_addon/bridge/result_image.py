@@ -129,6 +129,18 @@ def _scene_linear() -> str:
     return name
 
 
+def with_ending(path: str, scene) -> str:
+    """A path with the ending that names its format: its own, else that of the scene's output.
+
+    Raises ResultError for one that is not known.
+    """
+    if not os.path.splitext(path)[1]:
+        path += scene.render.file_extension
+    if os.path.splitext(path)[1].lower() not in FILE_FORMATS:
+        raise ResultError(f"Cannot write '{path}': use one of {', '.join(FILE_FORMATS)}")
+    return path
+
+
 def save_result(image, path: str, scene) -> str:
     """Write the picture to a file through the scene's view transform; returns the path written.
 
@@ -137,13 +149,8 @@ def save_result(image, path: str, scene) -> str:
     added). EXR keeps scene-linear values. Raises ResultError for an extension that
     is not known or a path that cannot be written.
     """
-    path = bpy.path.abspath(path)
+    path = with_ending(bpy.path.abspath(path), scene)
     extension = os.path.splitext(path)[1].lower()
-    if not extension:
-        path += scene.render.file_extension
-        extension = os.path.splitext(path)[1].lower()
-    if extension not in FILE_FORMATS:
-        raise ResultError(f"Cannot write '{path}': use one of {', '.join(FILE_FORMATS)}")
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
         raise ResultError(f"Cannot write '{path}': there is no folder '{folder}'")

@@ -25,6 +25,7 @@ from .mesh_grid import grid_points, write_grid
 from .read_projection import PlacedLattice, read_projection, read_surface
 from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS, surface_parameters
 from .uv_mesh import read_uv_mesh
+from .volume_object import delete_with_data, editable_collections, link_beside
 
 # A grid is not made finer than this many faces along an axis.
 MOST_FACES = 1024
@@ -170,9 +171,7 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
     new = surface_nodes.new_surface(name, kind, parameters, points)
     for attribute in PLACEMENT:
         setattr(new, attribute, getattr(surface, attribute))
-    for collection in surface.users_collection:
-        if collection.is_editable and not collection.override_library:
-            collection.objects.link(new)
+    link_beside(new, surface)
     for slot in camera.scfpf.surfaces:
         if slot.object == surface:
             slot.object = new
@@ -181,11 +180,10 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
     if any(surface == slot.object for other in flexible_cameras() for slot in other.scfpf.surfaces):
         edit_volume.release(surface)
     else:
-        for collection in surface.users_collection:  # or else the new one would come to be there twice
-            if collection.is_editable and not collection.override_library:
-                collection.objects.unlink(surface)
+        for collection in editable_collections(surface):  # or else the new one would come to be there twice
+            collection.objects.unlink(surface)
         surface.user_remap(new)
-        surface_nodes.delete_surface(surface)
+        delete_with_data(surface)
     new.name = name
     if new.name in layer.objects:
         new.select_set(selected, view_layer=layer)

@@ -26,8 +26,10 @@ from . import lattice_object, nurbs_object, versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
 from .surface_gizmos import add_gizmos
+from .surface_limits import LEAST_FACES, MOST_FACES, drawn_vertices, vertices_along
 from .surface_shape import store_shape
 from .uv_mesh import write_uv_mesh
+from .volume_object import delete_with_data
 
 # Kinds that are plain meshes, with their titles.
 MESH_KINDS = {"PATCH": "Patch", "GRID": "Grid", "UV_MESH": "UV Mesh"}
@@ -95,8 +97,8 @@ def _resolution(u: int, v: int) -> tuple[Input, Input]:
         "Faces of the drawn mesh along {}; the picture uses the exact surface until a further modifier acts"
     )
     return (
-        Input("Resolution U", u, 1, 1024, description=text.format("u")),
-        Input("Resolution V", v, 1, 1024, description=text.format("v")),
+        Input("Resolution U", u, LEAST_FACES, MOST_FACES, description=text.format("u")),
+        Input("Resolution V", v, LEAST_FACES, MOST_FACES, description=text.format("v")),
     )
 
 
@@ -239,10 +241,7 @@ def _build_point(nodes, given):
 def _build_sheet(nodes, shape, given):
     """A grid in UV, moved onto the surface, with its UV map."""
     nodes.open_frame("Grid in UV")
-    count = {
-        f"Vertices {axis}": nodes.math("ADD", given[f"resolution_{key}"], 1.0, f"Vertices along {key}")
-        for axis, key in (("X", "u"), ("Y", "v"))
-    }
+    count = {f"Vertices {axis}": vertices_along(nodes, given, key) for axis, key in (("X", "u"), ("Y", "v"))}
     grid = nodes.node("GeometryNodeMeshGrid", "Grid", count)
     uv = nodes.node("ShaderNodeSeparateXYZ", "u, v", {"Vector": grid.outputs["UV Map"]})
     nodes.open_frame("Position at u, v")
@@ -322,7 +321,7 @@ def new_surface(name: str, kind: str, parameters: dict | None = None, points=Non
         elif kind in MESH_KINDS:
             set_surface_parameters(surface, {"points": _flat(kind) if points is None else points})
     except SurfaceError:
-        delete_surface(surface)
+        delete_with_data(surface)
         raise
     return surface
 
@@ -332,16 +331,6 @@ def _flat(kind: str):
     line = np.linspace(-0.5, 0.5, 2 if kind == "PATCH" else 5)
     x, y = np.meshgrid(line, line)
     return np.stack([x, y, np.zeros_like(x)], 2)
-
-
-def delete_surface(surface) -> None:
-    """Delete a surface's object, and its data if nothing else uses it."""
-    data = surface.data
-    owners = {"SURFACE": bpy.data.curves, "LATTICE": bpy.data.lattices}
-    owner = owners.get(surface.type, bpy.data.meshes)
-    bpy.data.objects.remove(surface)
-    if data.users == 0:
-        owner.remove(data)
 
 
 def take_kind(surface) -> None:
@@ -358,12 +347,17 @@ def take_kind(surface) -> None:
         values = _input_values(modifier)
         points = _flat(kind)
         if before != "POINT":
-            columns, rows = (2 if kind == "PATCH" else int(values[f"Resolution {axis}"]) + 1 for axis in "UV")
+            columns, rows = (
+                2 if kind == "PATCH" else drawn_vertices(values[f"Resolution {axis}"]) for axis in "UV"
+            )
             parameters = {given.key: values[given.label] for given in PARAMETRIC_KINDS[before].parameters}
             u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
             shape = surface_from_parameters(before, parameters, None, np.eye(4))
             points = shape.evaluate(u.ravel(), v.ravel()).position.T.reshape(rows, columns, 3)
         surface.modifiers.remove(modifier)
+        if surface.data.users > 1:
+            # Of a linked duplicate (Alt-D): the mesh was empty so far, the other's shape is its modifier's.
+            surface.data = surface.data.copy()
         write_grid(surface.data, points)
 
 

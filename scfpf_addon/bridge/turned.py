@@ -6,21 +6,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..casting.half_spaces import portions
 from ..projection.typing import Array
 
 
-def turn(vectors: NDArray[np.float32], matrix: NDArray, into: NDArray) -> None:
+def turn(vectors: NDArray[np.float32], matrix: NDArray, into: NDArray, shift: NDArray | None = None) -> None:
     """Write each of the matrices (N, 3, 3) times each of the vectors (P, 3) into ``into`` (N, P, 3).
 
-    Not by matmul: so slim a product costs more in waking threads than in itself.
+    shift: (N, 3), what is added to these. Not by matmul: so slim a product costs more in waking threads than
+    in itself.
     """
     # Files may hold normals that are no numbers.
     with np.errstate(invalid="ignore", over="ignore"):
-        for row in range(3):
-            sums = matrix[:, row, 0, None] * vectors[:, 0]
-            sums += matrix[:, row, 1, None] * vectors[:, 1]
-            sums += matrix[:, row, 2, None] * vectors[:, 2]
-            into[:, :, row] = sums
+        for some in portions(len(vectors)):
+            x, y, z = vectors[some].T
+            for row in range(3):
+                sums = matrix[:, row, 0, None] * x
+                sums += matrix[:, row, 1, None] * y
+                sums += matrix[:, row, 2, None] * z
+                if shift is not None:
+                    sums += shift[:, row, None]
+                into[:, some, row] = sums
 
 
 def normal_transforms(linear: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

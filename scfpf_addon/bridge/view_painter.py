@@ -12,7 +12,7 @@ from ..shading.frame import render_frame
 from ..shading.settings import Border
 from ..shading.typing import Single
 from .kept_scene import KeptScene
-from .render_job import RENDER_ERRORS, RenderInputs
+from .render_job import RENDER_ERRORS, RenderInputs, reason
 
 # The first picture has squares of this many pixels, the next ones are finer.
 COARSE_STEPS = (8, 2)
@@ -83,7 +83,7 @@ class ViewPainter:
             try:
                 self._paint(commission)
             except RENDER_ERRORS as error:
-                self._show(None, str(error) or "There is not enough memory for this picture")
+                self._show(None, reason(error))
             except Exception as error:  # A thread has nowhere to raise.
                 traceback.print_exc()
                 self._show(None, f"SCFPF has failed, the console says where ({type(error).__name__})")

@@ -22,6 +22,7 @@ from .flexible_camera import (
     attach_surface,
     move_surface,
     remove_surface,
+    require_attachable,
     sync_volume_object,
 )
 from .mapping_edits import own_mapping_data
@@ -34,6 +35,7 @@ from .surface_nodes import (
     set_surface_parameters,
     surface_parameters,
 )
+from .volume_object import link_beside
 
 # How the size of a volume is searched that just holds what is selected: doubled from this share of the
 # selection's size to the volume's, so often at most, and then halved on a logarithmic scale.
@@ -123,17 +125,27 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
 def duplicate_surface(camera, index: int):
     """A copy of a surface, with its mesh, right after it in the list. Returns the object."""
     (surface,) = _surfaces(camera, [index])
+    require_attachable(camera, surface)
     copy = surface.copy()
     copy.data = surface.data.copy()
-    for collection in surface.users_collection or [bpy.context.scene.collection]:
-        if collection.is_editable and not collection.override_library:
-            collection.objects.link(copy)
+    _take_own_actions(copy)
+    link_beside(copy, surface)
     attach_surface(camera, copy)
     slots = camera.scfpf.surfaces
     last = len(slots) - 1
     slots[last].weight = slots[index].weight
     move_surface(camera, last, index + 1 - last)
     return copy
+
+
+def _take_own_actions(copy) -> None:
+    """Give a copied object actions of its own, as Shift-D does, instead of its original's."""
+    keys = getattr(copy.data, "shape_keys", None)
+    own_data = (copy.data, keys) if copy.data.users == 1 else ()
+    for owner in (copy, *own_data):
+        animation = owner.animation_data if owner is not None else None
+        if animation is not None and animation.action is not None:
+            animation.action = animation.action.copy()
 
 
 def swap_ends(camera) -> None:
@@ -178,6 +190,8 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
                 raise FlexibleCameraError(
                     f"'{surface.name}' cannot be mirrored: take another kind of control surface first"
                 )
+            if surface.data.uv_layers.active is None:
+                raise FlexibleCameraError(f"'{surface.name}' has no UV map: unwrap it as a regular grid")
             continue
         if kind == "POINT":
             continue
@@ -214,8 +228,6 @@ def _mirror_uv(surface, axis: int) -> None:
     if surface.data.users > 1:
         surface.data = surface.data.copy()
     layer = surface.data.uv_layers.active
-    if layer is None:
-        raise FlexibleCameraError(f"'{surface.name}' has no UV map: unwrap it as a regular grid")
     # Not by ``layer.uv``: in Blender 4.5 that writes through to the mesh's copies and to its undo steps.
     uv = surface.data.attributes[layer.name].data
     values = np.empty(2 * len(uv), np.float32)
@@ -311,11 +323,8 @@ def _own_copy(camera, surface):
     """A copy of a surface at the same place, with its own animation, child of the camera, in its stead."""
     world = surface.matrix_world.copy()
     copy = surface.copy()
-    if copy.animation_data is not None and copy.animation_data.action is not None:
-        copy.animation_data.action = copy.animation_data.action.copy()
-    collections = [c for c in camera.users_collection if c.is_editable and not c.override_library]
-    for collection in collections or [bpy.context.scene.collection]:
-        collection.objects.link(copy)
+    _take_own_actions(copy)
+    link_beside(copy, camera)
     if copy.parent != camera:
         copy.parent = camera
         copy.matrix_parent_inverse = (

@@ -15,6 +15,23 @@ def editable_collections(obj):
     return [c for c in obj.users_collection if c.is_editable and not c.override_library]
 
 
+def link_beside(new, obj) -> None:
+    """Link a new object where another one is, or to the context's scene where that cannot be."""
+    for collection in editable_collections(obj) or [bpy.context.scene.collection]:
+        collection.objects.link(new)
+
+
+def delete_with_data(obj) -> None:
+    """Delete an object, and its data if nothing else uses it.
+
+    Of any type: Object > Convert may have made a curve of what was a mesh.
+    """
+    data = obj.data
+    bpy.data.objects.remove(obj)
+    if data is not None and data.users == 0:
+        bpy.data.batch_remove([data])
+
+
 def is_volume_object(candidate) -> bool:
     """Whether an object is the volume object of its parent."""
     parent = candidate.parent
@@ -58,11 +75,9 @@ def _node_modifier(volume):
 
 def delete_volume_object(volume) -> None:
     """Delete a volume object that no camera needs any more, with its mesh and an unused node group."""
-    data, modifier = volume.data, _node_modifier(volume)
+    modifier = _node_modifier(volume)
     group = None if modifier is None else modifier.node_group
-    bpy.data.objects.remove(volume)
-    if data.users == 0:
-        bpy.data.meshes.remove(data)
+    delete_with_data(volume)
     if group is not None and group.users == 0 and group.is_editable:
         bpy.data.node_groups.remove(group)
 
@@ -96,14 +111,14 @@ def sync_volume_object(camera):
     volume = settings.volume_object
     if not camera.is_editable:
         if volume is not None:
-            _link_beside(volume, camera)
+            _link_volume(volume, camera)
         return volume
     if not _may_serve(volume, camera):
         volume = _new_volume_object(camera)
         settings.volume_object = volume
     if volume.parent != camera:
         volume.parent = camera
-    _link_beside(volume, camera)
+    _link_volume(volume, camera)
     surfaces = members(settings)
     group = _volume_group(len(surfaces))
     modifier = _node_modifier(volume)
@@ -152,7 +167,7 @@ def _may_serve(volume, camera) -> bool:
     return volume.parent == camera or not is_volume_object(volume)
 
 
-def _link_beside(volume, camera) -> None:
+def _link_volume(volume, camera) -> None:
     """Link the volume object where the camera is and to the master collection of its scenes."""
     wanted = editable_collections(camera)
     wanted += [

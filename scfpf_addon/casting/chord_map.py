@@ -14,7 +14,7 @@ from .cast import SMALLEST_ERROR, usable_projectors
 from .curves import Bundle
 from .occupancy import stretches
 from .scene import CastScene
-from .schedule import MOST_SQUEEZE, Schedule, corners, plan, sample_curves, scene_reach
+from .schedule import Schedule, corners, pixel_lengths, plan, sample_curves, scene_reach
 
 
 @dataclass(frozen=True)
@@ -100,10 +100,7 @@ def _error(
         step = np.einsum("kn,kcn->cn", here, derivative) * size
         across.append(step - tangent * _share(step, tangent))
     xx, yy, xy = _dot(across[0], across[0]), _dot(across[1], across[1]), _dot(*across)
-    wide = 0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))
-    area = np.maximum(xx * yy - xy * xy, 0.0)
-    narrow = np.divide(area, wide, out=np.zeros_like(area), where=wide > 0.0)
-    pixel = np.sqrt(np.maximum(narrow, wide / MOST_SQUEEZE**2))
+    pixel = pixel_lengths(xx, yy, xy)
     error: Array = np.divide(distance, pixel, out=np.zeros_like(pixel), where=pixel > 0.0)
     return error
 

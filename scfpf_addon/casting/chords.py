@@ -125,6 +125,7 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
         return _at_once(work, np.flatnonzero(mask), source, held, where.block)
 
     def trace(start: NDArray[Any], way: NDArray[Any], limits: NDArray[np.float32]) -> Traced:
+        """``CastScene.trace`` as the march asks for it: triangles (N,), and no places along the rays."""
         single = np.float32
         found = work.scene.trace(start.astype(single, copy=False), way.astype(single, copy=False), limits)
         return found, None

@@ -19,6 +19,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .stopping import stop_here
+
 # RTCBufferType, RTCFormat and RTCGeometryType of Embree 4.
 INDEX_BUFFER, VERTEX_BUFFER = 0, 1
 UINT, FLOAT3 = 0x5000, 0x9003
@@ -43,6 +45,9 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "rtcCommitGeometry": (None, c_void_p),
     "rtcAttachGeometry": (c_uint, c_void_p, c_void_p),
     "rtcReleaseGeometry": (None, c_void_p),
+    "rtcSetDeviceErrorFunction": (None, c_void_p, c_void_p, c_void_p),
+    "rtcCommitScene": (None, c_void_p),
+    "rtcGetDeviceError": (c_int, c_void_p),
 }
 
 # A number that embreex's ``is_committed`` does not have by chance.
@@ -63,12 +68,13 @@ class SceneObject(ctypes.Structure):
 def mesh_in_embree(
     modules: tuple[Any, Any], vertices: NDArray[Any], faces: NDArray[np.int32]
 ) -> tuple[Any, Any, int]:
-    """A scene of one mesh, what has to be kept as long as it, and as how many faces a face counts.
+    """A scene of one mesh, built, what has to be kept as long as it, and as how many faces a face counts.
 
     modules: embreex's for scenes and meshes. vertices: (V, 3), of any kind and order. faces: (F, 3)
     or, for quads, (F, 4) int32, contiguous; they may be Embree's own from now on and must not change.
-    Built at the first run. embreex knows no quads: where it copies them each is two triangles, so
-    that numbers of faces that are found have to be divided. Raises MemoryError.
+    embreex knows no quads: where it copies them each is two triangles, so that numbers of faces that
+    are found have to be divided. Python's other threads go on while Embree builds, on all cores.
+    Raises MemoryError, and ``Stopped`` before it builds.
     """
     scenes, meshes = modules
     scene = scenes.EmbreeScene(robust=True)
@@ -78,7 +84,11 @@ def mesh_in_embree(
     if library is None or handle is None:
         halves = faces if corners == 3 else faces[:, HALVES].reshape(-1, 3)
         mesh = meshes.TriangleMesh(scene, vertices.astype(np.float32), halves)
-        return scene, mesh, len(halves) // len(faces)
+        stop_here()
+        # Embree builds at embreex's first run, which must happen in one thread.
+        nowhere = np.zeros((1, 3), np.float32)
+        scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
+        return scene, mesh, corners - 2
     device = library.rtcGetSceneDevice(handle)
     geometry = library.rtcNewGeometry(device, GEOMETRY[corners])
     try:
@@ -92,9 +102,16 @@ def mesh_in_embree(
         )
         library.rtcCommitGeometry(geometry)
         library.rtcAttachGeometry(handle, geometry)
+        stop_here()
+        # embreex's function would speak Python, in a thread that has let go of it.
+        library.rtcSetDeviceErrorFunction(device, None, None)
+        library.rtcCommitScene(handle)
+        if library.rtcGetDeviceError(device):
+            raise MemoryError("There is not enough memory to build the scene for casting")
     finally:
         library.rtcReleaseGeometry(geometry)
         library.rtcReleaseDevice(device)
+    scene.is_committed = 1
     return scene, faces, 1
 
 

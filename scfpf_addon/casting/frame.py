@@ -47,6 +47,7 @@ def cast_frame(
     frame = Hits.empty(width * height)
 
     def run(job: TileJob) -> CastCounts:
+        """Cast a tile into its rows of the frame."""
         own, rows = CastCounts(), job.rows
         x, y = pixel_centres(width, height, (rows.start, rows.stop))
         tile = cast(scene, inside, x, y, size, pixel_error, own, width)
@@ -54,6 +55,7 @@ def cast_frame(
         return own
 
     def finished(rows: slice, own: CastCounts) -> None:
+        """Add up what a tile did."""
         if counts is not None:
             counts.add(own)
 

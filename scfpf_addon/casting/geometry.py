@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array, BoolArray, IndexArray
 
 
 @dataclass(frozen=True)
@@ -30,8 +30,8 @@ class Geometry:
 
     vertices: (V, 3) float64, world space. triangles: (T, 3) int32.
     corner_normals: (T, 3, 3) float32, unit, world space: the shading normal at
-    each corner; where nothing is smooth it may be one that is shown thrice. material,
-    object_index: (T,) int32. object_names: one name an index.
+    each corner; where nothing is smooth it may be one that is shown thrice, or None for the triangles' own.
+    material, object_index: (T,) int32, or one number that is shown T times. object_names: one name an index.
     uv: (T, 3, 2) float32, texture coordinates of the corners, NaN where a mesh has none;
     None where they were not asked for. layers: by name, those that materials ask for.
     visibility: (T,), see ``visibility``; None where every ray meets everything. linked: (T,) int32, the
@@ -40,7 +40,7 @@ class Geometry:
 
     vertices: Array
     triangles: NDArray[np.int32]
-    corner_normals: NDArray[np.float32]
+    corner_normals: NDArray[np.float32] | None
     material: NDArray[np.int32]
     object_index: NDArray[np.int32]
     object_names: tuple[str, ...] = ()
@@ -51,27 +51,37 @@ class Geometry:
 
     @property
     def flat(self) -> bool:
-        """Whether each triangle's corners share one normal in memory."""
-        return self.corner_normals.strides[1] == 0
+        """Whether each triangle's corners share one normal in memory, or have its own."""
+        return self.corner_normals is None or self.corner_normals.strides[1] == 0
 
     def part(self, kept: BoolArray) -> Geometry:
         """The triangles ``kept`` (T,) alone, with the vertices that they use."""
-        triangles = self.triangles[kept]
-        used = np.zeros(len(self.vertices), bool)
-        used[triangles] = True
-        number = np.cumsum(used, dtype=np.int32) - 1
+        # By number: several times as quick as by the mask.
+        which = np.flatnonzero(kept)
+        triangles = self.triangles.take(which, axis=0)
+        used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(self.vertices)))
+        number = np.empty(len(self.vertices), np.int32)
+        number[used] = np.arange(len(used), dtype=np.int32)
         normals = self.corner_normals
-        if self.flat:
-            normals = normals[:, :1]
+        if normals is not None:
+            some = normals[:, : 1 if self.flat else 3].take(which, axis=0)
+            normals = np.broadcast_to(some, (len(which), 3, 3))
         return Geometry(
-            self.vertices[used],
-            number[triangles],
-            np.broadcast_to(normals[kept], (len(triangles), 3, 3)),
-            self.material[kept],
-            self.object_index[kept],
+            self.vertices.take(used, axis=0),
+            number.take(triangles),
+            normals,
+            _of(self.material, which),
+            _of(self.object_index, which),
             self.object_names,
-            None if self.uv is None else self.uv[kept],
-            {name: Layer(layer.row[kept], layer.values) for name, layer in self.layers.items()},
-            None if self.visibility is None else self.visibility[kept],
-            None if self.linked is None else self.linked[kept],
+            None if self.uv is None else self.uv.take(which, axis=0),
+            {name: Layer(layer.row.take(which), layer.values) for name, layer in self.layers.items()},
+            None if self.visibility is None else self.visibility.take(which),
+            None if self.linked is None else self.linked.take(which),
         )
+
+
+def _of(numbers: NDArray[np.int32], which: IndexArray) -> NDArray[np.int32]:
+    """The numbers of the triangles ``which``; one that all share need not be written for each."""
+    if numbers.strides[0] == 0:
+        return np.broadcast_to(numbers[:1], which.shape)
+    return numbers.take(which)

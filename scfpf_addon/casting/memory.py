@@ -47,6 +47,12 @@ def available_memory() -> int | None:
     return None
 
 
+def shortage(needed: float) -> tuple[str, str] | None:
+    """So many bytes and how many there are, for a message; None where they are free, or nobody knows."""
+    free = available_memory()
+    return None if free is None or needed <= free else (f"{needed / 1e9:.1f} GB", f"{free / 1e9:.1f} GB")
+
+
 def peak_memory() -> int:
     """The most bytes that this process has held at a time, all of it since it began; 0: not known."""
     if sys.platform == "win32":

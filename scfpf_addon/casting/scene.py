@@ -9,10 +9,11 @@ what a hit is, is computed from the float64 triangles.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from threading import Lock
 from typing import Any
 
@@ -21,11 +22,11 @@ from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
 from .embree import mesh_in_embree
-from .memory import available_memory
+from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .prisms import BYTES_PER_TRIANGLE, Prisms
-from .stopping import stop_here
+from .stopping import stop_here, unstoppable
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
 EMBREEX_MINIMUM = (4, 4)
@@ -67,16 +68,18 @@ class NothingToCastAt(CastError):
 
 
 def _load_embreex() -> tuple[Any, Any]:
-    """The embreex modules for scenes and meshes; CastError if missing or too old."""
-    needed = ".".join(map(str, EMBREEX_MINIMUM))
+    """The embreex modules for scenes and meshes; CastError if missing, not loadable or too old."""
+    remedy = REMEDY.format(".".join(map(str, EMBREEX_MINIMUM)))
     try:
         from embreex import mesh_construction, rtcore_scene
 
         found = version("embreex")
-    except (ImportError, PackageNotFoundError) as error:
-        raise CastError(f"the ray caster embreex is missing ({error}): {REMEDY.format(needed)}") from error
+    except ModuleNotFoundError as error:
+        raise CastError(f"the ray caster embreex is missing ({error}): {remedy}") from error
+    except ImportError as error:
+        raise CastError(f"the ray caster embreex cannot be loaded ({error}): {remedy}") from error
     if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
-        raise CastError(f"the ray caster embreex {found} is too old: {REMEDY.format(needed)}")
+        raise CastError(f"the ray caster embreex {found} is too old: {remedy}")
     return rtcore_scene, mesh_construction
 
 
@@ -92,11 +95,11 @@ def caster_fault() -> str:
 
 def require_room_for_prisms(triangles: int) -> None:
     """Raise CastError where memory does not hold what exact casting makes of so many triangles."""
-    need, free = BYTES_PER_TRIANGLE * triangles, available_memory()
-    if free is not None and need > free:
+    short = shortage(BYTES_PER_TRIANGLE * triangles)
+    if short:
         raise CastError(
-            f"exact casting needs {need / 1e9:.1f} GB of memory for {triangles:,} triangles, "
-            f"{free / 1e9:.1f} GB are free: set the pixel error above 0, "
+            f"exact casting needs {short[0]} of memory for {triangles:,} triangles, "
+            f"{short[1]} are free: set the pixel error above 0, "
             "or hide what the picture does not show"
         )
 
@@ -133,8 +136,9 @@ class CastScene:
 
     vertices: (V, 3) float64, world space; triangles: (T, 3) int32. Triangles with
     a vertex that is not finite, and those without area, are never hit; indices of
-    triangles stay what they were. beyond: vertices and triangles that no projector meets
-    but that stand in the way of light: ``occluded`` builds them when it is first asked.
+    triangles stay what they were. beyond() gives vertices and triangles that no projector meets
+    but that stand in the way of light: it is asked while Embree builds the others; ``occluded`` builds
+    these when it is first asked.
     Raises CastError when embreex is missing or too old or an index is out of
     range, NothingToCastAt where no triangle is left.
 
@@ -148,7 +152,7 @@ class CastScene:
         self,
         vertices: Array,
         triangles: NDArray[np.int32],
-        beyond: tuple[Array, NDArray[np.int32]] | None = None,
+        beyond: Callable[[], tuple[Array, NDArray[np.int32]]] | None = None,
     ) -> None:
         _load_embreex()
         _keep_freed_memory()
@@ -156,9 +160,12 @@ class CastScene:
         self.triangles = np.ascontiguousarray(triangles, np.int32).reshape(-1, 3)
         if self.triangles.size and not 0 <= self.triangles.min() <= self.triangles.max() < len(vertices):
             raise CastError("a triangle names a vertex that does not exist")
+        finite: BoolArray = np.ones(len(vertices), bool)
+        usable: BoolArray = np.ones(len(self.triangles), bool)
         with np.errstate(invalid="ignore"):
-            finite: BoolArray = np.all(np.abs(vertices) < LARGEST_COORDINATE, axis=1)
-        usable: BoolArray = np.all(finite[self.triangles], axis=1)
+            if not max(vertices.max(initial=0.0), -vertices.min(initial=0.0)) < LARGEST_COORDINATE:
+                finite = np.all(np.abs(vertices) < LARGEST_COORDINATE, axis=1)
+                usable = np.all(finite[self.triangles], axis=1)
         if not usable.any():
             raise NothingToCastAt("the scene has no triangles: add a mesh, or show one in renders")
         self._place(vertices, finite, usable)
@@ -166,20 +173,28 @@ class CastScene:
         if not usable.any():
             raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
         self._neighbours: NDArray[np.int32] | None = None
-        self._beyond, self._beyond_scene = beyond, None
+        self._beyond: tuple[Float32Array, NDArray[np.int32]] | None = None
+        self._beyond_scene: Any = None
         self._parts: dict[bytes, CastScene] = {}
-        self._build(usable)
+        self._build(usable, beyond)
 
-    def _build(self, usable: BoolArray) -> None:
-        """Put the triangles ``usable`` (T,) into Embree."""
+    def _build(
+        self, usable: BoolArray, beyond: Callable[[], tuple[Array, NDArray[np.int32]]] | None = None
+    ) -> None:
+        """Put the triangles ``usable`` (T,) into Embree; what is beyond is looked for meanwhile."""
         self._usable = usable
         faces = self.triangles
         if not usable.all():
             faces = np.where(usable[:, None], faces, faces[:, :1])
-        self._embree, self._mesh, _ = mesh_in_embree(_load_embreex(), self.vertices.T, faces)
-        # Embree builds at the first run, which must happen in one thread.
-        nowhere = np.zeros((3, 1), np.float32)
-        self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
+        mesh = _load_embreex(), self.vertices.T, faces
+        if beyond is None:
+            self._embree, self._mesh, _ = mesh_in_embree(*mesh)
+        else:
+            # Embree's threads do not need the interpreter, which NumPy holds for much of its work.
+            with ThreadPoolExecutor(1) as pool:
+                built = pool.submit(mesh_in_embree, *mesh)
+                self._beyond = self._placed_beyond(*beyond())
+                self._embree, self._mesh, _ = built.result()
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
@@ -209,17 +224,25 @@ class CastScene:
     def _place(self, vertices: Array, finite: BoolArray, usable: BoolArray) -> None:
         """Choose cast space and put the vertices, (3, V), into it."""
         used = np.zeros(len(vertices), bool)
-        used[self.triangles[usable]] = True
-        points = vertices[used]
+        used[self.triangles if usable.all() else self.triangles[usable]] = True
+        points = vertices if used.all() else vertices[used]
         # The median, not the middle of the bounds: float32 is finest at the
         # origin, which so falls among the objects and not in the middle of a sky.
         self.centre: Array = np.median(points, axis=0)
-        reach = float(np.abs(points - self.centre).max())
+        # Axis by axis: NumPy takes several times as long for all three at once.
+        reach = max(
+            float(max(places.max() - middle, middle - places.min()))
+            for places, middle in zip(points.T, self.centre, strict=True)
+        )
         self.scale = 1.0 / reach if reach > 0.0 else 1.0
         self.matrix: Array = np.diag([self.scale, self.scale, self.scale, 1.0])
         self.matrix[:3, 3] = -self.scale * self.centre
-        kept = np.where((finite & used)[:, None], vertices, self.centre)
-        self.vertices: Array = np.ascontiguousarray(((kept - self.centre) * self.scale).T)
+        # What no usable triangle has stays in the middle.
+        kept = finite & used
+        self.vertices: Array = np.zeros((3, len(vertices)))
+        for row, places, middle in zip(self.vertices, vertices.T, self.centre, strict=True):
+            np.subtract(places, middle, out=row, where=kept)
+        self.vertices *= self.scale
         self.lower: Array = self.vertices.min(axis=1)
         self.upper: Array = self.vertices.max(axis=1)
 
@@ -282,21 +305,27 @@ class CastScene:
         """
         with self._lock:
             if self._prisms is None:
-                require_room_for_prisms(len(self.triangles))
-                corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
-                second, third = self._corners[:3], self._corners[4:7]
-                slopes = np.stack([second, third, second + third])
-                steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
-                self._prisms = PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
+                with unstoppable():
+                    self._prisms = self._prisms_made()
             return self._prisms
+
+    def _prisms_made(self) -> PrismScene:
+        require_room_for_prisms(len(self.triangles))
+        corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
+        second, third = self._corners[:3], self._corners[4:7]
+        stop_here()
+        slopes = np.stack([second, third, second + third])
+        steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
+        return PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
 
     @property
     def occupancy(self) -> Occupancy:
         """Which parts of the scene are empty; made at first use."""
         with self._lock:
             if self._occupancy is None:
-                corners = self.vertices.take(self.triangles[self._usable].T, 1)
-                self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
+                with unstoppable():
+                    corners = self.vertices.take(self.triangles[self._usable].T, 1)
+                    self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
             return self._occupancy
 
     def trace(
@@ -318,6 +347,7 @@ class CastScene:
 
         The limits are used up.
         """
+        stop_here()
         found = self._embree.run(origins.T, directions.T, limits, output=True)
         return found["primID"], (found["u"], found["v"])
 
@@ -325,6 +355,7 @@ class CastScene:
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:
         """Embree's own distance to the first triangle, (N,) float32; the limit where none is."""
+        stop_here()
         # embreex overwrites the array of limits.
         found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")
         return found
@@ -353,25 +384,34 @@ class CastScene:
             hit[free] = beyond.run(*ways, query="OCCLUDED") >= 0
         return hit
 
+    def _placed_beyond(
+        self, vertices: Array, triangles: NDArray[np.int32]
+    ) -> tuple[Float32Array, NDArray[np.int32]] | None:
+        """What is beyond in cast space: (3, n) of the vertices that are used; None where there is nothing."""
+        used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(vertices)))
+        number = np.empty(len(vertices), np.int32)
+        number[used] = np.arange(len(used), dtype=np.int32)
+        triangles = number.take(triangles)
+        with np.errstate(invalid="ignore", over="ignore"):
+            points = np.asarray(vertices, np.float64).take(used, axis=0)
+            points -= self.centre
+            points *= self.scale
+            placed = points.T.astype(np.float32, order="C")
+        finite: BoolArray = np.isfinite(placed).all(axis=0)
+        if not finite.all():
+            triangles = triangles[finite[triangles].all(axis=1)]
+            placed[:, ~finite] = 0.0
+        return (placed, triangles) if len(triangles) else None
+
     def _beyond_embree(self) -> Any:
         """What no projector meets, in Embree; None where there is nothing."""
         with self._lock:
             if self._beyond is not None:
                 vertices, triangles = self._beyond
-                with np.errstate(invalid="ignore", over="ignore"):
-                    points = ((np.asarray(vertices, np.float64) - self.centre) * self.scale).astype(
-                        np.float32
-                    )
-                    finite = np.isfinite(points).all(axis=1)
-                triangles = np.ascontiguousarray(triangles[finite[triangles].all(axis=1)], np.int32)
+                self._beyond_scene, self._beyond_mesh, _ = mesh_in_embree(
+                    _load_embreex(), vertices.T, triangles
+                )
                 self._beyond = None
-                if len(triangles):
-                    embree, mesh, _ = mesh_in_embree(
-                        _load_embreex(), np.where(finite[:, None], points, 0.0), triangles
-                    )
-                    nowhere = np.zeros((1, 3), np.float32)
-                    embree.run(nowhere, nowhere, np.full(1, -1, np.float32))
-                    self._beyond_scene, self._beyond_mesh = embree, mesh
             return self._beyond_scene
 
     def offset_origins(self, positions: Array, triangles: IndexArray, directions: NDArray[Any]) -> Array:
@@ -425,12 +465,12 @@ class PrismScene:
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
+        stop_here()
         self._embree, self._mesh, self._faces = prisms.embree_scene(_load_embreex())
+        stop_here()
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)
-        nowhere = np.zeros((3, 1), np.float32)
-        self.trace(nowhere, nowhere, np.full(1, -1, np.float32))
 
     def trace(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array

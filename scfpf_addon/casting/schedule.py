@@ -79,8 +79,7 @@ class Schedule:
     weights of the K control points that give the chords' ends. error: the largest
     distance between curve and chord on the sampled projectors, in pixels.
     finest: the smallest tolerance, in cast units. finer: finer chords to a chord,
-    where a hit is in doubt; they stray by the square of it less. pixel: (n,) the
-    least size of a pixel at each chord, as a step in t.
+    where a hit is in doubt; they stray by the square of it less.
     """
 
     breaks: Array
@@ -88,12 +87,11 @@ class Schedule:
     error: float
     finest: float
     finer: int
-    pixel: Array
 
     @property
     def count(self) -> int:
         """The number of chords."""
-        return len(self.pixel)
+        return len(self.breaks) - 1
 
 
 class Curves(NamedTuple):
@@ -108,14 +106,13 @@ class Tolerance(NamedTuple):
     """What is asked of chords at G places on S projectors.
 
     position: (3, G, S). length: (G, S) allowed distance, cast units. pixel: (G, S) size of
-    a pixel there. bend: (G, S) ‖q''‖ across the projector. speed: (G, S) ‖q'‖.
+    a pixel there. bend: (G, S) ‖q''‖ across the projector.
     """
 
     position: Array
     length: Array
     pixel: Array
     bend: Array
-    speed: Array
 
 
 def scene_reach(spans: SpanBasis, points: Array, scene: CastScene) -> tuple[float, float] | None:
@@ -177,13 +174,27 @@ def tolerance(curves: Curves, spans: SpanBasis, span: int, local: Array, pixel_e
     inverse = np.divide(1.0, squared, out=np.zeros_like(squared), where=squared > 0.0)
     dx, dy, bend = (a - tangent * ((a * tangent).sum(axis=0) * inverse) for a in (dx, dy, bend))
     xx, yy, xy = (dx * dx).sum(axis=0), (dy * dy).sum(axis=0), (dx * dy).sum(axis=0)
-    wide = 0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))
-    area = np.maximum(xx * yy - xy * xy, 0.0)
-    narrow = np.divide(area, wide, out=np.zeros_like(area), where=wide > 0.0)
-    pixel = np.sqrt(np.maximum(narrow, wide / MOST_SQUEEZE**2))
+    pixel = pixel_lengths(xx, yy, xy)
     floor = FINEST * np.abs(position).max(axis=0) + np.finfo(np.float64).tiny
     length = np.maximum(pixel_error * pixel, floor)
-    return Tolerance(position, length, pixel, np.sqrt((bend**2).sum(axis=0)), np.sqrt(squared))
+    return Tolerance(position, length, pixel, np.sqrt((bend**2).sum(axis=0)))
+
+
+def pixel_lengths(xx: Array, yy: Array, xy: Array) -> Array:
+    """As ``pixel_widths``: how wide pixels are the narrow way, or a share of the other if that is more."""
+    wide, narrow = pixel_widths(xx, yy, xy)
+    size: Array = np.sqrt(np.maximum(narrow, wide / MOST_SQUEEZE**2))
+    return size
+
+
+def pixel_widths(xx: Array, yy: Array, xy: Array) -> tuple[Array, Array]:
+    """Squares of how wide pixels are, there in space, the way they are widest and the other.
+
+    xx, yy, xy: the scalar products of a pixel's sides, of any shape.
+    """
+    wide: Array = 0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))
+    area = np.maximum(xx * yy - xy * xy, 0.0)
+    return wide, np.divide(area, wide, out=np.zeros_like(area), where=wide > 0.0)
 
 
 def _blend(weights: Array, points: Array) -> Array:
@@ -252,7 +263,6 @@ def _joined(parts: list[Schedule]) -> Schedule:
         max(p.error for p in parts),
         min(p.finest for p in parts),
         parts[0].finer,
-        np.concatenate([p.pixel for p in parts]),
     )
 
 
@@ -288,11 +298,11 @@ def _plan_span(
         local = 0.5 - 0.5 * np.cos(np.interp(quantiles, total, edges))
         local[0], local[-1] = first, last
         schedule = _chords(spans, span, local, finer, curves)
-        excess, error, pixel = _measure(schedule, spans, span, local, curves, pixel_error)
+        excess, error = _measure(schedule, spans, span, local, curves, pixel_error)
         if excess <= 1.0 or count == MOST_CHORDS:
             break
         needed = max(count * MARGIN * np.sqrt(excess), count + 1)
-    return replace(schedule, error=error, finest=float(demand.length.min(initial=np.inf)), pixel=pixel)
+    return replace(schedule, error=error, finest=float(demand.length.min(initial=np.inf)))
 
 
 def _steady(weights: Array, edges: Array) -> tuple[Array, Array]:
@@ -320,7 +330,7 @@ def _chords(spans: SpanBasis, span: int, local: Array, finer: int, curves: Curve
     steps = np.diff(local) * (end - start)
     shift = SHIFT * (steps[1:] * steps[:-1])[:, None]
     ends[1:-1] -= shift * bends[1:-1]
-    return Schedule(start + local * (end - start), ends, 0.0, np.inf, finer, np.zeros(len(steps)))
+    return Schedule(start + local * (end - start), ends, 0.0, np.inf, finer)
 
 
 def _across(slopes: Array, bends: Array, curves: Curves) -> Array:
@@ -338,8 +348,8 @@ def _across(slopes: Array, bends: Array, curves: Curves) -> Array:
 
 def _measure(
     schedule: Schedule, spans: SpanBasis, span: int, local: Array, curves: Curves, pixel_error: float
-) -> tuple[float, float, Array]:
-    """Largest distance of curve and chords, in tolerances and in pixels; pixels in t.
+) -> tuple[float, float]:
+    """Largest distance of curve and chords, in tolerances and in pixels.
 
     Compared at both ends and in the middle of each chord, on MEASURED projectors; of
     rational spans at the ends and in the middle of each of the finer chords, which too
@@ -348,7 +358,6 @@ def _measure(
     some = Curves(*(c[:, :, :MEASURED] for c in curves))
     corners = _blend(schedule.ends, some.points)
     excess = error = 0.0
-    pixel = np.full(len(local) - 1, np.inf)
     parts = 1 if spans.point_weights is None else schedule.finer
     # All places at once: where a chord ends the next begins.
     steps = np.arange(2 * parts) / (2 * parts)
@@ -362,10 +371,6 @@ def _measure(
         excess = max(excess, float((distance / demand.length).max(initial=0.0)))
         known = demand.pixel > 0.0
         error = max(error, float(np.max(distance[known] / demand.pixel[known], initial=0.0)))
-        speed = np.maximum(demand.speed, np.finfo(np.float64).tiny)
-        with np.errstate(over="ignore"):
-            steps = demand.pixel / speed
-        pixel = np.minimum(pixel, steps.min(axis=1, initial=np.inf))
         demands.append(demand)
     if spans.point_weights is not None:
         for before, middle, after in zip(demands[:-2:2], demands[1::2], demands[2::2], strict=True):
@@ -373,7 +378,7 @@ def _measure(
             # Twice, for these are not shifted.
             allowed = 2.0 * middle.length / schedule.finer**2
             excess = max(excess, float((distance / allowed).max(initial=0.0)))
-    return excess, error, pixel
+    return excess, error
 
 
 def _distance(points: Array, start: Array, end: Array) -> Array:

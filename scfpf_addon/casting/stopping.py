@@ -5,30 +5,65 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import Event, local
+from threading import Lock, local
+from typing import Protocol
 
 
 class Stopped(Exception):
     """The thread's work is given up."""
 
 
-class _Watched(local):
-    """The event that each thread looks at."""
+class Signal(Protocol):
+    """Says whether work is to be given up: an event, or what asks the user."""
 
-    stop: Event | None = None
+    def is_set(self) -> bool:
+        """Whether it is."""
+
+
+class _Watched(local):
+    """The signal that each thread looks at."""
+
+    stop: Signal | None = None
 
 
 _watched = _Watched()
 
 
 @contextmanager
-def watching(stop: Event) -> Iterator[None]:
-    """While this lasts ``stop_here`` raises Stopped in this thread once the event is set."""
-    _watched.stop = stop
+def watching(stop: Signal) -> Iterator[None]:
+    """While this lasts ``stop_here`` raises Stopped in this thread once the signal is set."""
+    before, _watched.stop = _watched.stop, stop
     try:
         yield
     finally:
-        _watched.stop = None
+        _watched.stop = before
+
+
+class _Unstoppable:
+    """How many threads are where they cannot stop."""
+
+    def __init__(self) -> None:
+        self.count, self.lock = 0, Lock()
+
+
+_unstoppable = _Unstoppable()
+
+
+@contextmanager
+def unstoppable() -> Iterator[None]:
+    """While this lasts there is work that does not end when it is to: Embree builds."""
+    with _unstoppable.lock:
+        _unstoppable.count += 1
+    try:
+        yield
+    finally:
+        with _unstoppable.lock:
+            _unstoppable.count -= 1
+
+
+def is_unstoppable() -> bool:
+    """Whether any thread does such work."""
+    return _unstoppable.count > 0
 
 
 def stop_here() -> None:

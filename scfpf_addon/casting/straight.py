@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array, BoolArray, IndexArray
 from .hits import CastCounts, Hits
 from .scene import CastScene, Float32Array
 
@@ -40,6 +40,23 @@ def float32_rays(
     return origins, directions, limits
 
 
+def plane_shares(
+    scene: CastScene, triangle: IndexArray, start: Array | Float32Array, way: Array | Float32Array
+) -> tuple[Array, IndexArray]:
+    """Where segments from start to start + way, (3, N), meet the planes of triangles (N,): t (N,), float64.
+
+    And of which t says nothing, for they are seen edge-on. For triangle -1 the last one stands in.
+    """
+    plane = scene.planes.take(triangle, 1, mode="wrap")
+    height = np.einsum("cn,cn->n", plane[:3], start)
+    height += plane[3]
+    slope = np.einsum("cn,cn->n", plane[:3], way)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        t = np.divide(height, slope, out=height)
+        np.negative(t, out=t)
+        return t, np.flatnonzero(~((t > -EDGE_ON) & (t < 1.0 + EDGE_ON)))
+
+
 def cast_straight(
     scene: CastScene,
     points: Array,
@@ -63,15 +80,9 @@ def cast_straight(
     counts.chords += count
 
     # On a miss the last triangle stands in; what comes of it is overwritten below.
-    plane = scene.planes.take(found, 1, mode="wrap")
-    height = np.einsum("cn,cn->n", plane[:3], start)
-    height += plane[3]
-    slope = np.einsum("cn,cn->n", plane[:3], way)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        t = np.divide(height, slope, out=height)
-        np.negative(t, out=t)
-        hit = found >= 0
-        lost = np.flatnonzero(hit & ~((t > -EDGE_ON) & (t < 1.0 + EDGE_ON)))
+    t, lost = plane_shares(scene, found, start, way)
+    hit = found >= 0
+    lost = lost[hit[lost]]
     if len(lost):
         share = scene.trace_distance(origins[:, lost], directions[:, lost], limits[lost])
         t[lost] = first + (last - first) * np.minimum(share, 1.0)

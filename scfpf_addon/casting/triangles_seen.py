@@ -17,7 +17,7 @@ from ..projection.reparameterisation import Rectangle
 from ..projection.surfaces import BilinearPatch, Plane, Point
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import Projection
-from .cast import FAR, usable_projectors
+from .cast import FAR, FARTHEST, usable_projectors
 from .hits import CastCounts
 from .scene import CastScene, Float32Array
 from .schedule import scene_reach
@@ -27,6 +27,9 @@ from .window import Window, window_round
 # Corners this close to a parallelogram's, as a share of the largest coordinate, make one: it is
 # far below what float32 tells apart.
 PARALLELOGRAM = 1e-9
+
+# Long volumes are clipped so often at most, each time to a sixty-fourth of their length at best.
+CLIPPED = 2
 
 
 class TrianglesSeen(NamedTuple):
@@ -62,17 +65,29 @@ class FlatRays:
     up: Array
 
     @classmethod
-    def of(cls, projection: Projection) -> Self | None:
-        """None for other volumes, and for those that reach far beyond the scene."""
-        surfaces = projection.volume.surfaces
+    def of(cls, projection: Projection, scene: CastScene) -> Self | None:
+        """None for other volumes, and for those that reach far beyond the scene.
+
+        Of those that only begin far before it or end far behind it: what lies about the scene.
+        """
+        volume = projection.volume
         if type(projection) is not Projection or type(projection.reparameterisation) is not Rectangle:
             return None
-        if any(type(surface) not in (Point, Plane, BilinearPatch) for surface in surfaces):
+        if any(type(surface) not in (Point, Plane, BilinearPatch) for surface in volume.surfaces):
             return None
         points, _ = projection.projectors(np.array([0.0, 1, 0, 1]), np.array([0.0, 0, 1, 1]))
+        if not np.abs(points).max() < FARTHEST:
+            return None
+        for _ in range(CLIPPED):
+            found = scene_reach(volume.spans, points, scene)
+            if np.abs(points).max() <= FAR or found is None:
+                break
+            first, last = found
+            way = points[1] - points[0]
+            points = np.stack([points[0] + first * way, points[0] + last * way])
         reach = np.abs(points).max()
         twist = points[:, :, 0] - points[:, :, 1] - points[:, :, 2] + points[:, :, 3]
-        if not reach <= FAR or np.abs(twist).max() > PARALLELOGRAM * reach:
+        if reach > 2.0 * FAR or np.abs(twist).max() > PARALLELOGRAM * reach:
             return None
         points[1] -= points[0]
         left, right, above, _ = points.transpose(2, 0, 1)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Path-traced projectors: a rig of Ray Portal sheets along which Cycles' camera rays follow them."""
+"""Path-traced projectors: a rig of Ray Portal sheets along which Cycles' camera rays follow them.
+
+Imports stand inside the functions: what is pure in here is used, and tested, without bpy.
+"""
 
 
 def register():

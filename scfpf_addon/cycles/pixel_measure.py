@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..casting.schedule import FINEST, MOST_SQUEEZE, Curves
+from ..casting.schedule import FINEST, MOST_SQUEEZE, Curves, pixel_widths
 from ..projection.basis import SpanBasis
 from ..projection.typing import Array
 
@@ -67,9 +67,7 @@ def pixels(curves: Curves, spans: SpanBasis, span: int, local: Array) -> Pixels:
     tangent, bend = (blend(weights, curves.points) for weights in (slope, second))
     dx, dy = without(dx, tangent), without(dy, tangent)
     xx, yy, xy = (dx * dx).sum(axis=0), (dy * dy).sum(axis=0), (dx * dy).sum(axis=0)
-    wide = 0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))
-    area = np.maximum(xx * yy - xy * xy, 0.0)
-    narrow = np.divide(area, wide, out=np.zeros_like(area), where=wide > 0.0)
+    wide, narrow = pixel_widths(xx, yy, xy)
     # The way on the picture that is widest in space, from the larger of two equal expressions.
     flat = xx >= yy
     a, b = np.where(flat, wide - yy, xy), np.where(flat, xy, wide - xx)

@@ -23,15 +23,18 @@ from . import passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
 from .rig_data import (
     CYCLES,
+    NO_CYCLES,
     RigError,
     adopt,
     check,
     check_surfaces,
+    has_cycles,
     has_old_nodes,
     is_whole,
     make_rig,
     present_chords,
     remove_rig,
+    require_cycles,
     rig_of,
     rigs,
     update_nodes,
@@ -179,6 +182,8 @@ def _other_frames(context, camera, aspect: float) -> list[Projection]:
 
 def cautions(scene, view_layer, rig) -> list[str]:
     """What keeps the rig's picture from being right, in a few words each."""
+    if not has_cycles(scene):
+        return [NO_CYCLES]
     settings, cycles = rig.scfpf_rig, scene.cycles
     found = []
     if settings.problem:
@@ -238,6 +243,7 @@ def _follow(rig, depsgraph) -> None:
     settings = rig.scfpf_rig
     seen = _seen.get(rig.session_uid)
     try:
+        require_cycles(settings.scene)
         projection, now = _look(rig, depsgraph)
         if seen == now and not settings.problem:
             return
@@ -304,7 +310,7 @@ def plan_of(rig, projection: Projection) -> ChordPlan:
 
 def _note_smoke(rig, depsgraph, projection: Projection) -> None:
     """Note whether rays begin inside of something that is a volume."""
-    smoke = smoke_around(rig.scfpf_rig.scene, depsgraph, projection)
+    smoke = smoke_around(depsgraph, projection)
     if rig.scfpf_rig.smoke != smoke:
         rig.scfpf_rig.smoke = smoke
 

@@ -40,6 +40,7 @@ UNSEEN_BY = (
 MORE_BOUNCES = 3
 MOST_BOUNCES = 1024
 CYCLES = "CYCLES"
+NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
 
 class RigError(ValueError):
@@ -78,8 +79,18 @@ def check(scene, camera) -> None:
         raise RigError("The scene is linked from another file: render it there")
     if not camera.is_editable:
         raise RigError(f"'{camera.name}' is linked from another file: make a library override of it first")
-    if not hasattr(scene, "cycles"):
-        raise RigError("Cycles is switched off: enable its add-on in the Preferences")
+    require_cycles(scene)
+
+
+def has_cycles(scene) -> bool:
+    """Whether the add-on Cycles is switched on, without which its settings are out of reach."""
+    return hasattr(scene, "cycles")
+
+
+def require_cycles(scene) -> None:
+    """Raises RigError while Cycles is switched off, as it may be where a file is opened."""
+    if not has_cycles(scene):
+        raise RigError(NO_CYCLES)
 
 
 def check_surfaces(camera) -> None:
@@ -200,11 +211,13 @@ def _give_back(rig) -> None:
             user.camera = settings.camera_before or camera
     if settings.engine_before and scene.render.engine == CYCLES:
         scene.render.engine = settings.engine_before
-    if scene.cycles.transparent_max_bounces == settings.bounces:
-        scene.cycles.transparent_max_bounces = settings.bounces_before
     for marker in scene.timeline_markers:
         if view_camera is not None and marker.camera == view_camera:
             marker.camera = camera
+    if not has_cycles(scene):
+        return
+    if scene.cycles.transparent_max_bounces == settings.bounces:
+        scene.cycles.transparent_max_bounces = settings.bounces_before
     if scene.cycles.dicing_camera == camera:
         scene.cycles.dicing_camera = None
 
@@ -268,8 +281,9 @@ def update_nodes(rig) -> None:
 
 
 def write_sheets(rig, chords: ChordPlan) -> None:
-    """Make the rig's mesh that of a plan, and note what the plan promises."""
+    """Make the rig's mesh that of a plan, and note what the plan promises. Raises RigError without Cycles."""
     settings = rig.scfpf_rig
+    require_cycles(settings.scene)
     size = picture_size(settings.scene)
     arrays = portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc)
     seen = seen_places(settings.camera, settings.scene, arrays.places, chords.disc)

@@ -22,9 +22,13 @@ BEHIND = 1e-5
 UP = Vector((0.0, 0.0, 1.0))
 
 
-def smoke_around(scene, depsgraph, projection: Projection) -> str:
-    """The name of an object in whose volume the near surface, or a part of it, is; empty if there is none."""
-    candidates = [obj for obj in scene.objects if not obj.hide_render and _is_smoke(obj)]
+def smoke_around(depsgraph, projection: Projection) -> str:
+    """The name of an object in whose volume the near surface, or a part of it, is; empty if there is none.
+
+    depsgraph: evaluated; what its view layer excludes does not count, what viewports do not show does.
+    """
+    objects = depsgraph.view_layer.objects
+    candidates = [obj for obj in objects if not obj.hide_render and _is_smoke(obj)]
     if not candidates:
         return ""
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.02, 0.98, PLACES),) * 2))
@@ -53,14 +57,17 @@ def _is_volume(material) -> bool:
 
 
 def _is_inside(obj, point: Array) -> bool:
-    """Whether a point is inside an evaluated object: of a mesh by the faces above it, else of its box."""
+    """Whether a point is inside an evaluated object: of a mesh by the faces above it, else of its box.
+
+    Else is a volume, and what viewports do not show, of which the faces are not known.
+    """
     place = obj.matrix_world.inverted_safe() @ Vector(point)
     low, high = (
         Vector(end(corner[axis] for corner in obj.bound_box) for axis in range(3)) for end in (min, max)
     )
     if any(not a <= value <= b for a, value, b in zip(low, place, high, strict=True)):
         return False
-    if obj.type == "VOLUME":
+    if obj.type == "VOLUME" or not obj.is_evaluated:
         return True
     inside, step = False, BEHIND * max((high - low).length, BEHIND)
     for _ in range(MOST_FACES):

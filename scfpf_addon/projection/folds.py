@@ -161,6 +161,7 @@ def _evaluate(volume: ViewingVolume, controls: ControlSample, t: Array) -> Volum
     weights, slopes = volume.spans.weights(t)
 
     def along(values: Array, by: Array) -> Array:
+        """Control values (K, 3, N) summed by weights (K, T), (3, N·T)."""
         found: Array = (np.moveaxis(values, 0, -1) @ by).reshape(3, -1)
         return found
 

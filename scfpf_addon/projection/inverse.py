@@ -153,6 +153,7 @@ class _Search:
         self.volume, self.low, self.extent, self.time, self.beyond = volume, low, extent, time, beyond
 
     def sample(self, shares: Array) -> _Sample:
+        """The volume at shares (3, N) of the ranges, its derivatives by these."""
         u, v, t = shares * self.extent[:, None] + self.low[:, None]
         controls = self.volume.controls(u, v, self.time)
         found = self.volume.evaluate_controls(controls, t)

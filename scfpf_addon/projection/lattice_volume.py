@@ -102,6 +102,7 @@ class LatticeLayer(ControlSurface):
         return hull
 
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """See ControlSurface.local_position: a block of points at a time."""
         position = self._rest(u, v)
         table = self._patches[: self._degree_v + 1, : self._degree_u + 1]
         moved = np.empty((3, min(len(u), BLOCK)))
@@ -113,6 +114,7 @@ class LatticeLayer(ControlSurface):
         return Placement(position, np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         cell, a, b = self._cell(u, v)
         rows, columns = np.shape(self.moved)[:2]
         position = self._rest(u, v)

@@ -107,6 +107,7 @@ class Basis:
 
     @cached_property
     def knots(self) -> Array:
+        """All knots, ascending, (count + order,); of a cyclic axis order - 1 more."""
         return self.axis.knots(self.count)
 
     @cached_property
@@ -240,6 +241,7 @@ class NurbsPatch(ControlSurface):
         return np.asarray(self.points, np.float64)[..., :3].reshape(-1, 3).T
 
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """See ControlSurface.local_position: quicker where u, v (N,) are the rows of a grid."""
         basis_u, basis_v = self._bases
         width = _row_length(u, v)
         if width >= SHORTEST_ROW:
@@ -255,6 +257,7 @@ class NurbsPatch(ControlSurface):
         return Placement(total[:3], np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local; tiles are what lies between creases."""
         basis_u, basis_v = self._bases
         (place_u, tile_u), (place_v, tile_v) = basis_u.at(u), basis_v.at(v)
         across, up = basis_u.acting(place_u), basis_v.acting(place_v)

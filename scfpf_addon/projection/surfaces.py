@@ -151,6 +151,7 @@ class Point(ControlSurface):
     """Every (u, v) at the origin: a centre of projection. Both derivatives vanish."""
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         nought = np.zeros((3, len(u)))
         return self._whole(nought, nought, nought)
 
@@ -173,6 +174,7 @@ class Plane(ControlSurface):
         return Placement(_bilinear((corner, across, up, np.zeros(3)), u, v), np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         zero, one = np.zeros_like(u), np.ones_like(u)
         return self._whole(
             _rows((u - 0.5) * self.width, (v - 0.5) * self.height, zero),
@@ -201,6 +203,7 @@ class BilinearPatch(ControlSurface):
         return Placement(_bilinear(terms, u, v), np.ones(len(u), bool))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         c00, c10, c01, c11 = np.asarray(self.corners, np.float64)[:, :, None]
         bottom, top = c00 + (c10 - c00) * u, c01 + (c11 - c01) * u
         along = (c10 - c00) * (1 - v) + (c11 - c01) * v
@@ -219,6 +222,7 @@ class Disc(ControlSurface):
     arc: float = 2 * np.pi
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         angle = self.arc * u
         cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
         r = self.radius * v
@@ -247,11 +251,13 @@ class Cone(ControlSurface):
     height: float = 1.0
 
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """See ControlSurface.local_position."""
         angle = (u - 0.5) * self.arc
         r = self.radius_start + (self.radius_end - self.radius_start) * v
         return self._placed(r * np.sin(angle), (v - 0.5) * self.height, -r * np.cos(angle))
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         angle = (u - 0.5) * self.arc
         cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
         slope = self.radius_end - self.radius_start
@@ -277,9 +283,11 @@ class Cylinder(ControlSurface):
     height: float = 1.0
 
     def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """See ControlSurface.local_position."""
         return Cone(self.radius, self.radius, self.arc, self.height).local_position(u, v, time)
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         return Cone(self.radius, self.radius, self.arc, self.height).local(u, v, time)
 
     def local_hull(self) -> Array:
@@ -301,6 +309,7 @@ class SphereSector(ControlSurface):
     latitude_end: float = np.pi / 2
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         longitude = (u - 0.5) * self.arc
         extent = self.latitude_end - self.latitude_start
         latitude = self.latitude_start + extent * v
@@ -334,6 +343,7 @@ class Grid(ControlSurface):
             raise ValueError(f"a grid needs at least 2 × 2 points, got shape {shape}")
 
     def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
         rows, columns = self.points.shape[:2]
         across, up = u * (columns - 1), v * (rows - 1)
         column = np.clip(np.floor(across), 0, columns - 2).astype(np.int64)

@@ -282,6 +282,7 @@ def _covered(uv: Array, side: int, pad: Array) -> tuple[IndexArray, IndexArray, 
     """
 
     def bin_of(place: Array) -> IndexArray:
+        """The rows or columns of bins that places are in, any shape; the outermost hold what lies beyond."""
         return np.clip(np.floor(place), 0, side - 1).astype(np.int64)
 
     low, high = uv[..., 1].min(axis=1) - pad[1], uv[..., 1].max(axis=1) + pad[1]

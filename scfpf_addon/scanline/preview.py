@@ -167,6 +167,8 @@ def _follow_strokes(depsgraph) -> None:
     Where a viewport draws the mesh straight from the brush, Blender tells only that it shades anew, and the
     evaluated mesh, which all else sees, stays as it was until the mode is left.
     """
+    if not _faces:
+        return  # no preview: where anything is linked, Blender's updates name every object
     for update in depsgraph.updates:
         if not isinstance(update.id, bpy.types.Object) or update.id.mode != "SCULPT":
             continue

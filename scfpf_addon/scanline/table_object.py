@@ -60,17 +60,17 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
         values[f"Surface {number}"] = surface
         values[f"UV Map {number}"] = _uv_map(surface)
         values[f"Net {number}"] = _net(surface)
-    for label, value in values.items():
-        if label.startswith("Net") or versions.modifier_input(modifier, inputs[label]) != value:
-            versions.set_modifier_input(modifier, inputs[label], value)
-    for label, path in {
+    for title, value in values.items():
+        if title.startswith("Net") or versions.modifier_input(modifier, inputs[title]) != value:
+            versions.set_modifier_input(modifier, inputs[title], value)
+    for title, path in {
         "U Start": "u_range[0]",
         "U End": "u_range[1]",
         "V Start": "v_range[0]",
         "V End": "v_range[1]",
         "Polar": "reparameterisation",
     }.items():
-        _drive(modifier, inputs[label], camera, f"scfpf.{path}")
+        _drive(modifier, inputs[title], camera, f"scfpf.{path}")
     # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
     modifier.node_group = group
     table.update_tag()

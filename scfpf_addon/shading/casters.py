@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..casting.geometry import Geometry
-from ..casting.half_spaces import HalfSpaces, heights
+from ..casting.half_spaces import HalfSpaces, highest, portions
 from ..casting.scene import ORIGIN_OFFSET
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import ViewingVolume
@@ -26,23 +26,21 @@ OFFSET = 4.0 * ORIGIN_OFFSET
 SKEW = 1e-3
 
 
-def may_shade(scene: Scene, shown: BoolArray, volume: ViewingVolume) -> BoolArray:
-    """Which triangles (T,) may cast a shadow on those ``shown`` (T,), where the volume meets them."""
+def may_shade(scene: Scene, shown: Geometry, volume: ViewingVolume) -> BoolArray:
+    """Which triangles (T,) of a scene may cast a shadow on a part of it, where the volume meets that."""
     whole = scene.geometry
     everything = np.ones(len(whole.triangles), bool)
     # A world of one colour casts shadows on catchers alone.
     if scene.world is not None or (catches(whole) and np.any(scene.world_color)):
         return everything
-    seen = np.zeros(len(whole.vertices), bool)
-    seen[whole.triangles[shown]] = True
-    corners = np.asarray(whole.vertices, np.float64)[seen].T
+    corners = np.ascontiguousarray(np.asarray(shown.vertices, np.float64).T)
     with np.errstate(invalid="ignore", over="ignore"):
         hull = np.concatenate([surface.hull() for surface in volume.surfaces], axis=1)
     if not (np.isfinite(corners).all() and np.isfinite(hull).all()):
         return everything
     # Projectors of other bases may leave the hull of their surfaces; the triangles that they meet do not.
     bodies = [corners, hull] if volume.basis in ("BEZIER", "POLYLINE") else [corners]
-    margin = OFFSET * float(np.abs(corners).max()) + _roundness(whole, shown)
+    margin = OFFSET * float(np.abs(corners).max()) + _roundness(shown, corners)
     found = np.zeros(len(everything), bool)
     for light in scene.lights:
         if light.casts_shadow and np.any(light.color):
@@ -53,19 +51,24 @@ def may_shade(scene: Scene, shown: BoolArray, volume: ViewingVolume) -> BoolArra
     return found
 
 
-def _roundness(whole: Geometry, shown: BoolArray) -> float:
-    """How far shadow rays may start off the triangles ``shown``: the surface that smooth shading pretends
+def _roundness(shown: Geometry, vertices: Array) -> float:
+    """How far shadow rays may start off triangles: the surface that smooth shading pretends
     to lies nowhere farther from them than one corner from the plane of another's normal.
+
+    vertices: (3, V), of ``shown``.
     """
-    normals = whole.corner_normals[:, : 1 if whole.flat else 3][shown]
-    corners = [whole.vertices.take(whole.triangles[shown, k], axis=0) for k in range(3)]
     most = 0.0
-    for first, second in ((0, 1), (1, 2), (2, 0)):
-        edge = corners[second] - corners[first]
-        for normal in (normals[:, first % normals.shape[1]], normals[:, second % normals.shape[1]]):
-            most = max(most, float(np.abs(np.einsum("tc,tc->t", edge, normal)).max()))
-            if whole.flat:
-                break
+    if shown.corner_normals is None:
+        return most
+    for some in portions(len(shown.triangles)):
+        corners = [vertices.take(shown.triangles[some, k], axis=1, mode="clip") for k in range(3)]
+        normals = shown.corner_normals[some, : 1 if shown.flat else 3].transpose(1, 2, 0)
+        for own, normal in enumerate(np.ascontiguousarray(normals, np.float64)):
+            high = [np.einsum("cn,cn->n", normal, corner) for corner in corners]
+            off = [np.abs(high[k] - high[own]) for k in range(3) if k != own]
+            if shown.flat:
+                off.append(np.abs(high[2] - high[1]))
+            most = max(most, *(float(each.max()) for each in off))
     return most
 
 
@@ -85,11 +88,11 @@ def _between(light: Light, bodies: list[Array], margin: float, vertices: Array) 
         sides = np.outer(np.cos(TURNS), x) + np.outer(np.sin(TURNS), y)
         lit = _common(np.concatenate([sides, -towards[None]]), bodies)
         with np.errstate(invalid="ignore", over="ignore"):
-            highest = float(heights(towards, vertices.T).max())
-        if not np.isfinite(highest):
+            top = highest(towards, vertices.T)
+        if not np.isfinite(top):
             return None
         # A sun that fills some of the sky shines past what is high up at an angle.
-        spread = max(highest + lit.limits[-1], 0.0) * (1.0 + SKEW) * np.tan(light.angle / 2)
+        spread = max(top + lit.limits[-1], 0.0) * (1.0 + SKEW) * np.tan(light.angle / 2)
         lit.limits[:-1] += spread
     else:
         lit = _common(DIAGONALS, bodies)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..casting.behind import WaysOut
 from ..casting.scene import CastScene
+from ..casting.stopping import stop_here
 from ..casting.visibility import CATCHER, SHADOW, visible_to
 from ..projection.typing import Array, BoolArray, IndexArray
 from .light_passes import LightParts
@@ -123,6 +124,7 @@ class Catchers:
             places = range(0, lamp.places.shape[1], -(-lamp.places.shape[1] // MOST_PLACES))
             full = np.zeros_like(own)
             for place in places:
+                stop_here()
                 its = lamp.incidence(points.position, place)
                 full += np.maximum(dot(points.normal, its.direction), 0) * its.strength
             full *= (received == 0) | (own > 0)

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ import numpy as np
 from ..casting.hits import CastCounts
 from ..casting.memory import peak_memory
 from ..casting.scene import CastScene
+from ..casting.stopping import Stopped, watching
 from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.folds import find_folds
 from ..projection.volume import Projection
@@ -35,6 +36,17 @@ class Frame(NamedTuple):
     passes: dict[str, Single]
 
 
+@dataclass(frozen=True)
+class Asking:
+    """A signal that asks the caller of a render."""
+
+    cancelled: Callable[[], bool] | None
+
+    def is_set(self) -> bool:
+        """Whether the render is to end."""
+        return self.cancelled is not None and self.cancelled()
+
+
 def render_frame(
     projection: Projection,
     scene: Scene,
@@ -49,23 +61,19 @@ def render_frame(
 ) -> Frame | None:
     """The picture that a projection makes of a scene, or None when cancelled.
 
-    projection: in world space. cast_scene: made of the scene's triangles before, to
-    save building it again. progress(share in [0, 1]), cancelled() and on_tile(rows,
-    pixels (rows, W, 4), passes) are called from the calling thread, the last as tiles are
-    finished, in any order; rows count from the border's bottom. What a tile raises is raised
-    here, after all threads have ended. moments: what the samples see while the shutter is open,
-    instead of the projection and the scene, which data passes are made of. keep: without, the frame has no
-    rows: what on_tile was given is all that there is. pixels: the border's
-    (H, W, 4), to be the frame's own: tiles appear in it as they are finished.
-    CastError when the scene's triangles cannot be cast at; a scene without any
-    shows its background.
+    projection: in world space. cast_scene: made of the scene's triangles before, to save building it again.
+    progress(share in [0, 1]), cancelled() and on_tile(rows, pixels (rows, W, 4), passes) are called from the
+    calling thread, the last as tiles are finished, in any order; rows count from the border's bottom. What a
+    tile raises is raised here, after all threads have ended. moments: what the samples see while the shutter
+    is open, instead of the projection and the scene, which data passes are made of. keep: without, the frame
+    has no rows: what on_tile was given is all that there is. pixels: the border's (H, W, 4), to be the
+    frame's own: tiles appear in it as they are finished. CastError when the scene's triangles cannot be cast
+    at; a scene without any shows its background.
     """
     started = perf_counter()
-    # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
-    alone = not moments and settings.passes.neighbours is None and settings.lens is None
-    pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
-    if moments:
-        pipeline = pipeline.with_moments(scene, moments, cancelled)
+    pipeline = _prepared(projection, scene, settings, cast_scene, cancelled, moments)
+    if pipeline is None:
+        return None
     build_seconds = perf_counter() - started
     region = settings.region
     height, width = region.top - region.bottom, region.right - region.left
@@ -90,11 +98,13 @@ def render_frame(
         return np.empty((count, width, 4), np.float32), empty_passes(settings.passes, count, width)
 
     def render(job: TileJob) -> TileCounts:
+        """Make a tile, in a thread."""
         tile, data = tiles_made[job.rows.start] = place(job.rows)
         flat = {name: values.reshape(-1, values.shape[2]) for name, values in data.items()}
         return pipeline.render_tile(job, tile.reshape(-1, 4), flat)
 
     def finished(rows: slice, tile: TileCounts) -> None:
+        """Count what a tile did and hand it on, in the calling thread."""
         nonlocal hits
         counts.add(tile.cast)
         hits += tile.hits
@@ -114,6 +124,25 @@ def render_frame(
     return Frame(
         pixels, replace(report, seconds=perf_counter() - started, build_seconds=build_seconds), passes
     )
+
+
+def _prepared(
+    projection: Projection,
+    scene: Scene,
+    settings: FrameSettings,
+    cast_scene: CastScene | None,
+    cancelled: Callable[[], bool] | None,
+    moments: tuple[Moment, ...],
+) -> Pipeline | None:
+    """The pipeline, None when cancelled on the way. As for ``render_frame``."""
+    # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
+    alone = not moments and settings.passes.neighbours is None and settings.lens is None
+    try:
+        with watching(Asking(cancelled)):
+            pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
+            return pipeline.with_moments(scene, moments) if moments else pipeline
+    except Stopped:
+        return None
 
 
 def report_of(

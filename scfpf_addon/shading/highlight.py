@@ -21,39 +21,37 @@ EDGE_ON = np.float32(1e-4)
 TINY = np.float32(1e-30)
 
 
-def facets(cosine: Single, facing: Single, between: Single, alpha: Single) -> tuple[Single, Single]:
+def facets(lit: Single, facing: Single, between: Single, alpha: Single) -> tuple[Single, Single]:
     """Radiance of a white surface by irradiance, (N,), and Schlick's share of grazing light, (N,).
 
-    cosine, facing, between: (N,) of the angles from normal to lamp, normal to viewer, and lamp to viewer.
-    alpha: (N,) or (1,), the square of GGX's α. Of what is turned away from the lamp any number comes out.
+    lit, facing, between: (N,) of the angles from normal to lamp, not below 0, from normal to viewer, and from
+    lamp to viewer. alpha: (N,) or (1,), the square of GGX's α. Of what is turned away from the lamp any
+    number comes out.
     """
     facing = np.maximum(facing, EDGE_ON)
-    lit = np.maximum(cosine, 0)
-    # The half vector is never made: its length is all that counts.
-    half = 2 + 2 * between
+    # Half the square of the half vector's length, which is all that counts of it.
+    half = 1 + between
     np.maximum(half, TINY, out=half)
-    spread = cosine + facing
+    spread = lit + facing
     spread *= spread
     spread /= half
-    np.minimum(spread, 1, out=spread)
-    spread *= alpha - 1
+    np.minimum(spread, 2, out=spread)
+    spread *= np.float32(0.5) * (alpha - 1)
     spread += 1
     spread *= spread
     rest = 1 - alpha
+    # Never below EDGE_ON · α, so that nothing is divided by 0.
     masked = _masking(lit, alpha, rest)
     masked *= facing
     other = _masking(facing, alpha, rest)
     other *= lit
     masked += other
     spread *= masked
-    spread *= np.float32(2 * np.pi)
-    np.maximum(spread, TINY, out=spread)
-    density = np.divide(alpha, spread, out=spread)
+    density = np.divide(alpha * np.float32(0.5 / np.pi), spread, out=spread)
     grazing = np.sqrt(half, out=half)
-    grazing *= np.float32(-0.5)
+    grazing *= np.float32(-np.sqrt(0.5))
     grazing += 1
-    np.maximum(grazing, 0, out=grazing)
-    fourth = grazing * grazing
+    fourth = np.multiply(grazing, grazing, out=other)
     fourth *= fourth
     grazing *= fourth
     return density, grazing

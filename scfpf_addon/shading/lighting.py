@@ -152,18 +152,13 @@ def radiance(
     color[:] = by_material(table.emitted, points.material)
     if parts:
         parts.shine(by_material(table.emission, points.material), color)
-    if table.sky:
-        lit = table.sky.scattered(points, table.albedo, sample)
-        color += lit
-        if parts:
-            parts.rows[DIFFUSE] += lit
     alpha = by_material(table.alpha, points.material)
     facing = dot(points.normal, points.view)
     for lamp in lamps:
         light = lamp.incidence(points.position, sample)
         cosine = dot(points.normal, light.direction)
-        received = np.maximum(cosine, 0)
-        received *= light.strength
+        np.maximum(cosine, 0, out=cosine)
+        received = cosine * light.strength
         if lamp.light.receivers is not None and points.linked is not None:
             received *= lamp.light.receivers.take(points.linked)
         full = received.copy() if parts else received
@@ -186,6 +181,11 @@ def radiance(
             color += lit
             if parts:
                 parts.rows[SPECULAR] += lit
+    if table.sky:
+        lit = table.sky.scattered(points, table.albedo, sample, color)
+        color += lit
+        if parts:
+            parts.rows[DIFFUSE] += lit
     return color
 
 

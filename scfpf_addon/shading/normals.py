@@ -88,6 +88,9 @@ class _Making:
     def flat_shaded(self, some: slice) -> bool:
         """Write unit normals of triangles; whether all their corners have these."""
         shared = self._corners(some)
+        if shared is None:
+            self.flat[:, some] = self.cast_scene.planes[:3, some]
+            return True
         corners = np.empty(shared.shape, np.float32)
         corners[:] = shared
         flat = self._write_flat(some, corners)
@@ -97,19 +100,23 @@ class _Making:
 
     def write_smooth(self, some: slice) -> None:
         """Write everything."""
-        if self.smooth is None:
+        corners = self._corners(some)
+        if self.smooth is None or corners is None:
             return
         rows = self.smooth[:, some].reshape(3, 3, -1)
-        rows[:] = self._corners(some)
+        rows[:] = corners
         self._write_flat(some, rows)
         if self.bulge is not None and self.vertices is not None:
             places = [self.vertices.take(self.cast_scene.triangles[some, k], axis=1) for k in range(3)]
             self.bulge[:, some] = corner_heights(places, rows)
         rows[1:] -= rows[0]
 
-    def _corners(self, some: slice) -> Single:
-        """Normals of corners, (3, 3, n) corner by corner, or (1, 3, n) where these share one."""
-        return self.geometry.corner_normals[some, : 1 if self.geometry.flat else 3].transpose(1, 2, 0)
+    def _corners(self, some: slice) -> Single | None:
+        """Normals of corners, (3, 3, n) corner by corner, or (1, 3, n) where these share one, or None."""
+        normals = self.geometry.corner_normals
+        if normals is None:
+            return None
+        return normals[some, : 1 if self.geometry.flat else 3].transpose(1, 2, 0)
 
     def _write_flat(self, some: slice, corners: Single) -> Single:
         flat = self.cast_scene.planes[:3, some].astype(np.float32)

@@ -158,12 +158,12 @@ class PassSource:
 
     def object_index(self, seen: Seen) -> Array:
         """The user's number of the object, (1, n); the scene must know them."""
-        number = self.scene.geometry.object_index.take(seen.hits.triangle)
+        number = self.scene.geometry.object_index[seen.hits.triangle]
         return np.array(self.scene.object_index, np.float64).take(number)[None]
 
     def material_index(self, seen: Seen) -> Array:
         """The user's number of the material, (1, n); the scene must know them."""
-        number = self.scene.geometry.material.take(seen.hits.triangle)
+        number = self.scene.geometry.material[seen.hits.triangle]
         return np.array(self.scene.material_index, np.float64).take(number)[None]
 
 
@@ -237,7 +237,7 @@ class CryptoPasses:
         """What samples of the tile's pixels (m,) hit: triangles (m,) of a geometry."""
         for kind, film in self._films.items():
             numbers = geometry.object_index if kind == "OBJECT" else geometry.material
-            film.add(pixel, numbers.take(triangle))
+            film.add(pixel, numbers[triangle])
 
     def develop(self, pixel: IndexArray, samples: Single | float, into: dict[str, Single]) -> None:
         """Write the layers of pixels (m,) into the passes, each (m, channels)."""

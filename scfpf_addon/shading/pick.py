@@ -52,6 +52,7 @@ def pick(
     spans = projection.volume.spans
 
     def curve_at(t: Array) -> Array:
+        """The projector's points at t (S,), (S, 3)."""
         weights, _ = spans.weights(t)
         points: Array = np.einsum("ks,kc->sc", weights, projectors.points[:, :, 0])
         return points

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from ..casting.frame import pixel_centres
 from ..casting.geometry import Geometry
 from ..casting.hits import CastCounts, Hits
 from ..casting.scene import CastScene
+from ..casting.stopping import stop_here
 from ..casting.tiles import TileJob
 from ..projection.typing import Array, IndexArray
 from ..projection.volume import Projection
@@ -35,6 +36,7 @@ from .reach import within_reach
 from .samples import SamplePlaces, row_pixels
 from .scene import Scene
 from .settings import FrameSettings
+from .short_way import short_way
 from .suns_alone import SunsAlone
 from .suns_shadowed import SunsShadowed
 from .typing import Single
@@ -123,18 +125,12 @@ class Pipeline:
         )
         return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
 
-    def with_moments(
-        self, scene: Scene, moments: tuple[Moment, ...], cancelled: Callable[[], bool] | None
-    ) -> Pipeline:
-        """The pipeline, of ``scene``, of a picture that is exposed while things move.
-
-        It is left as it is when cancelled.
-        """
+    def with_moments(self, scene: Scene, moments: tuple[Moment, ...]) -> Pipeline:
+        """The pipeline, of ``scene``, of a picture that is exposed while things move."""
         made: list[tuple[Scene, Pipeline]] = [(scene, self)]
         bare = replace(self.settings, passes=DataPasses())
         for moment in moments:
-            if cancelled and cancelled():
-                return self
+            stop_here()
             settings = replace(bare, lens=moment.lens)
             same = next((known for seen, known in made if seen is moment.scene), None)
             if same is None:
@@ -151,8 +147,9 @@ class Pipeline:
     @cached_property
     def suns_alone(self) -> SunsAlone | SunsShadowed | None:
         """The short way to pictures that are simple enough for it."""
-        made_of = self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
-        return SunsAlone.of(*made_of) or SunsShadowed.of(*made_of)
+        return short_way(
+            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
+        )
 
     @property
     def behind(self) -> Array:
@@ -250,6 +247,7 @@ class Pipeline:
         light = LightFilm.of(passes, len(block), self.background)
 
         def take(some: IndexArray | None, samples: range) -> None:
+            """Add samples of the pixels ``some`` (n,) of the block, None for all, to the films."""
             nonlocal hit_count
             which = np.arange(len(block)) if some is None else some
             for sample, hits, onward in self.cast_samples(rows, samples, counts, some):
@@ -266,6 +264,7 @@ class Pipeline:
                     crypto.add(which[where], now.geometry, hits.triangle[where])
 
         def stopped(done: float) -> bool:
+            """Say how far the tile is; whether the work is to be given up."""
             job.done = done
             return job.stop.is_set()
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -54,15 +55,18 @@ def _within_reach(
         return scene, _built(whole, exact)
     if not kept.any():
         return scene, None
-    rest = ~kept
-    rest &= may_shade(scene, kept, projection.volume)
-    beyond = (whole.vertices, whole.triangles[rest]) if rest.any() else None
     part = replace(scene, geometry=whole.part(kept))
+
+    def beyond() -> tuple[Array, NDArray[np.int32]]:
+        rest = may_shade(scene, part.geometry, projection.volume)
+        rest &= ~kept
+        return whole.vertices, whole.triangles.take(np.flatnonzero(rest), axis=0)
+
     return part, _built(part.geometry, exact, beyond)
 
 
 def _built(
-    geometry: Geometry, exact: bool, beyond: tuple[Array, NDArray[np.int32]] | None = None
+    geometry: Geometry, exact: bool, beyond: Callable[[], tuple[Array, NDArray[np.int32]]] | None = None
 ) -> CastScene:
     if exact:
         require_room_for_prisms(len(geometry.triangles))

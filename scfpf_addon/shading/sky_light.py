@@ -14,14 +14,16 @@ from .normals import dot
 from .sample_sets import SILVER, pixel_positions, shuffled
 from .samples import BITS, Bits, scramble
 from .scene import Light
-from .sky_map import COLUMNS, LUMINANCE, NORMAL_ROWS, ROWS, Gathered, WorldLight, brightness, map_places
-from .surface import SurfacePoints
+from .sky_map import COLUMNS, NORMAL_ROWS, ROWS, WorldLight, brightness, map_places
+from .sky_picks import QUANTILES, Picks, picks_of
+from .surface import TINY, SurfacePoints
+from .tables import between
 from .typing import Single
 
-# Directions in which a pixel looks for what hides the sky, at least.
-HIDING = 32
-# Equal parts of the even light, and directions in each.
-PARTS, CHOICES = 64, 16
+# Directions in which a pixel looks for what hides the sky, at least, where nothing else lights it.
+HIDING = 28
+# The mean of n directions that are evenly spread errs by n to minus this.
+CONVERGENCE = 0.75
 FAR = np.full(1, np.inf, np.float32)
 
 
@@ -29,89 +31,92 @@ FAR = np.full(1, np.inf, np.float32)
 class SkyLight:
     """A world's light as a frame sees it.
 
-    lamps: in cast space, which is not turned. parts: (3, PARTS) directions of equal parts of the even light.
-    towards: (3, PARTS * CHOICES) directions in each, one part after the other. tint: (3, PARTS) colours
-    of the parts, of luminance 1. share: (samples, n) where each sample looks for what hides the sky.
-    occluders: what does, None for nothing.
+    lamps: in cast space, which is not turned. picks: the directions in which samples look for what hides
+    the sky, ``each`` of them at most. order: (samples,) where among them. occluders: what hides it, None for
+    nothing.
     """
 
     light: WorldLight
     lamps: tuple[Lamp, ...]
-    parts: Single
-    towards: Single
-    tint: Single
-    share: Array
+    picks: Picks
+    each: int
+    order: Array
     occluders: CastScene | None = None
 
     @classmethod
     def of(cls, light: WorldLight, samples: int) -> SkyLight:
         """For frames of so many samples a pixel."""
-        each = -(-HIDING // samples)
-        middles, tint = equal_parts(light.hiding, PARTS)
-        luminance = LUMINANCE @ tint
         return cls(
             light,
             tuple(world_lamp(*lamp, samples) for lamp in light.lamps),
-            middles.astype(np.float32),
-            equal_parts(light.hiding, PARTS * CHOICES)[0].astype(np.float32),
-            (tint / np.where(luminance > 0.0, luminance, 1.0)).astype(np.float32),
-            (shuffled(samples, SILVER)[:, None] + samples * np.arange(each)).astype(np.float64),
+            picks_of(light),
+            -(-HIDING // samples),
+            shuffled(samples, SILVER) / samples,
         )
 
-    def scattered(self, points: SurfacePoints, albedo: Single, sample: int | IndexArray) -> Single:
+    def scattered(
+        self,
+        points: SurfacePoints,
+        albedo: Single,
+        sample: int | IndexArray,
+        beside: Single | None = None,
+    ) -> Single:
         """What points send on of the even light, (3, N). albedo: (3, M) of M materials, over π.
 
         A ray looks for what hides a part that is chosen by how much of the light comes from there, so that
         rays in the open change nothing. Each point looks by a chance of its own place: the
-        shadows of fixed directions would be seen one by one.
+        shadows of fixed directions would be seen one by one. beside: (3, N) what they send on of other
+        light: where it is much less is seen of the sky's noise, and fewer rays do.
         """
         arriving = self.irradiance(points.normal)
+        reflected = by_material(albedo, points.material)
         if self.occluders is not None:
-            self._hide(arriving, points, sample, self.occluders)
-        scattered: Single = by_material(albedo, points.material) * arriving
+            own = brightness(reflected * arriving)
+            share = np.ones(len(own)) if beside is None else own / np.maximum(own + brightness(beside), TINY)
+            self._hide(arriving, points, sample, self.occluders, self._looks(share * (own > 0.0)))
+        scattered: Single = reflected * arriving
         return scattered
 
+    def _looks(self, share: Array) -> IndexArray:
+        """Rays for points where the sky is a share (N,) of all light, (N,): a power of 2, or all."""
+        powers = 2 ** np.arange(self.each.bit_length())
+        steps = np.unique(np.concatenate([[0], powers, [self.each]]))
+        enough = (steps[:-1] / self.each) ** CONVERGENCE
+        looks: IndexArray = steps[np.searchsorted(enough, share)]
+        return looks
+
     def _hide(
-        self, arriving: Single, points: SurfacePoints, sample: int | IndexArray, occluders: CastScene
+        self,
+        arriving: Single,
+        points: SurfacePoints,
+        sample: int | IndexArray,
+        occluders: CastScene,
+        looks: IndexArray,
     ) -> None:
-        """Take from what arrives at points, (3, N), what others hide."""
-        each = self.share.shape[1]
-        lost = (brightness(arriving) / each).astype(np.float32)
-        # Sums of products in a fixed order: a choice must not depend on how many points there are.
-        x, y, z = (part[:, None] * normal for part, normal in zip(self.parts, points.normal, strict=True))
-        until = x + y + z
-        np.cumsum(np.maximum(until, 0, out=until), axis=0, out=until)
-        mark = place_marks(points.position)
-        for number in range(each):
-            chance = scramble(mark, 2 * number).astype(np.float32) * np.float32(2.0**-BITS)
-            place = (self.share[np.atleast_1d(sample), number] + chance) / self.share.size
-            part = np.minimum((until < place * until[-1]).sum(axis=0), PARTS - 1)
-            choice = scramble(mark, 2 * number + 1).astype(np.intp) % CHOICES
-            direction = self.towards.take(part * CHOICES + choice, axis=1)
-            facing = np.maximum(dot(points.normal, direction), 0)
-            seen = facing.copy()
-            cut_shadows(seen, points, Incidence(direction, facing, FAR), occluders)
-            hidden = np.flatnonzero(seen < facing)
-            arriving[:, hidden] -= self.tint.take(part[hidden], axis=1) * lost[hidden]
+        """Take from what arrives at points, (3, N), what others hide. looks: (N,) with how many rays."""
+        begin = np.broadcast_to(self.order[np.atleast_1d(sample)], len(looks))
+        for count in np.unique(looks[looks > 0]):
+            some = np.flatnonzero(looks == count)
+            there, light = points.take(some), arriving.take(some, axis=1)
+            lost = (brightness(light) / count).astype(np.float32)
+            mark = place_marks(there.position)
+            row = self.picks.rows(there.normal, halves(scramble(mark, 0)))
+            for number in range(count):
+                chance = scramble(mark, number + 1) * 2.0**-BITS / len(self.order)
+                place = (number + begin[some] + chance) / count
+                picked = self.picks.table.take(row + (place * QUANTILES).astype(np.intp))
+                direction = self.picks.towards.take(picked, axis=1)
+                facing = np.maximum(dot(there.normal, direction), 0)
+                seen = facing.copy()
+                cut_shadows(seen, there, Incidence(direction, facing, FAR), occluders)
+                hidden = np.flatnonzero(seen < facing)
+                light[:, hidden] -= self.picks.tint.take(picked[hidden], axis=1) * lost[hidden]
+            arriving[:, some] = light
 
     def irradiance(self, normal: Single) -> Single:
         """On surfaces of unit normals (3, N) without anything in the way, (3, N)."""
         row, column = map_places(normal, NORMAL_ROWS)
-        row += 0.5
-        column += 0.5
-        low, left = np.floor(row).astype(np.intp), np.floor(column).astype(np.intp)
-        np.clip(low, 0, NORMAL_ROWS, out=low)
-        np.clip(left, 0, 2 * NORMAL_ROWS, out=left)
-        up, along = (row - low).astype(np.float32), (column - left).astype(np.float32)
-        wide = self.light.irradiance.shape[2]
-        table = self.light.irradiance.reshape(3, -1)
-        corner = low * wide + left
-        below, above = (
-            table.take(at, axis=1) * (1 - along) + table.take(at + 1, axis=1) * along
-            for at in (corner, corner + wide)
-        )
-        found: Single = below * (1 - up) + above * up
-        return found
+        return between(self.light.irradiance, row + 0.5, column + 0.5)
 
 
 def place_marks(position: Single) -> Bits:
@@ -121,20 +126,10 @@ def place_marks(position: Single) -> Bits:
     return marks
 
 
-def equal_parts(along: Gathered, count: int) -> tuple[Array, Array]:
-    """Directions (3, count) with equal shares of a light, and the shares (3, count).
-
-    along: its texels on a curve that keeps neighbours together.
-    """
-    luminance = LUMINANCE @ along.light
-    until = np.concatenate([[0.0], np.cumsum(luminance)])
-    if until[-1] <= 0.0:
-        return np.tile([[0.0], [0.0], [1.0]], count), np.zeros((3, count))
-    ends = np.linspace(0.0, until[-1], count + 1)
-    middle = np.searchsorted(until, 0.5 * (ends[1:] + ends[:-1])) - 1
-    sums = np.concatenate([np.zeros((3, 1)), np.cumsum(along.light, axis=1)], axis=1)
-    parts = np.diff(np.stack([np.interp(ends, until, channel) for channel in sums]), axis=1)
-    return along.direction[:, middle], parts
+def halves(bits: Bits) -> Array:
+    """Two numbers in [0, 1) of each of (N,), (2, N)."""
+    made: Array = np.stack([bits & np.uint32(0xFFFF), bits >> np.uint32(16)]) * 2.0**-16
+    return made
 
 
 def world_lamp(luminance: Array, color: Array, samples: int) -> Lamp:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..casting.stopping import stop_here
 from ..projection.typing import Array, IndexArray
 from .typing import Single
 
@@ -42,7 +43,7 @@ class Gathered(NamedTuple):
     direction: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class WorldLight:
     """What of a world's light is asked again and again; nothing of it depends on the frame.
 
@@ -60,6 +61,7 @@ class WorldLight:
     @classmethod
     def of(cls, panorama: Array) -> WorldLight:
         """Of radiance (3, ROWS, COLUMNS), see ``map_directions``."""
+        stop_here()
         luminance = np.tensordot(LUMINANCE, panorama, 1)
         areas = map_areas(COLUMNS, ROWS)[:, None]
         limit = brightness_limit(luminance, areas)
@@ -72,6 +74,7 @@ class WorldLight:
             even = panorama * (1.0 - small)
         else:
             limit, even = np.full_like(limit, np.inf), panorama
+        stop_here()
         even *= areas
         hiding = gathered(even, HIDING_ROWS)
         order = np.argsort(curve_places(HIDING_ROWS))

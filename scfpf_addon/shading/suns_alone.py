@@ -9,7 +9,6 @@ made by ``Pipeline``'s general way; both give the same, within float32's roundin
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +17,8 @@ from ..casting.hits import CastCounts
 from ..casting.scene import CastScene
 from ..casting.triangles_seen import FlatRays, see, see_rows
 from ..casting.window import Window
-from ..projection.typing import Array
 from ..projection.volume import Projection
-from .hit_colors import Shading
-from .lighting import Lamp
 from .samples import SamplePlaces
-from .settings import FrameSettings
 from .sun_colors import SunColors
 from .typing import Single
 
@@ -42,38 +37,6 @@ class SunsAlone:
     colors: SunColors
     rays: FlatRays | None
     window: Window | None
-
-    @classmethod
-    def of(
-        cls,
-        projection: Projection,
-        settings: FrameSettings,
-        places: SamplePlaces,
-        background: Array,
-        scene: CastScene | None,
-        shading: Shading | None,
-    ) -> Self | None:
-        """None where the picture has to be made in the general way; ``background``: (3,)."""
-        if scene is None or type(shading) is not Shading:
-            return None
-        if shading.tracer is not None or shading.held_out is not None or shading.phong.sky is not None:
-            return None
-        if shading.catchers is not None:
-            return None
-        spans = projection.volume.spans
-        straight = spans.direct and spans.degree == 1 and spans.point_weights is None
-        if not straight or type(projection) is not Projection:
-            return None
-        if settings.pixel_error == 0.0 or settings.lens is not None:
-            return None
-        if not all(_is_alone(lamp, places.scrambled) for lamp in shading.lamps):
-            return None
-        empty = np.zeros(4, np.float32)
-        if not settings.transparent:
-            empty[:] = (*background, 1)
-        rays = None if places.scrambled else FlatRays.of(projection)
-        colors = SunColors(shading.surface, shading.phong, shading.lamps, empty)
-        return cls(projection, places, scene, colors, rays, rays.window(scene) if rays else None)
 
     def sample(self, rows: slice, sample: int, counts: CastCounts, into: Single) -> NDArray[np.int32]:
         """A sample of each pixel of whole rows, written with alpha into (4, n), however that lies in memory.
@@ -95,6 +58,10 @@ class SunsAlone:
         """As ``sample``: only what the window holds is cast at."""
         x, y = self.places.of_grid(rows, sample)
         columns, lines = window.held(x, y)
+        if (lines, columns) == (slice(0, len(y)), slice(0, len(x))):
+            seen = see_rows(self.scene, rays, x, y, counts, self.colors.surface.weighted)
+            self.colors.write(seen, sample, into)
+            return seen.triangle
         triangle = np.full((len(y), len(x)), -1, np.int32)
         held = triangle[lines, columns]
         counts.projectors += triangle.size - held.size
@@ -112,11 +79,6 @@ class SunsAlone:
         color = np.empty((4, held.size), np.float32)
         self.colors.write(seen, sample, color)
         picture[:, lines, : columns.start], picture[:, lines, columns.stop :] = behind, behind
-        picture[:, lines, columns] = color.reshape(4, *held.shape)
+        for shown, channel in zip(picture[:, lines, columns], color, strict=True):
+            shown[:] = channel.reshape(held.shape)
         return triangle.reshape(-1)
-
-
-def _is_alone(lamp: Lamp, scrambled: bool) -> bool:
-    """Whether a lamp lights all places alike that a sample sees, wherever they are."""
-    alike = not scrambled or bool((lamp.places == lamp.places[:, :1]).all())
-    return lamp.light.kind == "SUN" and not lamp.light.casts_shadow and alike

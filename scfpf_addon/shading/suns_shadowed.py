@@ -7,27 +7,19 @@ shadow rays start as far off it as ever, for what is hit alone: half of the gene
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Self
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..casting.cast import FAR, FARTHEST
 from ..casting.hits import CastCounts
 from ..casting.scene import CastScene, Float32Array
-from ..casting.schedule import scene_reach
-from ..casting.straight import EDGE_ON, END_SLACK
-from ..casting.triangles_seen import PARALLELOGRAM, FlatRays
-from ..projection.reparameterisation import Rectangle
-from ..projection.surfaces import BilinearPatch, Plane, Point
+from ..casting.straight import END_SLACK, plane_shares
+from ..casting.triangles_seen import FlatRays
 from ..projection.typing import Array, IndexArray
-from ..projection.volume import Projection
 from .hit_colors import Shading
 from .lighting import radiance
 from .samples import SamplePlaces
-from .settings import FrameSettings
-from .suns_alone import SunsAlone
 from .typing import Single
 
 
@@ -40,26 +32,6 @@ class SunsShadowed:
     shading: Shading
     rays: FlatRays
     background: Single
-
-    @classmethod
-    def of(
-        cls,
-        projection: Projection,
-        settings: FrameSettings,
-        places: SamplePlaces,
-        background: Array,
-        scene: CastScene | None,
-        shading: Shading | None,
-    ) -> Self | None:
-        """None where the picture has to be made in the general way; ``background``: (3,)."""
-        if scene is None or shading is None or any(lamp.light.kind != "SUN" for lamp in shading.lamps):
-            return None
-        dark = replace(shading, lamps=())
-        alone = SunsAlone.of(projection, settings, places, background, scene, dark)
-        rays = None if alone is None or places.scrambled else _rays(projection, scene)
-        if alone is None or rays is None:
-            return None
-        return cls(places, scene, shading, rays, alone.colors.background)
 
     def sample(self, rows: slice, sample: int, counts: CastCounts, into: Single) -> NDArray[np.int32]:
         """A sample of each pixel of whole rows, written with alpha into (4, n), however that lies in memory.
@@ -94,14 +66,7 @@ class SunsShadowed:
         self, triangle: IndexArray, origins: Float32Array, ways: Float32Array, counts: CastCounts
     ) -> Array:
         """Where the rays meet the triangles' planes, (3, n) float64."""
-        plane = self.scene.planes.take(triangle, 1)
-        height = np.einsum("cn,cn->n", plane[:3], origins)
-        height += plane[3]
-        slope = np.einsum("cn,cn->n", plane[:3], ways)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            t = np.divide(height, slope, out=height)
-            np.negative(t, out=t)
-            lost = np.flatnonzero(~((t > -EDGE_ON) & (t < 1.0 + EDGE_ON)))
+        t, lost = plane_shares(self.scene, triangle, origins, ways)
         if len(lost):
             limits = np.full(len(lost), 1.0 + END_SLACK, np.float32)
             t[lost] = self.scene.trace_distance(origins[:, lost], ways[:, lost], limits)
@@ -110,24 +75,3 @@ class SunsShadowed:
         position: Array = ways * t
         position += origins
         return position
-
-
-def _rays(projection: Projection, scene: CastScene) -> FlatRays | None:
-    """The rays of the part of a flat volume that the scene is in; None for other volumes."""
-    surfaces = projection.volume.surfaces
-    if type(projection.reparameterisation) is not Rectangle:
-        return None
-    if any(type(surface) not in (Point, Plane, BilinearPatch) for surface in surfaces):
-        return None
-    points, _ = projection.projectors(np.array([0.0, 1, 0, 1]), np.array([0.0, 0, 1, 1]))
-    if not np.abs(points).max() < FARTHEST:
-        return None
-    first, last = scene_reach(projection.volume.spans, points, scene) or (0.0, 1.0)
-    way = points[1] - points[0]
-    points = np.stack([points[0] + first * way, (last - first) * way])
-    twist = points[:, :, 0] - points[:, :, 1] - points[:, :, 2] + points[:, :, 3]
-    reach = np.abs(points).max()
-    if reach > 2.0 * FAR or np.abs(twist).max() > PARALLELOGRAM * reach:
-        return None
-    left, right, above, _ = points.transpose(2, 0, 1)
-    return FlatRays(0.5 * (left + right), right - left, above - left)

@@ -423,6 +423,7 @@ def _stacked(parts: list[Materials], some: IndexArray) -> Materials:
     """The rows ``some`` of several lists of materials."""
 
     def rows(name: str) -> Array:
+        """One of their constants, of all lists, for ``some``."""
         return np.concatenate([getattr(part, name) for part in parts])[some]
 
     return Materials(

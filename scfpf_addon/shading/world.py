@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from ..casting.geometry import Geometry
+from ..casting.stopping import stop_here
 from ..projection.typing import Array, IndexArray
 from .materials.graph import MaterialGraph, registers
 from .materials.image import ImageData, linear_from_srgb
@@ -107,6 +108,7 @@ def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Ar
     count = direction.shape[1]
     light = np.zeros((3, count))
     for first in range(0, count, MOST_AT_ONCE):
+        stop_here()
         some = slice(first, first + MOST_AT_ONCE)
         place = Surroundings.of(unit(direction[:, some]), images, blur)
         results = registers(graph, place, OPERATIONS)

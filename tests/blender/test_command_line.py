@@ -114,6 +114,16 @@ def test_failure_is_one_line_on_stderr_and_a_code(run, blend, tmp_path, capsys, 
     assert not (tmp_path / "out.png").exists()
 
 
+def test_a_scene_s_own_format_that_is_not_written_is_said_before_the_render(
+    addon, run, blend, tmp_path, capsys, monkeypatch
+):
+    bpy.context.scene.render.image_settings.file_format = "BMP"
+    bpy.ops.wm.save_mainfile()
+    monkeypatch.setattr(addon("scfpf_addon.bridge.command_line"), "prepare", None)  # no render begins
+    assert run("render", blend, "-o", tmp_path / "out") == 1
+    assert "out.bmp': use one of .png" in capsys.readouterr().err
+
+
 def test_file_without_a_flexible_camera_and_with_too_many(run, blend, tmp_path, capsys):
     bpy.context.scene.camera = bpy.data.objects["Ordinary"]
     bpy.ops.wm.save_mainfile()

@@ -134,7 +134,7 @@ def test_blenders_u_is_our_u(nodes, objects, shape):
     assert np.array_equal(nodes.surface_parameters(surface)["points"][..., :3], points)
 
 
-def test_making_one_leaves_scene_mode_and_selection_alone(nodes):
+def test_making_one_leaves_scene_mode_and_selection_alone(addon, nodes):
     mesh = bpy.data.meshes.new("M")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     other = bpy.data.objects.new("Other", mesh)
@@ -147,7 +147,7 @@ def test_making_one_leaves_scene_mode_and_selection_alone(nodes):
         surface = nodes.new_surface("S", "NURBS")
         assert (bpy.context.active_object, other.mode, bpy.context.selected_objects) == (other, mode, [other])
         assert not surface.users_collection and surface.data.users == 1
-        nodes.delete_surface(surface)
+        addon("scfpf_addon.bridge.volume_object").delete_with_data(surface)
         assert before == {name: len(getattr(bpy.data, name)) for name in before}
     bpy.ops.object.mode_set(mode="OBJECT")
 

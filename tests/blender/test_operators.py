@@ -133,7 +133,7 @@ def test_new_camera_through_a_camera_view_takes_its_lens():
 def test_camera_cannot_be_added_in_edit_mode():
     add_cube()
     bpy.ops.object.mode_set(mode="EDIT")
-    assert "edit mode" in poll_message(bpy.ops.scfpf.camera_add)
+    assert "Object Mode" in poll_message(bpy.ops.scfpf.camera_add)
 
 
 # Ordinary and flexible

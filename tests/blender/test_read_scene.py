@@ -6,10 +6,12 @@ import math
 import bpy
 import numpy as np
 import pytest
+from engine_pictures import f12
 from mathutils import Euler, Matrix, Vector
 from small_scenes import corners, cube_mesh, link, shown, triangle_mesh, triangles_of
 
 BRIDGE = "scfpf_addon.bridge."
+COMBINED = "ViewLayer.Combined"
 
 
 def geometric_normals(scene, which=slice(None)):
@@ -372,3 +374,51 @@ def test_faces_of_one_triangle_are_read_in_order(addon):
         assert found.triangles.tolist() == [list(each.vertices) for each in mesh.loop_triangles]
         assert np.allclose(found.normals[:, 0], [each.normal for each in mesh.loop_triangles], atol=1e-6)
         assert found.vertices.tolist() == [list(point) for point in points]
+
+
+def plain_and_smooth():
+    """A flat mesh of triangles alone, turned, flattened and mirrored; a smooth one, to be linked."""
+    bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=2)
+    plain = bpy.context.object
+    plain.name, plain.location.x = "Plain", 3
+    plain.rotation_euler, plain.scale = (0.4, 1.0, -0.3), (-2, 0.5, 1)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=16, ring_count=8)
+    bpy.context.object.name = "Smooth"
+    bpy.context.object.data.shade_smooth()
+    return plain, bpy.context.object
+
+
+def test_normals_of_triangles_are_left_out_where_no_others_are(read):
+    _, smooth = plain_and_smooth()
+    together = read()
+    bpy.context.scene.collection.objects.unlink(smooth)
+    alone = read()
+    assert alone.geometry.corner_normals is None and alone.geometry.flat
+    mine = np.isin(np.arange(len(together.geometry.triangles)), triangles_of(together, "Plain"))
+    own = together.geometry.part(mine)
+    assert np.array_equal(own.vertices, alone.geometry.vertices)
+    assert np.array_equal(own.triangles, alone.geometry.triangles)
+    # Blender's own, turned; those of the triangles as they stand are the same.
+    difference = own.corner_normals - geometric_normals(alone)[:, None]
+    assert np.abs(difference).max() < 1e-5
+
+
+def test_left_out_normals_of_broken_meshes_fit_what_is_left(read):
+    """Triangles with a corner that is no number are left out of both."""
+    plain, _ = plain_and_smooth()
+    plain.data.vertices[0].co.x = math.nan
+    geometry = read().geometry
+    assert len(geometry.triangles) == len(geometry.corner_normals) == 80 - 5 + 16 * 14
+
+
+def test_pictures_of_triangles_are_those_by_blenders_normals(addon, engine_scene, monkeypatch):
+    plain, smooth = plain_and_smooth()
+    for other in (smooth, bpy.data.objects["Cube"]):
+        bpy.data.objects.remove(other)
+    plain.location.x, plain.location.z = 0, 0
+    own = f12(engine_scene)[COMBINED]
+    module = addon(BRIDGE + "read_scene")
+    read_mesh = module.read_mesh
+    monkeypatch.setattr(module, "read_mesh", lambda mesh, with_uv, _: read_mesh(mesh, with_uv, True))
+    theirs = f12(engine_scene)[COMBINED]
+    assert np.ptp(own[..., :3]) > 0.05 and np.array_equal(own, theirs)

@@ -40,6 +40,7 @@ def test_both_ways_meet_the_same(fault, corners, monkeypatch):
         faces = np.concatenate([faces, faces[:, 2:]], axis=1)
         faces[::2, 3] = np.roll(faces[::2, 0], 1)
     quick, _kept, one = embree.mesh_in_embree(_load_embreex(), vertices, faces)
+    assert quick.is_committed == 1
     if fault == "no library":
         monkeypatch.setattr(embree, "_library", lambda module: None)
     else:
@@ -57,6 +58,14 @@ def test_both_ways_meet_the_same(fault, corners, monkeypatch):
             np.testing.assert_array_equal(values, copied[name])
         elif name in ("tfar", "Ng"):
             np.testing.assert_allclose(values, copied[name], atol=1e-5)
+
+
+def test_what_memory_does_not_hold_is_said(monkeypatch):
+    """Embree tells its error by a number, 4 for memory; embreex would write it to a log."""
+    modules = _load_embreex()
+    monkeypatch.setattr(embree._library(modules[0].__file__), "rtcGetDeviceError", lambda device: 4)
+    with pytest.raises(MemoryError, match="not enough memory"):
+        embree.mesh_in_embree(modules, *soup(np.random.default_rng(4)))
 
 
 def test_the_library_is_asked_only_where_it_has_all_functions(monkeypatch):

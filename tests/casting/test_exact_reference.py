@@ -10,8 +10,7 @@ import pytest
 from benchmarks.hard_scenes import HARD_SCENES
 from benchmarks.scenes import SCENES, bent_projection
 from benchmarks.trade import put_into, volumes
-from scfpf_addon.casting import certify
-from scfpf_addon.casting import scene as scene_module
+from scfpf_addon.casting import certify, memory
 from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.frame import cast_frame, pixel_centres
@@ -173,8 +172,8 @@ def test_prisms_are_made_only_for_exact_casting_and_once(reference):
 
 def test_too_little_memory_is_refused_in_words(monkeypatch, reference):
     scene = CastScene(*mesh("terrain"))
-    monkeypatch.setattr(scene_module, "available_memory", lambda: 1000)
+    monkeypatch.setattr(memory, "available_memory", lambda: 1000)
     with pytest.raises(CastError, match=r"needs 0\.0 GB .* set the pixel error above 0"):
         reference.cast_image(scene, volume("quadratic"), 16, 9, 0.0)
-    monkeypatch.setattr(scene_module, "available_memory", lambda: None)
+    monkeypatch.setattr(memory, "available_memory", lambda: None)
     assert reference.cast_image(scene, volume("quadratic"), 16, 9, 0.0).mask.all()

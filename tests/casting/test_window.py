@@ -26,7 +26,7 @@ def placed(place, generator=None, turn=0.0):
 def seen_by(projection, points, faces, count=48):
     """Which of count × count rays meet something, and the window; None for volumes far larger than that."""
     scene = CastScene(points, faces)
-    rays = FlatRays.of(projection.transformed(scene.matrix))
+    rays = FlatRays.of(projection.transformed(scene.matrix), scene)
     if rays is None:
         return None
     places = np.linspace(0, 1, count)

@@ -52,13 +52,19 @@ def extensions_folder():
 
 
 @pytest.fixture(scope="session")
-def installed(this_zip, extensions_folder):
+def wheel_finder(extensions_folder):
+    """What finds embreex for the add-on."""
+    version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
+    return WheelFinder(extensions_folder / ".local" / "lib" / version / "site-packages")
+
+
+@pytest.fixture(scope="session")
+def installed(this_zip, extensions_folder, wheel_finder):
     """The module name of the add-on, installed from the zip and enabled."""
     profile = pathlib.Path(os.environ["BLENDER_USER_RESOURCES"])
     assert extensions_folder.is_relative_to(profile)
     assert "embreex" not in sys.modules
-    version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
-    sys.meta_path.insert(0, WheelFinder(extensions_folder / ".local" / "lib" / version / "site-packages"))
+    sys.meta_path.insert(0, wheel_finder)
     done = bpy.ops.extensions.package_install_files(
         filepath=str(this_zip), repo=REPOSITORY, enable_on_install=True
     )

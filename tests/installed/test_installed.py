@@ -5,6 +5,7 @@ import importlib
 import importlib.metadata
 import pathlib
 import re
+import shutil
 import sys
 import zipfile
 
@@ -137,15 +138,29 @@ def switched_off(installed):
         del sys.modules[name]
 
 
-@pytest.mark.parametrize("fault", ["missing", "too old"])
-def test_without_a_caster_all_else_works(installed, monkeypatch, fault):
+def broken_copy(site_packages, folder):
+    """The wheel's embreex in another folder, its libraries cut off as by a download that broke."""
+    without = shutil.ignore_patterns("__pycache__")
+    copy = pathlib.Path(shutil.copytree(site_packages / "embreex", folder / "embreex", ignore=without))
+    libraries = [*copy.glob("*.so"), *copy.glob("*.pyd")]
+    assert libraries
+    for library in libraries:
+        library.write_bytes(library.read_bytes()[:100])
+    return folder
+
+
+@pytest.mark.parametrize("fault", ["missing", "cannot be loaded", "too old"])
+def test_without_a_caster_all_else_works(installed, wheel_finder, monkeypatch, tmp_path, fault):
     render_a_cube()
     assert "embreex" not in labels(installed)
-    switched_off(installed)
+    broken = broken_copy(wheel_finder.folder, tmp_path)
+    switched_off(installed)  # which takes the wheel away too
     for name in [name for name in sys.modules if name == "embreex" or name.startswith("embreex.")]:
         monkeypatch.delitem(sys.modules, name)
     if fault == "missing":
         monkeypatch.setitem(sys.modules, "embreex", None)
+    elif fault == "cannot be loaded":
+        monkeypatch.setattr(wheel_finder, "folder", broken)
     else:
         found = importlib.metadata.version
         monkeypatch.setattr(

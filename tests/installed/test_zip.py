@@ -3,9 +3,12 @@
 
 import pathlib
 import re
+import subprocess
+import sys
 import tomllib
 import zipfile
 
+import bpy
 import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -34,6 +37,16 @@ def shipped_files():
 def zip_of(platform):
     version = tomllib.loads((ROOT / "blender_manifest.toml").read_text("utf-8"))["version"]
     return zipfile.ZipFile(ROOT / "dist" / f"scfpf-{version}-{platform}.zip")
+
+
+@pytest.mark.parametrize("platform", WHEEL_TAGS)
+def test_accepted_by_blenders_own_tool(platform):
+    scripts = pathlib.Path(bpy.utils.system_resource("SCRIPTS"))
+    tool = scripts / "addons_core" / "bl_pkg" / "cli" / "blender_ext.py"
+    tags = scripts / "modules" / "_bpy_internal" / "extensions" / "tags.py"
+    command = [sys.executable, str(tool), "validate", f"--valid-tags={tags}", zip_of(platform).filename]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_one_zip_a_platform():

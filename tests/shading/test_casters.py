@@ -43,7 +43,7 @@ def test_pictures_are_those_of_the_whole_scene(build, lamp, heights, smooth):
     settings = FrameSettings(32, 32, samples=2)
     geometry = scene.geometry
     shown = within_volume(geometry.vertices, geometry.triangles, view.volume)
-    shading = may_shade(scene, shown, view.volume) & ~shown
+    shading = may_shade(scene, geometry.part(shown), view.volume) & ~shown
     # Less than what is not shown; more than nothing.
     assert 0.005 < shading.mean() < 0.6 * (1 - shown.mean())
     made = render_frame(view, scene, settings).pixels
@@ -55,16 +55,15 @@ def test_pictures_are_those_of_the_whole_scene(build, lamp, heights, smooth):
 
 def test_a_sky_is_hidden_by_everything(build):
     scene = replace(scattered(build, [], False), world=object())
-    assert may_shade(
-        scene, np.arange(len(scene.geometry.triangles)) == 0, build.looking_down(2, -1).volume
-    ).all()
+    shown = scene.geometry.part(np.arange(len(scene.geometry.triangles)) == 0)
+    assert may_shade(scene, shown, build.looking_down(2, -1).volume).all()
 
 
 def test_all_may_shade_a_catcher_in_even_light(build):
     """Alone there does a world of one colour cast shadows."""
     scene = build.scene([build.square(), build.square(0.2, 9.0, (5, 5))], world=(0.1, 0.1, 0.1))
     shown, volume = np.array([True, True, False, False]), build.looking_down(1, -1).volume
-    assert not may_shade(scene, shown, volume)[2:].any()
+    assert not may_shade(scene, scene.geometry.part(shown), volume)[2:].any()
     visibility = np.array([EVERYWHERE | CATCHER] * 2 + [EVERYWHERE] * 2, np.uint8)
     caught = replace(scene, geometry=replace(scene.geometry, visibility=visibility))
-    assert may_shade(caught, shown, volume).all()
+    assert may_shade(caught, caught.geometry.part(shown), volume).all()

@@ -318,7 +318,7 @@ def test_what_is_out_of_reach_is_built_only_when_light_asks_for_it(build):
     scene = build.scene([build.square(3), build.square(0.6, 2.0, (0.0, 0.0))])
     whole = scene.geometry
     near = whole.part(np.array([True, True, False, False]))
-    made = CastScene(near.vertices, near.triangles, (whole.vertices, whole.triangles[2:]))
+    made = CastScene(near.vertices, near.triangles, lambda: (whole.vertices, whole.triangles[2:]))
     up, origin = np.array([[0.0], [0], [1]]), np.zeros((3, 2))
     origin[:, 1] = made.matrix[:3, :3] @ np.array([1.2, 1.2, 0.0])
     origin += 1e-3 * up

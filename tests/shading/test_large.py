@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes import bent_projection, terrain
-from scfpf_addon.casting import culling, occupancy
-from scfpf_addon.casting import scene as cast_scenes
+from scfpf_addon.casting import culling, memory, occupancy
 from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.culling import within_volume
 from scfpf_addon.casting.neighbours import edge_neighbours
@@ -92,7 +91,7 @@ def test_exact_casting_refuses_before_anything_is_built(build, monkeypatch):
     """It names the memory that the triangles in reach need, and what to do."""
     built = []
     monkeypatch.setattr(reach, "CastScene", lambda *given: built.append(1) or CastScene(*given))
-    monkeypatch.setattr(cast_scenes, "available_memory", lambda: 1e6)
+    monkeypatch.setattr(memory, "available_memory", lambda: 1e6)
     scene = build.scene([build.square(1.5, -0.8), build.sphere(24, radius=0.5), build.sphere(24, (9, 9, 9))])
     projection = build.looking_down(2, 0.3, -1, size=1.8, shifts=(0, 0.5, 0))
     with pytest.raises(

@@ -16,6 +16,7 @@ from scfpf_addon.shading.materials import glossy
 from scfpf_addon.shading.materials.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.materials.image import ImageData
 from scfpf_addon.shading.passes import DataPasses
+from scfpf_addon.shading.scene import Light
 from scfpf_addon.shading.settings import Border, FrameSettings
 from scfpf_addon.shading.sky_light import SkyLight
 from scfpf_addon.shading.sky_map import COLUMNS, LUMINANCE, ROWS, curve_places, map_areas, map_directions
@@ -235,3 +236,70 @@ def test_rays_off_small_things_in_a_large_scene_leave_them(build):
 
 def test_luminance_is_that_of_white():
     assert LUMINANCE.sum() == pytest.approx(1.0)
+
+
+def canyon(build, world, **more):
+    """A floor between two walls, under a world, seen from above."""
+    corners = [[x, y, z] for x, top in ((-1, 1), (1, 0.2)) for z in (-1, top) for y in (-2, 2)]
+    walls = corners, [[0, 1, 3], [0, 3, 2], [4, 5, 7], [4, 7, 6]], None
+    return replace(build.scene([build.square(1.0, -1.0), walls], **more), world=world)
+
+
+def hidden_floor(world, places):
+    """Irradiance (3, n) on the floor of the canyon, summed over all directions and what the walls hide."""
+    directions = map_directions(256, 128)
+    light = world.light.without_lamps(directions, world.radiance(directions))
+    light = light * (np.repeat(map_areas(256, 128), 256) * np.maximum(directions[2], 0.0))
+    found = []
+    for x, y in places:
+        free = np.ones(len(directions[0]), bool)
+        for wall, top in ((-1.0, 2.0), (1.0, 1.2)):
+            with np.errstate(divide="ignore"):
+                far = (wall - x) / directions[0]
+            hit = (far > 0) & (np.abs(y + far * directions[1]) < 2.0) & (far * directions[2] < top)
+            free &= ~hit
+        found.append(light[:, free].sum(axis=1))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("samples", [1, 64])
+def test_what_hides_the_sky_is_counted_as_much_as_it_hides(build, samples):
+    """Against a sum over all directions. In the sun fewer rays look for it, and the mean is the same."""
+    world, _ = sunny(0.4)
+    # There are few pixels, in the sun with few rays each.
+    means, each = {1: 0.1, 64: 0.02}, {1: 0.1, 64: 0.07}
+    settings = FrameSettings(24, 6, samples=samples)
+    view = build.looking_down(3.0, -3.0, size=2.0)
+    x, y = np.meshgrid((np.arange(24) + 0.5) / 12 - 1, (np.arange(6) + 0.5) / 3 - 1)
+    expected = hidden_floor(world, np.column_stack([x.ravel(), y.ravel()])).reshape(6, 24, 3) / np.pi
+    shade = render_frame(view, canyon(build, world), settings).pixels[..., :3]
+    open_sky = SkyLight.of(world.light, 4).irradiance(np.float32([[0], [0], [1]]))[:, 0] / np.pi
+    assert (expected.mean(axis=(0, 1)) < 0.8 * open_sky).all()
+    assert shade.mean(axis=(0, 1)) == pytest.approx(expected.mean(axis=(0, 1)), rel=0.01)
+    off = np.abs(shade - expected).mean() / expected.mean()
+    assert off < each[samples]
+    sun = Light("SUN", np.full(3, 8.0), build.placed())
+    lit = render_frame(view, canyon(build, world, lights=[sun]), settings)
+    alone = render_frame(view, replace(canyon(build, world, lights=[sun]), world=None), settings).pixels
+    found = lit.pixels[..., :3] - alone[..., :3]
+    assert found.mean(axis=(0, 1)) == pytest.approx(expected.mean(axis=(0, 1)), rel=means[samples])
+
+
+@pytest.mark.parametrize("sun, most", [(0.0, 30), (8.0, 12)])
+def test_shadow_rays_of_the_sky_are_a_pixels_not_a_samples(build, monkeypatch, sun, most):
+    """About as many whatever the samples; in the sun, where their noise is less seen, fewer."""
+    world, _ = sunny(0.4)
+    rays, cast = [0], CastScene.occluded
+
+    def counted(self, origins, directions, distances):
+        rays[0] += len(distances)
+        return cast(self, origins, directions, distances)
+
+    monkeypatch.setattr(CastScene, "occluded", counted)
+    lights = [Light("SUN", np.full(3, sun), build.placed(), casts_shadow=False)]
+    for samples in (1, 4, 14, 28):
+        rays[0] = 0
+        settings = FrameSettings(8, 4, samples=samples)
+        render_frame(build.looking_down(3.0, -3.0, size=2.0), canyon(build, world, lights=lights), settings)
+        assert rays[0] <= max(most, samples) * 32
+        assert rays[0] >= 0.9 * 32 * samples

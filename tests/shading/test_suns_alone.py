@@ -222,7 +222,7 @@ KNOWN = {
 
 @pytest.mark.parametrize("kind", KNOWN)
 def test_what_makes_a_picture_is_known_to_the_short_way(kind):
-    """Whoever adds a field says in ``SunsAlone.of`` whether such pictures may go the short way, then here."""
+    """Whoever adds a field says in ``short_way`` whether such pictures may go the short way, then here."""
     names = kind._fields if hasattr(kind, "_fields") else [field.name for field in fields(kind)]
     assert list(names) == KNOWN[kind].split()
 
@@ -245,7 +245,7 @@ def test_rays_of_flat_surfaces_are_those_of_the_projection(build, kind, seed):
     generator = np.random.default_rng(seed)
     scene = CastScene(*build.square()[:2])
     inside = volume(build, kind, generator).transformed(scene.matrix)
-    rays = FlatRays.of(inside)
+    rays = FlatRays.of(inside, scene)
     x, y = generator.uniform(0, 1, 30), generator.uniform(0, 1, 20)
     origins, directions = rays.made(x, y)
     (start, end), _, farthest = usable_projectors(inside, np.tile(x, 20), np.repeat(y, 30))
@@ -255,10 +255,29 @@ def test_rays_of_flat_surfaces_are_those_of_the_projection(build, kind, seed):
     assert np.abs(directions - (end - start)).max() <= error
 
 
+@pytest.mark.parametrize("near", [Point(), Plane(0.02, 0.02), Plane(1, 2)])
+@pytest.mark.parametrize("far", [30.0, 3e3])
+def test_of_a_long_volume_what_lies_about_the_scene_is_cast(build, near, far):
+    """As a camera with a distant far clip has it."""
+    near = replace(near, matrix=build.placed((0.1, 0, 3.0)))
+    projection = Projection(
+        ViewingVolume((near, Plane(1.6 * far, 1.2 * far, matrix=build.placed((0, 0, 3.0 - far)))))
+    )
+    ball = build.sphere(9, (0.1, 0, 0), 0.6)
+    scene, wanted = build.scene([build.square(0.9, -0.7), ball], [sun(build)], f0=0.04), FrameSettings(60, 40)
+    short = Pipeline.of(projection, scene, wanted, None).suns_alone
+    assert short.window.left > 0.05 and short.window.top < 0.95
+    assert max(np.abs(part).max() for part in (short.rays.middle, short.rays.across, short.rays.up)) < 16
+    mine, its = render_frame(projection, scene, wanted), in_general(projection, scene, wanted)
+    off = np.abs(mine.pixels - its.pixels).max(axis=2)
+    assert (off > SAME).mean() <= AT_EDGES and 0.02 < its.report.hit_fraction < 0.9
+
+
 def test_rays_of_other_volumes_are_not_sums(build):
     generator = np.random.default_rng(1)
     others = [volume(build, kind, generator) for kind in ("patches", "round", "polar")]
     far = build.looking_down(1, -1, size=100.0)
-    assert [FlatRays.of(projection) for projection in (*others, far)] == [None] * 4
+    scene = CastScene(*build.square()[:2])
+    assert [FlatRays.of(projection, scene) for projection in (*others, far)] == [None] * 4
     flat = BilinearPatch(matrix=build.placed((0, 0, 1)))
-    assert FlatRays.of(Projection(ViewingVolume((flat, Plane(matrix=build.placed()))))) is not None
+    assert FlatRays.of(Projection(ViewingVolume((flat, Plane(matrix=build.placed())))), scene) is not None

@@ -34,6 +34,7 @@ def bump(
     second = np.cross(place.flat, first, axis=0)
 
     def height(where: Place) -> Array:
+        """The height (1, n) or (1, 1) that the nodes give other places."""
         ref = settings["output"]
         values: Array = registers(settings["height"], where, table)[ref.operation][ref.output]
         return values

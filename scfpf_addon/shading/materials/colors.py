@@ -89,6 +89,7 @@ def _by_hsv(keep: Callable[[Array, Array], Array]) -> Blend:
     """A blend of parts of hue, saturation and value, left alone where b has no colour."""
 
     def blend(t: Array, a: Array, b: Array) -> Array:
+        """Of colours a and b (3, n), by shares t (1, n) of b."""
         one, other = hsv_from_rgb(a), hsv_from_rgb(b)
         mixed: Array = np.where(other[1] != 0.0, a + t * (rgb_from_hsv(keep(one, other)) - a), a)
         return mixed

@@ -116,12 +116,14 @@ def noise(inputs: Sequence[Array], settings: Mapping[str, Any], place: Place) ->
     detail, roughness = np.clip(detail, 0.0, MOST_DETAIL), np.maximum(roughness, 0.0)
 
     def moved(seed: int) -> Array:
+        """Where another noise is looked up, (count, 1)."""
         return np.array([[_offset(seed, axis)] for axis in range(count)])
 
     if distortion.any():
         at = at + np.stack([perlin(at + moved(axis)) for axis in range(count)]) * distortion
 
     def value(where: Array) -> Array:
+        """The factor (n,) at places (count, n)."""
         return fractal(where, detail, roughness, lacunarity, settings["normalise"])
 
     first = value(at)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from . import colors, inputs, noise, numbers, sky, textures
+from . import colors, daylight, inputs, noise, numbers, sky, textures
 from .bump import bump
 from .graph import Evaluator
 
@@ -15,6 +15,7 @@ OPERATIONS: dict[str, Evaluator] = {
     **noise.OPERATIONS,
     **numbers.OPERATIONS,
     **sky.OPERATIONS,
+    **daylight.OPERATIONS,
     **textures.OPERATIONS,
 }
 OPERATIONS["BUMP"] = partial(bump, OPERATIONS)

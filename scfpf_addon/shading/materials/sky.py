@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
+from ..tables import between
 from .graph import Evaluator
 from .place import Place, unit
 from .sky_model import COLUMNS, ROWS, Air, sky_table, sun_color
@@ -48,19 +49,6 @@ def _below(up: Array, what: Air) -> Array:
         return np.where(deep > 0.0, faded, 1.0)
     faded = np.maximum(1.0 - FADE * deep, 0.0) ** 3
     return faded
-
-
-def between(table: Array, row: Array, column: Array) -> Array:
-    """A table (3, R, C) at places within it, (3, n)."""
-    low = np.minimum(row.astype(np.intp), table.shape[1] - 2)
-    left = np.minimum(column.astype(np.intp), table.shape[2] - 2)
-    up, along = row - low, column - left
-    flat, wide = table.reshape(3, -1), table.shape[2]
-    corner = low * wide + left
-    below = flat[:, corner] * (1.0 - along) + flat[:, corner + 1] * along
-    above = flat[:, corner + wide] * (1.0 - along) + flat[:, corner + wide + 1] * along
-    found: Array = below * (1.0 - up) + above * up
-    return found
 
 
 def _add_sun(light: Array, way: Array, settings: Settings, blur: float) -> None:

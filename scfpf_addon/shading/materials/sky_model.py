@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.typing import Array
+from ..tables import between
 
 GROUND, TOP = 6.36e6, 6.42e6
 AIR_HEIGHT, DUST_HEIGHT = 8e3, 1.2e3
@@ -95,6 +96,7 @@ def rgb_of(spectrum: Array) -> Array:
     """Scene-linear colours (3, ...) of spectra (..., WAVELENGTHS)."""
 
     def lobe(height: float, middle: float, before: float, after: float) -> Array:
+        """A bell round a wavelength in nm, wider or narrower on either side, (WAVELENGTHS,)."""
         width = np.where(middle > WAVELENGTHS, before, after)
         found: Array = height * np.exp(-0.5 * ((WAVELENGTHS - middle) / width) ** 2)
         return found
@@ -205,20 +207,14 @@ def _scattering(density: Array) -> Array:
 def scattered_again(what: Air, radius: Array, cosine: Array) -> Array:
     """Radiance that was scattered before, per irradiance of the sun, (n, W), from everywhere alike."""
     table = _again_table(what._replace(elevation=0.0, altitude=0.0))
-    row = np.sqrt(np.clip((radius - GROUND) / (TOP - GROUND), 0.0, 1.0)) * (len(table) - 1)
-    column = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0) * (table.shape[1] - 1)
-    low = np.minimum(row.astype(np.intp), len(table) - 2)
-    left = np.minimum(column.astype(np.intp), table.shape[1] - 2)
-    up, along = (row - low)[:, None], (column - left)[:, None]
-    below = table[low, left] * (1.0 - along) + table[low, left + 1] * along
-    above = table[low + 1, left] * (1.0 - along) + table[low + 1, left + 1] * along
-    found: Array = below * (1.0 - up) + above * up
-    return found
+    row = np.sqrt(np.clip((radius - GROUND) / (TOP - GROUND), 0.0, 1.0)) * (table.shape[1] - 1)
+    column = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0) * (table.shape[2] - 1)
+    return between(table, row, column).T
 
 
 @lru_cache(maxsize=4)
 def _again_table(what: Air) -> Array:
-    """As ``scattered_again``, by the root of the height and the sun's cosine, (H, C, W) (Hillaire 2020).
+    """As ``scattered_again``, by the root of the height and the sun's cosine, (W, H, C) (Hillaire 2020).
 
     All scattering after the first is taken for even, and each as the one before.
     """
@@ -252,7 +248,7 @@ def _again_table(what: Air) -> Array:
     bright = GROUND_ALBEDO / np.pi * np.maximum((eye * sun + ends * towards) / GROUND, 0.0) * met
     sunlit = _lost(_depth_to_sun(np.full_like(towards, GROUND), np.maximum(sun + 0.0 * towards, 0.0), what))
     once = once + (_lost(depth) * sunlit * bright[..., None]).mean(axis=2)
-    table: Array = once / (1.0 - on)
+    table: Array = np.ascontiguousarray(np.moveaxis(once / (1.0 - on), 2, 0))
     return table
 
 

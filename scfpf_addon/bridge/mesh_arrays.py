@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Evaluated meshes → arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+# Beyond this the square of a float32 coordinate overflows; Blender itself turns an infinite one into 3.4e38.
+LARGEST_COORDINATE = 1e18
+
+
+@dataclass(frozen=True)
+class MeshArrays:
+    """One mesh as evaluated, in its own space.
+
+    vertices: (V, 3) float32. triangles: (T, 3) int32. normals: (T, 3, 3) float32,
+    the shading normal at each corner, or (T, 1, 3) where all corners of a face have the same; None where
+    that is the triangle's own.
+    slot: (T,) int32, material slot numbers.
+    finite: False if triangles were left out because of non-finite vertices. uv: (T, 3, 2)
+    float32 texture coordinates of the corners, None if there are none or they are not wanted.
+    kept: of the mesh's triangles, None for all. layers: by name, what materials ask for.
+    """
+
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.int32]
+    normals: NDArray[np.float32] | None
+    slot: NDArray[np.int32]
+    finite: bool = True
+    uv: NDArray[np.float32] | None = None
+    kept: NDArray[np.bool_] | None = None
+    layers: dict[str, NDArray[np.float32]] = field(default_factory=dict)
+
+
+def of_mesh(thing, read):
+    """read(mesh) of an evaluated object's mesh, with its triangles reckoned."""
+    try:
+        # The evaluated mesh of an object in Edit Mode has no arrays yet: to_mesh() makes them.
+        mesh = thing.to_mesh() if thing.data.is_editmode else thing.data
+        mesh.calc_loop_triangles()
+        return read(mesh)
+    finally:
+        if thing.data.is_editmode:
+            thing.to_mesh_clear()
+
+
+def read_mesh(mesh, with_uv: bool = False, with_normals: bool = True) -> MeshArrays:
+    """The arrays of an evaluated bpy.types.Mesh. with_uv: the texture coordinates, too.
+
+    with_normals: even where they are the triangles' own.
+    """
+    mesh.calc_loop_triangles()
+    count = len(mesh.loop_triangles)
+    vertices = np.empty((len(mesh.vertices), 3), np.float32)
+    slot = np.zeros(count, np.int32)
+    if count == 0:
+        none = np.empty((0, 3), np.int32)
+        return MeshArrays(vertices[:0], none, np.empty((0, 3, 3), np.float32), slot)
+    # Attributes' memory is copied at once; vertices[].co and loops[].vertex_index go one by one.
+    mesh.attributes["position"].data.foreach_get("vector", vertices.reshape(-1))
+    corner_vertex = np.empty(len(mesh.loops), np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
+    face, corners = _triangulation(mesh)
+    if "material_index" in mesh.attributes:
+        face_slot = np.empty(len(mesh.polygons), np.int32)
+        mesh.attributes["material_index"].data.foreach_get("value", face_slot)
+        slot = _taken(face_slot, face)
+    uv = None
+    layer = next((each for each in mesh.uv_layers if each.active_render), None) if with_uv else None
+    if layer is not None:
+        corner_uv = np.empty((len(mesh.loops), 2), np.float32)
+        layer.uv.foreach_get("vector", corner_uv.reshape(-1))
+        uv = _taken(corner_uv, corners).reshape(-1, 3, 2)
+    own = face is None and mesh.normals_domain == "FACE"
+    normals = None if own and not with_normals else read_normals(mesh, corners, face)
+    triangles = _taken(corner_vertex, corners).reshape(-1, 3)
+    return _finite(MeshArrays(vertices, triangles, normals, slot, uv=uv))
+
+
+def _triangulation(mesh) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
+    """The face of each triangle (T,), and their corners (3T,); None for as they come.
+
+    Where each face has one triangle it is that triangle, and its corners need not be asked for, one by one.
+    """
+    face = np.empty(len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangle_polygons.foreach_get("value", face)
+    if len(face) == len(mesh.polygons) and (face == np.arange(len(face), dtype=np.int32)).all():
+        return None, None
+    corners = np.empty(3 * len(face), np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners)
+    return face, corners
+
+
+def _taken(values: NDArray, which: NDArray[np.int32] | None) -> NDArray:
+    """The rows ``which`` of values, None for all."""
+    return values if which is None else values.take(which, axis=0)
+
+
+def read_normals(
+    mesh, corners: NDArray[np.int32] | None = None, face: NDArray[np.int32] | None = None
+) -> NDArray[np.float32]:
+    """Normals as in ``MeshArrays``. corners, face: of the triangles, see ``_triangulation``."""
+    if mesh.normals_domain == "FACE":
+        # A third of the memory, and Blender need not spread them to the corners first.
+        normal = np.empty((len(mesh.polygons), 3), np.float32)
+        mesh.polygon_normals.foreach_get("vector", normal.reshape(-1))
+        return _taken(normal, face)[:, None]
+    normal = np.empty((len(mesh.loops), 3), np.float32)
+    mesh.corner_normals.foreach_get("vector", normal.reshape(-1))
+    return _taken(normal, corners).reshape(-1, 3, 3)
+
+
+def _finite(mesh: MeshArrays) -> MeshArrays:
+    """The mesh without the triangles that have a NaN, infinite or as good as infinite corner."""
+    if max(mesh.vertices.max(), -mesh.vertices.min()) <= LARGEST_COORDINATE:
+        return mesh
+    good = (np.abs(mesh.vertices) <= LARGEST_COORDINATE).all(axis=1)
+    keep = good[mesh.triangles].all(axis=1)
+    return MeshArrays(
+        # No triangle uses the bad ones any more; they must not stretch the scene's bounds.
+        np.where(good[:, None], mesh.vertices, mesh.vertices[good][:1] if good.any() else 0.0),
+        mesh.triangles[keep],
+        None if mesh.normals is None else mesh.normals[keep],
+        mesh.slot[keep],
+        finite=False,
+        uv=None if mesh.uv is None else mesh.uv[keep],
+        kept=keep,
+    )
