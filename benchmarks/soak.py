@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -37,7 +38,9 @@ def session(seed: int, steps: int, folder: str) -> str:
         return ""
     journal = Path(folder, f"{seed}.txt")
     last = journal.read_text().splitlines()[-5:] if journal.exists() else []
-    return "\n".join([f"ended with {ran.returncode} after", *last, ran.stdout[-3000:], ran.stderr[-1500:]])
+    # Where Blender itself ended: the first lines of what faulthandler writes, not the last.
+    where = ran.stderr[:1500]
+    return "\n".join([f"ended with {ran.returncode} after", *last, ran.stdout[-3000:], where])
 
 
 def main() -> None:
@@ -54,7 +57,12 @@ def main() -> None:
             faults += bool(fault)
             print(f"seed {seed}: {fault or 'nothing wrong'}", flush=True)
             seed += 1
-    print(f"{seed - options.seed} sessions of {options.steps} steps, {faults} at fault")
+    took = resource.getrusage(resource.RUSAGE_CHILDREN)
+    minutes = (took.ru_utime + took.ru_stime) / 60
+    print(
+        f"{seed - options.seed} sessions of {options.steps} steps, {minutes:.0f} minutes of CPU time, "
+        f"{faults} at fault"
+    )
     sys.exit(min(faults, 99))
 
 

@@ -6,6 +6,7 @@ from ..scfpf_addon.bridge.flexible_camera import FlexibleCameraError
 from ..scfpf_addon.bridge.mapping_edits import MappingError
 from ..scfpf_addon.bridge.render_job import RENDER_ERRORS, reason
 from ..scfpf_addon.bridge.result_image import ResultError
+from ..scfpf_addon.bridge.slot_animation import SlotError
 from ..scfpf_addon.bridge.surface_nodes import SurfaceError
 from ..scfpf_addon.cycles.rig_data import RigError
 from ..scfpf_addon.projection.blending import BlendError
@@ -24,6 +25,7 @@ BAD_INPUT = (
     PreviewError,
     ResultError,
     RigError,
+    SlotError,
     SurfaceError,
     ViewportError,
     *RENDER_ERRORS,

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..scfpf_addon.bridge.missing import missing_text
 from ..scfpf_addon.bridge.render_job import RenderError
 from ..scfpf_addon.bridge.rig_mark import camera_behind
 
@@ -107,7 +108,9 @@ def chosen_camera(context, name: str):
     """The flexible camera of a name, or without one what Render means. Raises RenderError."""
     camera = bpy.data.objects.get(name) if name else render_camera(context)
     if camera is None:
-        raise RenderError(f'There is no object "{name}" to look through' if name else NO_CAMERA)
+        if name:
+            raise RenderError(f'There is no object "{name}" to look through')
+        raise RenderError(missing_text(context.scene.camera) or NO_CAMERA)
     if camera.type != "CAMERA" or not camera.scfpf.enabled:
         raise RenderError(f"{camera.name} is not a flexible camera: switch on Flexible Projection for it")
     return camera

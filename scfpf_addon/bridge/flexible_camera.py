@@ -13,10 +13,10 @@ from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.uv_mesh import UVMesh
 from ..projection.volume import Projection
 from . import edit_volume, lattice_object, nurbs_object, surface_nodes
-from .mapping_edits import clear_mappings, grids_of, write_mappings
+from .mapping_edits import MAPPINGS, clear_mappings, grids_of, write_mappings
 from .ordinary_camera import FrustumError, frustum
 from .rig_mark import is_rig_part
-from .slot_animation import clear_slots, move_slot, remove_slot
+from .slot_animation import SURFACES, clear_slots, move_slot, remove_slot, require_own_items
 from .surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from .uv_mesh import mesh_kind
 from .volume_object import delete_with_data, is_volume_object, link_beside, sync_volume_object
@@ -223,6 +223,7 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     _require_camera(camera)
     if not (math.isfinite(scale) and scale > 0):
         raise FlexibleCameraError(f"A preset's scale must be a number above 0, not {scale}")
+    require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     fitted = preset.fitted(aspect)
     replace_surfaces(camera, [_scaled(surface, scale) for surface in fitted.surfaces])
     settings = camera.scfpf
@@ -265,6 +266,7 @@ def replace_surfaces(camera, described) -> None:
     described: (name, kind, matrix in camera space, parameters, points) of each, as ``new_surface``.
     All of them exist before an old one goes: what fails, fails with the old volume whole.
     """
+    require_own_items(camera.scfpf, SURFACES)
     made = []
     try:
         for name, kind, _, parameters, points in described:
@@ -321,6 +323,7 @@ def volume_from_camera(camera, scene) -> None:
     Raises FlexibleCameraError for a panoramic or custom camera, or one without depth.
     """
     _require_camera(camera)
+    require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     lens = camera.data
     try:
         near, far = frustum(camera, scene)

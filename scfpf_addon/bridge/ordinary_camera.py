@@ -10,6 +10,7 @@ import numpy as np
 from ..projection.surfaces import Plane
 from ..projection.typing import Array
 from ..projection.volume import Projection, ViewingVolume
+from .missing import missing_text
 
 
 class FrustumError(ValueError):
@@ -32,7 +33,8 @@ def frustum(camera, scene) -> tuple[End, End]:
     Blender lets any object be the scene's.
     """
     if camera.type != "CAMERA":
-        raise FrustumError(f"'{camera.name}' is no camera: choose one in the Scene properties")
+        lost = missing_text(camera.original)
+        raise FrustumError(lost or f"'{camera.name}' is no camera: choose one in the Scene properties")
     lens = camera.data
     if lens.type not in {"PERSP", "ORTHO"}:
         raise FrustumError(

@@ -17,6 +17,7 @@ from ..projection.volume import Projection, ViewingVolume
 from . import lattice_object, nurbs_object
 from .mapping_edits import MappingError
 from .mesh_grid import SurfaceError, grid_points
+from .missing import missing_text
 from .read_mappings import read_mappings
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
 from .uv_mesh import read_reshaped, read_uv_mesh
@@ -118,6 +119,8 @@ def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> 
 def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
     """One control surface of a camera in world space."""
     name, kind = surface.name, surface.scfpf_surface.kind
+    if lost := missing_text(surface):
+        raise ProjectionError(f"Control surface {lost}")
     if is_deleted(surface, depsgraph.scene):
         raise ProjectionError(
             f"Control surface '{name}' was deleted from this scene: undo that, or take it off the list"

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import bpy
+
 # The custom property of each of a rig's objects that names the flexible camera; a pointer.
 RIG_KEY = "scfpf_rig_of"
 
@@ -14,4 +16,5 @@ def is_rig_part(obj) -> bool:
 
 def camera_behind(obj):
     """The flexible camera that a rig's camera stands for; any other object, or None, itself."""
-    return obj.get(RIG_KEY) or obj if obj is not None else None
+    camera = None if obj is None else obj.get(RIG_KEY)
+    return camera if isinstance(camera, bpy.types.Object) else obj

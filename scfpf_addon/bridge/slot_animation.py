@@ -9,17 +9,49 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from typing import NoReturn
 
 SLOT_PATH = re.compile(r"^scfpf\.(\w+)\[(\d+)\]")
 SURFACES = "surfaces"
 
 
+class SlotError(ValueError):
+    """An item that Blender lets be neither moved nor removed; the message says why, and what to do."""
+
+
+def require_own_items(settings, *names: str) -> None:
+    """Raise SlotError where lists of ``Object.scfpf`` have items that cannot go.
+
+    Library overrides may add items to those of the other file, and move and remove what they have added.
+    """
+    override = settings.id_data.override_library
+    reference = override.reference if override is not None else None
+    if reference is not None and any(len(getattr(reference.scfpf, name)) for name in names):
+        _refuse(settings)
+
+
+def _refuse(settings) -> NoReturn:
+    raise SlotError(
+        f"'{settings.id_data.name}' is a library override: what its list has from the other file can be "
+        "neither moved nor removed here; make the camera local (Object > Relations > Make Local), or edit "
+        "that file"
+    )
+
+
 def move_slot(settings, index: int, place: int, name: str = SURFACES) -> None:
-    """Move an item of a list of ``Object.scfpf`` from one place to another. name: of the list."""
+    """Move an item of a list of ``Object.scfpf`` from one place to another. name: of the list.
+
+    Raises SlotError, as ``remove_slot`` does, for an item that a library override has from its file.
+    """
+    if index == place:
+        return
     slots = getattr(settings, name)
     order = list(range(len(slots)))
     order.insert(place, order.pop(index))
-    slots.move(index, place)
+    try:
+        slots.move(index, place)
+    except TypeError:
+        _refuse(settings)
     _renumber(settings.id_data, name, {old: new for new, old in enumerate(order)})
 
 
@@ -28,12 +60,16 @@ def remove_slot(settings, index: int, name: str = SURFACES) -> None:
     slots = getattr(settings, name)
     order = list(range(len(slots)))
     order.pop(index)
-    slots.remove(index)
+    try:
+        slots.remove(index)
+    except TypeError:
+        _refuse(settings)
     _renumber(settings.id_data, name, {old: new for new, old in enumerate(order)})
 
 
 def clear_slots(settings, name: str = SURFACES) -> None:
-    """Empty a list, with the animation of all its items."""
+    """Empty a list, with the animation of all its items. Raises SlotError as ``require_own_items`` does."""
+    require_own_items(settings, name)
     getattr(settings, name).clear()
     _renumber(settings.id_data, name, {})
 

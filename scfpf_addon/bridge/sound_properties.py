@@ -11,6 +11,8 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
+from .surface_limits import limit_older_groups
+
 
 def settle_file() -> None:
     """Set back what is out of its limits in all that the file itself has; cameras' reports name it."""
@@ -69,6 +71,7 @@ def _is_sound(prop, value) -> bool:
 @persistent
 def _loaded(*_):
     settle_file()
+    limit_older_groups()
 
 
 def register():

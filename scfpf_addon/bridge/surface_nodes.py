@@ -26,6 +26,7 @@ from . import lattice_object, nurbs_object, versions
 from .mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from .node_builder import NodeBuilder
 from .surface_gizmos import add_gizmos
+from .surface_limits import LEAST_FACES, MOST_FACES, drawn_vertices, vertices_along
 from .surface_shape import store_shape
 from .uv_mesh import write_uv_mesh
 from .volume_object import delete_with_data
@@ -96,8 +97,8 @@ def _resolution(u: int, v: int) -> tuple[Input, Input]:
         "Faces of the drawn mesh along {}; the picture uses the exact surface until a further modifier acts"
     )
     return (
-        Input("Resolution U", u, 1, 1024, description=text.format("u")),
-        Input("Resolution V", v, 1, 1024, description=text.format("v")),
+        Input("Resolution U", u, LEAST_FACES, MOST_FACES, description=text.format("u")),
+        Input("Resolution V", v, LEAST_FACES, MOST_FACES, description=text.format("v")),
     )
 
 
@@ -240,10 +241,7 @@ def _build_point(nodes, given):
 def _build_sheet(nodes, shape, given):
     """A grid in UV, moved onto the surface, with its UV map."""
     nodes.open_frame("Grid in UV")
-    count = {
-        f"Vertices {axis}": nodes.math("ADD", given[f"resolution_{key}"], 1.0, f"Vertices along {key}")
-        for axis, key in (("X", "u"), ("Y", "v"))
-    }
+    count = {f"Vertices {axis}": vertices_along(nodes, given, key) for axis, key in (("X", "u"), ("Y", "v"))}
     grid = nodes.node("GeometryNodeMeshGrid", "Grid", count)
     uv = nodes.node("ShaderNodeSeparateXYZ", "u, v", {"Vector": grid.outputs["UV Map"]})
     nodes.open_frame("Position at u, v")
@@ -349,7 +347,9 @@ def take_kind(surface) -> None:
         values = _input_values(modifier)
         points = _flat(kind)
         if before != "POINT":
-            columns, rows = (2 if kind == "PATCH" else int(values[f"Resolution {axis}"]) + 1 for axis in "UV")
+            columns, rows = (
+                2 if kind == "PATCH" else drawn_vertices(values[f"Resolution {axis}"]) for axis in "UV"
+            )
             parameters = {given.key: values[given.label] for given in PARAMETRIC_KINDS[before].parameters}
             u, v = np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows))
             shape = surface_from_parameters(before, parameters, None, np.eye(4))

@@ -27,7 +27,7 @@ from .flexible_camera import (
 )
 from .mapping_edits import own_mapping_data
 from .read_projection import read_projection
-from .slot_animation import move_slot
+from .slot_animation import SURFACES, move_slot, require_own_items
 from .surface_nodes import (
     MESH_KINDS,
     PARAMETRIC_KINDS,
@@ -98,6 +98,8 @@ def insert_surface(camera, depsgraph, aspect: float, index: int, cells: int) -> 
         insertion = inserted(volume, index, cells)
     except EditingError as error:
         raise FlexibleCameraError(str(error)) from error
+    if insertion.replaced:
+        require_own_items(camera.scfpf, SURFACES)
     first, shapes = insertion.first, insertion.shapes
     try:
         for place, shape in enumerate(shapes, first):
@@ -151,6 +153,7 @@ def _take_own_actions(copy) -> None:
 def swap_ends(camera) -> None:
     """Reverse the list of surfaces: near becomes far."""
     settings = camera.scfpf
+    require_own_items(settings, SURFACES)
     last = len(settings.surfaces) - 1
     for place in range(last):
         move_slot(settings, last, place)

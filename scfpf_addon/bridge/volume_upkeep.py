@@ -29,7 +29,6 @@ class _Upkeep:
         self.index = CameraIndex()
         self.file: tuple = ()
         self.facts: dict[int, tuple] | None = None
-        self.all_concerned = False
         self.listed: set[tuple[int, int]] = set()  # surfaces and their cameras, session ids
 
 
@@ -156,8 +155,7 @@ def _evaluated(_scene, depsgraph):
     # A render job reads the file from another thread.
     if depsgraph.mode != "VIEWPORT" or bpy.app.is_job_running("RENDER"):
         return
-    if _upkeep.all_concerned or _upkeep.facts is None:
-        _upkeep.all_concerned = False
+    if _upkeep.facts is None:
         tend()
         return
     tend(concerned(depsgraph) | _upkeep.index.in_turn())
@@ -173,8 +171,9 @@ def _render_begins(*_):
 
 @persistent
 def _undone(*_):
-    # Objects may have other names, and pointers have moved; session ids are what they were.
-    _upkeep.all_concerned = True
+    # Objects may have other names, and pointers have moved. What was removed after the step was stored
+    # is there again, though all cameras may be as they were before.
+    forget()
 
 
 @persistent

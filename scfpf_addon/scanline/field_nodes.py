@@ -11,7 +11,7 @@ from ..bridge import versions
 from ..bridge.node_builder import NodeBuilder
 
 # Node groups of an older build in a file are not used any more; raise it with every change of a group.
-BUILD = 7
+BUILD = 8
 BUILD_KEY = "scfpf_build"
 
 _SYMBOLS = {"ADD": "+", "SUBTRACT": "−", "MULTIPLY": "×", "DIVIDE": "÷", "SCALE": "×"}

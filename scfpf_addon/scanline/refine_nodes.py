@@ -28,6 +28,8 @@ from .visible_nodes import across_border, all_on_one_side, beyond_rim, past_bord
 # Faces whose vertices lie within this many pixels are not looked at, for a pixel error of 1; by the
 # square root of others, since what a straight edge is off by grows with the square of its length.
 SMALL = 16.0
+# Parts of an edge are below float32's after so many; a file may say thousands of millions.
+MOST_ROUNDS = 24
 # Edges shorter than this, in pixels, are not divided.
 SHORTEST = 2.0
 # Across the rim of a polar picture they are; what stands out beyond it is pushed in by as much.
@@ -132,7 +134,8 @@ def _build_refine(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
         "Done": ("GEOMETRY", None),
         "Left": ("FLOAT", 0.0),
     }
-    end = nodes.repeat(given["Rounds"], state, "Divide", body)
+    rounds = nodes.integer("MINIMUM", given["Rounds"], MOST_ROUNDS)
+    end = nodes.repeat(rounds, state, "Divide", body)
     nodes.open_frame("What is still too large stays if it is wholly there")
     whole, torn = nodes.separate(end["Active"], _all_there(nodes), "Wholly There")
     left = nodes.switch(large > 0.5, 0.0, end["Left"] + _faces(nodes, torn), "FLOAT", "Any Large?")

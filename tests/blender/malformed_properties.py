@@ -5,6 +5,7 @@ What Blender's interface would not let in comes from other versions, scripts, da
 """
 
 import contextlib
+import os
 
 import bpy
 
@@ -44,6 +45,45 @@ def put(owner, name: str, value) -> None:
     with contextlib.suppress(TypeError):  # what no file can hold
         stored[name] = value
     owner.id_data.update_tag()
+
+
+def put_inputs(obj, socket_type: str | None, value) -> None:
+    """Set those inputs of an object's node modifiers that are of a type, all if none is given."""
+    for modifier in obj.modifiers:
+        for item in modifier.node_group.interface.items_tree if modifier.type == "NODES" else ():
+            if item.item_type != "SOCKET" or item.in_out != "INPUT":
+                continue
+            if socket_type not in (None, item.socket_type):
+                continue
+            if bpy.app.version < (5, 2, 0):
+                modifier.pop(item.identifier, None)
+                modifier[item.identifier] = value
+            else:
+                with contextlib.suppress(TypeError, AttributeError, ValueError):  # it has a type
+                    getattr(modifier.properties.inputs, item.identifier).value = value
+    obj.update_tag()
+
+
+def take_from_a_lost_library(s, objects) -> None:
+    """Let the scene have objects of a file that is not there any more, and what they need."""
+    path = os.path.join(bpy.app.tempdir, "lost.blend")
+    names = [obj.name for obj in objects]
+    collection = bpy.data.collections.new("Linked")
+    for obj in objects:
+        collection.objects.link(obj)
+    bpy.data.libraries.write(path, {collection})
+    needed = {*objects, *(child for obj in objects for child in obj.children)}
+    bpy.data.batch_remove([collection, *needed])
+    with bpy.data.libraries.load(path, link=True) as (_, here):
+        here.collections = ["Linked"]
+    s.scene.collection.children.link(here.collections[0])
+    linked = [next(o for o in bpy.data.objects if o.library and o.name == name) for name in names]
+    if len(linked) > 1:
+        for slot, obj in zip(s.settings.surfaces, linked, strict=True):
+            slot.object = obj
+    else:
+        s.camera = s.scene.camera = linked[0]
+    os.remove(path)
 
 
 class Scene:
@@ -212,16 +252,7 @@ def the_camera_has_no_size(s):
 
 def parameters_are_no_numbers(s):
     for surface in s.surfaces:
-        for modifier in surface.modifiers:
-            for item in modifier.node_group.interface.items_tree:
-                if item.socket_type != "NodeSocketFloat":
-                    continue
-                value = NAN
-                if item.in_out == "INPUT" and bpy.app.version >= (5, 2, 0):
-                    getattr(modifier.properties.inputs, item.identifier).value = value
-                elif item.in_out == "INPUT":
-                    modifier[item.identifier] = value
-        surface.update_tag()
+        put_inputs(surface, "NodeSocketFloat", NAN)
 
 
 def texts_are_long(s):
@@ -274,13 +305,26 @@ def an_image_is_missing(s):
 
 
 def tables_are_no_objects(s):
-    s.camera["scfpf_table"] = s.camera["scfpf_rig_table"] = "text"
+    for key in ("scfpf_table", "scfpf_rig_table", "scfpf_rig_of"):
+        s.camera[key] = s.surfaces[0][key] = "text"
+
+
+def rig_of(s):
+    """The settings of a new Cycles rig of the camera."""
+    s.activate(s.camera)
+    bpy.ops.scfpf.cycles_rig()
+    return next(c for c in bpy.data.collections if c.scfpf_rig.is_rig).scfpf_rig
+
+
+def preview_of(s):
+    """The settings of a new live preview of the camera."""
+    s.activate(s.camera)
+    bpy.ops.scfpf.preview_toggle()
+    return next(c for c in bpy.data.collections if c.scfpf_preview.is_source).scfpf_preview
 
 
 def a_rig_has_lost_its_numbers(s):
-    s.activate(s.camera)
-    bpy.ops.scfpf.cycles_rig()
-    settings = next(c for c in bpy.data.collections if c.scfpf_rig.is_rig).scfpf_rig
+    settings = rig_of(s)
     for name in ("chords", "bounces", "bounces_before"):
         put(settings, name, -1)
     put(settings, "cells", [0, -5])
@@ -291,9 +335,7 @@ def a_rig_has_lost_its_numbers(s):
 
 
 def a_rig_has_lost_its_parts(s):
-    s.activate(s.camera)
-    bpy.ops.scfpf.cycles_rig()
-    settings = next(c for c in bpy.data.collections if c.scfpf_rig.is_rig).scfpf_rig
+    settings = rig_of(s)
     settings.portals.modifiers.clear()
     settings.portals.data.clear_geometry()
     settings.portals.data.materials.clear()
@@ -301,28 +343,62 @@ def a_rig_has_lost_its_parts(s):
 
 
 def a_rig_is_of_something_else(s):
-    s.activate(s.camera)
-    bpy.ops.scfpf.cycles_rig()
-    settings = next(c for c in bpy.data.collections if c.scfpf_rig.is_rig).scfpf_rig
+    settings = rig_of(s)
     put(settings, "camera", s.cube)
     put(settings, "portals", s.camera)
 
 
 def a_preview_has_lost_its_parts(s):
-    s.activate(s.camera)
-    bpy.ops.scfpf.preview_toggle()
-    settings = next(c for c in bpy.data.collections if c.scfpf_preview.is_source).scfpf_preview
+    settings = preview_of(s)
     settings.parts[0].picture.modifiers.clear()
     settings.table.modifiers.clear()
     put(settings, "view_layer", "none")
 
 
 def a_preview_is_of_something_else(s):
-    s.activate(s.camera)
-    bpy.ops.scfpf.preview_toggle()
-    settings = next(c for c in bpy.data.collections if c.scfpf_preview.is_source).scfpf_preview
+    settings = preview_of(s)
     put(settings, "camera", s.cube)
     put(settings, "table", s.camera)
+
+
+def a_preview_divides_for_ever(s):
+    put_inputs(preview_of(s).parts[0].picture, "NodeSocketInt", 2**30)
+
+
+def a_preview_s_table_is_endless(s):
+    put_inputs(preview_of(s).table, "NodeSocketInt", 2**30)
+
+
+def surfaces_have_more_faces_than_can_be(s):
+    for surface in s.surfaces:
+        put_inputs(surface, "NodeSocketInt", 2**30)
+
+
+def parameters_are_of_other_types(s):
+    for surface, value in zip(s.surfaces, ("text", [1.0, 2.0], {"a": 1}), strict=False):
+        put_inputs(surface, None, value)
+
+
+def groups_are_other_things(s):
+    for owner in (s.camera, s.surfaces[0], s.scene, s.scene.collection, *bpy.data.collections):
+        for value in ("text", 5, [1.0, 2.0], {"a": 1}):
+            for prop in owner.bl_rna.properties:
+                if prop.identifier.startswith("scfpf"):
+                    put(owner, prop.identifier, value)
+
+
+def collections_are_other_things(s):
+    put(s.settings, "mappings", "text")
+    put(s.settings, "blend_ends", [1.0, 2.0])
+    put(s.settings, "surfaces", [{"object": 5, "weight": "text"}, {}])
+
+
+def the_library_of_surfaces_is_missing(s):
+    take_from_a_lost_library(s, s.surfaces)
+
+
+def the_library_of_the_camera_is_missing(s):
+    take_from_a_lost_library(s, [s.camera])
 
 
 def everything_is_on(s):
@@ -333,10 +409,20 @@ def everything_is_on(s):
         put(obj.scfpf_surface, "is_volume", True)
 
 
+HELPERS = {
+    all_settings_are,
+    put,
+    put_inputs,
+    raw,
+    take_from_a_lost_library,
+    rig_of,
+    preview_of,
+    Scene,
+}
 SPOILED = {
     name: made
     for name, made in list(globals().items())
-    if getattr(made, "__module__", "") == __name__ and name not in ("raw", "put", "Scene", "all_settings_are")
+    if getattr(made, "__module__", "") == __name__ and made not in HELPERS
 } | {f"all settings are {value!r}": all_settings_are(value) for value in WRONG}
 # Those that need the nodes of the Cycles rig or the live preview, which take seconds to build.
 WITH_NODES = {name for name in SPOILED if name.startswith(("a_rig_", "a_preview_"))}

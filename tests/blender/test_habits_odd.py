@@ -257,3 +257,42 @@ def test_another_file_keeps_nothing_of_a_render(addon, camera):
     assert bpy.ops.scfpf.render() == {"FINISHED"} and job._kept is not None
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     assert job._kept is None
+
+
+def test_what_an_override_has_from_its_file_stays_until_it_is_local(addon, camera, tmp_path):
+    """Blender lets overrides add items to a list, and move and remove those alone."""
+    theirs = bpy.data.collections.new("Theirs")
+    bpy.context.scene.collection.children.link(theirs)
+    for obj in (camera, *(slot.object for slot in camera.scfpf.surfaces)):
+        theirs.objects.link(obj)
+    bpy.ops.scfpf.mapping_add(kind="LENS")
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "theirs.blend"))
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(tmp_path / "theirs.blend"), link=True) as (_, here):
+        here.collections = ["Theirs"]
+    here.collections[0].override_hierarchy_create(
+        bpy.context.scene, bpy.context.view_layer, do_fully_editable=True
+    )
+    bpy.context.view_layer.update()
+    camera = next(obj for obj in bpy.context.scene.objects if obj.type == "CAMERA" and obj.override_library)
+    select(camera)
+    slots = camera.scfpf.surfaces
+    assert bpy.ops.scfpf.surface_add(kind="PLANE") == {"FINISHED"}
+    before, count = [slot.object for slot in slots], len(bpy.data.objects)
+    camera.scfpf.active_surface = 0
+    for name, options in (
+        ("surface_remove", {}),
+        ("surface_move", {"direction": "DOWN"}),
+        ("volume_swap", {}),
+        ("mapping_remove", {}),
+        ("preset_apply", {"preset": "nonlinear_twist"}),
+        ("camera_from_camera", {}),
+        ("volume_to_lattice", {}),
+    ):
+        with pytest.raises(RuntimeError, match="is a library override: what its list has"):
+            getattr(bpy.ops.scfpf, name)(**options)
+        assert [slot.object for slot in slots] == before and len(bpy.data.objects) == count, name
+    camera.scfpf.active_surface = 1
+    assert bpy.ops.scfpf.surface_remove() == {"FINISHED"} and len(slots) == 2
+    assert bpy.ops.object.make_local(type="SELECT_OBJECT") == {"FINISHED"}
+    assert bpy.ops.scfpf.volume_swap() == {"FINISHED"}

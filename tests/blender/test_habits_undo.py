@@ -223,3 +223,19 @@ def test_fifty_undos_in_a_row(state):
     assert len(states) == 51
     volumes = [o for o in bpy.data.objects if o.scfpf_surface.is_volume]
     assert len(volumes) == 1, "no volume object is left over"
+
+
+def test_a_deleted_camera_s_volume_object_does_not_come_back():
+    """It goes after the step was stored: undo finds it in there again, without its camera."""
+    bpy.ops.ed.undo_push(message="start")
+    bpy.ops.scfpf.camera_add("EXEC_DEFAULT", True)
+    bpy.ops.scfpf.camera_add("EXEC_DEFAULT", True)
+    bpy.ops.object.delete("EXEC_DEFAULT", True)
+    for _ in range(2):
+        bpy.ops.mesh.primitive_cube_add("EXEC_DEFAULT", True)
+    bpy.context.view_layer.update()
+    for step in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo):
+        assert step() == {"FINISHED"}
+        bpy.context.view_layer.update()
+        owned = {obj.scfpf.volume_object for obj in bpy.data.objects if obj.type == "CAMERA"}
+        assert {obj for obj in bpy.data.objects if obj.scfpf_surface.is_volume} == owned - {None}

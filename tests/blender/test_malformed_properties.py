@@ -84,6 +84,22 @@ def test_nonsense_in_a_file_is_survived(spoiled, tmp_path):
         Exercise(errors, str(tmp_path / "nonsense.blend")).run()
 
 
+@pytest.mark.parametrize(
+    "spoiled", ["the_library_of_surfaces_is_missing", "the_library_of_the_camera_is_missing"]
+)
+def test_what_is_missing_says_where_it_was(spoiled, tmp_path):
+    scene = Scene()
+    with Errors() as errors:
+        SPOILED[spoiled](scene)
+        exercise = Exercise(errors, str(tmp_path / "nonsense.blend"))
+        exercise.load()
+        exercise.render()
+    # The Render button and F12.
+    assert len(exercise.told) == 2
+    for message in exercise.told:
+        assert "is missing from '" in message and "lost.blend'" in message and "Relocate" in message
+
+
 def test_what_is_set_back_is_named_on_the_camera(tmp_path):
     settings, name = Scene().settings, bpy.context.object.name
     put(settings, "samples", 2**31 - 1)
@@ -111,3 +127,33 @@ def test_sound_settings_are_left_alone(tmp_path, addon):
         assert settle(group) == []
     for surface in scene.surfaces:
         assert settle(surface.scfpf_surface) == []
+
+
+def test_surfaces_of_an_older_version_get_limits_on_loading(addon, tmp_path):
+    """Their node groups made as many faces as they were told to, and Blender ends itself from 2^30 on."""
+    nodes, versions = addon("scfpf_addon.bridge.surface_nodes"), addon("scfpf_addon.bridge.versions")
+    surface = Scene().surfaces[0]
+    modifier, identifiers = nodes.parameter_modifier(surface)
+    group, name = modifier.node_group, surface.name
+    for axis in "uv":
+        faces = group.nodes[f"Faces along {axis}"]
+        asked = faces.inputs["Value"].links[0].from_socket
+        group.links.new(asked, group.nodes[f"Vertices along {axis}"].inputs[0])
+        group.nodes.remove(faces)
+    versions.set_modifier_input(modifier, identifiers["Resolution U"], 1500)
+    versions.set_modifier_input(modifier, identifiers["Resolution V"], -3)
+    surface.update_tag()
+
+    def vertices():
+        surface = bpy.data.objects[name]
+        return len(surface.evaluated_get(bpy.context.evaluated_depsgraph_get()).data.vertices)
+
+    assert vertices() == 0, "V was not limited"
+    path = str(tmp_path / "older.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    for _ in range(2):
+        bpy.ops.wm.open_mainfile(filepath=path)
+        assert vertices() == 1025 * 2
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+    names = [node.name for node in bpy.data.node_groups["SCFPF Plane"].nodes]
+    assert sum(name.startswith("Faces along") for name in names) == 2, "limited once, not once a load"

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from test_panels import drawn
 
 
 @pytest.fixture
@@ -199,6 +200,60 @@ def test_files_that_are_none_are_listed_with_what_is_wrong(addon, camera, folder
     with pytest.raises(RuntimeError, match="UTF-8"):
         bpy.ops.scfpf.preset_import(filepath=str(folder / "odd.json"))
     assert [slot.object for slot in camera.scfpf.surfaces] == before
+
+
+PLANE = {"name": "A", "kind": "PLANE", "width": 1, "height": 1, "location": [0, 0, -1]}
+BROKEN = {
+    "empty": b"",
+    "blank": b" \n\t",
+    "no JSON": b"{'format': 1",
+    "a list": b"[1, 2]",
+    "a word": b"null",
+    "bytes": bytes(range(256)) * 40,
+    "deep": b"[" * 100_000,
+    "ten megabytes of nothing": b" " * 10_000_000,
+    "ten megabytes of numbers": b'{"format": [' + b"1," * 5_000_000 + b"1]}",
+    "a long number": b'{"format": ' + b"9" * 5_000 + b"}",
+    "huge": {"width": 1e300},
+    "infinite": {"width": float("inf")},
+    "not a number": {"width": float("nan")},
+    "a text for a number": {"width": "1"},
+    "a text for a place": {"location": "here"},
+    "a number for a name": {"name": 5},
+    "an unknown kind": {"kind": ["PLANE"]},
+}
+
+
+def test_each_broken_file_among_own_presets_says_what_is_wrong(addon, camera, folder):
+    """Listed under the file's name with the fault as its tooltip; applied or imported it is refused."""
+    menus, own_presets = addon("panels.own_preset_menus"), addon("operators.own_presets").own_presets
+    presets = addon("operators.presets").FOLDER
+    whole = json.loads((presets / "perspective.json").read_text(encoding="utf-8"))
+    for name, content in BROKEN.items():
+        if isinstance(content, dict):
+            content = json.dumps(whole | {"surfaces": [PLANE | content, PLANE]}).encode()
+        (folder / f"{name}.json").write_bytes(content)
+        # Its picture is none either.
+        (folder / f"{name}.png").write_bytes(content[:1000])
+    listed = {stem: (title, text) for stem, title, text in own_presets()}
+    assert listed.keys() == BROKEN.keys()
+    for menu in (menus.SCFPF_MT_presets_own, menus.SCFPF_MT_presets_remove):
+        assert drawn(menu)
+    before = [slot.object for slot in camera.scfpf.surfaces]
+    for name, (title, text) in listed.items():
+        assert title == name and len(text) > len(f"{name}.json: ") and "\n" not in text
+        calls = [
+            (bpy.ops.scfpf.preset_apply_own, {"preset": name}),
+            (bpy.ops.scfpf.preset_import, {"filepath": str(folder / f"{name}.json")}),
+        ]
+        for operator, options in calls:
+            with pytest.raises(RuntimeError, match=f"{name}.json") as refused:
+                operator(**options)
+            assert "Traceback" not in str(refused.value) and len(str(refused.value)) < 1000
+    assert [slot.object for slot in camera.scfpf.surfaces] == before
+    for name in BROKEN:
+        assert bpy.ops.scfpf.preset_remove(preset=name) == {"FINISHED"}
+    assert not list(folder.iterdir())
 
 
 def test_st_maps_and_holes_cannot_be_saved(camera, folder):
