@@ -92,6 +92,16 @@ def open_fan(count: int) -> Mesh:
     return joined([(np.concatenate([[foot, head], tips]), leaves), loose(cube(6))])
 
 
+def fins(cells: int) -> Mesh:
+    """Non-manifold: a wavy sheet with fins a tenth of a triangle high on a side of every third."""
+    vertices, triangles = stacked_sheets(cells, 0.0)
+    vertices, triangles = vertices[: len(vertices) // 2], triangles[: len(triangles) // 2]
+    feet = triangles[::3, :2]
+    tips = vertices[feet].mean(axis=1) + np.array([0.0, 2.2 / cells, 0.0])
+    number = np.arange(len(feet), dtype=np.int32) + len(vertices)
+    return np.concatenate([vertices, tips]), np.concatenate([triangles, np.column_stack([feet, number])])
+
+
 def flakes(cells: int) -> Mesh:
     """A wavy sheet with a loose flake over every triangle, a millionth to a hundredth above it."""
     generator = np.random.default_rng(4)
@@ -116,6 +126,7 @@ HARD_SCENES: dict[str, Any] = {
     "slivers": lambda: slivers(500),
     "dust": lambda: dust(500),
     "fan": lambda: open_fan(40),
+    "fins": lambda: fins(16),
     "flakes": lambda: flakes(24),
 } | {
     f"sheets {gap:g}": (lambda gap=gap: stacked_sheets(16, gap))

@@ -23,10 +23,14 @@ from .stopping import stop_here
 
 # RTCBufferType, RTCFormat and RTCGeometryType of Embree 4.
 INDEX_BUFFER, VERTEX_BUFFER = 0, 1
-UINT3, FLOAT3 = 0x5003, 0x9003
-TRIANGLES = 0
-# Bytes of three float32 or int32.
-STRIDE = 12
+UINT, FLOAT3 = 0x5000, 0x9003
+# By the number of a face's corners.
+GEOMETRY = {3: 0, 4: 1}
+# Bytes of a float32 or an int32.
+NUMBER = 4
+
+# The triangles that Embree takes a quad for: one without area where the last corner is named twice.
+HALVES = ((0, 1, 3), (2, 3, 1))
 
 # What is called of Embree: what it returns, what it takes.
 FUNCTIONS: dict[str, tuple[Any, ...]] = {
@@ -62,35 +66,39 @@ class SceneObject(ctypes.Structure):
 
 
 def mesh_in_embree(
-    modules: tuple[Any, Any], vertices: NDArray[Any], triangles: NDArray[np.int32]
-) -> tuple[Any, Any]:
-    """A scene of one mesh, built, and what has to be kept as long as it.
+    modules: tuple[Any, Any], vertices: NDArray[Any], faces: NDArray[np.int32]
+) -> tuple[Any, Any, int]:
+    """A scene of one mesh, built, what has to be kept as long as it, and as how many faces a face counts.
 
-    modules: embreex's for scenes and meshes. vertices: (V, 3), of any kind and order. triangles: (T, 3)
-    int32, contiguous; they may be Embree's own from now on and must not change. Python's other threads go on
-    while Embree builds, on all cores. Raises MemoryError, and ``Stopped`` before it builds.
+    modules: embreex's for scenes and meshes. vertices: (V, 3), of any kind and order. faces: (F, 3)
+    or, for quads, (F, 4) int32, contiguous; they may be Embree's own from now on and must not change.
+    embreex knows no quads: where it copies them each is two triangles, so that numbers of faces that
+    are found have to be divided. Python's other threads go on while Embree builds, on all cores.
+    Raises MemoryError, and ``Stopped`` before it builds.
     """
     scenes, meshes = modules
     scene = scenes.EmbreeScene(robust=True)
     library = _library(scenes.__file__)
     handle = _handle(scene) if library else None
+    corners = faces.shape[1]
     if library is None or handle is None:
-        mesh = meshes.TriangleMesh(scene, vertices.astype(np.float32), triangles)
+        halves = faces if corners == 3 else faces[:, HALVES].reshape(-1, 3)
+        mesh = meshes.TriangleMesh(scene, vertices.astype(np.float32), halves)
         stop_here()
         # Embree builds at embreex's first run, which must happen in one thread.
         nowhere = np.zeros((1, 3), np.float32)
         scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
-        return scene, mesh
+        return scene, mesh, corners - 2
     device = library.rtcGetSceneDevice(handle)
-    geometry = library.rtcNewGeometry(device, TRIANGLES)
+    geometry = library.rtcNewGeometry(device, GEOMETRY[corners])
     try:
-        place = library.rtcSetNewGeometryBuffer(geometry, VERTEX_BUFFER, 0, FLOAT3, STRIDE, len(vertices))
+        place = library.rtcSetNewGeometryBuffer(geometry, VERTEX_BUFFER, 0, FLOAT3, 3 * NUMBER, len(vertices))
         if not place:
             raise MemoryError(f"There is not enough memory for {len(vertices):,} vertices")
         own = np.ctypeslib.as_array((ctypes.c_float * (3 * len(vertices))).from_address(place))
         own.reshape(-1, 3)[:] = vertices
         library.rtcSetSharedGeometryBuffer(
-            geometry, INDEX_BUFFER, 0, UINT3, triangles.ctypes.data, 0, STRIDE, len(triangles)
+            geometry, INDEX_BUFFER, 0, UINT + corners, faces.ctypes.data, 0, corners * NUMBER, len(faces)
         )
         library.rtcCommitGeometry(geometry)
         library.rtcAttachGeometry(handle, geometry)
@@ -104,7 +112,7 @@ def mesh_in_embree(
         library.rtcReleaseGeometry(geometry)
         library.rtcReleaseDevice(device)
     scene.is_committed = 1
-    return scene, triangles
+    return scene, faces, 1
 
 
 @cache

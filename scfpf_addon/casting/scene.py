@@ -25,7 +25,7 @@ from .embree import mesh_in_embree
 from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
-from .prisms import BYTES_PER_TRIANGLE, FACE_BITS, Prisms
+from .prisms import BYTES_PER_TRIANGLE, Prisms
 from .stopping import stop_here, unstoppable
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
@@ -188,13 +188,13 @@ class CastScene:
             faces = np.where(usable[:, None], faces, faces[:, :1])
         mesh = _load_embreex(), self.vertices.T, faces
         if beyond is None:
-            self._embree, self._mesh = mesh_in_embree(*mesh)
+            self._embree, self._mesh, _ = mesh_in_embree(*mesh)
         else:
             # Embree's threads do not need the interpreter, which NumPy holds for much of its work.
             with ThreadPoolExecutor(1) as pool:
                 built = pool.submit(mesh_in_embree, *mesh)
                 self._beyond = self._placed_beyond(*beyond())
-                self._embree, self._mesh = built.result()
+                self._embree, self._mesh, _ = built.result()
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
@@ -408,7 +408,9 @@ class CastScene:
         with self._lock:
             if self._beyond is not None:
                 vertices, triangles = self._beyond
-                self._beyond_scene, self._beyond_mesh = mesh_in_embree(_load_embreex(), vertices.T, triangles)
+                self._beyond_scene, self._beyond_mesh, _ = mesh_in_embree(
+                    _load_embreex(), vertices.T, triangles
+                )
                 self._beyond = None
             return self._beyond_scene
 
@@ -464,7 +466,7 @@ class PrismScene:
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
         stop_here()
-        self._embree, self._mesh = prisms.embree_scene(_load_embreex())
+        self._embree, self._mesh, self._faces = prisms.embree_scene(_load_embreex())
         stop_here()
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
@@ -480,5 +482,6 @@ class PrismScene:
         stop_here()
         found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
         triangle: NDArray[np.int32] = found["primID"]
-        triangle >>= FACE_BITS
+        # -1 stays what it is.
+        triangle //= self._faces
         return triangle, found["tfar"]

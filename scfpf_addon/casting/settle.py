@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
 from .curves import Solutions
+from .scene import CastScene
 from .walk import RESTART, SHORTEST, Rays, Walk, store
 
 # A straight look from a prism's face to a hit strays this far from the curve at most: a few
@@ -43,7 +44,7 @@ def settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
     certain[:] = False
     certain[some] = True
     rest = np.flatnonzero(~certain)
-    return rest[~_beside(walk, rays.take(rest), triangle[rest])]
+    return rest[~_beside(walk, rays.take(rest), triangle[rest], found.take(rest))]
 
 
 def _straight(walk: Walk, rays: Rays) -> tuple[Array, Array]:
@@ -85,45 +86,97 @@ def _seen(walk: Walk, start: Array, way: Array, after: float) -> NDArray[np.int3
     )
 
 
-def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> BoolArray:
-    """As settle, where the way leads over an edge from one triangle to its neighbour: which are certain.
+def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32], known: Solutions) -> BoolArray:
+    """As settle, for ways over two triangles that share an edge, met both: which are certain.
 
-    It begins over one of the two, well within it, and ends well within the other. It stays so
-    far from all of their edges that float32 cannot be wrong about which of the two it meets.
+    known: where the curves meet the triangles whose prisms were met, each one of the two or next to
+    them: what else is that near has to be walked. A way begins and ends over the two, and stays so
+    far from all of their other edges that float32 cannot be wrong about their neighbours; one that
+    is over the same triangle all the time has but entered the prism of a neighbour first.
     """
     scene = walk.scene
     curves = walk.bundle.take(rays.projector)
     met_t, end_t = _straight(walk, rays)
     start = curves.place(met_t)
-    way = curves.place(np.minimum(end_t, 1.0)) - start
-    aim = _seen(walk, start, way, 0.0)
-    certain = aim >= 0
-    # Where the way ends on the triangle whose prism was met, it begins over a neighbour of that.
-    second, third = scene.barycentric(start, triangle)
-    edge = np.argmin(np.stack([1.0 - second - third, second, third]), axis=0)
-    over = np.where(aim == triangle, scene.neighbours[edge, triangle], triangle)
-    certain &= (over >= 0) & (scene.neighbours.take(aim, 1) == over).any(axis=0)
-    some = np.flatnonzero(certain)
-    curves, start, way = curves.take(some), start.take(some, 1), way.take(some, 1)
-    aim, over, rays = aim[some], over[some], rays.take(some)
-    walk.counts.tested += len(some)
-    span = walk.chords.span.take(rays.chord)
-    found, _ = curves.next_root(scene, aim, span, met_t[some], end_t[some])
-    clear = _nearer(walk, rays, found) & _well_within(walk, found.barycentric, aim)
-    clear &= _well_within(walk, scene.barycentric(start, over), over)
-    clear &= (_apart(walk, start, way, aim) > WELL_WITHIN) & (_apart(walk, start, way, over) > WELL_WITHIN)
-    store(walk.hits, rays.projector[clear], found.take(np.flatnonzero(clear)))
+    aim = _seen(walk, start, curves.place(np.minimum(end_t, 1.0)) - start, 0.0)
+    some = np.flatnonzero(aim >= 0)
+    curves, start, aim, known = curves.take(some), start.take(some, 1), aim[some], known.take(some)
+    part, met_t, end_t = rays.take(some), met_t[some], end_t[some]
+    span = walk.chords.span.take(part.chord)
+    found, place = curves.next_root(scene, aim, span, met_t, end_t)
+    begin, end = _over(scene, start, aim), _all_weights(found.barycentric)
+    margin = WELL_WITHIN * walk.prisms.steepest.take(aim)
+    with np.errstate(invalid="ignore"):
+        aside = ~(end > margin).all(axis=0)
+        edge = np.where(aside, end.argmin(axis=0), begin.argmin(axis=0))
+    around, number = scene.neighbours.take(aim, 1), np.arange(len(aim))
+    met = triangle[some]
+    clear = ~aside & (begin > margin).all(axis=0)
+    other = around[edge, number]
+    pair = np.flatnonzero(~clear & (other >= 0))
+    mate = other[pair]
+    clear &= (met == aim) | (around == met).any(axis=0)
+    two, there = curves.take(pair).next_root(scene, mate, span[pair], met_t[pair], end_t[pair])
+    walk.counts.tested += len(some) + len(pair)
+    with np.errstate(invalid="ignore"):
+        better = two.inside & ~(found.inside[pair] & (found.t[pair] <= two.t))
+    found.put(pair, two, np.flatnonzero(better))
+    place[:, pair] = np.where(better, there, place.take(pair, 1))
+    beside = (scene.neighbours.take(mate, 1) == met[pair]).any(axis=0)
+    beside |= (met[pair] == aim[pair]) | (around.take(pair, 1) == met[pair]).any(axis=0)
+    over = _over_pair(walk, start.take(pair, 1), place.take(pair, 1), aim[pair], mate)
+    clear[pair] = beside & over
+    with np.errstate(invalid="ignore"):
+        clear &= ~(known.inside & (known.t < found.t))
+    clear &= _nearer(walk, part, found)
+    store(walk.hits, part.projector[clear], found.take(np.flatnonzero(clear)))
+    certain = np.zeros(len(rays.projector), bool)
     certain[some] = clear
     return certain
 
 
+def _all_weights(weights: Array) -> Array:
+    """The weights of all three corners, (3, M), of those of the second and third."""
+    return np.stack([1.0 - weights[0] - weights[1], *weights])
+
+
+def _over(scene: CastScene, positions: Array, triangle: IndexArray) -> Array:
+    """Weights (3, M) of the triangles' corners at positions (3, M)."""
+    return _all_weights(scene.barycentric(positions, triangle))
+
+
+def _over_pair(walk: Walk, start: Array, end: Array, one: IndexArray, two: IndexArray) -> BoolArray:
+    """Whether straight ways (3, M) are over two neighbours each, and far from their other edges."""
+    scene = walk.scene
+    number = np.arange(len(one))
+    over = []
+    clear = np.ones(len(one), bool)
+    for triangle, across in ((one, two), (two, one)):
+        shared = scene.neighbours.take(triangle, 1) == across
+        clear &= shared.any(axis=0)
+        margin = WELL_WITHIN * walk.prisms.steepest.take(triangle)
+        for point in (start, end):
+            with np.errstate(invalid="ignore"):
+                well = _over(scene, point, triangle) > margin
+            over.append(((well | shared).all(axis=0), well.all(axis=0)))
+        apart = _apart(walk, start, end - start, triangle)
+        # Edges are numbered by the corner opposite.
+        apart[shared.argmax(axis=0), number] = np.inf
+        clear &= apart.min(axis=0, initial=np.inf) > WELL_WITHIN
+    (start_one, end_one, start_two, end_two) = over
+    for first, second in ((start_one, start_two), (end_one, end_two)):
+        clear &= first[1] | second[1] | (first[0] & second[0])
+    return clear
+
+
 def _apart(walk: Walk, start: Array, way: Array, triangle: IndexArray) -> Array:
-    """How far straight lines (3, M) are from the lines through their triangles' edges at least, (M,)."""
+    """How far straight lines (3, M) are from those through the edges opposite their triangles' corners."""
     corners = [walk.scene.vertices.take(row, 1) for row in walk.scene.triangles.take(triangle, 0).T]
-    least = np.full(len(triangle), np.inf)
-    for first, second in zip(corners, corners[1:] + corners[:1], strict=True):
+    apart = np.empty((3, len(triangle)))
+    for k, (first, second) in enumerate(
+        zip(corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)
+    ):
         across = np.cross(way, second - first, axis=0)
         length = np.sqrt(np.einsum("cn,cn->n", across, across))
-        apart = np.abs(np.einsum("cn,cn->n", start - first, across)) / np.maximum(length, SHORTEST)
-        np.minimum(least, apart, out=least)
-    return least
+        apart[k] = np.abs(np.einsum("cn,cn->n", start - first, across)) / np.maximum(length, SHORTEST)
+    return apart
