@@ -39,7 +39,7 @@ TOWERS = (
 TOWER_SIZE, TOWERS_ACROSS, TOWERS_APART, GROUND_SIZE = 1.6, 8, 6.0, 60.0
 GROUND_COLOR, SKY_COLOR, SKY_STRENGTH = (0.25, 0.40, 0.18, 1.0), (0.35, 0.60, 1.0, 1.0), 0.6
 # The sun's own angle is a real one's: shadows are crisp with few samples.
-SUN_STRENGTH, SUN_SIZE, SUN_ANGLES = 4.0, 0.5, (30.0, 0.0, 30.0)
+SUN_STRENGTH, SUN_SIZE, SUN_ANGLES = 4.0, 0.5, (50.0, 0.0, 30.0)
 # Where the little planet is seen from, and how large its picture is, pixels.
 ABOVE, PLANET_SIZE = 7.0, 900
 # The bent camera of the last step: how far the middle surface is pulled aside and turned, degrees.
@@ -308,7 +308,7 @@ def kinds(driver):
         scale = SIZE / max(*surface.dimensions, 0.5)
         if name == "Point":
             surface = bpy.data.objects.new(name, None)
-            surface.empty_display_type, scale = "SPHERE", 0.2
+            surface.empty_display_type, scale = "SPHERE", 0.12
             bpy.context.collection.objects.link(surface)
         surface.matrix_world = Matrix.Translation(place) @ tilt @ upright @ Matrix.Scale(scale, 4)
         if name == "Lattice":
@@ -329,9 +329,8 @@ def kinds(driver):
     space.shading.light = "FLAT"
     look_from(driver, (0.0, -1.0, 0.0), ((ACROSS - 1) * APART / 2, 0, -APART / 2 - 0.2), 14.5)
     space.region_3d.view_perspective = "ORTHO"
-    # Lattices and empties have no colour of their own.
-    theme = bpy.context.preferences.themes[0].view_3d
-    theme.wire = theme.empty = SURFACE_COLOR[:3]
+    # Lattices have no colour of their own.
+    bpy.context.preferences.themes[0].view_3d.wire = SURFACE_COLOR[:3]
     yield 2 * DRAW
     region = driver.region("VIEW_3D")
     x, y, wide, high = region_box(region)

@@ -18,6 +18,9 @@ from .render_passes import crypto_names, list_render_passes, stamp_manifests
 # Seconds between two updates of the result and of the header.
 TICK = 0.25
 MEBIBYTE = 2**20
+# Bytes of finished tiles that wait for the next update at most: while others are being made Blender may
+# as well take them, which needs memory for the picture that it touches for the first time.
+MOST_WAITING = 4 * MEBIBYTE
 # An extent beyond every picture: Blender cuts a result off at the render region.
 WHOLE = 2**20
 
@@ -33,6 +36,7 @@ class Delivery:
         self._view = engine.active_view_get()
         self._passes = list(list_render_passes(view_layer))
         self._waiting: list[tuple[slice, Single, dict[str, Single]]] = []
+        self._bytes = 0
         self._has_delivered = False
         self._memory = 0.0
         self._started = self._updated = perf_counter()
@@ -60,6 +64,9 @@ class Delivery:
     def add(self, rows: slice, pixels: Single, passes: dict[str, Single]) -> None:
         """Take a finished tile, see ``render_frame``; the arrays stay as they are until delivered."""
         self._waiting.append((rows, pixels, passes))
+        self._bytes += pixels.nbytes + sum(values.nbytes for values in passes.values())
+        if self._bytes > MOST_WAITING:
+            self.flush()
 
     def progress(self, share: float) -> None:
         """Note how much is done, and every TICK show it."""
@@ -78,7 +85,7 @@ class Delivery:
 
     def flush(self) -> None:
         """Hand over the tiles that wait."""
-        waiting, self._waiting = self._waiting, []
+        waiting, self._waiting, self._bytes = self._waiting, [], 0
         for rows, pixels, passes in waiting:
             self._deliver(rows.start, {"": pixels, **passes})
 
