@@ -177,6 +177,11 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
     changes, patches, lattices = [], [], []
     for surface in surfaces:
         kind = surface.scfpf_surface.kind
+        if surface.type != {nurbs_object.KIND: "SURFACE", lattice_object.KIND: "LATTICE"}.get(kind, "MESH"):
+            raise FlexibleCameraError(
+                f"'{surface.name}' is of type {surface.type.title()}, not of its kind: "
+                "choose another kind first"
+            )
         if kind == nurbs_object.KIND:
             patches.append((surface, nurbs_object.reversed_order(surface, axis)))
             continue

@@ -196,6 +196,15 @@ def test_mirror_of_one_surface_copies_a_shared_mesh(addon, read):
     assert np.allclose(after[1].evaluate(1 - U, V).position, before[1], atol=1e-5)
 
 
+@pytest.mark.parametrize(("kind", "other"), [("NURBS", "GRID"), ("GRID", "NURBS"), ("GRID", "LATTICE")])
+def test_mirror_of_another_kind_than_the_object_is_refused(addon, kind, other):
+    camera = camera_with(addon, ("PLANE", at(z=-1), {}, None), (kind, at(z=-9), None, None))
+    surfaces(camera)[1].scfpf_surface.kind = other
+    with pytest.raises(RuntimeError, match="choose another kind first") as refused:
+        bpy.ops.scfpf.volume_mirror()
+    assert "Traceback" not in str(refused.value)
+
+
 def test_what_a_mirror_would_not_reach_is_refused_before_anything_changes(addon):
     camera = camera_with(addon, ("PLANE", at(z=-1), {}, None), ("CYLINDER", at(), {}, None))
     surfaces(camera)[1].modifiers.new("Bend", "SIMPLE_DEFORM")

@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Depth of field and motion blur in the pure pipeline."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.between import projection_between
 from scfpf_addon.projection.surfaces import Cylinder, Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.shading.adaptive import Adaptive
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.lens import Aperture, lens_of
 from scfpf_addon.shading.motion import Moment, moment_of_samples, shutter_times
@@ -81,6 +85,20 @@ def test_a_points_disc_of_confusion_is_as_large_as_the_thin_lens_equation_has_it
     assert (row[np.abs(x) > 1.1] == (x[np.abs(x) > 1.1] < 0)).all()
 
 
+def test_what_the_blurred_lens_alone_sees_is_there(build):
+    """A thing beside the frame at twice the focus: none without a lens, its edge's half disc with one."""
+    # The frame is 8 wide at depth 8, so that it ends at 4.
+    wall = np.array([[4.02, -9, -8], [9, -9, -8], [9, 9, -8], [4.02, 9, -8.0]]), [[0, 1, 2], [0, 2, 3]], None
+    scene = build.scene([wall], emission=(1, 1, 1))
+    sharp = FrameSettings(160, 2, samples=256)
+    assert not render_frame(frustum(), scene, sharp).pixels[..., :3].any()
+    settings = replace(sharp, lens=lens_of(frustum(), Aperture(0.2, 4.0), AXES))
+    row = render_frame(frustum(), scene, settings).pixels[1, :, 0]
+    x = np.clip((4.02 - ((np.arange(160) + 0.5) / 160 - 0.5) * 8) / 0.2, -1, 1)
+    expected = (np.arccos(x) - x * np.sqrt(1 - x**2)) / np.pi
+    assert expected[-1] > 0.3 and np.abs(row - expected).max() < 0.03
+
+
 def test_a_moving_volume_blurs_what_stands_still(build):
     """A volume that moves by 1 at depth 8 smears an edge evenly over that width."""
     scene = build.scene(
@@ -107,6 +125,25 @@ def test_a_moving_object_is_at_each_moment_where_it_then_is(build):
     pixels = render_frame(view, scenes[1], FrameSettings(16, 16, samples=12), moments=moments).pixels
     row = pixels[8, :, 0]
     assert np.allclose(row[[3, 7, 11]], 1 / 3, atol=1e-6) and not row[[0, 15]].any()
+
+
+@pytest.mark.parametrize("adaptive", [None, Adaptive(1e3, 2)])
+def test_only_the_shutter_times_that_samples_see_are_made_ready(build, monkeypatch, adaptive):
+    """Prisms of exact casting are built at the first use: none for the frame itself, and none twice."""
+    scenes = [build.scene([build.square(0.25, centre=(c / 9, 0.0))]) for c in range(5)]
+    view = build.looking_down(1, 0, -1, shifts=[0, 0.2, 0])
+    made, built = CastScene._prisms_made, []
+    monkeypatch.setattr(CastScene, "_prisms_made", lambda self: built.append(self) or made(self))
+    settings = FrameSettings(6, 4, samples=8, pixel_error=0.0, adaptive=adaptive)
+    moments = tuple(Moment(view, scene) for scene in scenes[1:])
+    render_frame(view, scenes[0], settings, moments=moments)
+    seen = set(moment_of_samples(8, 4)[: adaptive.least if adaptive else 8])
+    assert len(built) == len(set(map(id, built))) == len(seen) == (2 if adaptive else 4)
+    # Where only the camera moves there is one scene.
+    built.clear()
+    moving = tuple(Moment(view.transformed(build.placed((c / 9, 0, 0))), scenes[0]) for c in range(4))
+    render_frame(view, scenes[0], settings, moments=moving)
+    assert len(built) == 1
 
 
 def test_surfaces_half_way():
