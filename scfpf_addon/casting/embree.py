@@ -117,14 +117,17 @@ def mesh_in_embree(
 
 @cache
 def _library(module: str) -> Any:
-    """Embree's library as embreex's module file has loaded it, None where its functions are not found."""
-    # Elsewhere than on Windows a module is asked for what it was linked with, too.
-    places = [Path(module)]
+    """Embree's library as embreex's module file uses it, None where its functions are not found."""
+    # Elsewhere than on Windows a module is asked for what it was linked with, too. On Linux that is not used
+    # where the program has brought an Embree, as Debian's Blender does; a mixture of two never ends to build.
+    places: list[Path | None] = [Path(module)]
+    if sys.platform == "linux" and hasattr(ctypes.CDLL(None), "rtcNewScene"):
+        places = [None]
     if sys.platform == "win32":
-        places = list(Path(module).parents[1].glob("embreex.libs/*embree4*.dll"))
+        places = [*Path(module).parents[1].glob("embreex.libs/*embree4*.dll")]
     for place in places:
         try:
-            library = ctypes.CDLL(str(place))
+            library = ctypes.CDLL(place and str(place))
         except OSError:  # no library that this process can open: embreex copies
             continue
         if all(hasattr(library, name) for name in FUNCTIONS):

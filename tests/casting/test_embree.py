@@ -2,6 +2,7 @@
 """Meshes handed to Embree by its own interface are those that embreex makes."""
 
 import ctypes
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -75,3 +76,14 @@ def test_the_library_is_asked_only_where_it_has_all_functions(monkeypatch):
 
 def test_a_library_that_does_not_open_is_none(tmp_path):
     assert embree._library.__wrapped__(str(tmp_path / "embreex" / "rtcore_scene.so")) is None
+
+
+def test_an_embree_of_the_program_itself_comes_first(monkeypatch):
+    """On Linux embreex's calls go there, too, as in Debian's Blender; a mixture of two never ends to build."""
+    program = SimpleNamespace(rtcNewScene=None, **{name: SimpleNamespace() for name in embree.FUNCTIONS})
+    module = _load_embreex()[0].__file__
+    monkeypatch.setattr(embree.sys, "platform", "linux")
+    monkeypatch.setattr(embree.ctypes, "CDLL", {None: program}.__getitem__)
+    assert embree._library.__wrapped__(module) is program
+    del program.rtcCommitScene
+    assert embree._library.__wrapped__(module) is None
