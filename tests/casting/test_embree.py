@@ -79,7 +79,7 @@ def test_a_library_that_does_not_open_is_none(tmp_path):
 
 
 def test_an_embree_of_the_program_itself_comes_first(monkeypatch):
-    """On Linux embreex's calls go there, too, as in Debian's Blender; a mixture of two never ends to build."""
+    """On Linux embreex calls it, too, as in Debian's Blender; a mixture of two never ends to build."""
     program = SimpleNamespace(rtcNewScene=None, **{name: SimpleNamespace() for name in embree.FUNCTIONS})
     module = _load_embreex()[0].__file__
     monkeypatch.setattr(embree.sys, "platform", "linux")
