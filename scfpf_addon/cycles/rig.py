@@ -18,7 +18,7 @@ from ..bridge.slot_animation import curve_collections
 from ..bridge.volume_object import sync_volume_object
 from ..projection.volume import Projection
 from ..scanline.picture_table import picture_signature
-from ..scanline.table_object import grid_cells
+from ..scanline.table_object import grid_cells, is_made
 from . import passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
 from .rig_data import (
@@ -31,6 +31,7 @@ from .rig_data import (
     has_cycles,
     has_old_nodes,
     is_whole,
+    let_go,
     make_rig,
     present_chords,
     remove_rig,
@@ -244,6 +245,8 @@ def _follow(rig, depsgraph) -> None:
     seen = _seen.get(rig.session_uid)
     try:
         require_cycles(settings.scene)
+        if not is_made(settings.table):  # after a step of undo
+            update_nodes(rig)
         projection, now = _look(rig, depsgraph)
         if seen == now and not settings.problem:
             return
@@ -346,6 +349,12 @@ def _frame_changed(scene, depsgraph) -> None:
 
 
 @persistent
+def _history_changes(*_) -> None:
+    for rig in rigs():
+        let_go(rig)
+
+
+@persistent
 def _history_changed(*_) -> None:
     _seen.clear()
 
@@ -358,6 +367,8 @@ def _file_loaded(*_) -> None:
 HANDLERS = {
     "depsgraph_update_post": _scene_updated,
     "frame_change_post": _frame_changed,
+    "undo_pre": _history_changes,
+    "redo_pre": _history_changes,
     "undo_post": _history_changed,
     "redo_post": _history_changed,
     "load_post": _file_loaded,

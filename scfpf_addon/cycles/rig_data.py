@@ -19,6 +19,7 @@ from ..projection.typing import Array
 from ..scanline.field_nodes import BUILD, BUILD_KEY
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
 from ..scanline.table_object import follow_property, table_object
+from ..scanline.table_object import let_go as let_table_go
 from . import lens_nodes, pass_nodes, passes, portal_nodes
 from .chord_plan import ChordPlan
 from .portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN, WIDTH
@@ -278,6 +279,18 @@ def update_nodes(rig) -> None:
     # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
     modifier.node_group = group
     settings.portals.update_tag()
+
+
+def let_go(rig) -> None:
+    """Take from a rig what handlers have it point to, before another step of undo; see ``table_object``."""
+    settings = rig.scfpf_rig
+    if settings.table is not None:
+        let_table_go(settings.table)
+    modifier = None if settings.portals is None else settings.portals.modifiers.get(MODIFIER)
+    if modifier is not None and modifier.node_group is not None:
+        for item in modifier.node_group.interface.items_tree:
+            if getattr(item, "socket_type", "") == "NodeSocketObject" and item.in_out == "INPUT":
+                versions.set_modifier_input(modifier, item.identifier, None)
 
 
 def write_sheets(rig, chords: ChordPlan) -> None:

@@ -21,6 +21,7 @@ from .preview_data import (
     copied_shelves,
     is_asleep,
     is_whole,
+    let_go,
     make_preview,
     previews,
     remove_copy,
@@ -277,8 +278,16 @@ def _frame_changed(scene, depsgraph) -> None:
 
 
 @persistent
+def _history_changes(*_) -> None:
+    """Before undo and redo."""
+    for source in previews():
+        let_go(source)
+
+
+@persistent
 def _history_changed(*_) -> None:
     """After undo and redo."""
+    _seen_cameras.clear()
     _tend_all()
     _settle_viewports_soon()
 
@@ -316,6 +325,8 @@ def _tend_all() -> None:
 HANDLERS = {
     "depsgraph_update_post": _scene_updated,
     "frame_change_post": _frame_changed,
+    "undo_pre": _history_changes,
+    "redo_pre": _history_changes,
     "undo_post": _history_changed,
     "redo_post": _history_changed,
     "load_post": _file_loaded,

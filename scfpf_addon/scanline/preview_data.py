@@ -13,8 +13,9 @@ import bpy
 from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.lattice_object import KIND as LATTICE_KIND
+from ..bridge.volume_object import delete_with_data
 from ..projection.preset import MAXIMUM_SURFACES
-from . import remap_nodes
+from . import remap_nodes, table_object
 from .table_object import TABLE_KEY
 
 MODIFIER = "SCFPF Preview"
@@ -130,7 +131,6 @@ def add_parts(source, count: int) -> list:
         members = bpy.data.collections.new(f"{name} Source Part")
         source.children.link(members)
         picture = bpy.data.objects.new(name, bpy.data.meshes.new(name))
-        picture.modifiers.new(MODIFIER, "NODES")
         _shelve(settings.shelf, picture, camera)
         part = settings.parts.add()
         part.members, part.picture = members, picture
@@ -194,7 +194,7 @@ def update_pictures(source) -> None:
 def _set_modifier(source, part, group):
     """Let a part's picture be made by a node group; returns the group that made it before, if another."""
     settings, picture = source.scfpf_preview, part.picture
-    modifier = picture.modifiers[MODIFIER]
+    modifier = picture.modifiers.get(MODIFIER) or picture.modifiers.new(MODIFIER, "NODES")
     before = modifier.node_group if modifier.node_group != group else None
     if modifier.node_group != group:
         picture.animation_data_clear()
@@ -213,6 +213,31 @@ def _set_modifier(source, part, group):
     modifier.node_group = group
     picture.update_tag()
     return before
+
+
+def let_go(source) -> None:
+    """Take from a preview what handlers have it point to, before another step of undo; see ``table_object``.
+
+    Following the scene afterwards brings all of it back.
+    """
+    settings = source.scfpf_preview
+    if settings.table is not None:
+        table_object.let_go(settings.table)
+    for part in settings.parts:
+        for member in list(part.members.objects) if part.members is not None else ():
+            part.members.objects.unlink(member)
+        if part.picture is not None:
+            part.picture.animation_data_clear()
+            modifier = part.picture.modifiers.get(MODIFIER)
+            if modifier is not None:
+                part.picture.modifiers.remove(modifier)
+    for number in reversed(range(1, len(settings.parts))):
+        members, picture = settings.parts[number].members, settings.parts[number].picture
+        settings.parts.remove(number)
+        if members is not None:
+            bpy.data.collections.remove(members)
+        if picture is not None:
+            delete_with_data(picture)
 
 
 def left_out(source, depsgraph) -> dict[str, int]:

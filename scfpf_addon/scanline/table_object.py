@@ -77,6 +77,24 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
     return table
 
 
+def let_go(table) -> None:
+    """Take from a table all that points to other data, before Blender goes to another step of undo.
+
+    Handlers change tables after the step was stored. Where two steps agree on an object Blender keeps it as
+    it is in memory, and what it then points to may be freed. ``table_object`` makes it again.
+    """
+    table.animation_data_clear()
+    modifier = table.modifiers.get(MODIFIER)
+    if modifier is not None:
+        table.modifiers.remove(modifier)
+
+
+def is_made(table) -> bool:
+    """Whether a table has what computes it; not between ``let_go`` and ``table_object``."""
+    modifier = table.modifiers.get(MODIFIER)
+    return modifier is not None and modifier.node_group is not None
+
+
 def _drive(modifier, identifier: str, owner, path: str) -> None:
     """Let an input follow a property, without Python."""
     follow_property(*versions.modifier_input_property(modifier, identifier), owner, path)

@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Undo of what the preview and the Cycles rig have followed.
+
+They follow after Blender has stored the step. What two stored steps agree on Blender keeps as it is in
+memory when it goes back: what that then pointed to was freed, and Blender crashed.
+"""
+
+import bpy
+import pytest
+
+
+def _operator(name: str):
+    """An operator, called so that its step is stored before anything is evaluated, as in a window."""
+    module, function = name.split(".")
+    return lambda **given: getattr(getattr(bpy.ops, module), function)("EXEC_DEFAULT", True, **given)
+
+
+def _another_surface(camera):
+    old = camera.scfpf.surfaces[0].object
+    new = old.copy()
+    bpy.context.scene.collection.objects.link(new)
+    camera.scfpf.surfaces[0].object = new
+
+
+def _select_surface(camera):
+    surface = camera.scfpf.surfaces[0].object
+    bpy.ops.object.select_all(action="DESELECT")
+    surface.hide_select = False
+    surface.select_set(True)
+    bpy.context.view_layer.objects.active = surface
+
+
+# What is done before the steps, and the edit itself, by name.
+EDITS = {
+    "basis": (None, lambda camera: setattr(camera.scfpf, "basis", "NURBS")),
+    "re-parameterisation": (None, lambda camera: setattr(camera.scfpf, "reparameterisation", "POLAR")),
+    "kind": (
+        None,
+        lambda camera: setattr(camera.scfpf.surfaces[0].object.scfpf_surface, "kind", "SPHERE"),
+    ),
+    "another surface": (None, _another_surface),
+    "a surface more": (None, "scfpf.surface_add"),
+    "a thing more": (None, "mesh.primitive_cube_add"),
+    "a surface's copy": (_select_surface, "object.duplicate"),
+    "a surface less": (_select_surface, "object.delete"),
+    "the camera's copy": (None, "object.duplicate"),
+    "no camera": (None, "object.delete"),
+}
+
+
+class SCFPF_OT_test_edit(bpy.types.Operator):
+    """Does one of EDITS to the camera named."""
+
+    bl_idname = "scfpf.test_edit"
+    bl_label = "Edit"
+    bl_options = {"UNDO"}  # noqa: RUF012
+
+    edit: bpy.props.StringProperty()
+    camera: bpy.props.StringProperty()
+
+    def execute(self, _context):
+        EDITS[self.edit][1](bpy.data.objects[self.camera])
+        return {"FINISHED"}
+
+
+@pytest.fixture(autouse=True)
+def editor():
+    bpy.utils.register_class(SCFPF_OT_test_edit)
+    yield
+    bpy.utils.unregister_class(SCFPF_OT_test_edit)
+
+
+def _facts(addon, name: str):
+    """What follows a camera, by names: its tables, the previews' members and the rigs' parts."""
+    table_object = addon("scfpf_addon.scanline.table_object")
+    camera = bpy.data.objects.get(name)
+    tables = {}
+    for obj in bpy.data.objects:
+        if obj.parent is not None and table_object.MODIFIER in obj.modifiers:
+            group = obj.modifiers[table_object.MODIFIER].node_group
+            tables[obj.name] = (group.name, obj.parent.name)
+    members = sorted(
+        obj.name
+        for source in bpy.data.collections
+        if source.scfpf_preview.is_source
+        for part in source.scfpf_preview.parts
+        for obj in part.members.objects
+    )
+    rigs = sorted(c.name for c in bpy.data.collections if c.scfpf_rig.is_rig)
+    listed = None if camera is None else [s.object and s.object.name for s in camera.scfpf.surfaces]
+    return tables, members, rigs, listed
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_what_has_been_followed_goes_back_and_forth(addon, edit):
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    bpy.context.scene.render.resolution_percentage = 10
+    bpy.ops.scfpf.camera_add(preset="curved_convergence")
+    camera = bpy.context.object
+    name = camera.name
+    bpy.ops.scfpf.cycles_rig()
+    bpy.context.view_layer.objects.active = camera
+    bpy.ops.scfpf.preview_toggle()
+    prepare, act = EDITS[edit]
+    if prepare is not None:
+        prepare(camera)
+    bpy.context.view_layer.update()
+    for number in range(3):
+        bpy.ops.ed.undo_push(message=f"before {number}")
+    before = _facts(addon, name)
+    if isinstance(act, str):
+        _operator(act)()
+    else:
+        bpy.ops.scfpf.test_edit("EXEC_DEFAULT", True, edit=edit, camera=name)
+    bpy.context.view_layer.update()
+    after = _facts(addon, name)
+    for _ in range(2):
+        bpy.ops.ed.undo()
+        bpy.context.view_layer.update()
+        assert _facts(addon, name) == before
+    for expected in (before, after):
+        bpy.ops.ed.redo()
+        bpy.context.view_layer.update()
+        assert _facts(addon, name) == expected
