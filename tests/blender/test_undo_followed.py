@@ -22,12 +22,15 @@ def _another_surface(camera):
     camera.scfpf.surfaces[0].object = new
 
 
-def _select_surface(camera):
-    surface = camera.scfpf.surfaces[0].object
+def _select(obj):
     bpy.ops.object.select_all(action="DESELECT")
-    surface.hide_select = False
-    surface.select_set(True)
-    bpy.context.view_layer.objects.active = surface
+    obj.hide_select = False
+    obj.select_set(True)
+    bpy.context.view_layer.objects.active = obj
+
+
+def _select_surface(camera):
+    _select(camera.scfpf.surfaces[0].object)
 
 
 # What is done before the steps, and the edit itself, by name.
@@ -39,12 +42,12 @@ EDITS = {
         lambda camera: setattr(camera.scfpf.surfaces[0].object.scfpf_surface, "kind", "SPHERE"),
     ),
     "another surface": (None, _another_surface),
-    "a surface more": (None, "scfpf.surface_add"),
+    "a surface more": (_select, "scfpf.surface_add"),
     "a thing more": (None, "mesh.primitive_cube_add"),
     "a surface's copy": (_select_surface, "object.duplicate"),
     "a surface less": (_select_surface, "object.delete"),
-    "the camera's copy": (None, "object.duplicate"),
-    "no camera": (None, "object.delete"),
+    "the camera's copy": (_select, "object.duplicate"),
+    "no camera": (_select, "object.delete"),
 }
 
 
@@ -91,34 +94,29 @@ def _facts(addon, name: str):
     return tables, members, rigs, listed
 
 
-@pytest.mark.parametrize("edit", EDITS)
-def test_what_has_been_followed_goes_back_and_forth(addon, edit):
+def test_what_has_been_followed_goes_back_and_forth(addon):
+    """All edits one after the other: preview and rig take seconds to make."""
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     bpy.context.scene.render.resolution_percentage = 10
     bpy.ops.scfpf.camera_add(preset="curved_convergence")
-    camera = bpy.context.object
-    name = camera.name
+    name = bpy.context.object.name
     bpy.ops.scfpf.cycles_rig()
-    bpy.context.view_layer.objects.active = camera
+    bpy.context.view_layer.objects.active = bpy.data.objects[name]
     bpy.ops.scfpf.preview_toggle()
-    prepare, act = EDITS[edit]
-    if prepare is not None:
-        prepare(camera)
-    bpy.context.view_layer.update()
-    for number in range(3):
-        bpy.ops.ed.undo_push(message=f"before {number}")
-    before = _facts(addon, name)
-    if isinstance(act, str):
-        _operator(act)()
-    else:
-        bpy.ops.scfpf.test_edit("EXEC_DEFAULT", True, edit=edit, camera=name)
-    bpy.context.view_layer.update()
-    after = _facts(addon, name)
-    for _ in range(2):
-        bpy.ops.ed.undo()
+    for edit, (prepare, act) in EDITS.items():
+        if prepare is not None:
+            prepare(bpy.data.objects[name])
         bpy.context.view_layer.update()
-        assert _facts(addon, name) == before
-    for expected in (before, after):
-        bpy.ops.ed.redo()
+        for number in range(2):
+            bpy.ops.ed.undo_push(message=f"before {edit} {number}")
+        before = _facts(addon, name)
+        if isinstance(act, str):
+            _operator(act)()
+        else:
+            bpy.ops.scfpf.test_edit("EXEC_DEFAULT", True, edit=edit, camera=name)
         bpy.context.view_layer.update()
-        assert _facts(addon, name) == expected
+        after = _facts(addon, name)
+        for move, expected in (("undo", before), ("redo", after), ("undo", before)):
+            getattr(bpy.ops.ed, move)()
+            bpy.context.view_layer.update()
+            assert _facts(addon, name) == expected, (edit, move)
