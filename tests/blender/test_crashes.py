@@ -3,6 +3,7 @@
 
 import os
 import subprocess
+from pathlib import Path
 
 import pytest
 from test_render_engine import after, interpreter
@@ -46,6 +47,14 @@ bpy.ops.object.delete()
 def test_blender_survives(case, tmp_path, extension):
     script = tmp_path / "session.py"
     script.write_text(BEGIN + CASES[case] + END)
+    check_survives(script, tmp_path, extension)
+
+
+def test_blender_survives_undo_of_what_was_followed(tmp_path, extension):
+    check_survives(Path(__file__).with_name("undo_followed.py"), tmp_path, extension)
+
+
+def check_survives(script, tmp_path, extension):
     repository = os.path.dirname(os.path.dirname(extension.__file__))
     done = subprocess.run(
         [*interpreter(), str(script), *after(), repository],
@@ -53,7 +62,7 @@ def test_blender_survives(case, tmp_path, extension):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     assert "SURVIVED" in done.stdout, f"ended with {done.returncode}: {done.stderr[-2000:]}"

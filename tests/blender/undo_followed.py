@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Undo of what the preview and the Cycles rig have followed.
+"""A session for test_crashes.py: undo of what the preview and the Cycles rig have followed.
 
 They follow after Blender has stored the step. What two stored steps agree on Blender keeps as it is in
 memory when it goes back: what that then pointed to was freed, and Blender crashed.
 """
 
+import sys
+
 import bpy
-import pytest
 
 
 def _operator(name: str):
@@ -32,6 +33,9 @@ def _select(obj):
 def _select_surface(camera):
     _select(camera.scfpf.surfaces[0].object)
 
+
+# The modifier of a table.
+TABLE = "SCFPF Table"
 
 # What is done before the steps, and the edit itself, by name.
 EDITS = {
@@ -66,21 +70,13 @@ class SCFPF_OT_test_edit(bpy.types.Operator):
         return {"FINISHED"}
 
 
-@pytest.fixture(autouse=True)
-def editor():
-    bpy.utils.register_class(SCFPF_OT_test_edit)
-    yield
-    bpy.utils.unregister_class(SCFPF_OT_test_edit)
-
-
-def _facts(addon, name: str):
+def _facts(name: str):
     """What follows a camera, by names: its tables, the previews' members and the rigs' parts."""
-    table_object = addon("scfpf_addon.scanline.table_object")
     camera = bpy.data.objects.get(name)
     tables = {}
     for obj in bpy.data.objects:
-        if obj.parent is not None and table_object.MODIFIER in obj.modifiers:
-            group = obj.modifiers[table_object.MODIFIER].node_group
+        if obj.parent is not None and TABLE in obj.modifiers:
+            group = obj.modifiers[TABLE].node_group
             tables[obj.name] = (group.name, obj.parent.name)
     members = sorted(
         obj.name
@@ -94,8 +90,13 @@ def _facts(addon, name: str):
     return tables, members, rigs, listed
 
 
-def test_what_has_been_followed_goes_back_and_forth(addon):
+def main() -> None:
     """All edits one after the other: preview and rig take seconds to make."""
+    bpy.context.preferences.extensions.repos.new(
+        name="checkout", module="checkout", custom_directory=sys.argv[-1], remote_url=""
+    )
+    assert bpy.ops.preferences.addon_enable(module="bl_ext.checkout.scfpf") == {"FINISHED"}
+    bpy.utils.register_class(SCFPF_OT_test_edit)
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     bpy.context.scene.render.resolution_percentage = 10
     bpy.ops.scfpf.camera_add(preset="curved_convergence")
@@ -109,14 +110,18 @@ def test_what_has_been_followed_goes_back_and_forth(addon):
         bpy.context.view_layer.update()
         for number in range(2):
             bpy.ops.ed.undo_push(message=f"before {edit} {number}")
-        before = _facts(addon, name)
+        before = _facts(name)
         if isinstance(act, str):
             _operator(act)()
         else:
             bpy.ops.scfpf.test_edit("EXEC_DEFAULT", True, edit=edit, camera=name)
         bpy.context.view_layer.update()
-        after = _facts(addon, name)
+        after = _facts(name)
         for move, expected in (("undo", before), ("redo", after), ("undo", before)):
             getattr(bpy.ops.ed, move)()
             bpy.context.view_layer.update()
-            assert _facts(addon, name) == expected, (edit, move)
+            assert _facts(name) == expected, (edit, move)
+    print("SURVIVED", flush=True)
+
+
+main()
