@@ -58,6 +58,7 @@ def _within_reach(
     part = replace(scene, geometry=whole.part(kept))
 
     def beyond() -> tuple[Array, NDArray[np.int32]]:
+        """All vertices (V, 3), and the triangles (K, 3) outside the volume that may shade what is in it."""
         rest = may_shade(scene, part.geometry, projection.volume)
         rest &= ~kept
         return whole.vertices, whole.triangles.take(np.flatnonzero(rest), axis=0)
