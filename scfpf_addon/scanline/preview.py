@@ -41,6 +41,8 @@ _seen_objects: dict[int, bytes] = {}
 _seen_cameras: dict[int, tuple] = {}
 # Faces by session_uid of the object, of what each preview shows.
 _faces: dict[int, dict[int, int]] = {}
+# The names of those objects, by which Blender's updates are told apart.
+_names: dict[int, dict[str, int]] = {}
 # Previews that were on at the last look. Undo and redo make others appear.
 _known: set[int] = set()
 # Blender's handle of the function that is told of redraws while a preview sleeps.
@@ -87,6 +89,7 @@ def _remove(source) -> None:
     _seen_objects.pop(uid, None)
     _seen_cameras.pop(uid, None)
     _faces.pop(uid, None)
+    _names.pop(uid, None)
     _known.discard(uid)
 
 
@@ -174,7 +177,7 @@ def _follow_strokes(depsgraph) -> None:
         if not isinstance(update.id, bpy.types.Object) or update.id.mode != "SCULPT":
             continue
         if update.is_updated_shading and not update.is_updated_geometry:
-            sculpted = update.id.original
+            sculpted = bpy.data.objects.get(update.id.name)
             shown = [
                 source for source in previews() if sculpted.session_uid in _faces.get(source.session_uid, ())
             ]
@@ -184,13 +187,12 @@ def _follow_strokes(depsgraph) -> None:
 
 def _has_grown(uid: int, depsgraph) -> bool:
     """Whether something that a preview shows has become so heavy that it may need a picture of its own."""
-    faces = _faces.get(uid, {})
+    faces, names = _faces.get(uid, {}), _names.get(uid, {})
     for update in depsgraph.updates if depsgraph is not None else ():
         if update.is_updated_geometry and isinstance(update.id, bpy.types.Object):
-            before = faces.get(update.id.original.session_uid)
-            if before is not None and face_count(update.id.original, depsgraph) > OVERFULL * max(
-                before, SHARED_FACES
-            ):
+            # By name: `.original` of what is not shown may be freed memory after an undo (5.2).
+            before = faces.get(names.get(update.id.name))
+            if before is not None and face_count(update.id, depsgraph) > OVERFULL * max(before, SHARED_FACES):
                 return True
     return False
 
@@ -202,6 +204,7 @@ def _follow_members(source, view_layer, depsgraph) -> None:
     before = _faces.get(uid, {}) if depsgraph is None else {}
     faces = {key: before.get(key) or face_count(member, depsgraph) for key, member in wanted.items()}
     _faces[uid] = faces
+    _names[uid] = {member.name: key for key, member in wanted.items()}
     parts = source.scfpf_preview.parts
     places = share_out(faces, places_of([part.members for part in parts]))
     pictures = add_parts(source, max(places.values(), default=0) + 1)
@@ -297,6 +300,7 @@ def _file_loaded(*_) -> None:
     _seen_objects.clear()
     _seen_cameras.clear()
     _faces.clear()
+    _names.clear()
     _known.clear()
     _known.update(source.session_uid for source in previews())
     preview_viewports.note_viewports()

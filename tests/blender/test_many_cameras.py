@@ -222,6 +222,16 @@ def test_a_drawing_is_read_again_when_its_own_camera_is_edited(cameras, addon, m
     reads()
     cameras[2].location.x += 1.0
     assert reads() == ["Hawk"]
+    # A surface takes the name of another object, which has none of its own any more.
+    name, cube().name = cube().name, "Ordinary"
+    surface(cameras[6], 1).name = name
+    reads()
+    surface(cameras[6], 1).location.z -= 0.25
+    assert reads() == [cameras[6].name]
+    bpy.data.objects["Ordinary"].location.x += 1.0
+    assert reads() == []
+    surface(cameras[6], 1).name, bpy.data.objects["Ordinary"].name = "Surface", name
+    reads()
     cameras[4].scfpf.basis = "POLYLINE"
     assert reads() == [cameras[4].name]
     far = surface(cameras[9], 1)
