@@ -25,6 +25,8 @@ MODULE = "bl_ext.checkout.scfpf"
 OPENING_SCENE = "around_the_car"
 # The 3D viewport as the file opens: what it turns about, from how far and at which angles (degrees).
 VIEW_CENTRE, VIEW_DISTANCE, VIEW_ANGLES, VIEW_END = (0.0, -2.5, 0.8), 24.0, (46.0, 0.0, -16.0), 1000.0
+# Every pixel gets the first of these samples, up to the second where rough metal blurs reflections.
+SAMPLES, MOST_SAMPLES, NOISE = 4, 64, 0.02
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,9 @@ def add_shot(scene, text: str, shot: Shot):
     layer.objects.active = camera
     camera.select_set(True, view_layer=layer)
     flexible_camera.apply_preset(camera, preset, shot.size[0] / shot.size[1], shot.scale)
+    camera.scfpf.samples = MOST_SAMPLES
+    sampling = scene.scfpf_sampling
+    sampling.use_adaptive, sampling.adaptive_least, sampling.adaptive_threshold = True, SAMPLES, NOISE
     return camera
 
 

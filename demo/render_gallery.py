@@ -44,8 +44,6 @@ the near surface is too small or the far one too far away to be drawn, diagram a
 same view.
 """
 QUALITY = 85
-# Every pixel gets the first of these samples, up to the second where rough metal blurs reflections.
-SAMPLES, MOST_SAMPLES, NOISE = 4, 64, 0.02
 
 CYCLES_TEXT = """The same volumes, path-traced by Cycles in a stock Blender: *Render with Cycles* sends its
 rays along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
@@ -146,9 +144,6 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     scene = render_demo.another_scene(street)
     aspect = panel.shot.size[0] / panel.shot.size[1]
     camera = render_demo.add_shot(scene, preset_text(panel.preset, panel.changed), panel.shot)
-    camera.scfpf.samples = MOST_SAMPLES
-    sampling = scene.scfpf_sampling
-    sampling.use_adaptive, sampling.adaptive_least, sampling.adaptive_threshold = True, SAMPLES, NOISE
     scene.render.resolution_percentage = percentage
     if panel.style:
         styles = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.drawn_styles")

@@ -14,6 +14,7 @@ from ..bridge import lattice_object, versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
+from ..bridge.volume_object import holds
 from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
 from ..scanline.field_nodes import BUILD, BUILD_KEY
@@ -71,7 +72,7 @@ def is_whole(rig) -> bool:
             return False
     if rig not in scene.collection.children_recursive:
         return False
-    return scene.objects.get(camera.name) == camera or camera in scene.objects.values()
+    return holds(scene.objects, camera)
 
 
 def check(scene, camera) -> None:
@@ -80,6 +81,8 @@ def check(scene, camera) -> None:
         raise RigError("The scene is linked from another file: render it there")
     if not camera.is_editable:
         raise RigError(f"'{camera.name}' is linked from another file: make a library override of it first")
+    if not holds(scene.objects, camera):
+        raise RigError(f"'{camera.name}' is not in the scene '{scene.name}': link it there")
     require_cycles(scene)
 
 

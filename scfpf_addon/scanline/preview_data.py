@@ -13,7 +13,7 @@ import bpy
 from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.lattice_object import KIND as LATTICE_KIND
-from ..bridge.volume_object import delete_with_data
+from ..bridge.volume_object import delete_with_data, holds
 from ..projection.preset import MAXIMUM_SURFACES
 from . import remap_nodes, table_object
 from .table_object import TABLE_KEY
@@ -71,7 +71,7 @@ def is_whole(source) -> bool:
             return False
     if shelf not in scene.collection.children_recursive:
         return False
-    return scene.objects.get(camera.name) == camera or camera in scene.objects.values()
+    return holds(scene.objects, camera)
 
 
 def pictures_of(source) -> list:
@@ -90,6 +90,8 @@ def make_preview(scene, view_layer, camera):
         raise PreviewError(
             f"'{camera.name}' is linked from another file: make a library override of it first"
         )
+    if not holds(scene.objects, camera):
+        raise PreviewError(f"'{camera.name}' is not in the scene '{scene.name}': link it there")
     _check_surfaces(camera)
     sync_volume_object(camera)
     table = remap_nodes.table_object(camera, scene=scene)

@@ -296,3 +296,16 @@ def test_what_an_override_has_from_its_file_stays_until_it_is_local(addon, camer
     assert bpy.ops.scfpf.surface_remove() == {"FINISHED"} and len(slots) == 2
     assert bpy.ops.object.make_local(type="SELECT_OBJECT") == {"FINISHED"}
     assert bpy.ops.scfpf.volume_swap() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("name", ["cycles_rig", "preview_toggle"])
+def test_the_scenes_camera_that_was_deleted_and_is_kept_for_a_pointer(camera, built_groups, name):
+    """Deleting takes an object out of the scene; it stays its camera as long as anything points to it."""
+    scene = bpy.context.scene
+    bpy.context.scene.camera = camera
+    scene.collection.objects.unlink(camera)
+    bpy.ops.object.select_all(action="DESELECT")
+    count = len(bpy.data.objects)
+    with pytest.raises(RuntimeError, match=f"'{camera.name}' is not in the scene '{scene.name}': link it"):
+        getattr(bpy.ops.scfpf, name)()
+    assert len(bpy.data.objects) == count
