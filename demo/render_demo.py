@@ -19,14 +19,24 @@ import time
 from dataclasses import dataclass
 from math import radians
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULE = "bl_ext.checkout.scfpf"
 OPENING_SCENE = "around_the_car"
 # The 3D viewport as the file opens: what it turns about, from how far and at which angles (degrees).
 VIEW_CENTRE, VIEW_DISTANCE, VIEW_ANGLES, VIEW_END = (0.0, -2.5, 0.8), 24.0, (46.0, 0.0, -16.0), 1000.0
-# Every pixel gets the first of these samples, up to the second where rough metal blurs reflections.
-SAMPLES, MOST_SAMPLES, NOISE = 4, 64, 0.02
+
+
+class Sampling(NamedTuple):
+    """Samples that every pixel gets, at most where rough metal blurs reflections, and the noise left."""
+
+    least: int
+    most: int
+    noise: float
+
+
+QUICK, FINE = Sampling(4, 16, 0.04), Sampling(4, 64, 0.02)
 
 
 @dataclass(frozen=True)
@@ -101,7 +111,7 @@ def another_scene(street):
     return scene
 
 
-def add_shot(scene, text: str, shot: Shot):
+def add_shot(scene, text: str, shot: Shot, samples: Sampling = QUICK):
     """Give a scene the flexible camera of a preset (its file's text); returns the camera."""
     import bpy
     from mathutils import Vector
@@ -123,9 +133,10 @@ def add_shot(scene, text: str, shot: Shot):
     layer.objects.active = camera
     camera.select_set(True, view_layer=layer)
     flexible_camera.apply_preset(camera, preset, shot.size[0] / shot.size[1], shot.scale)
-    camera.scfpf.samples = MOST_SAMPLES
+    camera.scfpf.samples = samples.most
     sampling = scene.scfpf_sampling
-    sampling.use_adaptive, sampling.adaptive_least, sampling.adaptive_threshold = True, SAMPLES, NOISE
+    sampling.use_adaptive = True
+    sampling.adaptive_least, sampling.adaptive_threshold = samples.least, samples.noise
     return camera
 
 

@@ -143,7 +143,8 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
 
     scene = render_demo.another_scene(street)
     aspect = panel.shot.size[0] / panel.shot.size[1]
-    camera = render_demo.add_shot(scene, preset_text(panel.preset, panel.changed), panel.shot)
+    text = preset_text(panel.preset, panel.changed)
+    camera = render_demo.add_shot(scene, text, panel.shot, render_demo.FINE)
     scene.render.resolution_percentage = percentage
     if panel.style:
         styles = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.drawn_styles")
@@ -208,7 +209,7 @@ def _scaling(factor: float):
 
 
 def main(arguments: list[str]) -> None:
-    from demo import gallery_animation
+    from demo import gallery_animation, render_demo
     from demo.gallery_plates import PLATES
 
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -231,7 +232,7 @@ def main(arguments: list[str]) -> None:
         Path(scratch, "profile").mkdir()  # Blender passes over a folder that is not there.
         render_all(Path(scratch), folder, plates, options.percentage)
         if options.only is None or gallery_animation.STEM in options.only:
-            gallery_animation.render_animation(build("house"), folder, Path(scratch), SAMPLES)
+            gallery_animation.render_animation(build("house"), folder, Path(scratch), render_demo.QUICK.least)
 
 
 def render_all(scratch: Path, folder: Path, plates, percentage: int) -> None:
