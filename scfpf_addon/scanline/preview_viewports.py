@@ -80,6 +80,8 @@ def open_viewport(context, source) -> None:
 
     Raises ViewportError; nothing is left open.
     """
+    if bpy.app.background:
+        raise ViewportError("Blender runs in the background: there is no window to show the preview in")
     window, area = _roomiest(context, source.scfpf_preview.scene)
     if area is None or area.width < 2 * NARROWEST * context.preferences.system.ui_scale:
         window, area = _open_window(window, area)
@@ -264,11 +266,13 @@ def close_viewport(window, area) -> None:
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
         return
-    sibling = _sibling(window, area)
+    # In the background areas have no places that agree: joining two may never end (5.2).
+    stays = bpy.app.background or len(window.screen.areas) == 1
+    sibling = None if stays else _sibling(window, area)
     with bpy.context.temp_override(window=window, area=area, region=_region(area)):
         if sibling is not None:
             bpy.ops.screen.area_join(source_xy=_centre(sibling), target_xy=_centre(area))
-        elif len(window.screen.areas) == 1 or bpy.ops.screen.area_close() != {"FINISHED"}:
+        elif stays or bpy.ops.screen.area_close() != {"FINISHED"}:
             _restore(area.spaces.active)
 
 

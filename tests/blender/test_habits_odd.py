@@ -309,3 +309,21 @@ def test_the_scenes_camera_that_was_deleted_and_is_kept_for_a_pointer(camera, bu
     with pytest.raises(RuntimeError, match=f"'{camera.name}' is not in the scene '{scene.name}': link it"):
         getattr(bpy.ops.scfpf, name)()
     assert len(bpy.data.objects) == count
+
+
+def test_a_preview_that_a_viewport_shows_in_a_blender_without_windows(addon, camera, built_groups):
+    """Blender's areas have no true places there: to join two of them never ended."""
+    data = addon("scfpf_addon.scanline.preview_data")
+    bpy.ops.scfpf.preview_toggle()
+    with pytest.raises(RuntimeError, match="there is no window"):
+        bpy.ops.scfpf.preview_show()
+    (area,) = (a for a in bpy.context.window.screen.areas if a.type == "VIEW_3D")
+    space, count = area.spaces.active, len(bpy.context.window.screen.areas)
+    space.use_local_camera, space.camera = (
+        True,
+        data.preview_of(camera, bpy.context.scene).scfpf_preview.view_camera,
+    )
+    assert bpy.ops.scfpf.preview_toggle() == {"FINISHED"}
+    assert (
+        not data.previews() and not space.use_local_camera and len(bpy.context.window.screen.areas) == count
+    )
