@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
-from ..projection.bezier import bernstein, bernstein_derivative, evaluate, restrict
+from ..projection.bezier import bernstein, evaluate, restrict
 from ..projection.typing import Array, BoolArray, IndexArray
-from .plane_roots import crossing, unit_roots
+from .plane_roots import crossing, short_cubic_roots, unit_roots
 from .scene import CastScene
 
 # A curve that leaves a triangle by less than this share of it still hits it: with
@@ -28,6 +28,9 @@ STILL = 1e-13
 
 # Triangles that a solution may cross to reach the one that it is in.
 WALK_STEPS = 4
+
+# Curves whose positions are worked out at a time: their arrays fit in a core's own cache.
+PORTION = 8192
 
 
 class Solutions(NamedTuple):
@@ -84,30 +87,33 @@ class Bundle:
     def at(self, t: Array) -> tuple[Array, Array]:
         """Position and tangent dQ/dt at t (N,), each (3, N)."""
         if self.spans.direct and self.spans.point_weights is None:
-            if self.spans.degree == 2:
-                return self._at_quadratic(t)
-            weights, slopes = bernstein(self.spans.degree, t), bernstein_derivative(self.spans.degree, t)
-        else:
-            weights, slopes = self.spans.weights(t)
+            return self._at_bezier(t)
+        weights, slopes = self.spans.weights(t)
         return (
             np.einsum("kn,kcn->cn", weights, self.points),
             np.einsum("kn,kcn->cn", slopes, self.points),
         )
 
-    def _at_quadratic(self, t: Array) -> tuple[Array, Array]:
-        """As ``at``, by differences: Q0 + t (2 d + t e), with d from Q0 to Q1 and e how that changes."""
-        first, middle, last = self.points
-        step = middle - first
-        change = last - middle
-        change -= step
-        change *= t
-        tangent = change
-        tangent += step
-        position = step
-        position += tangent
-        position *= t
-        position += first
-        tangent *= 2.0
+    def _at_bezier(self, t: Array) -> tuple[Array, Array]:
+        """As ``at``, of plain Bézier curves: de Casteljau's algorithm on the differences of their points.
+
+        What it leaves at the front of each round adds up to the way from the first point, by t.
+        """
+        position, tangent = np.empty((2, 3, self.count))
+        for begin in range(0, self.count, PORTION):
+            part = slice(begin, begin + PORTION)
+            points, at = self.points[:, :, part], t[part]
+            steps = points[1:] - points[:-1]
+            way = steps[0].copy()
+            for _ in range(len(steps) - 1):
+                change = steps[1:] - steps[:-1]
+                change *= at
+                change += steps[:-1]
+                steps = change
+                way += steps[0]
+            way *= at
+            np.add(way, points[0], out=position[:, part])
+            np.multiply(steps[0], self.spans.degree, out=tangent[:, part])
         return position, tangent
 
     def place(self, t: Array) -> Array:
@@ -179,6 +185,9 @@ class Bundle:
         last = np.clip((high - start) / length, 0.0, 1.0 + T_ROUNDING)
         if len(coefficients) == 3:
             root, others = _single_roots(coefficients, first, last)
+        elif len(coefficients) == 4:
+            root, sure = short_cubic_roots(coefficients, first, last)
+            others = np.flatnonzero(~sure)
         else:
             root, others = np.empty(len(triangle)), np.arange(len(triangle))
         several = _restricted if len(coefficients) > 2 else _linear
@@ -211,7 +220,7 @@ class Bundle:
         if len(coefficients) > 3:
             # A short part nearly always rises or falls throughout, which makes roots easy.
             first, last = np.maximum((low - start) / length, 0.0), np.minimum((high - start) / length, 1.0)
-            roots = first + unit_roots(restrict(coefficients, first, last)) * (last - first)
+            roots = _short(coefficients, first, last)
         else:
             roots = unit_roots(coefficients)
         roots *= length
@@ -282,6 +291,18 @@ class Bundle:
 def _restricted(coefficients: Array, low: Array, high: Array) -> Array:
     """The roots in [low, high] of N polynomials, ascending, (d, N), NaN where fewer exist."""
     roots: Array = low + unit_roots(restrict(coefficients, low, high)) * (high - low)
+    return roots
+
+
+def _short(coefficients: Array, low: Array, high: Array) -> Array:
+    """As _restricted, where most polynomials rise or fall throughout."""
+    if len(coefficients) != 4:
+        return _restricted(coefficients, low, high)
+    roots = np.full((3, len(low)), np.nan)
+    roots[0], sure = short_cubic_roots(coefficients, low, high)
+    others = np.flatnonzero(~sure)
+    if len(others):
+        roots[:, others] = _restricted(coefficients.take(others, 1), low.take(others), high.take(others))
     return roots
 
 

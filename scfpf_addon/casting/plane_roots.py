@@ -12,7 +12,7 @@ from math import comb
 
 import numpy as np
 
-from ..projection.typing import Array
+from ..projection.typing import Array, BoolArray
 
 # Splits a float64 into two halves of 26 bits (Veltkamp 1968).
 SPLITTER = 2.0**27 + 1.0
@@ -27,6 +27,9 @@ NEWTON_STEPS = 3
 # Newton's is its square over the distance of the nearest other root, and roots nearer than
 # 2⁻²⁶ to each other are not told apart by float64 coefficients.
 SETTLED = 2.0**-40
+
+# Roots nearer to an end of a part than this share of half its length are left to rounding.
+WITHIN = 1.0 - 2.0**-30
 
 # And where the polynomial is no higher than this share of its largest coefficient: two roundings.
 NOISE = 2.0**-52
@@ -69,6 +72,46 @@ def crossing(first: Array, middle: Array, last: Array) -> Array:
     start = np.where(early, np.abs(first), upward)
     root: Array = start / (start + np.where(early, upward, np.abs(last)))
     return root
+
+
+def short_cubic_roots(coefficients: Array, low: Array, high: Array) -> tuple[Array, BoolArray]:
+    """A root (N,) in [low, high] of N cubics, (4, N), and where it is surely the only one there.
+
+    About the middle m of a short part with half its length h a cubic is d0 + d1 x + d2 x² + d3 x³, x in
+    [-1, 1]. Where |d1| > 2|d2| + 3|d3| it rises or falls throughout, so that one root is all there is. Not
+    sure are those for which that does not hold, and roots so near an end that rounding would decide.
+    """
+    first, second, third, fourth = coefficients
+    one, two, three = second - first, third - second, fourth - third
+    half, bend = 0.5 * (high - low), two - one
+    middle = low + half
+    # Powers at 0, shifted to the middle by Horner's scheme (Shaw and Traub 1974).
+    cubic = (three - two) - bend
+    inner = cubic * middle
+    square = 3.0 * bend + inner
+    line = 3.0 * one + square * middle
+    d0 = first + line * middle
+    square += inner
+    d1 = line + square * middle
+    square += inner
+    d1 *= half
+    half2 = half * half
+    d2 = square * half2
+    half2 *= half
+    d3 = cubic * half2
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        # From the root of the quadratic, one step of Newton's method and one with the same slope.
+        x = d1 + np.copysign(np.sqrt(d1 * d1 - 4.0 * d2 * d0), d1)
+        x = -2.0 * d0 / x
+        slope = 1.0 / (d1 + x * (2.0 * d2 + 3.0 * d3 * x))
+        x -= (d0 + x * (d1 + x * (d2 + x * d3))) * slope
+        step = (d0 + x * (d1 + x * (d2 + x * d3))) * slope
+        x -= step
+        sure = np.abs(d1) > 2.0 * np.abs(d2) + 3.0 * np.abs(d3)
+        sure &= (np.abs(x) < WITHIN) & (np.abs(step) <= SETTLED)
+    x *= half
+    x += middle
+    return x, sure
 
 
 def _turning(first: Array, middle: Array, last: Array) -> Array:

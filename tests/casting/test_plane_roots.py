@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, example, given, reject
 from hypothesis import strategies as st
 
-from scfpf_addon.casting.plane_roots import unit_roots
+from scfpf_addon.casting.plane_roots import short_cubic_roots, unit_roots
 
 coefficient = st.floats(-1.0, 1.0, allow_subnormal=False).filter(lambda c: c == 0 or abs(c) > 1e-6)
 
@@ -55,6 +55,16 @@ def test_roots_against_mpmath(coefficients):
     assert found.shape == (len(coefficients) - 1,)
     np.testing.assert_allclose(found[: len(expected)], expected, atol=1e-12)
     assert np.isnan(found[len(expected) :]).all()
+
+
+@given(st.lists(coefficient, min_size=4, max_size=4), st.floats(0, 0.95), st.floats(0.001, 0.05))
+def test_sure_roots_of_parts_of_cubics_against_mpmath(coefficients, low, length):
+    expected = exact_roots(coefficients)
+    assume(expected is not None)
+    root, sure = short_cubic_roots(np.array(coefficients)[:, None], np.full(1, low), np.full(1, low + length))
+    if sure[0]:
+        (only,) = (r for r in expected if low <= r <= low + length)
+        np.testing.assert_allclose(root, only, atol=1e-12)
 
 
 @pytest.mark.parametrize("leading", [0.0, 1e-18, 1e-12, 1e-8, 1e-4, -1e-10, 1.0])
