@@ -14,7 +14,7 @@ from .chords import cast_chords, complete
 from .curves import Bundle
 from .exact import cast_exact
 from .hits import CastCounts, Hits
-from .occupancy import stretches
+from .occupancy import boxes_of_blocks, stretches
 from .scene import CastError, CastScene
 from .schedule import corners, plan, sample_curves, scene_reach, split
 from .straight import cast_straight
@@ -108,11 +108,17 @@ def _cast_curved(
     columns: int | None,
 ) -> Hits:
     """As cast, for spans of degree 2 and more, and for rational ones."""
-    points, mask, _ = usable_projectors(projection, x, y)
     spans = projection.volume.spans
-    bundle = Bundle(spans, points)
+    with np.errstate(invalid="ignore", over="ignore"):
+        points, mask = projection.projectors(x, y)
+        bundle = Bundle(spans, points)
+        boxes = boxes_of_blocks(bundle.single, columns)
+    if not boxes.farthest < FARTHEST:
+        points, mask, _ = usable_projectors(projection, x, y)
+        bundle = Bundle(spans, points)
+        boxes = boxes_of_blocks(bundle.single, columns)
     counts.projectors += int(np.count_nonzero(mask))
-    where = stretches(scene.occupancy, spans, bundle.single, columns)
+    where = stretches(scene.occupancy, spans, boxes)
     reach = where.reach
     if reach is None or not mask.any():
         return complete(Hits.unplaced(len(x))._replace(mask=mask), bundle)

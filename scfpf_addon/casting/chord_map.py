@@ -12,7 +12,7 @@ from ..projection.volume import Projection, image_derivatives
 from .bends import bend_groups
 from .cast import SMALLEST_ERROR, usable_projectors
 from .curves import Bundle
-from .occupancy import stretches
+from .occupancy import boxes_of_blocks, stretches
 from .scene import CastScene
 from .schedule import Schedule, corners, pixel_lengths, plan, sample_curves, scene_reach
 
@@ -55,7 +55,7 @@ def chord_map(
             made.count[mask] = _chord(corners(spans, reach), t[mask]) + 1
         return made
     bundle = Bundle(spans, points)
-    reach = stretches(scene.occupancy, spans, bundle.single, columns).reach
+    reach = stretches(scene.occupancy, spans, boxes_of_blocks(bundle.single, columns)).reach
     if reach is None or not mask.any():
         return made
     for group in bend_groups(points, mask):

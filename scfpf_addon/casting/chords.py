@@ -114,11 +114,12 @@ def complete(hits: Hits, bundle: Bundle) -> Hits:
 def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
     """The first chord that hits, for every projector; chords through nothing are left out."""
     bundle, schedule = work.bundle, work.schedule
-    reach = np.abs(bundle.single).max(initial=0.0)
+    if where is None:
+        reach, where = float(np.abs(bundle.single).max(initial=0.0)), everywhere(bundle.count)
+    else:
+        reach = where.farthest
     narrow = reach * np.finfo(np.float32).eps < ROUNDING_SHARE * schedule.finest
     source: NDArray[Any] = bundle.single if narrow else bundle.points
-    if where is None:
-        where = everywhere(bundle.count)
     slack = NEIGHBOURHOOD * np.diff(schedule.breaks)
     held = where.within(schedule.breaks[:-1] - slack, schedule.breaks[1:] + slack)
     if np.count_nonzero(mask) < FEW:

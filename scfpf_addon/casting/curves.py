@@ -87,12 +87,28 @@ class Bundle:
     def at(self, t: Array) -> tuple[Array, Array]:
         """Position and tangent dQ/dt at t (N,), each (3, N)."""
         if self.spans.direct and self.spans.point_weights is None:
-            return self._at_bezier(t)
+            return self._at_quadratic(t) if self.spans.degree == 2 else self._at_bezier(t)
         weights, slopes = self.spans.weights(t)
         return (
             np.einsum("kn,kcn->cn", weights, self.points),
             np.einsum("kn,kcn->cn", slopes, self.points),
         )
+
+    def _at_quadratic(self, t: Array) -> tuple[Array, Array]:
+        """As ``at``, by differences: Q0 + t (2 d + t e), with d from Q0 to Q1 and e how that changes."""
+        first, middle, last = self.points
+        step = middle - first
+        change = last - middle
+        change -= step
+        change *= t
+        tangent = change
+        tangent += step
+        position = step
+        position += tangent
+        position *= t
+        position += first
+        tangent *= 2.0
+        return position, tangent
 
     def _at_bezier(self, t: Array) -> tuple[Array, Array]:
         """As ``at``, of plain Bézier curves: de Casteljau's algorithm on the differences of their points.
@@ -104,15 +120,15 @@ class Bundle:
             part = slice(begin, begin + PORTION)
             points, at = self.points[:, :, part], t[part]
             steps = points[1:] - points[:-1]
-            way = steps[0].copy()
+            way = steps[0]
             for _ in range(len(steps) - 1):
                 change = steps[1:] - steps[:-1]
                 change *= at
                 change += steps[:-1]
                 steps = change
-                way += steps[0]
-            way *= at
-            np.add(way, points[0], out=position[:, part])
+                way = way + steps[0]
+            way = np.multiply(way, at, out=position[:, part])
+            way += points[0]
             np.multiply(steps[0], self.spans.degree, out=tangent[:, part])
         return position, tangent
 

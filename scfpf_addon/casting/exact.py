@@ -23,7 +23,7 @@ from .certify import MOST_CHORDS, certain_chords
 from .curves import Bundle
 from .hits import CastCounts, Hits
 from .march import march
-from .occupancy import stretches
+from .occupancy import boxes_of_blocks, stretches
 from .scene import CastError, CastScene
 from .settle import settle
 from .walk import (
@@ -94,7 +94,8 @@ def cast_exact(
     # Rounding of a sum of that many terms.
     farthest = max(float(bundle.points.max()), -float(bundle.points.min()))
     rounding = (len(bundle.points) + 1) * farthest * 2.0**-24
-    where = stretches(prisms.occupancy, bundle.spans, bundle.single, columns, prisms.epsilon)
+    boxes = boxes_of_blocks(bundle.single, columns)
+    where = stretches(prisms.occupancy, bundle.spans, boxes, prisms.epsilon)
     held = where.within(chords.breaks[:-1], chords.breaks[1:])
     walk = Walk(
         scene,

@@ -7,6 +7,7 @@ projectors are looked for by boxes around the control points of their pieces.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise, product
@@ -211,13 +212,14 @@ class Stretches(NamedTuple):
     """Where along t blocks of projectors may meet something.
 
     edges: (P+1,) in t. held: (P, B) bool. block: (N,) of each projector. grid: what ``members``
-    answers, if that is known.
+    answers, if that is known. farthest: no coordinate of the control points is larger.
     """
 
     edges: Array
     held: BoolArray
     block: IndexArray
     grid: IndexArray | None = None
+    farthest: float = math.inf
 
     def members(self) -> IndexArray:
         """The projectors of each block, (B, most in one), -1 where there are fewer."""
@@ -284,19 +286,26 @@ def everywhere(count: int) -> Stretches:
     return Stretches(np.array([0.0, 1.0]), np.ones((1, runs), bool), np.arange(count) // (BLOCK * BLOCK))
 
 
-def stretches(
-    occupancy: Occupancy,
-    spans: SpanBasis,
-    points: Float32Array,
-    columns: int | None,
-    apart: float = 0.0,
-) -> Stretches:
-    """Look for blocks of projectors in the grid.
+class Boxes(NamedTuple):
+    """The bounds of the control points of blocks of projectors.
 
-    points: (K, 3, N) finite control points, cast space, float32. columns: the projectors
-    are rows of so many pixels; otherwise runs of them are blocks. apart: what is that near
-    counts as met.
+    lower, upper: (K, 3, rows of blocks, columns of blocks). block: (N,) of each projector. members:
+    (B, most in one), as ``Stretches.members`` has them.
     """
+
+    lower: Float32Array
+    upper: Float32Array
+    block: IndexArray
+    members: IndexArray
+
+    @property
+    def farthest(self) -> float:
+        """The largest coordinate; NaN where some are."""
+        return max(float(self.upper.max()), -float(self.lower.min()))
+
+
+def boxes_of_blocks(points: Float32Array, columns: int | None) -> Boxes:
+    """Bounds of blocks. points: (K, 3, N). columns: the projectors are rows of so many pixels, or runs."""
     if columns is None:
         rows, height, width = points[:, :, None], 1, BLOCK * BLOCK
     else:
@@ -304,9 +313,18 @@ def stretches(
         # As high as makes them all of one height, so that none is left nearly empty.
         height, width = -(-rows.shape[2] // max(1, round(rows.shape[2] / BLOCK))), BLOCK
     lower, upper = (_reduced(_reduced(rows, f, 2, height), f, 3, width) for f in (np.minimum, np.maximum))
-    block, members = _grid_of_blocks(rows.shape[2], rows.shape[3], height, width)
+    return Boxes(lower, upper, *_grid_of_blocks(rows.shape[2], rows.shape[3], height, width))
+
+
+def stretches(occupancy: Occupancy, spans: SpanBasis, boxes: Boxes, apart: float = 0.0) -> Stretches:
+    """Look for blocks of projectors in the grid.
+
+    boxes: finite, cast space. apart: what is that near counts as met.
+    """
+    lower, upper, block, members = boxes
+    farthest = boxes.farthest
     weights = piece_weights(spans)
-    slack = np.float32(apart + SLACK * (1.0 + max(float(upper.max()), -float(lower.min()))))
+    slack = np.float32(apart + SLACK * (1.0 + farthest))
     held = np.zeros((len(weights), *lower.shape[2:]), bool)
     # Groups of blocks are looked at first: where they meet nothing, their blocks need not be.
     starts = (*range(0, held.shape[2], -(-held.shape[2] // GROUPS)), held.shape[2])
@@ -318,8 +336,8 @@ def stretches(
     for (start, end), group in zip(pairwise(starts), met.T, strict=True):
         some = np.flatnonzero(group)
         if len(some):
-            boxes = (a[..., start:end].reshape(*a.shape[:2], -1) for a in (lower, upper))
-            low, high = piece_bounds(weights[some], *boxes)
+            ends = (a[..., start:end].reshape(*a.shape[:2], -1) for a in (lower, upper))
+            low, high = piece_bounds(weights[some], *ends)
             bounds.append((low.reshape(3, -1), high.reshape(3, -1)))
             parts.append((some, start, end))
     if parts:
@@ -333,7 +351,7 @@ def stretches(
             done += np.prod(shape)
     least, most = (a.reshape(*a.shape[:2], -1) for a in (lower, upper))
     fine = _parts(occupancy, spans, held.reshape(len(held), -1), least, most, slack)
-    return Stretches(piece_edges(spans, PARTS), fine, block, members)
+    return Stretches(piece_edges(spans, PARTS), fine, block, members, farthest)
 
 
 def _parts(
