@@ -29,7 +29,8 @@ POSITION = "Position"
 def add(scene) -> None:
     """Give all view layers of a scene the AOVs, and its compositor the group that makes passes of them."""
     for layer in scene.view_layers:
-        layer.use_pass_position = True
+        if not layer.use_pass_position:
+            layer.use_pass_position = layer[MADE_KEY] = True
         for name in AOVS:
             if layer.aovs.get(name) is None:
                 aov = layer.aovs.add()
@@ -60,6 +61,8 @@ def remove(scene) -> None:
             aov = layer.aovs.get(name)
             if aov is not None:
                 layer.aovs.remove(aov)
+        if layer.pop(MADE_KEY, False):
+            layer.use_pass_position = False
     tree = versions.present_compositor_tree(scene)
     if tree is None:
         return

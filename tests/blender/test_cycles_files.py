@@ -167,6 +167,11 @@ def test_passes_come_and_go(camera, rig_of):
     assert len(layer.aovs) == 4 and rig_of().scfpf_rig.passes
     assert bpy.ops.scfpf.cycles_passes() == {"FINISHED"}
     assert everything() == before and not len(layer.aovs) and not rig_of().scfpf_rig.passes
+    assert not layer.use_pass_position and "scfpf_passes" not in layer
+    layer.use_pass_position = True
+    bpy.ops.scfpf.cycles_passes()
+    bpy.ops.scfpf.cycles_passes()
+    assert layer.use_pass_position, "the artist's own"
     bpy.ops.scfpf.cycles_passes()
     tree = getattr(scene, "compositing_node_group", None) or scene.node_tree
     # What the artist adds stays, with the tree.
