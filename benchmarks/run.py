@@ -69,19 +69,25 @@ class Image:
         return cast(scene, projection, x, y, size, error, counts, columns), counts
 
 
-def timed(work: Callable[[Any], object], tiles: list[Any]) -> float:
-    """Seconds to do all tiles in THREADS threads; ``work`` should keep nothing large."""
-    with ThreadPoolExecutor(THREADS) as pool:
+def timed(work: Callable[[Any], object], tiles: list[Any], threads: int) -> float:
+    """Seconds to do all tiles in so many threads; ``work`` should keep nothing large."""
+    with ThreadPoolExecutor(threads) as pool:
         start = perf_counter()
         for done in [pool.submit(work, tile) for tile in tiles]:
             done.result()
         return perf_counter() - start
 
 
-def counted(image: Image, scene: CastScene, inside: Projection, error: float) -> tuple[float, CastCounts]:
+def counted(
+    image: Image, scene: CastScene, inside: Projection, error: float, threads: int
+) -> tuple[float, CastCounts]:
     """Seconds that all tiles of a cast take, and its counts."""
     parts: list[CastCounts] = []
-    seconds = timed(lambda rows: parts.append(image.cast_tile(scene, inside, rows, error)[1]), image.tiles)
+
+    def work(rows: slice) -> None:
+        parts.append(image.cast_tile(scene, inside, rows, error)[1])
+
+    seconds = timed(work, image.tiles, threads)
     total = CastCounts()
     for part in parts:
         total.add(part)
@@ -128,17 +134,17 @@ def lit(mesh: Mesh, smooth: bool = False) -> Scene:
     return Scene(geometry, materials, (Light("SUN", np.full(3, 2.0), sun, casts_shadow=False),))
 
 
-def speed(name: str, mesh: Mesh, image: Image, runs: int) -> dict[str, Any]:
+def speed(name: str, mesh: Mesh, image: Image, runs: int, threads: int) -> dict[str, Any]:
     """Times of one scene, straight and curved, and the deterministic counts."""
     start = perf_counter()
     scene = CastScene(*mesh)
     build = perf_counter() - start
     straight = bent_projection(1, 0.0)
     flat, smooth = lit(mesh), lit(mesh, smooth=True)
-    settings = FrameSettings(image.width, image.height, samples=1, threads=THREADS)
+    settings = FrameSettings(image.width, image.height, samples=1, threads=threads)
     rays = raw_rays(scene, straight.transformed(scene.matrix), image)
     works: dict[str, Callable[[], float]] = {
-        "raw": lambda: timed(lambda ray: scene.trace(*ray) is None, rays),
+        "raw": lambda: timed(lambda ray: scene.trace(*ray) is None, rays, threads),
         "frame": lambda: _seconds(lambda: render_frame(straight, flat, settings, scene)),
         "smooth": lambda: _seconds(lambda: render_frame(straight, smooth, settings, scene)),
     }
@@ -146,7 +152,7 @@ def speed(name: str, mesh: Mesh, image: Image, runs: int) -> dict[str, Any]:
 
     def casting(title: str, inside: Projection, error: float) -> Callable[[], float]:
         def work() -> float:
-            seconds, total = counted(image, scene, inside, error)
+            seconds, total = counted(image, scene, inside, error, threads)
             counts[title] = vars(total)
             return seconds
 
@@ -235,15 +241,17 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", help="write all figures to FILE too")
     parser.add_argument("--quick", action="store_true", help="a quarter of the pixels, fewer runs")
     parser.add_argument("--million", action="store_true", help="also scenes of a million triangles")
+    what = "threads of both, raw Embree and ours"
+    parser.add_argument("--threads", type=int, default=THREADS, metavar="N", help=f"{what} ({THREADS})")
     options = parser.parse_args()
     image = Image(960, 540) if options.quick else Image(1920, 1080)
     runs = 2 if options.quick else 5
     sizes = [100_000] + [1_000_000] * options.million
-    print(f"{image.width} × {image.height} pixels, {THREADS} threads, pixel error {PIXEL_ERROR}")
+    print(f"{image.width} × {image.height} pixels, {options.threads} threads, pixel error {PIXEL_ERROR}")
     results = []
     for size in sizes:
         for name, make in SCENES.items():
-            results.append(speed(name, make(size), image, runs))
+            results.append(speed(name, make(size), image, runs, options.threads))
             report(results[-1])
     small = Image(480, 270)
     size = f"{small.width} × {small.height}"
