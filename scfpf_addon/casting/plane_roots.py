@@ -28,7 +28,7 @@ NEWTON_STEPS = 3
 # 2⁻²⁶ to each other are not told apart by float64 coefficients.
 SETTLED = 2.0**-40
 
-# Roots nearer to an end of a part than this share of half its length are left to rounding.
+# Roots farther from a part's middle than this share of half its length are left to rounding.
 WITHIN = 1.0 - 2.0**-30
 
 # And where the polynomial is no higher than this share of its largest coefficient: two roundings.
