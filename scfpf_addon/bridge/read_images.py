@@ -49,8 +49,9 @@ def with_images(
     material = geometry.material
     if projection is not None and not any(graph.reflects for graph in graphs.values()):
         material = material[within_volume(geometry.vertices, geometry.triangles, projection.volume)]
-    shown = set(np.unique(material).tolist())
-    names = {name for number, graph in graphs.items() if number in shown for name in graph.images}
+    shown = np.zeros(max(graphs, default=-1) + 1, bool)
+    shown[material[material < len(shown)]] = True
+    names = {name for number, graph in graphs.items() if shown[number] for name in graph.images}
     images, warnings = read_images(names, known)
     return replace(scene, images=images, warnings=scene.warnings + warnings)
 

@@ -115,7 +115,7 @@ def _tangents(mesh, layer) -> Single:
     normal = np.cross(along, across)
     area = np.einsum("tc,tc->t", normal, normal)
     inverse = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0.0)
-    if all(number <= 4 for number in _face_sizes(mesh)):
+    if _most_corners(mesh) <= 4:
         mesh.calc_tangents(uvmap=layer.name)
         tangent = _of_corners(mesh, _numbers(mesh.loops, "tangent", 3)).astype(np.float64)
         side = _of_corners(mesh, _loop_numbers(mesh, "bitangent_sign"))[:, :, 0]
@@ -138,11 +138,11 @@ def _tangents(mesh, layer) -> Single:
     return shares
 
 
-def _face_sizes(mesh) -> NDArray[np.int32]:
-    """The different numbers of corners that faces have."""
+def _most_corners(mesh) -> int:
+    """The largest number of corners that a face has."""
     sizes = np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_total", sizes)
-    return np.unique(sizes)
+    return int(sizes.max(initial=0))
 
 
 def _loop_numbers(mesh, name: str) -> Single:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..casting.half_spaces import portions
+from ..casting.portions import in_threads, portions
 from ..projection.typing import Array
 
 
@@ -16,10 +16,11 @@ def turn(vectors: NDArray[np.float32], matrix: NDArray, into: NDArray, shift: ND
     shift: (N, 3), what is added to these. Not by matmul: so slim a product costs more in waking threads than
     in itself.
     """
-    # Files may hold normals that are no numbers.
-    with np.errstate(invalid="ignore", over="ignore"):
-        for some in portions(len(vectors)):
-            x, y, z = vectors[some].T
+
+    def turn_some(some: slice) -> None:
+        x, y, z = vectors[some].T
+        # Files may hold normals that are no numbers.
+        with np.errstate(invalid="ignore", over="ignore"):
             for row in range(3):
                 sums = matrix[:, row, 0, None] * x
                 sums += matrix[:, row, 1, None] * y
@@ -27,6 +28,8 @@ def turn(vectors: NDArray[np.float32], matrix: NDArray, into: NDArray, shift: ND
                 if shift is not None:
                     sums += shift[:, row, None]
                 into[:, some, row] = sums
+
+    in_threads(turn_some, portions(len(vectors)))
 
 
 def normal_transforms(linear: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -105,7 +105,7 @@ class Onward:
         """Where the projectors have left the triangles, (n,) in t."""
         tangent = bundle.at(t)[1]
         speed = np.abs(np.einsum("cn,cn->n", self.scene.normals(triangle), tangent))
-        off = self.scene.offsets(triangle)
+        off = self.scene.offsets(triangle).astype(np.float64)
         start: Array = t + np.divide(
             off, speed, out=np.full_like(off, LARGEST_STEP), where=speed * LARGEST_STEP > off
         )

@@ -7,8 +7,6 @@ all control points of one place in the list in the hull of their control surface
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,12 +15,10 @@ from ..projection.typing import Array, BoolArray
 from ..projection.volume import ViewingVolume
 from .half_spaces import HalfSpaces
 from .pieces import piece_bounds, piece_weights
+from .portions import in_threads, portions
 
 # Cells along each axis of the box round the volume.
 CELLS = 64
-
-# Vertices and triangles that are looked at at a time.
-AT_ONCE = 1 << 18
 
 # Boxes are wider than what they hold by this share of the volume, for rounding: control points are
 # often float32 values, whose places are not known any better.
@@ -62,24 +58,24 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
         np.cumsum(sums, axis=axis, out=sums)
     points = np.asarray(vertices, np.float64).reshape(-1, 3)
     cells, finite = np.empty((3, len(points)), np.int8), np.empty(len(points), bool)
-    for some in _portions(len(points)):
+    kept = np.empty(len(triangles), bool)
+
+    def find_cells(some: slice) -> None:
         with np.errstate(invalid="ignore", over="ignore"):
-            places = (frame * scale[:, None]) @ points[some].T
+            places = np.einsum("ij,nj->in", frame * scale[:, None], points[some])
             places -= (lower * scale)[:, None]
             finite[some] = np.isfinite(places).all(axis=0)
             # Outside is one cell beyond on either side.
             cells[:, some] = np.clip(np.floor(np.where(finite[some], places, 0.0)), -1, CELLS)
-    kept = np.empty(len(triangles), bool)
-    for some in _portions(len(triangles)):
+
+    def look_at_triangles(some: slice) -> None:
         faces = triangles[some]
         kept[some] = _held_between(sums, *(cells.take(faces[:, k], 1) for k in range(3)))
         kept[some] |= ~finite[faces].all(axis=1)
+
+    in_threads(find_cells, portions(len(points)))
+    in_threads(look_at_triangles, portions(len(triangles)))
     return kept
-
-
-def _portions(count: int) -> Iterator[slice]:
-    """So many things, AT_ONCE at a time."""
-    return (slice(start, min(start + AT_ONCE, count)) for start in range(0, count, AT_ONCE))
 
 
 def _held_between(sums: NDArray[np.int32], *corners: NDArray[np.int8]) -> BoolArray:

@@ -58,17 +58,14 @@ class Geometry:
         """The triangles ``kept`` (T,) alone, with the vertices that they use."""
         # By number: several times as quick as by the mask.
         which = np.flatnonzero(kept)
-        triangles = self.triangles.take(which, axis=0)
-        used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(self.vertices)))
-        number = np.empty(len(self.vertices), np.int32)
-        number[used] = np.arange(len(used), dtype=np.int32)
+        used, triangles = renumbered(self.triangles.take(which, axis=0), len(self.vertices))
         normals = self.corner_normals
         if normals is not None:
             some = normals[:, : 1 if self.flat else 3].take(which, axis=0)
             normals = np.broadcast_to(some, (len(which), 3, 3))
         return Geometry(
             self.vertices.take(used, axis=0),
-            number.take(triangles),
+            triangles,
             normals,
             _of(self.material, which),
             _of(self.object_index, which),
@@ -78,6 +75,16 @@ class Geometry:
             None if self.visibility is None else self.visibility.take(which),
             None if self.linked is None else self.linked.take(which),
         )
+
+
+def renumbered(triangles: NDArray[np.int32], vertices: int) -> tuple[IndexArray, NDArray[np.int32]]:
+    """Which of so many vertices triangles (K, 3) use, (U,), and the triangles by these."""
+    is_used = np.zeros(vertices, bool)
+    is_used[triangles] = True
+    used = np.flatnonzero(is_used)
+    number = np.empty(vertices, np.int32)
+    number[used] = np.arange(len(used), dtype=np.int32)
+    return used, number.take(triangles)
 
 
 def _of(numbers: NDArray[np.int32], which: IndexArray) -> NDArray[np.int32]:

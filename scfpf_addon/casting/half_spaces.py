@@ -7,7 +7,6 @@ takes a tenth of the time of looking at the triangles themselves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -15,10 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray
+from .portions import in_threads, portions
 
-# Vertices and triangles that are looked at at a time: what is made of them stays in a core's cache, and
-# takes no memory that the system would have to be asked for.
-AT_ONCE = 1 << 15
 # Bits of a vertex.
 MOST_PLANES = 16
 # Planes stand off by this share of the largest coordinate, for rounding: bodies are often made of
@@ -47,16 +44,21 @@ class HalfSpaces:
         vertices: (V, 3).
         """
         outside = np.empty(len(vertices), np.uint16)
-        for some in portions(len(vertices)):
-            outside[some] = self._outside(np.ascontiguousarray(vertices[some].T))
         met: BoolArray = np.empty(len(triangles), bool)
-        for some in portions(len(triangles)):
+
+        def look_at_vertices(some: slice) -> None:
+            outside[some] = self._outside(np.ascontiguousarray(vertices[some].T))
+
+        def look_at_triangles(some: slice) -> None:
             # NumPy is quickest at this mode, with indices of its own kind.
             corner = triangles[some].T.astype(np.intp, order="C")
             common = outside.take(corner[0], mode="clip")
             common &= outside.take(corner[1], mode="clip")
             common &= outside.take(corner[2], mode="clip")
             np.equal(common, 0, out=met[some])
+
+        in_threads(look_at_vertices, portions(len(vertices)))
+        in_threads(look_at_triangles, portions(len(triangles)))
         return met
 
     def _outside(self, points: Array) -> NDArray[np.uint16]:
@@ -73,11 +75,6 @@ def highest(normal: Array, points: Array) -> float:
     """The largest of ``heights``; points: (3, N) as they lie in memory, N > 0."""
     parts = (np.ascontiguousarray(points[:, some]) for some in portions(points.shape[1]))
     return float(np.max([heights(normal, part).max() for part in parts]))
-
-
-def portions(count: int) -> Iterator[slice]:
-    """So many things, AT_ONCE at a time."""
-    return (slice(start, min(start + AT_ONCE, count)) for start in range(0, count, AT_ONCE))
 
 
 def heights(normal: Array, points: Array, room: Array | None = None) -> Array:

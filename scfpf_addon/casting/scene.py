@@ -9,7 +9,7 @@ what a hit is, is computed from the float64 triangles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import cache
@@ -22,9 +22,11 @@ from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
 from .embree import mesh_in_embree
+from .geometry import renumbered
 from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
+from .portions import in_threads, portions
 from .prisms import BYTES_PER_TRIANGLE, Prisms
 from .stopping import stop_here, unstoppable
 
@@ -51,7 +53,7 @@ SHADOW_END = 1e-4
 KEPT_BLOCK = 31 << 20
 
 # Triangles that are measured at a time.
-BLOCK = 1 << 14
+MEASURED = 1 << 14
 
 # What is kept for different kinds of rays and for lamps' shadows, at most.
 MOST_PARTS = 16
@@ -113,11 +115,6 @@ def _keep_freed_memory() -> None:
     M_MMAP_THRESHOLD); other allocators ignore it.
     """
     np.empty(KEPT_BLOCK, np.uint8)
-
-
-def _blocks(count: int) -> Iterator[slice]:
-    """Triangles in portions that fit a core's cache."""
-    return (slice(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK))
 
 
 def _inverse(area: Array, usable: BoolArray) -> Array:
@@ -251,7 +248,8 @@ class CastScene:
         self.planes: Array = np.empty((4, len(usable)))
         self._reach = np.empty(len(usable), np.float32)
         self._weights: Array | None = None
-        for some in _blocks(len(usable)):
+
+        def measure(some: slice) -> None:
             first, along, across = self._edges(some)
             normal = np.cross(along, across, axis=0)
             area = np.einsum("ct,ct->t", normal, normal)
@@ -260,6 +258,8 @@ class CastScene:
             _fill(self.planes[:, some], normal * np.sqrt(_inverse(area, usable[some])), first)
             corners = np.abs([self.vertices.take(self.triangles[some, k], 1) for k in range(3)])
             self._reach[some] = corners.max(axis=(0, 1))
+
+        in_threads(measure, portions(len(usable), MEASURED))
 
     def _edges(self, some: slice) -> tuple[Array, Array, Array]:
         """The first corners of some triangles, and what leads from them to the second and third, (3, n)."""
@@ -278,12 +278,15 @@ class CastScene:
     def _weights_made(self) -> Array:
         """The weights of the second and third corner. Made at first use: flat shading needs none."""
         weights: Array = np.empty((8, len(self._usable)))
-        for some in _blocks(len(self._usable)):
+
+        def weigh(some: slice) -> None:
             first, along, across = self._edges(some)
             normal = np.cross(along, across, axis=0)
             inverse = _inverse(np.einsum("ct,ct->t", normal, normal), self._usable[some])
             _fill(weights[:4, some], np.cross(across, normal, axis=0) * inverse, first)
             _fill(weights[4:, some], np.cross(normal, along, axis=0) * inverse, first)
+
+        in_threads(weigh, portions(len(self._usable), MEASURED))
         return weights
 
     @property
@@ -360,21 +363,25 @@ class CastScene:
         found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")
         return found
 
-    def occluded(self, origins: Array, directions: Array, distances: Array) -> BoolArray:
+    def occluded(self, origins: NDArray[Any], directions: NDArray[Any], distances: NDArray[Any]) -> BoolArray:
         """Whether anything lies on each ray before its distance.
 
-        origins, directions: (3, N), distances: (N,) in units of the direction's
-        length (inf is allowed), float64, cast space. The last SHADOW_END of the
+        origins: (3, N), directions: (3, N) or (3, 1), distances: (N,) or (1,) in units of the direction's
+        length (inf is allowed), cast space. The last SHADOW_END of the
         way is left out; origins are taken as they are (see ``offset_origins``).
         """
         stop_here()
         with np.errstate(invalid="ignore", over="ignore"):
+            start = origins.astype(np.float32, copy=False)
+            way, limits = np.empty(start.shape, np.float32), np.empty(start.shape[1], np.float32)
+            way[:] = directions
             # embreex takes a negative limit for a hit here; a limit that is no number becomes 0.
-            limits = np.fmax(distances * (1.0 - SHADOW_END), 0.0).astype(np.float32)
-            start, way = origins.astype(np.float32), directions.astype(np.float32)
-            dead = ~np.isfinite(start.sum(axis=0) + way.sum(axis=0))
-        if dead.any():
-            start[:, dead], way[:, dead], limits[dead] = 0.0, 0.0, 0.0
+            limits[:] = np.fmax(distances * (1.0 - SHADOW_END), 0.0)
+            # One sum tells that all is finite, or that each has to be looked at.
+            if not np.isfinite(start.sum() + way.sum()):
+                dead = ~np.isfinite(start.sum(axis=0) + way.sum(axis=0))
+                start = np.where(dead, np.float32(0), start)
+                way[:, dead], limits[dead] = 0.0, 0.0
         geometry: NDArray[np.int32] = self._embree.run(start.T, way.T, limits, query="OCCLUDED")
         hit: BoolArray = geometry >= 0
         beyond = self._beyond_embree()
@@ -388,10 +395,7 @@ class CastScene:
         self, vertices: Array, triangles: NDArray[np.int32]
     ) -> tuple[Float32Array, NDArray[np.int32]] | None:
         """What is beyond in cast space: (3, n) of the vertices that are used; None where there is nothing."""
-        used = np.flatnonzero(np.bincount(triangles.reshape(-1), minlength=len(vertices)))
-        number = np.empty(len(vertices), np.int32)
-        number[used] = np.arange(len(used), dtype=np.int32)
-        triangles = number.take(triangles)
+        used, triangles = renumbered(triangles, len(vertices))
         with np.errstate(invalid="ignore", over="ignore"):
             points = np.asarray(vertices, np.float64).take(used, axis=0)
             points -= self.centre
@@ -425,9 +429,10 @@ class CastScene:
         origins: Array = positions + normal * (side * self._reach.take(triangles))
         return origins
 
-    def offsets(self, triangles: IndexArray) -> Array:
-        """How far off ``triangles`` (N,) the origins of ``offset_origins`` are, (N,) float64."""
-        offsets: Array = ORIGIN_OFFSET * self._reach.take(triangles).astype(np.float64)
+    def offsets(self, triangles: IndexArray) -> Float32Array:
+        """How far off ``triangles`` (N,) the origins of ``offset_origins`` are, (N,) float32."""
+        offsets: Float32Array = self._reach.take(triangles, mode="wrap")
+        offsets *= np.float32(ORIGIN_OFFSET)
         return offsets
 
     def normals(self, triangles: IndexArray) -> Array:

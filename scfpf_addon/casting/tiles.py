@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from queue import Empty, SimpleQueue
 from threading import Event
 from typing import TypeVar
 
+from .portions import thread_count
 from .scene import CastError
 from .stopping import watching
 
@@ -55,15 +55,6 @@ def image_tiles(width: int, height: int) -> list[slice]:
     count = -(-height // most)
     bounds = [height * k // count for k in range(count + 1)]
     return [slice(start, end) for start, end in pairwise(bounds)]
-
-
-def thread_count(threads: int = 0) -> int:
-    """``threads``, or for 0 the number of cores that this process may use."""
-    if threads > 0:
-        return threads
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def run_tiles(

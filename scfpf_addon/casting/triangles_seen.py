@@ -98,14 +98,21 @@ class FlatRays:
         corner = self.middle - 0.5 * self.across
         return window_round(corner, self.across, self.up, scene.lower, scene.upper)
 
-    def made(self, x: Array, y: Array) -> tuple[Float32Array, Float32Array]:
-        """Origins and directions (3, rows · columns), row by row; x: (columns,), y: (rows,) in [0, 1]."""
+    def made(self, x: Array, y: Array, upright: bool = False) -> tuple[Float32Array, Float32Array]:
+        """Origins and directions (3, rows · columns); x: (columns,), y: (rows,) in [0, 1].
+
+        Row by row; upright: column by column.
+        """
         column = (self.across[:, :, None] * (x - 0.5)).astype(np.float32)
         height = self.up[:, :, None] * y
         height += self.middle[:, :, None]
         height[0] += OFF_VERTICES
-        row = height.astype(np.float32)[:, :, :, None]
-        rays = np.empty((2, 3, len(y), len(x)), np.float32)
+        row = height.astype(np.float32)
+        if upright:
+            shape, column, row = (len(x), len(y)), column[..., None], row[..., None, :]
+        else:
+            shape, column, row = (len(y), len(x)), column[..., None, :], row[..., None]
+        rays = np.empty((2, 3, *shape), np.float32)
         for each in np.ndindex(2, 3):
             if self.across[each]:
                 np.add(row[each], column[each], out=rays[each])

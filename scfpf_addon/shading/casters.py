@@ -9,7 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..casting.geometry import Geometry
-from ..casting.half_spaces import HalfSpaces, highest, portions
+from ..casting.half_spaces import HalfSpaces, highest
+from ..casting.portions import portions
 from ..casting.scene import ORIGIN_OFFSET
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import ViewingVolume

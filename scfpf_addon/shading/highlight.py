@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -93,24 +93,31 @@ def mean_reflectance(roughness: Array) -> tuple[Array, Array]:
 
     Of white ones, and of those that reflect by Schlick's (1 - cos)⁵.
     """
-    steps = np.linspace(0.0, 1.0, ROUGH_STEPS)
-    white, grazing = (np.interp(roughness, steps, row) for row in _means())
+    # Not by clip, which leaves NaN as it is.
+    place = np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)
+    below = np.minimum(place.astype(np.intp), ROUGH_STEPS - 2)
+    # Only steps that some material lies between: a scene has few, and each takes as long as 10,000 hits.
+    wanted = np.zeros(ROUGH_STEPS, bool)
+    wanted[below] = wanted[below + 1] = True
+    table = np.zeros((2, ROUGH_STEPS))
+    for step in np.flatnonzero(wanted):
+        table[:, step] = _means(int(step))
+    share = place - below
+    white, grazing = table[:, below] * (1.0 - share) + table[:, below + 1] * share
     return white, grazing
 
 
-@lru_cache(maxsize=1)
-def _means() -> Array:
-    """As ``mean_reflectance``, (2, ROUGH_STEPS)."""
+@cache
+def _means(step: int) -> tuple[float, float]:
+    """As ``mean_reflectance``, of the roughness ``step`` / (ROUGH_STEPS - 1)."""
+    if step == 0:
+        return 1.0, SCHLICK_MEAN
     share = np.tile((np.arange(DRAWS)[:, None] * EVEN % 1.0).T, COSINES)
     # As much of a surface is seen under a cosine as that is.
     cosine = np.sqrt((np.arange(COSINES) + 0.5) / COSINES).repeat(DRAWS)
     view = np.stack([np.sqrt(1.0 - cosine**2), 0.0 * cosine, cosine])
-    means = np.ones((2, ROUGH_STEPS))
-    means[1, 0] = SCHLICK_MEAN
-    for step in range(1, ROUGH_STEPS):
-        alpha = np.full_like(cosine, (step / (ROUGH_STEPS - 1)) ** 2)
-        facet = visible_facets(view, alpha, share)
-        way = 2.0 * dot(facet, view) * facet - view
-        passed = passed_on(view, way, alpha)
-        means[:, step] = passed.mean(), (passed * (1.0 - dot(facet, view)[0]) ** 5).mean()
-    return means
+    alpha = np.full_like(cosine, (step / (ROUGH_STEPS - 1)) ** 2)
+    facet = visible_facets(view, alpha, share)
+    way = 2.0 * dot(facet, view) * facet - view
+    passed = passed_on(view, way, alpha)
+    return float(passed.mean()), float((passed * (1.0 - dot(facet, view)[0]) ** 5).mean())

@@ -207,12 +207,15 @@ def cut_shadows(received: Single, points: SurfacePoints, light: Incidence, cast_
     lit = np.flatnonzero(received)
     if points.shadow is None or not len(lit):
         return
-    count = len(received)
-    directions = np.broadcast_to(light.direction, (3, count)).take(lit, axis=1)
-    distances = np.broadcast_to(light.distance, count).take(lit)
-    grazing = 1 - dot(points.shadow.flat.take(lit, axis=1), directions) / GRAZING
-    height = points.shadow.height.take(lit) * np.clip(grazing, 0, 1)
+    directions, distances = light.direction, light.distance
+    if directions.shape[1] > 1:
+        directions = directions.take(lit, axis=1)
+    if len(distances) > 1:
+        distances = distances.take(lit)
     origins = points.shadow.origin.take(lit, axis=1)
-    origins += points.normal.take(lit, axis=1) * height
-    hidden = cast_scene.occluded(origins, directions.astype(np.float64), distances.astype(np.float64))
+    if points.shadow.height is not None:
+        grazing = 1 - dot(points.shadow.flat.take(lit, axis=1), directions) / GRAZING
+        height = points.shadow.height.take(lit) * np.clip(grazing, 0, 1)
+        origins += points.normal.take(lit, axis=1) * height
+    hidden = cast_scene.occluded(origins, directions, distances)
     received[lit[hidden]] = 0

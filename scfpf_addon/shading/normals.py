@@ -3,19 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from ..casting.geometry import Geometry
+from ..casting.portions import in_threads, portions
 from ..casting.scene import CastScene
-from ..casting.tiles import thread_count
 from .typing import Single
-
-Result = TypeVar("Result")
 
 # Corner normals this close to their triangle's, component by component, are no smooth shading:
 # float32 normals that were stored in 16 bits.
@@ -23,12 +19,6 @@ FLAT = 1e-4
 # The same where a triangle's corners share one normal: what float32 makes of small faces far from the
 # origin, or of a quad as good as flat. A tenth of a per cent of the light.
 FLAT_FACE = 1e-3
-
-# Triangles in a portion: what is read and written of them fits a core's cache.
-PORTION = 1 << 15
-
-# Portions below which one thread is done before others have begun.
-WORTH_THREADS = 8
 
 
 class Normals(NamedTuple):
@@ -48,21 +38,14 @@ def dot(a: Single, b: Single) -> Single:
 def normals_of(geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int) -> Normals:
     """Of the triangles that ``cast_scene`` was made of; threads: 0 for all cores."""
     count = len(geometry.triangles)
-    portions = [slice(first, min(first + PORTION, count)) for first in range(0, count, PORTION)]
+    parts = portions(count)
     made = _Making(geometry, cast_scene, np.empty((3, count), np.float32))
     # Most meshes that are smooth anywhere are so in the first portion, and then no other is asked.
-    if made.flat_shaded(portions[0]) and all(_in_threads(made.flat_shaded, portions[1:], threads)):
+    if made.flat_shaded(parts[0]) and all(in_threads(made.flat_shaded, parts[1:], threads)):
         return Normals(made.flat, None, None)
     made = made.to_be_smooth(shadows)
-    _in_threads(made.write_smooth, portions, threads)
+    in_threads(made.write_smooth, parts, threads)
     return Normals(made.flat, made.smooth, made.bulge)
-
-
-def _in_threads(work: Callable[[slice], Result], portions: list[slice], threads: int) -> list[Result]:
-    if len(portions) < WORTH_THREADS:
-        return [work(some) for some in portions]
-    with ThreadPoolExecutor(thread_count(threads)) as pool:
-        return list(pool.map(work, portions))
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ def short_way(
         behind[:] = (*background, 1)
     rays = None if places.scrambled else FlatRays.of(projection, scene)
     if any(lamp.light.casts_shadow for lamp in shading.lamps):
-        return SunsShadowed(places, scene, shading, rays, behind) if rays else None
+        return SunsShadowed(places, scene, shading, rays, rays.window(scene), behind) if rays else None
     if places.scrambled and not all(_is_alike(lamp) for lamp in shading.lamps):
         return None
     colors = SunColors(shading.surface, shading.phong, shading.lamps, behind)

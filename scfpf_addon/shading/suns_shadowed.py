@@ -16,6 +16,7 @@ from ..casting.hits import CastCounts
 from ..casting.scene import CastScene, Float32Array
 from ..casting.straight import END_SLACK, plane_shares
 from ..casting.triangles_seen import FlatRays
+from ..casting.window import Window
 from ..projection.typing import Array, IndexArray
 from .hit_colors import Shading
 from .lighting import radiance
@@ -25,12 +26,13 @@ from .typing import Single
 
 @dataclass(frozen=True)
 class SunsShadowed:
-    """What makes such a picture. background: (4,) what hits nothing."""
+    """What makes such a picture. window: where rays can meet anything. background: (4,) what hits nothing."""
 
     places: SamplePlaces
     scene: CastScene
     shading: Shading
     rays: FlatRays
+    window: Window
     background: Single
 
     def sample(self, rows: slice, sample: int, counts: CastCounts, into: Single) -> NDArray[np.int32]:
@@ -38,19 +40,40 @@ class SunsShadowed:
 
         What comes back are the triangles (n,) that it sees, -1 for none.
         """
-        origins, ways = self.rays.made(*self.places.of_grid(rows, sample))
+        x, y = self.places.of_grid(rows, sample)
+        columns, lines = self.window.held(x, y)
+        triangle = np.full((len(y), len(x)), -1, np.int32)
+        picture = into.reshape(4, *triangle.shape)
+        held = triangle[lines, columns]
+        counts.projectors += triangle.size
+        if held.size < triangle.size:
+            picture[:] = self.background[:, None, None]
+        if held.size:
+            # Upright: tiles are wider than high, and rays find more of what their neighbours have touched.
+            found, color = self._seen(x[columns], y[lines], sample, counts)
+            held[:] = found.reshape(held.shape[::-1]).T
+            for shown, channel in zip(picture[:, lines, columns], color, strict=True):
+                shown[:] = channel.reshape(held.shape[::-1]).T
+        return triangle.reshape(-1)
+
+    def _seen(self, x: Array, y: Array, sample: int, counts: CastCounts) -> tuple[NDArray[np.int32], Single]:
+        """Triangles (n,), -1 for none, and colours (4, n), column by column; x: of columns, y: of rows."""
+        origins, ways = self.rays.made(x, y, upright=True)
         count = origins.shape[1]
         triangle = self.scene.trace(origins, ways, np.full(count, 1.0 + END_SLACK, np.float32))
-        counts.projectors, counts.rays = counts.projectors + count, counts.rays + count
-        counts.chords += count
-        into[:] = self.background[:, None]
+        counts.rays, counts.chords = counts.rays + count, counts.chords + count
+        color = np.empty((4, count), np.float32)
         where = np.flatnonzero(triangle >= 0)
+        if len(where) == count:
+            color[:3], color[3] = self._lit(triangle, origins, ways, sample, counts), 1
+            return triangle, color
+        color[:] = self.background[:, None]
         if len(where):
             origins, ways = origins.take(where, axis=1), ways.take(where, axis=1)
             lit = self._lit(triangle.take(where), origins, ways, sample, counts)
-            for channel, values in zip(into, (*lit, np.float32(1)), strict=True):
+            for channel, values in zip(color, (*lit, np.float32(1)), strict=True):
                 channel[where] = values
-        return triangle
+        return triangle, color
 
     def _lit(
         self, triangle: IndexArray, origins: Float32Array, ways: Float32Array, sample: int, counts: CastCounts

@@ -36,13 +36,14 @@ SMALLEST_ROUGHNESS = 0.08
 class ShadowStart(NamedTuple):
     """Where shadow rays of N points start, in cast space.
 
-    origin: (3, N) float64, just off the triangle on the side of the viewer. flat: (3, N)
-    unit normal of the triangle on that side. height: (N,), see ``smooth_height``.
+    origin: (3, N), just off the triangle on the side of the viewer. flat: (3, N)
+    unit normal of the triangle on that side. height: (N,), see ``smooth_height``; None where
+    nothing is smooth.
     """
 
-    origin: Array
+    origin: Single
     flat: Single
-    height: Single
+    height: Single | None
 
 
 class SurfacePoints(NamedTuple):
@@ -64,9 +65,8 @@ class SurfacePoints(NamedTuple):
         """The points at ``index``."""
         shadow = self.shadow
         if shadow is not None:
-            shadow = ShadowStart(
-                shadow.origin.take(index, 1), shadow.flat.take(index, 1), shadow.height.take(index)
-            )
+            height = None if shadow.height is None else shadow.height.take(index)
+            shadow = ShadowStart(shadow.origin.take(index, 1), shadow.flat.take(index, 1), height)
         return SurfacePoints(
             self.position.take(index, 1),
             self.normal.take(index, 1),
@@ -143,20 +143,19 @@ class SurfaceTable:
         if self.smooth is not None and barycentric is not None:
             weight = [row.astype(np.float32, copy=False) for row in barycentric]
             normal = smooth_normal(self.smooth, triangle, weight, side)
-        shadow = None
+        place, shadow = position.astype(np.float32), None
         if self.shadows:
-            if self.bulge is None or barycentric is None:
-                height = np.zeros_like(side)
-            else:
+            height = None
+            if self.bulge is not None and barycentric is not None:
                 height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
-            origin = self.cast_scene.offset_origins(position, triangle, view)
-            shadow = ShadowStart(origin, flat, height)
+            # As ``offset_origins``: what float32 rounds here is far less than its offset.
+            shadow = ShadowStart(place + flat * self.cast_scene.offsets(triangle), flat, height)
         if self.single:
             material = np.broadcast_to(self.material[0], triangle.shape)
         else:
             material = self.material.take(triangle, mode="wrap")
         linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
-        return SurfacePoints(position.astype(np.float32), normal, view, material, shadow, linked)
+        return SurfacePoints(place, normal, view, material, shadow, linked)
 
 
 def smooth_normal(

@@ -13,8 +13,9 @@ from scfpf_addon.casting import frame as module
 from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.frame import cast_frame, pixel_centres
 from scfpf_addon.casting.hits import CastCounts
+from scfpf_addon.casting.portions import thread_count
 from scfpf_addon.casting.scene import CastError, CastScene
-from scfpf_addon.casting.tiles import image_tiles, thread_count
+from scfpf_addon.casting.tiles import image_tiles
 
 WIDTH, HEIGHT = 80, 50
 

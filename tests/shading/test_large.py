@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes import bent_projection, terrain
-from scfpf_addon.casting import culling, memory, occupancy
+from scfpf_addon.casting import memory, occupancy, portions
 from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.culling import within_volume
 from scfpf_addon.casting.neighbours import edge_neighbours
@@ -62,7 +62,7 @@ def test_culling_takes_little_beside_the_triangles(monkeypatch):
     assert 0.1 < at_once.mean() < 0.9
     # The integral image of its cells is as large as many triangles.
     fixed, _ = most_held(lambda: within_volume(vertices[:3], np.int32([[0, 1, 2]]), volume))
-    monkeypatch.setattr(culling, "AT_ONCE", 1000)
+    monkeypatch.setattr(portions, "AT_ONCE", 1000)
     held, kept = most_held(lambda: within_volume(vertices, triangles, volume))
     assert np.array_equal(kept, at_once)
     assert held - fixed < 10 * len(triangles)

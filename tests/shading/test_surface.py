@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scfpf_addon.casting import portions
 from scfpf_addon.casting.scene import CastScene
-from scfpf_addon.shading import normals
 from scfpf_addon.shading.scene import Materials
 from scfpf_addon.shading.surface import LightTable, SurfaceTable
 
@@ -40,11 +40,11 @@ def test_portions_and_threads_change_no_table(build, monkeypatch, smooth):
     parts = [build.square(0.5, k / 40) for k in range(30)] + [build.sphere(4)] * smooth
     geometry = build.geometry(*parts)
     whole, _ = table_of(geometry, True)
-    monkeypatch.setattr(normals, "PORTION", 3)
-    portions, _ = table_of(geometry, True)
+    monkeypatch.setattr(portions, "AT_ONCE", 3)
+    cut, _ = table_of(geometry, True)
     assert (whole.smooth is not None) == smooth
     for name in ("flat", "smooth", "bulge"):
-        assert np.array_equal(getattr(portions, name), getattr(whole, name))
+        assert np.array_equal(getattr(cut, name), getattr(whole, name))
 
 
 @given(st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: abs(v[2]) > 1e-3), st.floats(1e-9, 1e9))
@@ -81,7 +81,7 @@ def test_flat_shading_needs_no_weights(build, side):
     middle = vertices[faces[triangle]].mean(axis=1).T * cast_scene.scale
     points = table.points(triangle, np.zeros((2, len(flat))), middle, -flat.T)
     assert np.allclose(points.normal, flat.T, atol=1e-6)
-    assert np.allclose(points.shadow.flat, flat.T, atol=1e-6) and not points.shadow.height.any()
+    assert np.allclose(points.shadow.flat, flat.T, atol=1e-6) and points.shadow.height is None
     leaning = normals.copy()
     leaning[0, 1] = [0.6, 0, 0.8]
     assert table_of(build.geometry((vertices, faces, leaning)))[0].weighted
