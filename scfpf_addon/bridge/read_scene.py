@@ -242,7 +242,7 @@ class _SceneReader:
         seen = np.array(self._seen, np.int32).reshape(-1, 2)
         finite = (np.abs(matrix) <= LARGEST_COORDINATE).all(axis=(1, 2))
         names = list(self.object_numbers)
-        for number in np.unique(look_object[placed[~finite, 1]]):
+        for number in sorted(set(look_object[placed[~finite, 1]].tolist())):
             self._bad_place[names[number]] = None
         return Instances(
             placed[finite, 0],
