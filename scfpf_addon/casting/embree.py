@@ -95,7 +95,7 @@ def mesh_in_embree(
         place = library.rtcSetNewGeometryBuffer(geometry, VERTEX_BUFFER, 0, FLOAT3, 3 * NUMBER, len(vertices))
         if not place:
             raise MemoryError(f"There is not enough memory for {len(vertices):,} vertices")
-        own = np.ctypeslib.as_array((ctypes.c_float * (3 * len(vertices))).from_address(place))
+        own = np.frombuffer((ctypes.c_float * (3 * len(vertices))).from_address(place), np.float32)
         own.reshape(-1, 3)[:] = vertices
         library.rtcSetSharedGeometryBuffer(
             geometry, INDEX_BUFFER, 0, UINT + corners, faces.ctypes.data, 0, corners * NUMBER, len(faces)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..projection.median import median
 from ..projection.typing import Array, BoolArray, IndexArray
 from .embree import mesh_in_embree
 from .geometry import renumbered
@@ -225,7 +226,7 @@ class CastScene:
         points = vertices if used.all() else vertices[used]
         # The median, not the middle of the bounds: float32 is finest at the
         # origin, which so falls among the objects and not in the middle of a sky.
-        self.centre: Array = np.median(points, axis=0)
+        self.centre: Array = np.array([median(places) for places in points.T])
         # Axis by axis: NumPy takes several times as long for all three at once.
         reach = max(
             float(max(places.max() - middle, middle - places.min()))

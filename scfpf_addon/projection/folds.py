@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .bezier import bernstein, derivative, product
+from .median import median
 from .typing import Array, BoolArray
 from .volume import ControlSample, Projection, ViewingVolume, VolumeSample, determinant
 
@@ -84,7 +85,7 @@ def orientations(
     lengths = [np.sqrt(np.einsum("cn,cn->n", d, d)) for d in (sample.du, sample.dv, sample.dt)]
     parallel = PARALLEL * np.prod(lengths, axis=0).reshape(size.shape)
     if usual is None:
-        usual = np.median(np.abs(size), axis=0) if count else np.zeros(len(t))
+        usual = median(np.abs(size)) if count else np.zeros(len(t))
     certain: BoolArray = np.abs(size) > np.maximum(parallel, VANISHING * usual)
     return np.where(certain, np.sign(size), 0.0)
 
@@ -110,7 +111,7 @@ def folded_pieces(volume: ViewingVolume, controls: ControlSample, t: Array, orie
     # Only here does it matter how large the determinant is elsewhere.
     span, start, length = volume.spans.locate(t[columns])
     weights = bernstein(coefficients.shape[1] - 1, (t[columns] - start) / length)
-    usual = np.array([np.median(np.abs(w @ coefficients[s])) for s, w in zip(span, weights.T, strict=True)])
+    usual = np.array([median(np.abs(w @ coefficients[s])) for s, w in zip(span, weights.T, strict=True)])
     if volume.spans.point_weights is not None:
         local = bernstein(volume.spans.degree, (t[columns] - start) / length)
         usual /= np.einsum("kn,nk->n", local, volume.spans.point_weights[span]) ** 4
