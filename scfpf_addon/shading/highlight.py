@@ -7,22 +7,28 @@ from functools import cache
 
 import numpy as np
 
-from ..projection.typing import Array
+from ..projection.typing import Array, IndexArray
 from .materials.glossy import EVEN, passed_on, visible_facets
+from .materials.inputs import fresnel_dielectric
 from .materials.place import dot
 from .typing import Single
 
 # The mean of Schlick's (1 - cos)⁵ over the hemisphere.
 SCHLICK_MEAN = 1.0 / 21.0
-# Steps of roughness and of the cosine in the table of mean reflectance, and draws for each.
-ROUGH_STEPS, COSINES, DRAWS = 24, 16, 256
+# Steps of roughness, the numbers that people choose, and of the cosine to the viewer in tables of what
+# surfaces reflect.
+ROUGH_STEPS, VIEWS = 101, 1024
+# Cosines that a row of these is made from, more of them where it is seen edge-on, and draws for each.
+COSINES, DRAWS = 24, 256
+# A layer's share of grazing light is tabulated for this index of refraction; others differ by 0.02 at most.
+USUAL_IOR = 1.5
 # Cosine to the viewer below which a surface counts as seen edge-on.
 EDGE_ON = np.float32(1e-4)
 TINY = np.float32(1e-30)
 
 
 def facets(lit: Single, facing: Single, between: Single, alpha: Single) -> tuple[Single, Single]:
-    """Radiance of a white surface by irradiance, (N,), and Schlick's share of grazing light, (N,).
+    """Radiance of a white surface by irradiance, (N,), and the cosine of light and viewer to facets, (N,).
 
     lit, facing, between: (N,) of the angles from normal to lamp, not below 0, from normal to viewer, and from
     lamp to viewer. alpha: (N,) or (1,), the square of GGX's α. Of what is turned away from the lamp any
@@ -48,13 +54,37 @@ def facets(lit: Single, facing: Single, between: Single, alpha: Single) -> tuple
     masked += other
     spread *= masked
     density = np.divide(alpha * np.float32(0.5 / np.pi), spread, out=spread)
-    grazing = np.sqrt(half, out=half)
-    grazing *= np.float32(-np.sqrt(0.5))
-    grazing += 1
-    fourth = np.multiply(grazing, grazing, out=other)
+    half *= np.float32(0.5)
+    return density, np.sqrt(half, out=half)
+
+
+def schlick(cosine: Single) -> Single:
+    """Schlick's share of grazing light, (1 - cos)⁵, (N,)."""
+    away = 1 - cosine
+    fourth = away * away
     fourth *= fourth
-    grazing *= fourth
-    return density, grazing
+    away *= fourth
+    return away
+
+
+def dielectric_share(cosine: Single, ior: Single) -> Single:
+    """As ``fresnel_dielectric`` from the thinner side, in float32. cosine: (N,), ior: (N,) or (1,)."""
+    square = cosine * cosine
+    root = square + (ior * ior - 1)
+    np.sqrt(root, out=root)
+    less, more = root - cosine, root + cosine
+    across = np.divide(less, more, out=root)
+    across *= across
+    more *= cosine
+    more -= 1
+    less *= cosine
+    less += 1
+    more /= less
+    more *= more
+    more += 1
+    more *= np.float32(0.5)
+    more *= across
+    return more
 
 
 def _masking(cosine: Single, alpha: Single, rest: Single) -> Single:
@@ -74,50 +104,59 @@ def sent_again(reflected: Array, white: Array) -> Array:
     return share
 
 
-def reflection(
-    front: Array, edge: Array | float, roughness: Array, multiple: Array | float
-) -> tuple[Array, Array, Array]:
-    """Reflectance of facets head-on, what comes to it where light grazes them, and the mean of it all.
+def mean_reflectance(roughness: Array) -> tuple[Array, Array, Array]:
+    """What facets (n,) reflect in even light, as a mean over where they are seen from, (n,) each.
 
-    Each (M,) or (3, M), with what facets send on to each other. front: of a facet. edge: share by which
-    grazing light makes it white. roughness, multiple: as in ``Materials``.
-    """
-    more = (1.0 - front) * edge
-    white, grazing = mean_reflectance(roughness)
-    again = 1.0 + multiple * sent_again(front + more * SCHLICK_MEAN, white) * (1.0 / white - 1.0)
-    return front * again, more * again, (front * white + more * grazing) * again
-
-
-def mean_reflectance(roughness: Array) -> tuple[Array, Array]:
-    """What facets (n,) reflect at once in even light, as a mean over where they are seen from, (n,) each.
-
-    Of white ones, and of those that reflect by Schlick's (1 - cos)⁵.
+    At once of white ones, and of those that reflect by Schlick's (1 - cos)⁵; and a layer's share of grazing
+    light, with what facets send on to each other.
     """
     # Not by clip, which leaves NaN as it is.
     place = np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)
     below = np.minimum(place.astype(np.intp), ROUGH_STEPS - 2)
     # Only steps that some material lies between: a scene has few, and each takes as long as 10,000 hits.
     wanted = np.zeros(ROUGH_STEPS, bool)
-    wanted[below] = wanted[below + 1] = True
-    table = np.zeros((2, ROUGH_STEPS))
+    wanted[below], wanted[below + 1] = True, True
+    table = np.zeros((3, ROUGH_STEPS))
     for step in np.flatnonzero(wanted):
-        table[:, step] = _means(int(step))
+        table[:, step] = _curves(int(step)) @ _MEAN
     share = place - below
-    white, grazing = table[:, below] * (1.0 - share) + table[:, below + 1] * share
-    return white, grazing
+    white, grazing, layered = table[:, below] * (1.0 - share) + table[:, below + 1] * share
+    return white, grazing, layered
+
+
+def seen_rows(roughness: Array) -> tuple[IndexArray, Single]:
+    """Where rows of roughness (n,) begin, (n,), in two tables by where they are seen from, (2, R · VIEWS).
+
+    Of VIEWS cosines each: the light that facets send to each other by what they send on at once, and a
+    layer's share of grazing light.
+    """
+    step = np.rint(np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)).astype(np.intp)
+    wanted = np.zeros(ROUGH_STEPS, bool)
+    wanted[step] = True
+    steps = np.flatnonzero(wanted)
+    curves = np.stack([_curves(int(each)) for each in steps], axis=1)
+    rows = np.stack([1.0 / curves[0] - 1.0, curves[2]]).astype(np.float32)
+    return (np.cumsum(wanted) - 1)[step] * VIEWS, rows.reshape(2, -1)
+
+
+# The middles of the columns, and what each counts in the mean of a curve over the hemisphere.
+_VIEW = (np.arange(VIEWS) + 0.5) / VIEWS
+_MEAN = 2.0 * _VIEW / VIEWS
 
 
 @cache
-def _means(step: int) -> tuple[float, float]:
-    """As ``mean_reflectance``, of the roughness ``step`` / (ROUGH_STEPS - 1)."""
-    if step == 0:
-        return 1.0, SCHLICK_MEAN
+def _curves(step: int) -> Array:
+    """What ``mean_reflectance`` has the means of, (3, VIEWS), at the roughness of a step."""
+    at = np.maximum(np.linspace(0.0, 1.0, COSINES) ** 2, 1e-4)
+    view_cosine = at.repeat(DRAWS)
+    view = np.stack([np.sqrt(1.0 - view_cosine**2), 0.0 * view_cosine, view_cosine])
     share = np.tile((np.arange(DRAWS)[:, None] * EVEN % 1.0).T, COSINES)
-    # As much of a surface is seen under a cosine as that is.
-    cosine = np.sqrt((np.arange(COSINES) + 0.5) / COSINES).repeat(DRAWS)
-    view = np.stack([np.sqrt(1.0 - cosine**2), 0.0 * cosine, cosine])
-    alpha = np.full_like(cosine, (step / (ROUGH_STEPS - 1)) ** 2)
+    alpha = np.full_like(view_cosine, (step / (ROUGH_STEPS - 1)) ** 2)
     facet = visible_facets(view, alpha, share)
-    way = 2.0 * dot(facet, view) * facet - view
-    passed = passed_on(view, way, alpha)
-    return float(passed.mean()), float((passed * (1.0 - dot(facet, view)[0]) ** 5).mean())
+    cosine = dot(facet, view)
+    passed = passed_on(view, 2.0 * cosine * facet - view, alpha)
+    f0 = ((USUAL_IOR - 1.0) / (USUAL_IOR + 1.0)) ** 2
+    layered = (fresnel_dielectric(cosine, np.array(USUAL_IOR))[0] - f0) / (1.0 - f0)
+    each = [passed, passed * (1.0 - cosine[0]) ** 5, passed * layered]
+    white, grazing, layered = (values.reshape(COSINES, DRAWS).mean(axis=1) for values in each)
+    return np.stack([np.interp(_VIEW, at, values) for values in (white, grazing, layered / white)])

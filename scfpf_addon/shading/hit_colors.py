@@ -13,12 +13,13 @@ from ..casting.scene import CastScene
 from ..projection.typing import BoolArray, IndexArray
 from .catchers import Catchers
 from .light_passes import LightParts
+from .light_table import LightTable
 from .lighting import Lamp, radiance
 from .lit import reaching
 from .scene import Scene
 from .settings import FrameSettings
 from .sky_light import SkyLight
-from .surface import LightTable, SurfaceTable
+from .surface import SurfaceTable
 from .tracing import Tracer
 from .typing import Single
 from .visible import catches, held_out, shadowed, shadowing

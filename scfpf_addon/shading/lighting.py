@@ -18,10 +18,11 @@ from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
 from .highlight import facets
 from .light_passes import DIFFUSE, SPECULAR, LightParts
+from .light_table import LightTable, by_material
 from .normals import dot
 from .sample_sets import lamp_positions
 from .scene import Light
-from .surface import TINY, LightTable, SurfacePoints
+from .surface import TINY, SurfacePoints
 from .typing import Single
 
 # A blend of nothing would make the spot's edge a division by zero.
@@ -154,6 +155,7 @@ def radiance(
         parts.shine(by_material(table.emission, points.material), color)
     alpha = by_material(table.alpha, points.material)
     facing = dot(points.normal, points.view)
+    seen = table.seen(points.material, facing)
     for lamp in lamps:
         light = lamp.incidence(points.position, sample)
         cosine = dot(points.normal, light.direction)
@@ -168,16 +170,16 @@ def radiance(
         if parts:
             parts.receive(full, received, lamp.color)
         if lamp.light.scattered:
-            lit = by_material(table.diffuse * tint, points.material) * received
+            lit = by_material(table.diffuse * tint, points.material)
+            lit = lit * (received if seen.under is None else received * seen.under)
             color += lit
             if parts:
                 parts.rows[DIFFUSE] += lit
         if table.glossy and lamp.light.mirrored:
-            density, grazing = facets(cosine, facing, dot(points.view, light.direction), alpha)
+            density, cosine = facets(cosine, facing, dot(points.view, light.direction), alpha)
             received *= density
-            lit = by_material(table.edge * tint, points.material) * grazing
-            lit += by_material(table.front * tint, points.material)
-            lit *= received
+            received = table.shine(points.material, cosine, seen) * received
+            lit = received * tint
             color += lit
             if parts:
                 parts.rows[SPECULAR] += lit
@@ -187,14 +189,6 @@ def radiance(
         if parts:
             parts.rows[DIFFUSE] += lit
     return color
-
-
-def by_material(table: Single, material: IndexArray) -> Single:
-    """The entries (…, N) of a table (…, M) by material, or the one entry (…, 1) that there is."""
-    if table.shape[-1] == 1:
-        return table
-    entries: Single = table.take(material, axis=-1, mode="clip")
-    return entries
 
 
 def cut_shadows(received: Single, points: SurfacePoints, light: Incidence, cast_scene: CastScene) -> None:

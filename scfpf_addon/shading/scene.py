@@ -25,7 +25,8 @@ class Materials:
     """Constants of M materials, scene-linear. colours (M, 3), the rest (M,), float64.
 
     ambient: the share of the world's light that is not left to mirrors, None for all of it. layer: the share
-    of a dielectric's reflection that is not left to mirrors, edge: of what grazing light adds to a
+    of a dielectric's reflection that is not left to mirrors, over: how much of it is above what is diffuse,
+    edge: of what grazing light adds to a
     reflection, multiple: of what facets send on to each other; None for all of these. graphs: by number,
     the materials that are more than constants.
     """
@@ -37,6 +38,7 @@ class Materials:
     emission: Array
     ambient: Array | None = None
     layer: Array | None = None
+    over: Array | None = None
     edge: Array | None = None
     multiple: Array | None = None
     graphs: Mapping[int, MaterialGraph] = field(default_factory=dict)

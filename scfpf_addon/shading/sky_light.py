@@ -9,7 +9,8 @@ import numpy as np
 
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
-from .lighting import Incidence, Lamp, by_material, cut_shadows
+from .light_table import by_material
+from .lighting import Incidence, Lamp, cut_shadows
 from .normals import dot
 from .sample_sets import SILVER, pixel_positions, shuffled
 from .samples import BITS, Bits, scramble

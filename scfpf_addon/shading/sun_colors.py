@@ -17,8 +17,9 @@ import numpy as np
 from ..casting.triangles_seen import TrianglesSeen
 from ..projection.typing import IndexArray
 from .highlight import facets
+from .light_table import LightTable, Seen
 from .lighting import Lamp
-from .surface import TINY, LightTable, SurfaceTable
+from .surface import TINY, SurfaceTable
 from .typing import Single
 
 
@@ -85,6 +86,7 @@ class SunColors:
             facing /= side
             facing /= length
         material = self._materials(triangle)
+        viewed = self.phong.seen(material, facing) if self.phong.glossy else Seen(None, None)
         emitted = self.phong.emitted.take(material, axis=1)
         begun = not self.lamps or bool(emitted.any())
         if begun:
@@ -97,19 +99,23 @@ class SunColors:
             if self.phong.glossy and lamp.light.mirrored:
                 np.einsum("cn,c->n", way, along, out=term)
                 term /= length
-                density, grazing = facets(received, facing, term, self.phong.alpha.take(material))
+                density, cosine = facets(received, facing, term, self.phong.alpha.take(material))
             if lamp.light.receivers is not None and self.surface.linked is not None:
                 linked = self.surface.linked.take(triangle, mode="wrap")
                 received *= lamp.light.receivers.take(linked)
             tint = lamp.color[:, None]
             if lamp.light.scattered:
-                _add(color, self.phong.diffuse.take(material, axis=1) * tint, received, term, begun)
+                arrived = received if viewed.under is None else received * viewed.under
+                _add(color, self.phong.diffuse.take(material, axis=1) * tint, arrived, term, begun)
                 begun = True
             if self.phong.glossy and lamp.light.mirrored:
                 density *= received
-                grazing *= density
-                _add(color, self.phong.front.take(material, axis=1) * tint, density, term, begun)
-                _add(color, self.phong.edge.take(material, axis=1) * tint, grazing, term, True)
+                density = self.phong.shine(material, cosine, viewed) * density
+                if density.ndim == 1:
+                    _add(color, tint, density, term, begun)
+                else:
+                    density *= tint
+                    color[:] = color + density if begun else density
                 begun = True
         if not begun:
             color[:] = 0

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,19 +18,11 @@ from numpy.typing import NDArray
 from ..casting.geometry import Geometry
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
-from .highlight import reflection
 from .normals import dot, normals_of
-from .scene import Materials
 from .typing import Single
-
-if TYPE_CHECKING:
-    from .sky_light import SkyLight
 
 # Smallest length that is divided by: keeps a zero vector zero instead of NaN.
 TINY = np.float32(1e-30)
-# Roughness below which a highlight no longer sharpens: a spot a degree across. What a float32's rounding
-# makes of its middle is still below 1 %.
-SMALLEST_ROUGHNESS = 0.08
 
 
 class ShadowStart(NamedTuple):
@@ -192,63 +184,3 @@ def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Si
         above *= side
         height -= weights[k] * np.minimum(above, 0)
     return height
-
-
-@dataclass(frozen=True)
-class LightTable:
-    """M materials, turned into the coefficients of what lamps and the world make of them, float32.
-
-    emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
-    diffuse: (3, M) albedo/π. front, edge: (3, M) reflectance of facets head-on, and what comes to it where
-    light grazes them. alpha: (M,) roughness of the facets, squared. glossy: whether any material has a
-    highlight. sky: what lights as a world does whose light differs by direction, by albedo/π (3, M).
-    """
-
-    emitted: Single
-    emission: Single
-    diffuse: Single
-    front: Single
-    edge: Single
-    alpha: Single
-    glossy: bool
-    albedo: Single
-    sky: SkyLight | None = None
-
-    @classmethod
-    def of(cls, materials: Materials, world_color: Array, sky: SkyLight | None = None) -> LightTable:
-        """Coefficients under a uniform world of radiance ``world_color`` (3,), and what a sky adds to it.
-
-        Diffuse is Lambert's, scaled by 1 - metallic and by what the layer above it lets through, as a mean
-        over all directions. Highlights are those of GGX facets with α = roughness² (Walter et al.
-        2007), brighter by what facets send on to each other. The world lights a surface with what it
-        reflects in all, but for what mirrors show.
-        """
-        base = np.asarray(materials.base_color, np.float64).reshape(-1, 3).T
-        metallic = np.asarray(materials.metallic, np.float64)
-        rough = np.maximum(materials.roughness, SMALLEST_ROUGHNESS)
-        f0 = np.asarray(materials.specular_f0, np.float64)
-        edge = 1.0 if materials.edge is None else materials.edge
-        multiple = 1.0 if materials.multiple is None else materials.multiple
-        dielectric = reflection(f0, np.where(f0 > 0, edge, 0.0), rough, multiple)
-        metal = reflection(base, edge, rough, multiple)
-        front, grazing = (
-            (1 - metallic) * one + metallic * other
-            for one, other in zip(dielectric[:2], metal[:2], strict=True)
-        )
-        layer = dielectric[2] * (1.0 if materials.layer is None else materials.layer)
-        below = base * (1 - metallic) * (1 - layer)
-        emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
-        world = np.reshape(world_color, (3, 1))
-        ambient = 1.0 if materials.ambient is None else materials.ambient
-        albedo = ambient * (metal[2] * metallic + below) + layer * (1 - metallic)
-        return cls(
-            (emission + albedo * world).astype(np.float32),
-            emission.astype(np.float32),
-            (below / np.pi).astype(np.float32),
-            front.astype(np.float32),
-            grazing.astype(np.float32),
-            (rough**4).astype(np.float32),
-            bool(front.any()),
-            (albedo / np.pi).astype(np.float32),
-            sky,
-        )

@@ -23,13 +23,14 @@ from ..casting.visibility import GLASS, HOLDOUT, MIRROR, visible_to
 from ..projection.typing import Array, BoolArray, IndexArray
 from .catchers import Catchers
 from .light_passes import LightParts
+from .light_table import LightTable
 from .lighting import Lamp, radiance
 from .materials.glossy import EVEN, MIRROR_ROUGHNESS, reflected, sent_on_at_once
 from .materials.lobes import Body, Sent, SentKind, lobes
 from .materials.place import Place, dot, unit
 from .samples import Bits, scramble
 from .scene import Materials, Scene
-from .surface import LightTable, SurfacePoints, SurfaceTable
+from .surface import SurfacePoints, SurfaceTable
 from .typing import Single
 
 # What gets a smaller share of a pixel than this is not followed: a tenth of a step of 8 bits.
@@ -434,6 +435,7 @@ def _stacked(parts: list[Materials], some: IndexArray) -> Materials:
         emission=rows("emission"),
         ambient=rows("ambient"),
         layer=rows("layer"),
+        over=rows("over"),
         edge=rows("edge"),
         multiple=rows("multiple"),
     )

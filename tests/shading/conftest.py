@@ -10,9 +10,10 @@ from scfpf_addon.casting.geometry import Geometry
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.shading.light_table import LightTable
 from scfpf_addon.shading.lighting import Lamp, radiance
 from scfpf_addon.shading.scene import Materials, Scene
-from scfpf_addon.shading.surface import LightTable, SurfaceTable
+from scfpf_addon.shading.surface import SurfaceTable
 
 
 def placed(location=(0, 0, 0), shines=(0, 0, -1)):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.casting.geometry import Geometry
+from scfpf_addon.shading.light_table import LightTable
 from scfpf_addon.shading.materials.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.materials.lobes import Body, Sent, ior_of, lobes
 from scfpf_addon.shading.materials.place import Place
@@ -126,7 +127,9 @@ def test_a_rough_metal_reflects_by_schlick():
 def test_a_coat_takes_fresnels_share_from_what_lies_under_it():
     (body,), (coat,) = shader("PRINCIPLED", cosine=0.5, **PRINCIPLED | {"roughness": 0.1})
     lost = fresnel(0.5, 1.5)
-    np.testing.assert_allclose(body.materials.base_color[0], COLOR * (1 - lost))
+    table, every = LightTable.of(body.materials, np.zeros(3)), np.arange(COUNT)
+    left = table.diffuse * table.seen(every, np.full(COUNT, 0.5, np.float32)).under * np.pi
+    np.testing.assert_allclose(left[:, 0], COLOR * (1 - lost), rtol=2e-3)
     np.testing.assert_allclose(coat.gloss.reflectance(np.full(COUNT, 0.5)), lost)
     np.testing.assert_allclose(body.materials.specular_f0, 0.04)
 

@@ -22,6 +22,7 @@ from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.hit_colors import Shading
 from scfpf_addon.shading.lens import Aperture, lens_of
 from scfpf_addon.shading.light_passes import LIGHT_PASSES
+from scfpf_addon.shading.light_table import LightTable
 from scfpf_addon.shading.lighting import Lamp
 from scfpf_addon.shading.passes import DataPasses
 from scfpf_addon.shading.pipeline import Pipeline
@@ -29,7 +30,7 @@ from scfpf_addon.shading.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene import Light, Materials
 from scfpf_addon.shading.settings import Border, FrameSettings
 from scfpf_addon.shading.suns_alone import SunsAlone
-from scfpf_addon.shading.surface import LightTable, SurfacePoints, SurfaceTable
+from scfpf_addon.shading.surface import SurfacePoints, SurfaceTable
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
 SAME = 1e-4
@@ -209,7 +210,8 @@ KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
     "moments drawing",
     Shading: "surface phong lamps tracer held_out catchers",
-    LightTable: "emitted emission diffuse front edge alpha glossy albedo sky",
+    LightTable: "emitted emission diffuse veil coat ior front edge again alpha albedo row missing layered "
+    "sky",
     SurfaceTable: "cast_scene flat smooth bulge shadows material linked",
     SurfacePoints: "position normal view material shadow linked",
     Lamp: "light color places axis local softness occluders",

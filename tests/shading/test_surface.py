@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from scfpf_addon.casting import portions
 from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.shading.light_table import LightTable
 from scfpf_addon.shading.scene import Materials
-from scfpf_addon.shading.surface import LightTable, SurfaceTable
+from scfpf_addon.shading.surface import SurfaceTable
 
 
 def table_of(geometry, shadows=False):
@@ -133,13 +134,27 @@ def rows(base, metallic, roughness, f0, emission=(0, 0, 0)):
     return Materials(np.tile(np.float64(base), (count, 1)), *each, np.tile(np.float64(emission), (count, 1)))
 
 
+def shine(table, number, cosine):
+    """What facets of a material reflect, (3, 1), seen head-on."""
+    material, seen = np.full(1, number), table.seen(np.full(1, number), np.ones(1, np.float32))
+    return np.broadcast_to(table.shine(material, np.full(1, cosine, np.float32), seen), (3, 1))
+
+
+def mean_diffuse(table):
+    """What a table's materials scatter of even light, (3, M), as a mean over where they are seen from."""
+    cosines = (np.arange(4000, dtype=np.float32) + 0.5) / 4000
+    each = [table.seen(np.full(1, number), cosines).under for number in range(table.veil.size)]
+    shares = [1.0 if under is None else 2 * np.mean(cosines * under) for under in each]
+    return table.diffuse * np.pi * shares
+
+
 def test_white_things_send_all_light_back():
     """In even light nothing is lost in white metals and dielectrics of any roughness, nor is anything won."""
     grid = np.meshgrid([0.0, 0.25, 1.0], [0.0, 0.3, 0.6, 1.0], [0.0, 0.04, 0.3])
     table = LightTable.of(rows((1, 1, 1), *grid), np.array([0.5, 0.5, 1]))
     assert np.allclose(table.emitted, [[0.5], [0.5], [1]], rtol=1e-6)
     # The layer of a dielectric keeps from what is below what it reflects itself.
-    dull, polished = LightTable.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3)).diffuse[0] * np.pi
+    dull, polished = mean_diffuse(LightTable.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3)))[0]
     assert dull == pytest.approx(1.0) and 0.65 < polished < 0.75
 
 
@@ -147,15 +162,17 @@ def test_what_light_makes_of_materials():
     table = LightTable.of(rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04, (1, 2, 3)), np.array([0.5, 0.5, 1]))
     assert np.allclose(table.emission.T, [1, 2, 3])
     # Facets of polished things send nothing to each other; head-on it is f0, or the base colour of a metal.
-    assert np.allclose(table.front.T, [[0.04] * 3, [0.2, 0.4, 0.6]], rtol=1e-3)
-    assert np.allclose(table.front + table.edge, 1, rtol=1e-3) and table.glossy
+    head_on = np.concatenate([shine(table, number, 1.0) for number in (0, 1)], axis=1)
+    assert np.allclose(head_on.T, [[0.04] * 3, [0.2, 0.4, 0.6]], rtol=1e-3) and table.glossy
+    assert np.allclose(shine(table, 0, 0.0), 1, rtol=1e-3) and np.allclose(shine(table, 1, 0.0), 1, rtol=1e-3)
+    # What a boundary of glass reflects of even light (Walsh's formula for an index of 1.5).
+    layer = 0.0918
+    assert np.allclose(mean_diffuse(table).T, [(1 - layer) * np.array([0.2, 0.4, 0.6]), [0] * 3], atol=2e-3)
     # Schlick's mean is 1/21 of the way to white.
-    layer = 0.04 + 0.96 / 21
-    assert np.allclose(table.diffuse.T * np.pi, [(1 - layer) * np.array([0.2, 0.4, 0.6]), [0] * 3], atol=2e-3)
     metal = np.array([0.2, 0.4, 0.6]) + np.array([0.8, 0.6, 0.4]) / 21
     assert np.allclose(table.albedo[:, 1] * np.pi, metal, rtol=2e-2)
     # A glossy shader is as bright everywhere, and what lacks f0 has no highlight at any angle.
     flat = LightTable.of(replace(rows((0.5,) * 3, 1.0, 0.08, 0.04), edge=np.zeros(1)), np.zeros(3))
     assert not flat.edge.any() and flat.front.mean() == pytest.approx(0.5, rel=1e-3)
     matt = LightTable.of(rows((1, 1, 1), 0.0, 0.5, 0.0), np.zeros(3))
-    assert not matt.glossy and not matt.front.any() and not matt.edge.any()
+    assert not matt.glossy and not matt.front.any() and not matt.edge.any() and not matt.coat.any()

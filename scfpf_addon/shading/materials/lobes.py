@@ -142,12 +142,13 @@ class _Reader:
         emission: Array | float = 0.0,
         ambient: Array | float = 1.0,
         layer: Array | float = 1.0,
+        over: Array | float = 1.0,
         edge: float = 1.0,
         multiple: Array | float = 1.0,
     ) -> Body:
         """A body with one row of constants a hit."""
         count = self.count
-        given = metallic, roughness, f0, ambient, layer, edge, multiple
+        given = metallic, roughness, f0, ambient, layer, over, edge, multiple
         rows = [np.broadcast_to(each, (1, count))[0] for each in given]
         light = np.broadcast_to(emission, (3, count)).T
         materials = Materials(
@@ -158,8 +159,9 @@ class _Reader:
             emission=light,
             ambient=rows[3],
             layer=rows[4],
-            edge=rows[5],
-            multiple=rows[6],
+            over=rows[5],
+            edge=rows[6],
+            multiple=rows[7],
         )
         return Body(weight, materials, self.normal)
 
@@ -209,23 +211,20 @@ def _principled(reader: _Reader) -> Iterator[Body | Sent]:
     polished = metallic * followed(roughness, METAL_ROUGHNESS)
     coated = (1.0 - metallic) * (1.0 - clear) * followed(roughness, COAT_ROUGHNESS) * (f0 > 0.0)
     coat_ior = ior_of(f0)
-    coat = coated * fresnel_dielectric(reader.facing, coat_ior)
     glass = (1.0 - metallic) * clear
     if polished.any():
         yield reader.glossy(weight * polished, roughness, base, np.ones_like(base))
-    if coat.any():
+    if coated.any():
         front = np.repeat(f0, 3, axis=0)
         yield reader.glossy(weight * coated, roughness, front, np.ones_like(front), coat_ior)
     if glass.any():
         # What goes in and out again is coloured twice.
         yield from _boundary(reader, weight * glass, 1.0, np.sqrt(base))
     # Highlights of lamps stay whole; what the world lights is what no mirror shows.
-    lit = base * np.maximum(1.0 - glass - coat, 0.0)
+    lit = base * (1.0 - glass)
     layer = (1.0 - clear) * (1.0 - followed(roughness, COAT_ROUGHNESS))
-    rest = 1.0 - polished
-    yield reader.body(
-        weight, lit, metallic, roughness, f0, emission, rest, layer, multiple=reader.share("multiple")
-    )
+    rest, over, multiple = 1.0 - polished, 1.0 - clear, reader.share("multiple")
+    yield reader.body(weight, lit, metallic, roughness, f0, emission, rest, layer, over, multiple=multiple)
 
 
 def ior_of(f0: Array) -> Array:

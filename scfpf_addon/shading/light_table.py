@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What materials make of light: their constants as the coefficients that radiance is summed with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..projection.typing import Array, IndexArray
+from .highlight import SCHLICK_MEAN, VIEWS, dielectric_share, mean_reflectance, schlick, seen_rows, sent_again
+from .materials.lobes import ior_of
+from .scene import Materials
+from .typing import Single
+
+if TYPE_CHECKING:
+    from .sky_light import SkyLight
+
+Numbers = TypeVar("Numbers", bound=NDArray[Any])
+
+# Roughness below which a highlight no longer sharpens: a spot a degree across. What a float32's rounding
+# makes of its middle is still below 1 %.
+SMALLEST_ROUGHNESS = 0.08
+# What facets send on to each other is left out below this share of what they send on at once.
+FAINT = 2e-3
+# Keeps a layer that reflects all from a division by zero.
+TINIEST = 1e-30
+
+
+class Seen(NamedTuple):
+    """What N points make of light as they are seen from where they are, (N,) each.
+
+    under: share of the scattered light that the layer above it lets through; None for all. more: light that
+    facets send to each other by what they send on at once; None for none.
+    """
+
+    under: Single | None
+    more: Single | None
+
+
+@dataclass(frozen=True)
+class LightTable:
+    """M materials, turned into the coefficients of what lamps and the world make of them, float32.
+
+    emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
+    diffuse: (3, M) albedo/π below a layer that is seen head-on; veil: (M,) by how much less it lets through
+    where all else is reflected. coat, ior: (M,) of the layer: by what its facets' reflection is multiplied,
+    index of refraction. front, edge: (3, M) reflectance of a metal's facets head-on, and what comes to it
+    where light grazes them; again: (3, M) share of what they send to each other that leaves the surface.
+    alpha: (M,) roughness of the facets, squared. albedo: (3, M) of the world's light, over π.
+    row: (M,) where a roughness begins in ``missing`` and ``layered``, (R · VIEWS,), see ``seen_rows``.
+    sky: what lights as a world does whose light differs by direction.
+    """
+
+    emitted: Single
+    emission: Single
+    diffuse: Single
+    veil: Single
+    coat: Single
+    ior: Single
+    front: Single
+    edge: Single
+    again: Single
+    alpha: Single
+    albedo: Single
+    row: IndexArray
+    missing: Single
+    layered: Single
+    sky: SkyLight | None = None
+
+    @classmethod
+    def of(cls, materials: Materials, world_color: Array, sky: SkyLight | None = None) -> LightTable:
+        """Coefficients under a uniform world of radiance ``world_color`` (3,), and what a sky adds to it.
+
+        Diffuse is Lambert's, scaled by 1 - metallic and by what the layer above it lets through. Highlights
+        are those of GGX facets with α = roughness² (Walter et al. 2007), a dielectric's by Fresnel, a
+        metal's by Schlick, brighter by what facets send on to each other (Kulla, Conty 2017). The world
+        lights a surface with what it reflects as a mean over all directions, but for what mirrors show.
+        """
+        base = np.asarray(materials.base_color, np.float64).reshape(-1, 3).T
+        metallic = np.asarray(materials.metallic, np.float64)
+        rough = np.maximum(materials.roughness, SMALLEST_ROUGHNESS)
+        f0 = np.asarray(materials.specular_f0, np.float64)
+        ambient, over, shown = _or_all(materials.ambient), _or_all(materials.over), _or_all(materials.layer)
+        grazed, multiple = _or_all(materials.edge), _or_all(materials.multiple)
+        white, grazing, layered = mean_reflectance(rough)
+        missing = 1.0 / white - 1.0
+        # Of a layer: all that is reflected, be it once or more often.
+        reflects = f0 > 0.0
+        mean = np.where(reflects, f0 + (1.0 - f0) * layered, 0.0)
+        brighter = 1.0 + multiple * sent_again(mean, white) * missing
+        coat = np.where(reflects, (1.0 - metallic) * brighter, 0.0)
+        front, edge = base, (1.0 - base) * grazed
+        again = multiple * sent_again(front + edge * SCHLICK_MEAN, white)
+        metal = (front * white + edge * grazing) * (1.0 + again * missing)
+        below = base * (1.0 - metallic)
+        head_on = 1.0 - over * np.where(reflects, f0, 0.0)
+        veil = over * np.where(reflects, 1.0 - f0, 0.0) / np.maximum(head_on, TINIEST)
+        emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
+        albedo = ambient * (metal * metallic + below * (1.0 - over * mean)) + shown * mean * (1.0 - metallic)
+        row, rows = seen_rows(rough)
+        return cls(
+            emitted=_single(emission + albedo * np.reshape(world_color, (3, 1))),
+            emission=_single(emission),
+            diffuse=_single(below * head_on / np.pi),
+            veil=_single(veil),
+            coat=_single(coat),
+            ior=_single(ior_of(f0)),
+            front=_single(front * metallic),
+            edge=_single(edge * metallic),
+            again=_single(again),
+            alpha=_single(rough**4),
+            albedo=_single(albedo / np.pi),
+            row=row,
+            missing=rows[0],
+            layered=rows[1],
+            sky=sky,
+        )
+
+    @cached_property
+    def dielectric(self) -> bool:
+        """Whether any material has the highlights of one."""
+        return bool(self.coat.any())
+
+    @cached_property
+    def metal(self) -> bool:
+        """Whether any material has the highlights of one."""
+        return bool(self.front.any() or self.edge.any())
+
+    @property
+    def glossy(self) -> bool:
+        """Whether any material has a highlight."""
+        return self.dielectric or self.metal
+
+    @cached_property
+    def _veiled(self) -> bool:
+        return bool((self.veil * self.diffuse).any())
+
+    @cached_property
+    def _sends_again(self) -> bool:
+        return self.metal and float(self.again.max() * self.missing.max()) > FAINT
+
+    def seen(self, material: IndexArray, facing: Single) -> Seen:
+        """What points make of light under a cosine to the viewer, (N,); material: (N,), or (1,) for all."""
+        if not (self._veiled or self._sends_again):
+            return Seen(None, None)
+        place = (facing * np.float32(VIEWS)).astype(np.intp)
+        np.clip(place, 0, VIEWS - 1, out=place)
+        place += by_material(self.row, material)
+        under = more = None
+        if self._veiled:
+            under = self.layered.take(place)
+            under *= -by_material(self.veil, material)
+            under += 1
+        if self._sends_again:
+            more = self.missing.take(place)
+        return Seen(under, more)
+
+    def shine(self, material: IndexArray, cosine: Single, seen: Seen) -> Single:
+        """What facets reflect of light under a cosine to them, (N,) or, of metals, (3, N)."""
+        if self.dielectric:
+            gloss = dielectric_share(cosine, by_material(self.ior, material))
+            gloss *= by_material(self.coat, material)
+            if not self.metal:
+                return gloss
+        light: Single = by_material(self.edge, material) * schlick(cosine)
+        light += by_material(self.front, material)
+        if seen.more is not None:
+            light *= 1 + by_material(self.again, material) * seen.more
+        if self.dielectric:
+            light += gloss
+        return light
+
+
+def by_material(table: Numbers, material: IndexArray) -> Numbers:
+    """The entries (…, N) of a table (…, M) by material, or the one entry (…, 1) that there is."""
+    if table.shape[-1] == 1:
+        return table
+    return cast(Numbers, table.take(material, axis=-1, mode="clip"))
+
+
+def _or_all(values: Array | None) -> Array | float:
+    return 1.0 if values is None else values
+
+
+def _single(values: Array) -> Single:
+    return values.astype(np.float32)

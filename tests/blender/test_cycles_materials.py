@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How materials look in a lamp's light, against Cycles: up to where they are seen and lit edge-on."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from test_cycles_light import load_pixels
+from test_cycles_reference import add_camera
+
+WIDTH, HEIGHT = 80, 60
+SAMPLES = 16
+# Cosines to the viewer that are left out: where Cycles' own tables have one step.
+EDGE_ON = 0.07
+
+
+@pytest.fixture(autouse=True)
+def empty_file(extension):
+    """In place of an empty file."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+
+
+def material(metallic, roughness):
+    made = bpy.data.materials.new("Material")
+    if made.node_tree is None:
+        made.use_nodes = True
+    inputs = made.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Base Color"].default_value = 0.8, 0.5, 0.3, 1.0
+    inputs["Metallic"].default_value, inputs["Roughness"].default_value = metallic, roughness
+    return made
+
+
+def picture(engine, path):
+    """(H, W, 3), row 0 at the bottom."""
+    scene = bpy.context.scene
+    scene.render.engine, scene.render.filepath = engine, str(path)
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format, settings.color_depth, settings.color_mode = "OPEN_EXR", "32", "RGBA"
+    bpy.ops.render.render(write_still=True)
+    return load_pixels(path)[..., :3]
+
+
+@pytest.mark.parametrize("height", [0.6, 0.15])
+@pytest.mark.parametrize(
+    "metallic, roughness", [(0, 0.2), (0, 0.5), (0, 1.0), (0.5, 0.4), (1, 0.3), (1, 0.6), (1, 0.9)]
+)
+def test_a_plane_against_the_sun_is_as_in_cycles(addon, tmp_path, metallic, roughness, height):
+    """A plane to the horizon under a sun of a height in radians, in front of the camera and to the right."""
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_plane_add(size=400)
+    bpy.context.object.data.materials.append(material(metallic, roughness))
+    sun = bpy.data.lights.new("Sun", "SUN")
+    sun.energy, sun.angle = 3.0, 0.0
+    placed = bpy.data.objects.new("Sun", sun)
+    placed.rotation_euler = height - math.pi / 2, 0.0, 0.5
+    scene.collection.objects.link(placed)
+    camera = add_camera(WIDTH, HEIGHT, clip_start=0.1, clip_end=300.0, lens=30.0)
+    camera.location, camera.rotation_euler = (0, 0, 0.6), (math.pi / 2 - 0.03, 0, 0)
+    cycles = scene.cycles
+    cycles.samples, cycles.max_bounces, cycles.use_denoising = SAMPLES, 0, False
+    cycles.use_adaptive_sampling, cycles.sample_clamp_direct = False, 0.0
+    bpy.context.view_layer.update()
+    addon("scfpf_addon.bridge.flexible_camera").volume_from_camera(camera, scene)
+    camera.scfpf.samples = SAMPLES
+    ours, theirs = (picture(engine, tmp_path / f"{engine}.exr") for engine in ("SCFPF", "CYCLES"))
+    # Blocks of pixels: both sample as they like.
+    below = (HEIGHT / 2 - 0.5 - np.arange(HEIGHT)) / (30 / 36 * WIDTH)
+    rows = np.flatnonzero(np.sin(np.arctan(below) + 0.03) > EDGE_ON)
+    rows = rows[: len(rows) // 4 * 4]
+    mean = [each[rows].reshape(-1, 4, WIDTH // 4, 4, 3).mean(axis=(1, 3)) for each in (ours, theirs)]
+    off = np.abs(mean[0] - mean[1]) / mean[1].clip(1e-3)
+    print(f"metallic {metallic}, roughness {roughness}, sun {height}: {np.median(off):.4f}, {off.max():.4f}")
+    assert np.median(off) < 0.03 and off.max() < 0.06
