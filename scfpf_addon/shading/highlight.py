@@ -15,6 +15,9 @@ from .typing import Single
 
 # The mean of Schlick's (1 - cos)⁵ over the hemisphere.
 SCHLICK_MEAN = 1.0 / 21.0
+# The mean over the hemisphere of how much of the way from head-on to all a dielectric's reflection is, at an
+# index of refraction of 1.5.
+FRESNEL_MEAN = 0.0540
 # Steps of roughness, the numbers that people choose, and of the cosine to the viewer in tables of what
 # surfaces reflect.
 ROUGH_STEPS, VIEWS = 101, 1024
@@ -107,8 +110,8 @@ def sent_again(reflected: Array, white: Array) -> Array:
 def mean_reflectance(roughness: Array) -> tuple[Array, Array, Array]:
     """What facets (n,) reflect in even light, as a mean over where they are seen from, (n,) each.
 
-    At once of white ones, and of those that reflect by Schlick's (1 - cos)⁵; and a layer's share of grazing
-    light, with what facets send on to each other.
+    At once of white ones, of those that reflect by Schlick's (1 - cos)⁵, and of those that do by how much of
+    the way from head-on to all Fresnel's reflection is.
     """
     # Not by clip, which leaves NaN as it is.
     place = np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)
@@ -159,4 +162,4 @@ def _curves(step: int) -> Array:
     layered = (fresnel_dielectric(cosine, np.array(USUAL_IOR))[0] - f0) / (1.0 - f0)
     each = [passed, passed * (1.0 - cosine[0]) ** 5, passed * layered]
     white, grazing, layered = (values.reshape(COSINES, DRAWS).mean(axis=1) for values in each)
-    return np.stack([np.interp(_VIEW, at, values) for values in (white, grazing, layered / white)])
+    return np.stack([np.interp(_VIEW, at, values) for values in (white, grazing, layered)])

@@ -11,7 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.typing import Array, IndexArray
-from .highlight import SCHLICK_MEAN, VIEWS, dielectric_share, mean_reflectance, schlick, seen_rows, sent_again
+from .highlight import (
+    FRESNEL_MEAN,
+    SCHLICK_MEAN,
+    VIEWS,
+    dielectric_share,
+    mean_reflectance,
+    schlick,
+    seen_rows,
+    sent_again,
+)
 from .materials.lobes import ior_of
 from .scene import Materials
 from .typing import Single
@@ -88,10 +97,10 @@ class LightTable:
         grazed, multiple = _or_all(materials.edge), _or_all(materials.multiple)
         white, grazing, layered = mean_reflectance(rough)
         missing = 1.0 / white - 1.0
-        # Of a layer: all that is reflected, be it once or more often.
+        # As in Cycles, a layer keeps from what lies under it what its facets reflect at once.
         reflects = f0 > 0.0
         mean = np.where(reflects, f0 + (1.0 - f0) * layered, 0.0)
-        brighter = 1.0 + multiple * sent_again(mean, white) * missing
+        brighter = 1.0 + multiple * sent_again(f0 + (1.0 - f0) * FRESNEL_MEAN, white) * missing
         coat = np.where(reflects, (1.0 - metallic) * brighter, 0.0)
         front, edge = base, (1.0 - base) * grazed
         again = multiple * sent_again(front + edge * SCHLICK_MEAN, white)
