@@ -35,6 +35,8 @@ Numbers = TypeVar("Numbers", bound=NDArray[Any])
 SMALLEST_ROUGHNESS = 0.08
 # What facets send on to each other is left out below this share of what they send on at once.
 FAINT = 2e-3
+# Cosines that the reflection of a single material is tabulated for, a thousandth apart where it is steepest.
+SHINES = 4096
 # Keeps a layer that reflects all from a division by zero.
 TINIEST = 1e-30
 
@@ -152,27 +154,44 @@ class LightTable:
     def _sends_again(self) -> bool:
         return self.metal and float(self.again.max() * self.missing.max()) > FAINT
 
+    @cached_property
+    def _under(self) -> Single:
+        """What the layer of one material lets through, (VIEWS,)."""
+        return 1 - self.veil * self.layered
+
+    @cached_property
+    def _gloss(self) -> Single:
+        """What one material's layer reflects, (SHINES,) by the cosine to its facets."""
+        cosines = _single((np.arange(SHINES) + 0.5) / SHINES)
+        return dielectric_share(cosines, self.ior) * self.coat
+
     def seen(self, material: IndexArray, facing: Single) -> Seen:
         """What points make of light under a cosine to the viewer, (N,); material: (N,), or (1,) for all."""
-        if not (self._veiled or self._sends_again):
-            return Seen(None, None)
-        place = (facing * np.float32(VIEWS)).astype(np.intp)
-        np.clip(place, 0, VIEWS - 1, out=place)
-        place += by_material(self.row, material)
         under = more = None
-        if self._veiled:
-            under = self.layered.take(place)
-            under *= -by_material(self.veil, material)
-            under += 1
-        if self._sends_again:
-            more = self.missing.take(place)
+        if self._veiled or self._sends_again:
+            place = (facing * np.float32(VIEWS)).astype(np.intp)
+            alone = self.row.size == 1
+            if not alone:
+                np.clip(place, 0, VIEWS - 1, out=place)
+                place += by_material(self.row, material)
+            if self._veiled and alone:
+                under = self._under.take(place, mode="clip")
+            elif self._veiled:
+                under = self.layered.take(place)
+                under *= -by_material(self.veil, material)
+                under += 1
+            if self._sends_again:
+                more = self.missing.take(place, mode="clip")
         return Seen(under, more)
 
     def shine(self, material: IndexArray, cosine: Single, seen: Seen) -> Single:
         """What facets reflect of light under a cosine to them, (N,) or, of metals, (3, N)."""
         if self.dielectric:
-            gloss = dielectric_share(cosine, by_material(self.ior, material))
-            gloss *= by_material(self.coat, material)
+            if self.coat.size == 1:
+                gloss = self._gloss.take((cosine * np.float32(SHINES)).astype(np.intp), mode="clip")
+            else:
+                gloss = dielectric_share(cosine, by_material(self.ior, material))
+                gloss *= by_material(self.coat, material)
             if not self.metal:
                 return gloss
         light: Single = by_material(self.edge, material) * schlick(cosine)

@@ -110,7 +110,8 @@ class SunColors:
                 begun = True
             if self.phong.glossy and lamp.light.mirrored:
                 density *= received
-                density = self.phong.shine(material, cosine, viewed) * density
+                shine = self.phong.shine(material, cosine, viewed)
+                density = np.multiply(shine, density, out=shine)
                 if density.ndim == 1:
                     _add(color, tint, density, term, begun)
                 else:
