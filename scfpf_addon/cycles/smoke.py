@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 from mathutils import Vector
+from mathutils.bvhtree import BVHTree
 
 from ..projection.typing import Array
 from ..projection.volume import Projection
@@ -36,7 +37,7 @@ def smoke_around(depsgraph, projection: Projection) -> str:
     points = projection.volume.controls(image.u, image.v).points[0]
     points = points[:, image.mask & np.isfinite(points).all(axis=0)].T
     for obj in candidates:
-        if any(_is_inside(obj.evaluated_get(depsgraph), point) for point in points):
+        if any(_is_inside(obj.evaluated_get(depsgraph), point, depsgraph) for point in points):
             return obj.name
     return ""
 
@@ -56,7 +57,7 @@ def _is_volume(material) -> bool:
     )
 
 
-def _is_inside(obj, point: Array) -> bool:
+def _is_inside(obj, point: Array, depsgraph) -> bool:
     """Whether a point is inside an evaluated object: of a mesh by the faces above it, else of its box.
 
     Else is a volume, and what viewports do not show, of which the faces are not known.
@@ -70,9 +71,23 @@ def _is_inside(obj, point: Array) -> bool:
     if obj.type == "VOLUME" or not obj.is_evaluated:
         return True
     inside, step = False, BEHIND * max((high - low).length, BEHIND)
+    faces = _faces_in_edit_mode(obj, depsgraph) if obj.data.is_editmode else None
     for _ in range(MOST_FACES):
-        met, place, _, _ = obj.ray_cast(place, UP)
+        if faces is None:
+            met, place, _, _ = obj.ray_cast(place, UP)
+        else:
+            place = faces.ray_cast(place, UP)[0]
+            met = place is not None
         if not met:
             return inside
         inside, place = not inside, place + UP * step
     return inside
+
+
+def _faces_in_edit_mode(obj, depsgraph) -> BVHTree:
+    """The faces of an evaluated object that is edited, which has none before to_mesh() makes them."""
+    try:
+        obj.to_mesh()
+        return BVHTree.FromObject(obj.original, depsgraph)
+    finally:
+        obj.to_mesh_clear()

@@ -296,6 +296,15 @@ def test_it_follows_the_volume_or_says_why_not(addon, camera, rig_of):
     camera.scfpf.surfaces[1].object.location.x = 4
     bpy.context.view_layer.update()
     assert settings.smoke == "Smoke"
+    # In Edit Mode, too.
+    for place, said in (((50, 0, 0), ""), ((0, 0, 0), "Smoke")):
+        smoke.location = place
+        layer.objects.active = smoke
+        bpy.ops.object.mode_set(mode="EDIT")
+        camera.scfpf.surfaces[1].object.location.x += 0.01
+        layer.update()
+        assert settings.smoke == said
+        bpy.ops.object.mode_set(mode="OBJECT")
     found = cautions(scene, layer, rig_of())
     assert len(found) == 5
     for said in ("Cycles only", "override", "bounces", "depth of field", "smoke of 'Smoke'"):
