@@ -28,10 +28,9 @@ def thread_count(threads: int = 0) -> int:
     return os.cpu_count() or 1
 
 
-def portions(count: int, at_once: int | None = None) -> list[slice]:
-    """So many things, at_once or AT_ONCE at a time."""
-    step = at_once or AT_ONCE
-    return [slice(start, min(start + step, count)) for start in range(0, count, step)]
+def portions(count: int) -> list[slice]:
+    """So many things, AT_ONCE at a time."""
+    return [slice(start, min(start + AT_ONCE, count)) for start in range(0, count, AT_ONCE)]
 
 
 def in_threads(work: Callable[[slice], Result], parts: list[slice], threads: int = 0) -> list[Result]:

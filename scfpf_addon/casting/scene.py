@@ -53,9 +53,6 @@ SHADOW_END = 1e-4
 # The largest block, in bytes, that glibc can be made to keep (its limit is 32 MiB).
 KEPT_BLOCK = 31 << 20
 
-# Triangles that are measured at a time.
-MEASURED = 1 << 14
-
 # What is kept for different kinds of rays and for lamps' shadows, at most.
 MOST_PARTS = 16
 
@@ -260,7 +257,7 @@ class CastScene:
             corners = np.abs([self.vertices.take(self.triangles[some, k], 1) for k in range(3)])
             self._reach[some] = corners.max(axis=(0, 1))
 
-        in_threads(measure, portions(len(usable), MEASURED))
+        in_threads(measure, portions(len(usable)))
 
     def _edges(self, some: slice) -> tuple[Array, Array, Array]:
         """The first corners of some triangles, and what leads from them to the second and third, (3, n)."""
@@ -287,7 +284,7 @@ class CastScene:
             _fill(weights[:4, some], np.cross(across, normal, axis=0) * inverse, first)
             _fill(weights[4:, some], np.cross(normal, along, axis=0) * inverse, first)
 
-        in_threads(weigh, portions(len(self._usable), MEASURED))
+        in_threads(weigh, portions(len(self._usable)))
         return weights
 
     @property
