@@ -35,10 +35,8 @@ Numbers = TypeVar("Numbers", bound=NDArray[Any])
 SMALLEST_ROUGHNESS = 0.08
 # What facets send on to each other is left out below this share of what they send on at once.
 FAINT = 2e-3
-# Cosines that the reflection of a single material is tabulated for, a thousandth apart where it is steepest.
-SHINES = 4096
-# Keeps a layer that reflects all from a division by zero.
-TINIEST = 1e-30
+# Cosines that the reflection of a few materials is tabulated for, a thousandth apart where it is steepest.
+SHINES, FEW = 4096, 64
 
 
 class Seen(NamedTuple):
@@ -57,10 +55,10 @@ class LightTable:
     """M materials, turned into the coefficients of what lamps and the world make of them, float32.
 
     emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
-    diffuse: (3, M) albedo/π below a layer that is seen head-on; veil: (M,) by how much less it lets through
-    where all else is reflected. coat, ior: (M,) of the layer: by what its facets' reflection is multiplied,
-    index of refraction. front, edge: (3, M) reflectance of a metal's facets head-on, and what comes to it
-    where light grazes them; again: (3, M) share of what they send to each other that leaves the surface.
+    diffuse: (3, M) albedo/π. over, f0, sent: (M,) of the layer above it: how much of that is covered, what it
+    reflects head-on, share of what its facets send to each other that leaves the surface; coat, ior: (M,) by
+    what its highlights are multiplied, index of refraction. front, edge, again: (3, M) of a metal's facets:
+    what they reflect head-on, what comes to it where light grazes them, and as ``sent``.
     alpha: (M,) roughness of the facets, squared. albedo: (3, M) of the world's light, over π.
     row: (M,) where a roughness begins in ``missing`` and ``layered``, (R · VIEWS,), see ``seen_rows``.
     sky: what lights as a world does whose light differs by direction.
@@ -69,7 +67,9 @@ class LightTable:
     emitted: Single
     emission: Single
     diffuse: Single
-    veil: Single
+    over: Single
+    f0: Single
+    sent: Single
     coat: Single
     ior: Single
     front: Single
@@ -99,25 +99,24 @@ class LightTable:
         grazed, multiple = _or_all(materials.edge), _or_all(materials.multiple)
         white, grazing, layered = mean_reflectance(rough)
         missing = 1.0 / white - 1.0
-        # As in Cycles, a layer keeps from what lies under it what its facets reflect at once.
         reflects = f0 > 0.0
-        mean = np.where(reflects, f0 + (1.0 - f0) * layered, 0.0)
-        brighter = 1.0 + multiple * sent_again(f0 + (1.0 - f0) * FRESNEL_MEAN, white) * missing
-        coat = np.where(reflects, (1.0 - metallic) * brighter, 0.0)
+        sent = multiple * sent_again(f0 + (1.0 - f0) * FRESNEL_MEAN, white)
+        coat = np.where(reflects, (1.0 - metallic) * (1.0 + sent * missing), 0.0)
+        mean = np.where(reflects, _kept(f0, sent, missing, layered), 0.0)
         front, edge = base, (1.0 - base) * grazed
         again = multiple * sent_again(front + edge * SCHLICK_MEAN, white)
         metal = (front * white + edge * grazing) * (1.0 + again * missing)
         below = base * (1.0 - metallic)
-        head_on = 1.0 - over * np.where(reflects, f0, 0.0)
-        veil = over * np.where(reflects, 1.0 - f0, 0.0) / np.maximum(head_on, TINIEST)
         emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
         albedo = ambient * (metal * metallic + below * (1.0 - over * mean)) + shown * mean * (1.0 - metallic)
         row, rows = seen_rows(rough)
         return cls(
             emitted=_single(emission + albedo * np.reshape(world_color, (3, 1))),
             emission=_single(emission),
-            diffuse=_single(below * head_on / np.pi),
-            veil=_single(veil),
+            diffuse=_single(below / np.pi),
+            over=_single(np.where(reflects, over, 0.0)),
+            f0=_single(f0),
+            sent=_single(sent),
             coat=_single(coat),
             ior=_single(ior_of(f0)),
             front=_single(front * metallic),
@@ -142,13 +141,18 @@ class LightTable:
         return bool(self.front.any() or self.edge.any())
 
     @property
+    def _few(self) -> bool:
+        """Whether what each material does under every cosine is worth a table."""
+        return self.row.size <= FEW
+
+    @property
     def glossy(self) -> bool:
         """Whether any material has a highlight."""
         return self.dielectric or self.metal
 
     @cached_property
-    def _veiled(self) -> bool:
-        return bool((self.veil * self.diffuse).any())
+    def _covered(self) -> bool:
+        return bool((self.over * self.diffuse).any())
 
     @cached_property
     def _sends_again(self) -> bool:
@@ -156,39 +160,44 @@ class LightTable:
 
     @cached_property
     def _under(self) -> Single:
-        """What the layer of one material lets through, (VIEWS,)."""
-        return 1 - self.veil * self.layered
+        """What the layers of a few materials let through, (M · VIEWS,)."""
+        curves = (table.reshape(-1, VIEWS)[self.row // VIEWS] for table in (self.missing, self.layered))
+        kept = _kept(self.f0[:, None], self.sent[:, None], *curves)
+        return (1 - self.over[:, None] * kept).reshape(-1)
 
     @cached_property
     def _gloss(self) -> Single:
-        """What one material's layer reflects, (SHINES,) by the cosine to its facets."""
+        """What the layers of a few materials reflect, (M · SHINES,) by the cosine to its facets."""
         cosines = _single((np.arange(SHINES) + 0.5) / SHINES)
-        return dielectric_share(cosines, self.ior) * self.coat
+        return (dielectric_share(cosines, self.ior[:, None]) * self.coat[:, None]).reshape(-1)
 
     def seen(self, material: IndexArray, facing: Single) -> Seen:
         """What points make of light under a cosine to the viewer, (N,); material: (N,), or (1,) for all."""
         under = more = None
-        if self._veiled or self._sends_again:
-            place = (facing * np.float32(VIEWS)).astype(np.intp)
-            alone = self.row.size == 1
-            if not alone:
-                np.clip(place, 0, VIEWS - 1, out=place)
-                place += by_material(self.row, material)
-            if self._veiled and alone:
-                under = self._under.take(place, mode="clip")
-            elif self._veiled:
-                under = self.layered.take(place)
-                under *= -by_material(self.veil, material)
-                under += 1
-            if self._sends_again:
-                more = self.missing.take(place, mode="clip")
+        if not (self._covered or self._sends_again):
+            return Seen(under, more)
+        place = _column(facing, VIEWS)
+        row = place + by_material(self.row, material)
+        if self._covered and self._few:
+            under = self._under.take(place + material * VIEWS if self.row.size > 1 else place)
+        elif self._covered:
+            kept = _kept(
+                by_material(self.f0, material),
+                by_material(self.sent, material),
+                self.missing.take(row),
+                self.layered.take(row),
+            )
+            under = 1 - by_material(self.over, material) * kept
+        if self._sends_again:
+            more = self.missing.take(row)
         return Seen(under, more)
 
     def shine(self, material: IndexArray, cosine: Single, seen: Seen) -> Single:
         """What facets reflect of light under a cosine to them, (N,) or, of metals, (3, N)."""
         if self.dielectric:
-            if self.coat.size == 1:
-                gloss = self._gloss.take((cosine * np.float32(SHINES)).astype(np.intp), mode="clip")
+            if self._few:
+                place = _column(cosine, SHINES)
+                gloss = self._gloss.take(place + material * SHINES if self.row.size > 1 else place)
             else:
                 gloss = dielectric_share(cosine, by_material(self.ior, material))
                 gloss *= by_material(self.coat, material)
@@ -208,6 +217,22 @@ def by_material(table: Numbers, material: IndexArray) -> Numbers:
     if table.shape[-1] == 1:
         return table
     return cast(Numbers, table.take(material, axis=-1, mode="clip"))
+
+
+def _kept(f0: Numbers, sent: Numbers, missing: Numbers, layered: Numbers) -> Numbers:
+    """What a layer keeps from what lies under it: what its facets reflect at once and, of that, again.
+
+    All (N,) or alike: reflectance head-on, and as in ``LightTable``. After Cycles' layers.
+    """
+    at_once = f0 / (1 + missing) + (1 - f0) * layered
+    return cast(Numbers, at_once * (1 + sent * missing))
+
+
+def _column(cosine: Single, columns: int) -> IndexArray:
+    """In which of the columns from 0 to 1 cosines (N,) are."""
+    place = (cosine * np.float32(columns)).astype(np.intp)
+    np.maximum(place, 0, out=place)
+    return np.minimum(place, columns - 1, out=place)
 
 
 def _or_all(values: Array | None) -> Array | float:

@@ -143,7 +143,7 @@ def shine(table, number, cosine):
 def mean_diffuse(table):
     """What a table's materials scatter of even light, (3, M), as a mean over where they are seen from."""
     cosines = (np.arange(4000, dtype=np.float32) + 0.5) / 4000
-    each = [table.seen(np.full(1, number), cosines).under for number in range(table.veil.size)]
+    each = [table.seen(np.full(1, number), cosines).under for number in range(table.over.size)]
     shares = [1.0 if under is None else 2 * np.mean(cosines * under) for under in each]
     return table.diffuse * np.pi * shares
 
