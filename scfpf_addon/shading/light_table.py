@@ -54,7 +54,8 @@ class Seen(NamedTuple):
 class LightTable:
     """M materials, turned into the coefficients of what lamps and the world make of them, float32.
 
-    emitted: (3, M) radiance that needs no lamp, the world's light included; emission: (3, M) without.
+    emitted: (3, M) radiance that needs no lamp, the world's light included; through: (3, M) what is added,
+    times what the layer lets through; emission: (3, M) without the world.
     diffuse: (3, M) albedo/π. over, f0, sent: (M,) of the layer above it: how much of that is covered, what it
     reflects head-on, share of what its facets send to each other that leaves the surface; coat, ior: (M,) by
     what its highlights are multiplied, index of refraction. front, edge, again: (3, M) of a metal's facets:
@@ -65,6 +66,7 @@ class LightTable:
     """
 
     emitted: Single
+    through: Single
     emission: Single
     diffuse: Single
     over: Single
@@ -89,7 +91,8 @@ class LightTable:
         Diffuse is Lambert's, scaled by 1 - metallic and by what the layer above it lets through. Highlights
         are those of GGX facets with α = roughness² (Walter et al. 2007), a dielectric's by Fresnel, a
         metal's by Schlick, brighter by what facets send on to each other (Kulla, Conty 2017). The world
-        lights a surface with what it reflects as a mean over all directions, but for what mirrors show.
+        lights a surface with what it reflects, a metal and under a sky as a mean over all directions, but
+        for what mirrors show.
         """
         base = np.asarray(materials.base_color, np.float64).reshape(-1, 3).T
         metallic = np.asarray(materials.metallic, np.float64)
@@ -109,9 +112,15 @@ class LightTable:
         below = base * (1.0 - metallic)
         emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
         albedo = ambient * (metal * metallic + below * (1.0 - over * mean)) + shown * mean * (1.0 - metallic)
+        # What a layer keeps it sends on itself, as much as mirrors leave to it.
+        covered = reflects & (np.asarray(over) > 0.0)
+        sends = np.where(covered, shown * (1.0 - metallic) / np.where(covered, over, 1.0), 0.0)
+        without = np.where(covered, ambient * metal * metallic + sends, albedo)
+        world = np.reshape(world_color, (3, 1))
         row, rows = seen_rows(rough)
         return cls(
-            emitted=_single(emission + albedo * np.reshape(world_color, (3, 1))),
+            emitted=_single(emission + without * world),
+            through=_single(np.where(covered, ambient * below - sends, 0.0) * world),
             emission=_single(emission),
             diffuse=_single(below / np.pi),
             over=_single(np.where(reflects, over, 0.0)),
@@ -155,6 +164,10 @@ class LightTable:
         return bool((self.over * self.diffuse).any())
 
     @cached_property
+    def _passes(self) -> bool:
+        return bool(self.through.any())
+
+    @cached_property
     def _sends_again(self) -> bool:
         return self.metal and float(self.again.max() * self.missing.max()) > FAINT
 
@@ -191,6 +204,13 @@ class LightTable:
         if self._sends_again:
             more = self.missing.take(row)
         return Seen(under, more)
+
+    def unlit(self, material: IndexArray, seen: Seen) -> Single:
+        """Radiance that needs no lamp, (3, N) or (3, 1)."""
+        light = by_material(self.emitted, material)
+        if seen.under is None or not self._passes:
+            return light
+        return light + by_material(self.through, material) * seen.under
 
     def shine(self, material: IndexArray, cosine: Single, seen: Seen) -> Single:
         """What facets reflect of light under a cosine to them, (N,) or, of metals, (3, N)."""

@@ -149,13 +149,13 @@ def radiance(
     and that of GGX facets, towards V against the projector's tangent.
     parts: gets what it is the sum of, where that is asked for.
     """
+    facing = dot(points.normal, points.view)
+    seen = table.seen(points.material, facing)
     color = np.empty_like(points.normal)
-    color[:] = by_material(table.emitted, points.material)
+    color[:] = table.unlit(points.material, seen)
     if parts:
         parts.shine(by_material(table.emission, points.material), color)
     alpha = by_material(table.alpha, points.material)
-    facing = dot(points.normal, points.view)
-    seen = table.seen(points.material, facing)
     for lamp in lamps:
         light = lamp.incidence(points.position, sample)
         cosine = dot(points.normal, light.direction)

@@ -87,7 +87,7 @@ class SunColors:
             facing /= length
         material = self._materials(triangle)
         viewed = self.phong.seen(material, facing) if self.phong.glossy else Seen(None, None)
-        emitted = self.phong.emitted.take(material, axis=1)
+        emitted = self.phong.unlit(material, viewed)
         begun = not self.lamps or bool(emitted.any())
         if begun:
             color[:] = emitted

@@ -74,3 +74,35 @@ def test_a_plane_against_the_sun_is_as_in_cycles(addon, tmp_path, metallic, roug
     off = np.abs(mean[0] - mean[1]) / mean[1].clip(1e-3)
     print(f"metallic {metallic}, roughness {roughness}, sun {height}: {np.median(off):.4f}, {off.max():.4f}")
     assert np.median(off) < 0.015 and off.max() < 0.04
+
+
+@pytest.mark.parametrize("lit", ["sun", "world"])
+@pytest.mark.parametrize("metallic, roughness", [(0, 0.3), (0, 0.5), (0, 1.0), (1, 0.5)])
+def test_the_light_of_a_ball_is_that_of_cycles(addon, tmp_path, metallic, roughness, lit):
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=128, ring_count=64)
+    bpy.ops.object.shade_smooth()
+    bpy.context.object.data.materials.append(material(metallic, roughness))
+    if lit == "sun":
+        sun = bpy.data.lights.new("Sun", "SUN")
+        sun.energy, sun.angle = 3.0, 0.0
+        placed = bpy.data.objects.new("Sun", sun)
+        placed.rotation_euler = 0.6, 0.4, 0.0
+        scene.collection.objects.link(placed)
+    else:
+        scene.world = bpy.data.worlds.new("World")
+        if scene.world.node_tree is None:
+            scene.world.use_nodes = True
+        scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+    camera = add_camera(32, 32, clip_start=0.1, clip_end=10.0, lens=60.0)
+    camera.location.z = 5.0
+    cycles = scene.cycles
+    cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = 64, False, False
+    bpy.context.view_layer.update()
+    addon("scfpf_addon.bridge.flexible_camera").volume_from_camera(camera, scene)
+    camera.scfpf.samples = 64
+    ball = np.hypot(*np.mgrid[-15.5:16, -15.5:16]) < 8
+    ours, theirs = (picture(engine, tmp_path / f"{engine}.exr")[ball] for engine in ("SCFPF", "CYCLES"))
+    ratio = ours.mean(axis=0) / theirs.mean(axis=0)
+    print(f"ball, metallic {metallic}, roughness {roughness}, {lit}: {np.round(ratio, 4)}")
+    assert ratio == pytest.approx(1.0, abs=0.005)
