@@ -62,7 +62,8 @@ class LightTable:
     what they reflect head-on, what comes to it where light grazes them, and as ``sent``.
     alpha: (M,) roughness of the facets, squared. albedo: (3, M) of the world's light, over π.
     row: (M,) where a roughness begins in ``missing`` and ``layered``, (R · VIEWS,), see ``seen_rows``.
-    sky: what lights as a world does whose light differs by direction.
+    few: whether what each material does under every cosine is worth a table of its own. sky: what lights as a
+    world does whose light differs by direction.
     """
 
     emitted: Single
@@ -82,11 +83,16 @@ class LightTable:
     row: IndexArray
     missing: Single
     layered: Single
+    few: bool
     sky: SkyLight | None = None
 
     @classmethod
-    def of(cls, materials: Materials, world_color: Array, sky: SkyLight | None = None) -> LightTable:
+    def of(
+        cls, materials: Materials, world_color: Array, sky: SkyLight | None = None, per_hit: bool = False
+    ) -> LightTable:
         """Coefficients under a uniform world of radiance ``world_color`` (3,), and what a sky adds to it.
+
+        per_hit: each row is of one hit; what comes out for it must not depend on how many there are.
 
         Diffuse is Lambert's, scaled by 1 - metallic and by what the layer above it lets through. Highlights
         are those of GGX facets with α = roughness² (Walter et al. 2007), a dielectric's by Fresnel, a
@@ -136,6 +142,7 @@ class LightTable:
             row=row,
             missing=rows[0],
             layered=rows[1],
+            few=not per_hit and len(row) <= FEW,
             sky=sky,
         )
 
@@ -148,11 +155,6 @@ class LightTable:
     def metal(self) -> bool:
         """Whether any material has the highlights of one."""
         return bool(self.front.any() or self.edge.any())
-
-    @property
-    def _few(self) -> bool:
-        """Whether what each material does under every cosine is worth a table."""
-        return self.row.size <= FEW
 
     @property
     def glossy(self) -> bool:
@@ -169,7 +171,7 @@ class LightTable:
 
     @cached_property
     def _sends_again(self) -> bool:
-        return self.metal and float(self.again.max() * self.missing.max()) > FAINT
+        return self.metal and (not self.few or float(self.again.max() * self.missing.max()) > FAINT)
 
     @cached_property
     def _under(self) -> Single:
@@ -191,7 +193,7 @@ class LightTable:
             return Seen(under, more)
         place = _column(facing, VIEWS)
         row = place + by_material(self.row, material)
-        if self._covered and self._few:
+        if self._covered and self.few:
             under = self._under.take(place + material * VIEWS if self.row.size > 1 else place)
         elif self._covered:
             kept = _kept(
@@ -215,7 +217,7 @@ class LightTable:
     def shine(self, material: IndexArray, cosine: Single, seen: Seen) -> Single:
         """What facets reflect of light under a cosine to them, (N,) or, of metals, (3, N)."""
         if self.dielectric:
-            if self._few:
+            if self.few:
                 place = _column(cosine, SHINES)
                 gloss = self._gloss.take(place + material * SHINES if self.row.size > 1 else place)
             else:

@@ -282,9 +282,8 @@ class Tracer:
         some = np.flatnonzero(weight > 0.0)
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
-        table = LightTable.of(
-            _stacked([body.materials for _, body in bodies], some), self.scene.world_color, self.phong.sky
-        )
+        materials = _stacked([body.materials for _, body in bodies], some)
+        table = LightTable.of(materials, self.scene.world_color, self.phong.sky, per_hit=True)
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
         parts = LightParts(len(some)) if split else None
         color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene, parts)

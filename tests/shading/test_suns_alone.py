@@ -211,7 +211,7 @@ KNOWN = {
     "moments drawing",
     Shading: "surface phong lamps tracer held_out catchers",
     LightTable: "emitted through emission diffuse over f0 sent coat ior front edge again alpha albedo row "
-    "missing layered sky",
+    "missing layered few sky",
     SurfaceTable: "cast_scene flat smooth bulge shadows material linked",
     SurfacePoints: "position normal view material shadow linked",
     Lamp: "light color places axis local softness occluders",

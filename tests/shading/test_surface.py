@@ -176,3 +176,35 @@ def test_what_light_makes_of_materials():
     assert not flat.edge.any() and flat.front.mean() == pytest.approx(0.5, rel=1e-3)
     matt = LightTable.of(rows((1, 1, 1), 0.0, 0.5, 0.0), np.zeros(3))
     assert not matt.glossy and not matt.front.any() and not matt.edge.any() and not matt.coat.any()
+
+
+def test_what_a_hit_is_coloured_by_does_not_depend_on_the_others():
+    """Rows of single hits give the same bits alone, a few at a time, and all at once."""
+    generator = np.random.default_rng(3)
+    count = 300
+    base, emission = generator.uniform(0, 1, (2, count, 3))
+    metallic = generator.choice([0.0, 0.3, 1.0], count)
+    materials = Materials(
+        base, metallic, generator.uniform(0, 1, count), generator.uniform(0, 0.2, count), emission
+    )
+    facing, cosine = generator.uniform(0, 1, (2, count)).astype(np.float32)
+
+    def coloured(some):
+        part = replace(
+            materials,
+            **{
+                name: getattr(materials, name)[some]
+                for name in ("base_color", "metallic", "roughness", "specular_f0", "emission")
+            },
+        )
+        table = LightTable.of(part, np.full(3, 0.5), per_hit=True)
+        every = np.arange(len(metallic[some]))
+        seen = table.seen(every, facing[some])
+        shine = np.broadcast_to(table.shine(every, cosine[some], seen), (3, len(every)))
+        under = np.ones(len(every), np.float32) if seen.under is None else seen.under
+        return np.concatenate([table.unlit(every, seen) * np.float32(1), shine, table.diffuse * under])
+
+    whole = coloured(slice(None))
+    for size in (1, 7, 64, 65):
+        parts = [coloured(slice(start, start + size)) for start in range(0, count, size)]
+        assert np.concatenate(parts, axis=1).tobytes() == whole.tobytes()
