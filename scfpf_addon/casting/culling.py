@@ -61,6 +61,7 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
     kept = np.empty(len(triangles), bool)
 
     def find_cells(some: slice) -> None:
+        """The cells that vertices are in."""
         with np.errstate(invalid="ignore", over="ignore"):
             places = np.einsum("ij,nj->in", frame * scale[:, None], points[some])
             places -= (lower * scale)[:, None]
@@ -69,6 +70,7 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
             cells[:, some] = np.clip(np.floor(np.where(finite[some], places, 0.0)), -1, CELLS)
 
     def look_at_triangles(some: slice) -> None:
+        """Whether the box round a triangle's cells holds anything."""
         faces = triangles[some]
         kept[some] = _held_between(sums, *(cells.take(faces[:, k], 1) for k in range(3)))
         kept[some] |= ~finite[faces].all(axis=1)

@@ -248,6 +248,7 @@ class CastScene:
         self._weights: Array | None = None
 
         def measure(some: slice) -> None:
+            """Planes and sizes of some triangles."""
             first, along, across = self._edges(some)
             normal = np.cross(along, across, axis=0)
             area = np.einsum("ct,ct->t", normal, normal)
@@ -278,6 +279,7 @@ class CastScene:
         weights: Array = np.empty((8, len(self._usable)))
 
         def weigh(some: slice) -> None:
+            """Gradients and offsets of some triangles' weights."""
             first, along, across = self._edges(some)
             normal = np.cross(along, across, axis=0)
             inverse = _inverse(np.einsum("ct,ct->t", normal, normal), self._usable[some])

@@ -163,7 +163,8 @@ class LightTable:
 
     @cached_property
     def _covered(self) -> bool:
-        return bool((self.over * self.diffuse).any())
+        # A black thing's layer, too, sends on what it keeps of the world's light.
+        return self._passes or bool((self.over * self.diffuse).any())
 
     @cached_property
     def _passes(self) -> bool:

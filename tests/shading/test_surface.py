@@ -208,3 +208,16 @@ def test_what_a_hit_is_coloured_by_does_not_depend_on_the_others():
     for size in (1, 7, 64, 65):
         parts = [coloured(slice(start, start + size)) for start in range(0, count, size)]
         assert np.concatenate(parts, axis=1).tobytes() == whole.tobytes()
+
+
+def test_black_plastic_shows_of_an_even_world_what_its_layer_reflects():
+    """Walsh's formula for an index of 1.5, as a mean over where it is seen from; alone, and beside white."""
+    for base in ([0.0], [0.0, 1.0]):
+        number = np.repeat(np.reshape(base, (-1, 1)), 3, axis=1)
+        each = [np.full(len(base), value) for value in (0.0, 0.08, 0.04)]
+        for per_hit in (False, True):
+            table = LightTable.of(Materials(number, *each, 0 * number), np.ones(3), per_hit=per_hit)
+            cosines = (np.arange(4000, dtype=np.float32) + 0.5) / 4000
+            black = np.zeros(4000, np.intp)
+            shown = 2 * np.mean(cosines * table.unlit(black, table.seen(black, cosines)), axis=1)
+            assert shown == pytest.approx(0.0918, abs=2e-3)
