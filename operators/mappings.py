@@ -137,11 +137,13 @@ class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         scene = context.scene
         projection = read_projection(camera, context.evaluated_depsgraph_get(), picture_aspect(scene))
-        image = write_st_map(projection, picture_size(scene), self.content, self.inverse)
+        image, warning = write_st_map(projection, picture_size(scene), self.content, self.inverse)
         for area in context.screen.areas if context.screen else ():
             if area.ui_type == "IMAGE_EDITOR":
                 area.spaces.active.image = image
                 break
+        if warning:
+            self.report({"WARNING"}, warning)
         return (
             f"The ST map is the image '{image.name}': save it with Image > Save As, or read it with a mapping"
         )

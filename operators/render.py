@@ -9,7 +9,7 @@ from bpy.props import StringProperty
 
 from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.result_image import discard_progress, keep_result, result_image, show_progress
-from ..scfpf_addon.bridge.result_undo import stamp_result
+from ..scfpf_addon.bridge.result_undo import only_in_memory, stamp_result
 from .errors import BAD_INPUT, refused
 from .target import chosen_camera, object_by_uid, take_up_edits
 
@@ -141,10 +141,13 @@ class SCFPF_OT_render(bpy.types.Operator):
             summary = frame.report.summary()
             # Blender has the pixels now; packing takes as much again, and the job holds them too.
             del frame, self._job
-            image = keep_result()
+            warning = keep_result()
         except BAD_INPUT as error:
             return refused(self, error)
+        image = result_image()
         stamp_result(image)
+        if warning:
+            self.report({"WARNING"}, warning)
         camera = object_by_uid(self._camera_uid)
         if camera is not None and camera.is_editable:
             camera.scfpf.report = summary
@@ -175,7 +178,7 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def _show_picture(self, context):
         """The tiles so far, where no other image has to give way: cancelling leaves everything as it was."""
-        if time.monotonic() - self._picture_time < PICTURE_TICK or self._job.cancelled:
+        if time.monotonic() - self._picture_time < PICTURE_TICK or self._job.cancelled or only_in_memory():
             return
         editors = image_editors(context.window_manager)
         if not editors or editors[0].image not in (None, result_image()):

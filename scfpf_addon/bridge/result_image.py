@@ -3,7 +3,7 @@
 
 The datablock is float, scene-linear and premultiplied, shown through the scene's
 view transform like a render. ``write_result`` packs it, which keeps it bit for bit
-through save, reload and undo; whoever calls it makes one undo push afterwards, or
+through save, reload and undo, up to 2 GB; whoever calls it makes one undo push afterwards, or
 undoing something else takes the picture away.
 ``result_undo`` shows what undo brings back.
 """
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import versions
+from .packing import pack
 
 IMAGE_NAME = "SCFPF Render"
 
@@ -52,17 +53,16 @@ def write_result(pixels: NDArray[np.float32]):
     existing datablock is kept and resized, so that editors go on showing it.
     """
     show_progress(pixels)
-    return keep_result()
+    keep_result()
+    return result_image()
 
 
-def keep_result():
-    """Pack what ``show_progress`` showed last; returns the datablock.
+def keep_result() -> str:
+    """Pack what ``show_progress`` showed last; what to tell the user where it is too large for that, else ''.
 
     The file is as large as the picture: whoever can lets go of the pixels before.
     """
-    image = result_image()
-    image.pack()
-    return image
+    return pack(result_image())
 
 
 def show_progress(pixels: NDArray[np.float32]):

@@ -28,6 +28,12 @@ def stamp_result(image) -> None:
     _in_memory = image[STAMP] = uuid.uuid4().hex
 
 
+def only_in_memory() -> bool:
+    """Whether the last picture is too large for the file, so that nothing brings it back."""
+    image = result_image()
+    return image is not None and not image.packed_file and STAMP in image
+
+
 @persistent
 def _after_undo(_scene, _depsgraph=None) -> None:
     global _in_memory

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..projection.image_stack import Stack, mapped_places
 from ..projection.volume import Projection
+from .packing import pack
 
 IMAGE_NAME = "SCFPF ST Map"
 CONTENTS = (
@@ -18,6 +19,8 @@ CONTENTS = (
 
 def write_st_map(projection: Projection, size: tuple[int, int], content: str, inverse: bool):
     """A new float image of a picture's size: red to the right, green up, alpha 0 where nothing is seen.
+
+    With what to tell the user where the file cannot keep it, else ''.
 
     content: MAPPINGS or PARAMETERS. inverse: at each place (or u and v, as shares of their ranges) where
     in the picture it is seen.
@@ -47,5 +50,4 @@ def write_st_map(projection: Projection, size: tuple[int, int], content: str, in
     result.alpha_mode = "PREMUL"
     result.pixels.foreach_set(pixels.ravel())
     result.update()
-    result.pack()
-    return result
+    return result, pack(result)

@@ -149,6 +149,15 @@ def test_an_st_map_that_was_written_is_read_as_the_stack(addon, camera, look, mo
         look(camera)
 
 
+def test_an_st_map_that_no_file_can_hold_is_written_with_a_warning(addon, camera, monkeypatch, capfd):
+    packing = addon("scfpf_addon.bridge.packing")
+    monkeypatch.setattr(packing, "LARGEST_FILE", packing.BESIDES_PIXELS)
+    assert bpy.ops.scfpf.st_map_write() == {"FINISHED"}
+    image = bpy.data.images["SCFPF ST Map"]
+    assert not image.packed_file and max(image.pixels[:]) == 1.0
+    assert "'SCFPF ST Map' has more than the 2 GB" in capfd.readouterr().out
+
+
 def test_u_and_v_are_written_with_the_ranges_and_holes(camera):
     assert bpy.ops.scfpf.preset_apply(preset="angular_fisheye") == {"FINISHED"}
     camera.scfpf.v_range = 0.0, 0.5

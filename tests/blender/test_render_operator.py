@@ -431,6 +431,16 @@ def test_the_film_is_let_go_of_before_the_picture_is_packed(addon, camera, monke
     assert held and bpy.data.images["SCFPF Render"].packed_file
 
 
+def test_a_picture_that_no_file_can_hold_is_shown_with_a_warning(addon, camera, monkeypatch, capfd):
+    packing = addon("scfpf_addon.bridge.packing")
+    before = render()
+    assert "Save As" not in capfd.readouterr().out
+    monkeypatch.setattr(packing, "LARGEST_FILE", packing.BESIDES_PIXELS)
+    assert np.array_equal(render(), before)
+    assert not bpy.data.images[IMAGE].packed_file
+    assert "'SCFPF Render' has more than the 2 GB" in capfd.readouterr().out
+
+
 def test_the_picture_in_the_making_is_the_film_itself(addon, camera):
     job = addon("scfpf_addon.bridge.render_job")
     running = job.start(job.prepare(bpy.context.scene, bpy.context.view_layer, camera), with_tiles=True)

@@ -136,6 +136,33 @@ def test_undo_takes_back_renders_one_by_one_and_nothing_else(module, addon):
     assert same(module.result_image(), second) and len(bpy.data.objects) == 2
 
 
+@pytest.mark.parametrize("before", ["nothing", "a smaller picture"])
+def test_a_picture_that_no_file_can_hold_is_only_in_memory(module, addon, monkeypatch, before):
+    """Blender counts a packed file's bytes in 31 bits and keeps the beginning of larger ones."""
+    packing, undo = addon("scfpf_addon.bridge.packing"), addon("scfpf_addon.bridge.result_undo")
+    small, large = picture(), picture(50, 40, seed=1)
+    if before != "nothing":
+        undo.stamp_result(module.write_result(small))
+        with undo_context():
+            bpy.ops.ed.undo_push(message="Small")
+    monkeypatch.setattr(packing, "LARGEST_FILE", packing.BESIDES_PIXELS + large.nbytes)
+    assert not undo.only_in_memory()
+    module.show_progress(large)
+    assert "Save As" in module.keep_result() and "2 GB" in module.keep_result()
+    image = module.result_image()
+    undo.stamp_result(image)
+    assert same(image, large) and not image.packed_file and undo.only_in_memory()
+    with undo_context():
+        bpy.ops.ed.undo_push(message="Large")
+    assert same(module.result_image(), large)
+    if before != "nothing":
+        with undo_context():
+            bpy.ops.ed.undo()
+        assert same(module.result_image(), small) and not undo.only_in_memory()
+    # One that fits is packed again.
+    assert same(module.write_result(small), small) and module.result_image().packed_file
+
+
 @pytest.mark.parametrize("kind", ["byte", "packed byte", "float without alpha", "missing file"])
 def test_an_image_of_the_name_that_cannot_hold_the_picture_is_kept_aside(module, tmp_path, kind):
     other = bpy.data.images.new("SCFPF Render", 8, 8, float_buffer=kind.startswith("float"))
