@@ -36,12 +36,10 @@ class MeshArrays:
 
 
 def of_mesh(thing, read):
-    """read(mesh) of an evaluated object's mesh, with its triangles reckoned."""
+    """read(mesh) of an evaluated object's mesh."""
     try:
         # The evaluated mesh of an object in Edit Mode has no arrays yet: to_mesh() makes them.
-        mesh = thing.to_mesh() if thing.data.is_editmode else thing.data
-        mesh.calc_loop_triangles()
-        return read(mesh)
+        return read(thing.to_mesh() if thing.data.is_editmode else thing.data)
     finally:
         if thing.data.is_editmode:
             thing.to_mesh_clear()
@@ -52,18 +50,16 @@ def read_mesh(mesh, with_uv: bool = False, with_normals: bool = True) -> MeshArr
 
     with_normals: even where they are the triangles' own.
     """
-    mesh.calc_loop_triangles()
-    count = len(mesh.loop_triangles)
-    vertices = np.empty((len(mesh.vertices), 3), np.float32)
+    face, corners = _triangulation(mesh)
+    count = len(mesh.polygons) if face is None else len(face)
+    vertices = np.empty((len(mesh.vertices) if count else 0, 3), np.float32)
     slot = np.zeros(count, np.int32)
     if count == 0:
-        none = np.empty((0, 3), np.int32)
-        return MeshArrays(vertices[:0], none, np.empty((0, 3, 3), np.float32), slot)
+        return MeshArrays(vertices, np.empty((0, 3), np.int32), np.empty((0, 3, 3), np.float32), slot)
     # Attributes' memory is copied at once; vertices[].co and loops[].vertex_index go one by one.
     mesh.attributes["position"].data.foreach_get("vector", vertices.reshape(-1))
     corner_vertex = np.empty(len(mesh.loops), np.int32)
     mesh.attributes[".corner_vert"].data.foreach_get("value", corner_vertex)
-    face, corners = _triangulation(mesh)
     if "material_index" in mesh.attributes:
         face_slot = np.empty(len(mesh.polygons), np.int32)
         mesh.attributes["material_index"].data.foreach_get("value", face_slot)
@@ -83,12 +79,14 @@ def read_mesh(mesh, with_uv: bool = False, with_normals: bool = True) -> MeshArr
 def _triangulation(mesh) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | None]:
     """The face of each triangle (T,), and their corners (3T,); None for as they come.
 
-    Where each face has one triangle it is that triangle, and its corners need not be asked for, one by one.
+    Where all faces are triangles Blender need not cut them up, which takes longer than to read them.
     """
+    # No face has fewer corners.
+    if len(mesh.loops) == 3 * len(mesh.polygons):
+        return None, None
+    mesh.calc_loop_triangles()
     face = np.empty(len(mesh.loop_triangles), np.int32)
     mesh.loop_triangle_polygons.foreach_get("value", face)
-    if len(face) == len(mesh.polygons) and (face == np.arange(len(face), dtype=np.int32)).all():
-        return None, None
     corners = np.empty(3 * len(face), np.int32)
     mesh.loop_triangles.foreach_get("loops", corners)
     return face, corners

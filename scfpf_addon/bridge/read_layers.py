@@ -33,9 +33,10 @@ ATTRIBUTE_TYPES = {
 def read_layer(mesh, name: str) -> Single | None:
     """A layer of an evaluated bpy.types.Mesh at the corners of its triangles, (T, 3, C).
 
-    None if the mesh has none of the name. ``calc_loop_triangles`` must have been called.
+    None if the mesh has none of the name.
     """
     kind, _, rest = name.partition(":")
+    mesh.calc_loop_triangles()
     if not len(mesh.loop_triangles):
         return None
     if kind == "OBJECT":

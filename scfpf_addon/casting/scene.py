@@ -28,7 +28,9 @@ from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
 from .portions import in_threads, portions
+from .prism_scene import PrismScene
 from .prisms import BYTES_PER_TRIANGLE, Prisms
+from .quads import Quads
 from .stopping import stop_here, unstoppable
 
 # The first embreex on Embree 4 whose run() releases the GIL and takes any strides.
@@ -178,23 +180,28 @@ class CastScene:
     ) -> None:
         """Put the triangles ``usable`` (T,) into Embree; what is beyond is looked for meanwhile."""
         self._usable = usable
-        faces = self.triangles
-        if not usable.all():
-            faces = np.where(usable[:, None], faces, faces[:, :1])
-        mesh = _load_embreex(), self.vertices.T, faces
         if beyond is None:
-            self._embree, self._mesh, _ = mesh_in_embree(*mesh)
+            self._put_into_embree()
         else:
             # Embree's threads do not need the interpreter, which NumPy holds for much of its work.
             with ThreadPoolExecutor(1) as pool:
-                built = pool.submit(mesh_in_embree, *mesh)
+                built = pool.submit(self._put_into_embree)
                 self._beyond = self._placed_beyond(*beyond())
-                self._embree, self._mesh, _ = built.result()
+                built.result()
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()
         # Another: prisms are made of weights.
         self._weights_lock = Lock()
+
+    def _put_into_embree(self) -> None:
+        faces, usable = self.triangles, self._usable
+        self._quads = Quads.of(faces, usable)
+        if self._quads:
+            faces = self._quads.faces
+        elif not usable.all():
+            faces = np.where(usable[:, None], faces, faces[:, :1])
+        self._embree, self._mesh, self._faces = mesh_in_embree(_load_embreex(), self.vertices.T, faces)
 
     def only(self, kept: BoolArray | None) -> CastScene | None:
         """The same triangles by the same numbers, of which only those in ``kept`` (T,) are ever hit.
@@ -319,7 +326,7 @@ class CastScene:
         stop_here()
         slopes = np.stack([second, third, second + third])
         steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
-        return PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest)
+        return PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest, _load_embreex())
 
     @property
     def occupancy(self) -> Occupancy:
@@ -340,6 +347,10 @@ class CastScene:
         units of the direction's length; a negative limit switches a ray off.
         """
         stop_here()
+        if self._quads:
+            # embreex overwrites the array of limits.
+            rays = origins.T, directions.T, limits.copy()
+            return self._quads.triangles(self._embree.run(*rays, output=True), self._faces)
         found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
         return found
 
@@ -352,6 +363,8 @@ class CastScene:
         """
         stop_here()
         found = self._embree.run(origins.T, directions.T, limits, output=True)
+        if self._quads:
+            return self._quads.weights(found, self._faces)
         return found["primID"], (found["u"], found["v"])
 
     def trace_distance(
@@ -373,22 +386,21 @@ class CastScene:
         stop_here()
         with np.errstate(invalid="ignore", over="ignore"):
             start = origins.astype(np.float32, copy=False)
-            way, limits = np.empty(start.shape, np.float32), np.empty(start.shape[1], np.float32)
-            way[:] = directions
+            way, limits = directions.astype(np.float32, copy=False), np.empty(start.shape[1], np.float32)
             # embreex takes a negative limit for a hit here; a limit that is no number becomes 0.
             limits[:] = np.fmax(distances * (1.0 - SHADOW_END), 0.0)
             # One sum tells that all is finite, or that each has to be looked at.
             if not np.isfinite(start.sum() + way.sum()):
                 dead = ~np.isfinite(start.sum(axis=0) + way.sum(axis=0))
-                start = np.where(dead, np.float32(0), start)
-                way[:, dead], limits[dead] = 0.0, 0.0
-        geometry: NDArray[np.int32] = self._embree.run(start.T, way.T, limits, query="OCCLUDED")
-        hit: BoolArray = geometry >= 0
+                start, way = np.where(dead, np.float32(0), start), np.where(dead, np.float32(0), way)
+                limits[dead] = 0.0
+        rays = start.T, np.broadcast_to(way, start.shape).T, limits
+        hit: BoolArray = self._embree.run(*rays, query="OCCLUDED") >= 0
         beyond = self._beyond_embree()
         if beyond is not None:
-            free = np.flatnonzero(~hit)
-            ways = start.take(free, 1).T, way.take(free, 1).T, limits.take(free)
-            hit[free] = beyond.run(*ways, query="OCCLUDED") >= 0
+            # What is hit already stays so, and costs next to nothing.
+            np.putmask(limits, hit, np.float32(-1))
+            hit = beyond.run(*rays, query="OCCLUDED") >= 0
         return hit
 
     def _placed_beyond(
@@ -412,8 +424,9 @@ class CastScene:
         with self._lock:
             if self._beyond is not None:
                 vertices, triangles = self._beyond
+                quads = Quads.of(triangles, np.ones(len(triangles), bool))
                 self._beyond_scene, self._beyond_mesh, _ = mesh_in_embree(
-                    _load_embreex(), vertices.T, triangles
+                    _load_embreex(), vertices.T, quads.faces if quads else triangles
                 )
                 self._beyond = None
             return self._beyond_scene
@@ -455,38 +468,3 @@ class CastScene:
             np.einsum("cn,cn->n", row[:3], positions, out=target)
             target += row[3]
         return weights
-
-
-class PrismScene:
-    """Prisms round all triangles, in Embree (see ``prisms``).
-
-    epsilon: how far chords may be from their curves, cast units. lower, upper: (3,) the
-    box that holds all prisms. occupancy: where there are prisms. steepest: (T,) the largest slope
-    of the triangles' barycentric weights, 1 over the least height. Safe to use from several threads.
-    """
-
-    def __init__(self, prisms: Prisms, steepest: Array) -> None:
-        self.steepest = steepest
-        self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
-        self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
-        self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
-        stop_here()
-        self._embree, self._mesh, self._faces = prisms.embree_scene(_load_embreex())
-        stop_here()
-        outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
-        # One cap of a prism is nowhere farther than this from the other.
-        self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)
-
-    def trace(
-        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
-    ) -> tuple[NDArray[np.int32], Float32Array]:
-        """The triangles whose prisms the rays enter or leave first, -1 for none, and where.
-
-        As ``CastScene.trace``; the second array (N,) is in units of the direction's length.
-        """
-        stop_here()
-        found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
-        triangle: NDArray[np.int32] = found["primID"]
-        # -1 stays what it is.
-        triangle //= self._faces
-        return triangle, found["tfar"]

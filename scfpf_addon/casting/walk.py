@@ -13,8 +13,9 @@ from .certify import Chords
 from .curves import T_ROUNDING, Bundle, Solutions
 from .hits import CastCounts, Hits
 from .march import OVERLAP
+from .prism_scene import PrismScene
 from .prisms import Float32Array
-from .scene import CastScene, PrismScene
+from .scene import CastScene
 
 # A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
 # of a coordinate of 1, so that it does not meet the face again.

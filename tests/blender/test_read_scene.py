@@ -371,6 +371,7 @@ def test_faces_of_one_triangle_are_read_in_order(addon):
         mesh = bpy.data.meshes.new("Faces")
         mesh.from_pydata(points, [], faces)
         found = read_mesh(mesh)
+        mesh.calc_loop_triangles()
         assert found.triangles.tolist() == [list(each.vertices) for each in mesh.loop_triangles]
         assert np.allclose(found.normals[:, 0], [each.normal for each in mesh.loop_triangles], atol=1e-6)
         assert found.vertices.tolist() == [list(point) for point in points]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from scfpf_addon.casting import stopping
-from scfpf_addon.casting.scene import CastScene, PrismScene
+from scfpf_addon.casting.prism_scene import PrismScene
+from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.casting.tiles import image_tiles
 from scfpf_addon.casting.visibility import CAMERA, CATCHER, GLASS, MIRROR, SHADOW
 from scfpf_addon.shading.frame import render_frame
