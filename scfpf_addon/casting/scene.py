@@ -122,6 +122,15 @@ def _inverse(area: Array, usable: BoolArray) -> Array:
     return np.divide(1.0, area, out=np.zeros_like(area), where=usable)
 
 
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products of two (3, n) arrays, (3, n); np.cross takes twice as long."""
+    product, term = np.empty_like(a), np.empty(a.shape[1])
+    for row, (i, j) in zip(product, ((1, 2), (2, 0), (0, 1)), strict=True):
+        np.multiply(a[i], b[j], out=row)
+        row -= np.multiply(a[j], b[i], out=term)
+    return product
+
+
 def _fill(rows: Array, gradient: Array, first: Array) -> None:
     """Write functions of the place (4, n) that grow by ``gradient`` (3, n) and vanish at ``first``."""
     rows[:3] = gradient
@@ -253,24 +262,33 @@ class CastScene:
         self.planes: Array = np.empty((4, len(usable)))
         self._reach = np.empty(len(usable), np.float32)
         self._weights: Array | None = None
+        largest = np.abs(self.vertices).max(axis=0).astype(np.float32)
 
         def measure(some: slice) -> None:
             """Planes and sizes of some triangles."""
-            first, along, across = self._edges(some)
-            normal = np.cross(along, across, axis=0)
+            corners = self._corners_of(some)
+            first, along, across = self._edges(corners)
+            normal = _cross(along, across)
             area = np.einsum("ct,ct->t", normal, normal)
             longest = np.maximum(np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across))
             usable[some] &= area > (FLATTEST * longest) ** 2
-            _fill(self.planes[:, some], normal * np.sqrt(_inverse(area, usable[some])), first)
-            corners = np.abs([self.vertices.take(self.triangles[some, k], 1) for k in range(3)])
-            self._reach[some] = corners.max(axis=(0, 1))
+            normal *= np.sqrt(_inverse(area, usable[some]))
+            _fill(self.planes[:, some], normal, first)
+            reach = [largest.take(corner, mode="clip") for corner in corners]
+            np.maximum(np.maximum(reach[0], reach[1]), reach[2], out=self._reach[some])
 
         in_threads(measure, portions(len(usable)))
 
-    def _edges(self, some: slice) -> tuple[Array, Array, Array]:
-        """The first corners of some triangles, and what leads from them to the second and third, (3, n)."""
-        first, second, third = (self.vertices.take(self.triangles[some, k], 1) for k in range(3))
-        return first, second - first, third - first
+    def _corners_of(self, some: slice) -> IndexArray:
+        """The vertices of some triangles, (3, n), as NumPy takes them quickest."""
+        return self.triangles[some].T.astype(np.intp, order="C")
+
+    def _edges(self, corners: IndexArray) -> tuple[Array, Array, Array]:
+        """The first of corners (3, n), and what leads from them to the second and third, (3, n)."""
+        first, along, across = (self.vertices.take(corner, 1, mode="clip") for corner in corners)
+        along -= first
+        across -= first
+        return first, along, across
 
     @property
     def _corners(self) -> Array:
@@ -287,11 +305,11 @@ class CastScene:
 
         def weigh(some: slice) -> None:
             """Gradients and offsets of some triangles' weights."""
-            first, along, across = self._edges(some)
-            normal = np.cross(along, across, axis=0)
+            first, along, across = self._edges(self._corners_of(some))
+            normal = _cross(along, across)
             inverse = _inverse(np.einsum("ct,ct->t", normal, normal), self._usable[some])
-            _fill(weights[:4, some], np.cross(across, normal, axis=0) * inverse, first)
-            _fill(weights[4:, some], np.cross(normal, along, axis=0) * inverse, first)
+            _fill(weights[:4, some], _cross(across, normal) * inverse, first)
+            _fill(weights[4:, some], _cross(normal, along) * inverse, first)
 
         in_threads(weigh, portions(len(self._usable)))
         return weights
