@@ -128,18 +128,18 @@ def mean_reflectance(roughness: Array) -> tuple[Array, Array, Array]:
 
 
 def seen_rows(roughness: Array) -> tuple[IndexArray, Single]:
-    """Where rows of roughness (n,) begin, (n,), in two tables by where they are seen from, (2, R · VIEWS).
+    """Where rows of roughness (n,) begin, (n,), in tables by where they are seen from, (3, R · VIEWS).
 
-    Of VIEWS cosines each: the light that facets send to each other by what they send on at once, and a
-    layer's share of grazing light.
+    Of VIEWS cosines each: the light that facets send to each other by what they send on at once, a metal's
+    share of grazing light and a layer's.
     """
     step = np.rint(np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)).astype(np.intp)
     wanted = np.zeros(ROUGH_STEPS, bool)
     wanted[step] = True
     steps = np.flatnonzero(wanted)
     curves = np.stack([_curves(int(each)) for each in steps], axis=1)
-    rows = np.stack([1.0 / curves[0] - 1.0, curves[2]]).astype(np.float32)
-    return (np.cumsum(wanted) - 1)[step] * VIEWS, rows.reshape(2, -1)
+    rows = np.stack([1.0 / curves[0] - 1.0, curves[1], curves[2]]).astype(np.float32)
+    return (np.cumsum(wanted) - 1)[step] * VIEWS, rows.reshape(3, -1)
 
 
 # The middles of the columns, and what each counts in the mean of a curve over the hemisphere.

@@ -43,25 +43,29 @@ class Seen(NamedTuple):
     """What N points make of light as they are seen from where they are, (N,) each.
 
     under: share of the scattered light that the layer above it lets through; None for all. more: light that
-    facets send to each other by what they send on at once; None for none.
+    facets send to each other by what they send on at once; None for none. grazed: share of an even world's
+    light that metals reflect as they do grazing light; None where they reflect none of it.
     """
 
     under: Single | None
     more: Single | None
+    grazed: Single | None
 
 
 @dataclass(frozen=True)
 class LightTable:
     """M materials, turned into the coefficients of what lamps and the world make of them, float32.
 
-    emitted: (3, M) radiance that needs no lamp, the world's light included; through: (3, M) what is added,
-    times what the layer lets through; emission: (3, M) without the world.
+    emitted: (3, M) radiance that needs no lamp, the world's light included but for what metals reflect of it;
+    through: (3, M) what is added, times what the layer lets through; emission: (3, M) without the world.
+    glow: (3, M) share of the world's light that a metal reflects by its facets.
     diffuse: (3, M) albedo/π. over, f0, sent: (M,) of the layer above it: how much of that is covered, what it
     reflects head-on, share of what its facets send to each other that leaves the surface; coat, ior: (M,) by
     what its highlights are multiplied, index of refraction. front, edge, again: (3, M) of a metal's facets:
     what they reflect head-on, what comes to it where light grazes them, and as ``sent``.
     alpha: (M,) roughness of the facets, squared. albedo: (3, M) of the world's light, over π.
-    row: (M,) where a roughness begins in ``missing`` and ``layered``, (R · VIEWS,), see ``seen_rows``.
+    row: (M,) where a roughness begins in ``missing``, ``grazed`` and ``layered``, (R · VIEWS,), see
+    ``seen_rows``.
     few: whether what each material does under every cosine is worth a table of its own. sky: what lights as a
     world does whose light differs by direction.
     """
@@ -78,10 +82,12 @@ class LightTable:
     front: Single
     edge: Single
     again: Single
+    glow: Single
     alpha: Single
     albedo: Single
     row: IndexArray
     missing: Single
+    grazed: Single
     layered: Single
     few: bool
     sky: SkyLight | None = None
@@ -97,8 +103,8 @@ class LightTable:
         Diffuse is Lambert's, scaled by 1 - metallic and by what the layer above it lets through. Highlights
         are those of GGX facets with α = roughness² (Walter et al. 2007), a dielectric's by Fresnel, a
         metal's by Schlick, brighter by what facets send on to each other (Kulla, Conty 2017). The world
-        lights a surface with what it reflects, a metal and under a sky as a mean over all directions, but
-        for what mirrors show.
+        lights a surface with what it reflects, under a sky as a mean over all directions, but for what
+        mirrors show.
         """
         base = np.asarray(materials.base_color, np.float64).reshape(-1, 3).T
         metallic = np.asarray(materials.metallic, np.float64)
@@ -121,7 +127,7 @@ class LightTable:
         # What a layer keeps it sends on itself, as much as mirrors leave to it.
         covered = reflects & (np.asarray(over) > 0.0)
         sends = np.where(covered, shown * (1.0 - metallic) / np.where(covered, over, 1.0), 0.0)
-        without = np.where(covered, ambient * metal * metallic + sends, albedo)
+        without = np.where(covered, sends, albedo - ambient * metal * metallic)
         world = np.reshape(world_color, (3, 1))
         row, rows = seen_rows(rough)
         return cls(
@@ -137,11 +143,13 @@ class LightTable:
             front=_single(front * metallic),
             edge=_single(edge * metallic),
             again=_single(again),
+            glow=_single(ambient * world * np.ones_like(base)),
             alpha=_single(rough**4),
             albedo=_single(albedo / np.pi),
             row=row,
             missing=rows[0],
-            layered=rows[1],
+            grazed=rows[1],
+            layered=rows[2],
             few=not per_hit and len(row) <= FEW,
             sky=sky,
         )
@@ -171,6 +179,10 @@ class LightTable:
         return bool(self.through.any())
 
     @cached_property
+    def _glows(self) -> bool:
+        return bool((self.glow * (self.front + self.edge)).any())
+
+    @cached_property
     def _sends_again(self) -> bool:
         return self.metal and (not self.few or float(self.again.max() * self.missing.max()) > FAINT)
 
@@ -189,9 +201,9 @@ class LightTable:
 
     def seen(self, material: IndexArray, facing: Single) -> Seen:
         """What points make of light under a cosine to the viewer, (N,); material: (N,), or (1,) for all."""
-        under = more = None
-        if not (self._covered or self._sends_again):
-            return Seen(under, more)
+        under = more = grazed = None
+        if not (self._covered or self._sends_again or self._glows):
+            return Seen(under, more, grazed)
         place = _column(facing, VIEWS)
         row = place + by_material(self.row, material)
         if self._covered and self.few:
@@ -204,16 +216,24 @@ class LightTable:
                 self.layered.take(row),
             )
             under = 1 - by_material(self.over, material) * kept
-        if self._sends_again:
+        if self._sends_again or self._glows:
             more = self.missing.take(row)
-        return Seen(under, more)
+        if self._glows:
+            grazed = self.grazed.take(row)
+        return Seen(under, more, grazed)
 
     def unlit(self, material: IndexArray, seen: Seen) -> Single:
         """Radiance that needs no lamp, (3, N) or (3, 1)."""
         light = by_material(self.emitted, material)
-        if seen.under is None or not self._passes:
-            return light
-        return light + by_material(self.through, material) * seen.under
+        if seen.under is not None and self._passes:
+            light = light + by_material(self.through, material) * seen.under
+        if seen.grazed is not None and seen.more is not None:
+            mirrored = by_material(self.front, material) / (1 + seen.more)
+            mirrored += by_material(self.edge, material) * seen.grazed
+            mirrored *= 1 + by_material(self.again, material) * seen.more
+            mirrored *= by_material(self.glow, material)
+            light = light + mirrored
+        return light
 
     def shine(self, material: IndexArray, cosine: Single, seen: Seen) -> Single:
         """What facets reflect of light under a cosine to them, (N,) or, of metals, (3, N)."""

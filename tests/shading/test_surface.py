@@ -152,7 +152,15 @@ def test_white_things_send_all_light_back():
     """In even light nothing is lost in white metals and dielectrics of any roughness, nor is anything won."""
     grid = np.meshgrid([0.0, 0.25, 1.0], [0.0, 0.3, 0.6, 1.0], [0.0, 0.04, 0.3])
     table = LightTable.of(rows((1, 1, 1), *grid), np.array([0.5, 0.5, 1]))
-    assert np.allclose(table.emitted, [[0.5], [0.5], [1]], rtol=1e-6)
+    cosines = (np.arange(4000, dtype=np.float32) + 0.5) / 4000
+    for number in range(table.alpha.size):
+        material = np.full(1, number)
+        light = table.unlit(material, table.seen(material, cosines))
+        mean = 2 * np.mean(cosines * np.broadcast_to(light, (3, 4000)), axis=1)
+        assert np.allclose(mean, [0.5, 0.5, 1], rtol=2e-3)
+        # Metals, which have nothing below them, from wherever they are seen.
+        if table.front[0, number] == 1:
+            assert np.allclose(light, [[0.5], [0.5], [1]], rtol=1e-5)
     # The layer of a dielectric keeps from what is below what it reflects itself.
     dull, polished = mean_diffuse(LightTable.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3)))[0]
     assert dull == pytest.approx(1.0) and 0.65 < polished < 0.75
