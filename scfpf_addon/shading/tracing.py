@@ -8,8 +8,9 @@ straight rays, since the volume's distortion is not the scene's (paper §6.1).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +45,8 @@ GLOSS = 6
 
 # Rows of ``Wave.depth``.
 TOTAL, GLOSSY, TRANSMISSION, TRANSPARENT = range(4)
+# By how much light goes beyond the limits of these.
+ONCE_MORE = np.array([[1], [1], [1], [0]])
 
 
 class Wave(NamedTuple):
@@ -172,14 +175,36 @@ class Tracer:
             wave = self._hold_out(wave, film)
             if self.catchers:
                 wave = self._catch(wave, self.catchers, sample, film, ways_out, split)
-            onward = self._gather(wave, sample, film, split)
-            sent = [self._send(wave, each, film, behind, chances, split) for each in onward]
+            sent = []
+            for some, last in self._by_limit(wave):
+                onward = self._gather(some, sample, film, split, last)
+                sent += [self._send(some, each, film, behind, chances, split) for each in onward]
             if not sent:
                 break
             wave = joined(sent)
         if parts and split:
             parts.rows[:] = split.rows
         return film.astype(np.float32)
+
+    @property
+    def _limits(self) -> Array:
+        """How often light may be sent on, (4, 1)."""
+        limits = self.scene.bounces
+        return np.array([[limits.total], [limits.glossy], [limits.transmission], [limits.transparent]])
+
+    def _by_limit(self, wave: Wave) -> Iterator[tuple[Wave, bool]]:
+        """The wave in parts, and whether they are beyond a limit: as in Cycles, what is there only shines."""
+        last = (wave.depth[:TRANSPARENT] > self._limits[:TRANSPARENT]).any(axis=0)
+        if not last.any():
+            yield wave, False
+            return
+        yield wave.take(np.flatnonzero(~last)), False
+        yield wave.take(np.flatnonzero(last)), True
+
+    @cached_property
+    def _shining(self) -> LightTable:
+        """What materials make of no light."""
+        return LightTable.of(self.scene.materials, np.zeros(3))
 
     def _hold_out(self, wave: Wave, film: Array) -> Wave:
         """The wave without what projectors meet of holdouts: there the picture has a hole."""
@@ -215,16 +240,20 @@ class Tracer:
         return wave.take(np.flatnonzero(~caught))
 
     def _gather(
-        self, wave: Wave, sample: int, film: Array, split: LightParts | None
+        self, wave: Wave, sample: int, film: Array, split: LightParts | None, last: bool
     ) -> list[tuple[IndexArray, Sent]]:
-        """Add the light of the wave's places to the film; what they send on, and which do."""
+        """Add the light of the wave's places to the film; what they send on, and which do.
+
+        last: they only shine, and let through what is behind them.
+        """
         hits = wave.hits
         points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         plain = np.flatnonzero(~self.has_graph.take(points.material))
         cast_scene = self.surface.cast_scene
         if len(plain):
             parts = LightParts(len(plain)) if split else None
-            color = radiance(points.take(plain), self.phong, self.lamps, sample, cast_scene, parts)
+            table, lamps = (self._shining, ()) if last else (self.phong, self.lamps)
+            color = radiance(points.take(plain), table, lamps, sample, cast_scene, parts)
             add(film, wave.pixel[plain], wave.share[:, plain] * color)
             if split and parts:
                 split.gather(wave.pixel[plain], wave.share[:, plain], parts, wave.straight[plain])
@@ -241,10 +270,10 @@ class Tracer:
                 for lobe in lobes(self.scene.materials.graphs[int(number)], place):
                     if isinstance(lobe, Body):
                         bodies.append((which, lobe))
-                    else:
+                    elif lobe.kind == "THROUGH" or not last:
                         onward.append((which, lobe))
         if bodies:
-            self._light(wave, points, bodies, sample, film, split)
+            self._light(wave, points, bodies, sample, film, split, last)
         return onward
 
     def place(self, hits: Hits, points: SurfacePoints, which: IndexArray) -> Place:
@@ -275,18 +304,21 @@ class Tracer:
         sample: int,
         film: Array,
         split: LightParts | None,
+        last: bool,
     ) -> None:
-        """Add what lamps and the world make of the bodies, all at once."""
+        """Add what lamps and the world make of the bodies, all at once; last: what they shine alone."""
         which = np.concatenate([index for index, _ in bodies])
         weight = np.concatenate([body.weight[0] for _, body in bodies])
         some = np.flatnonzero(weight > 0.0)
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
         materials = _stacked([body.materials for _, body in bodies], some)
-        table = LightTable.of(materials, self.scene.world_color, self.phong.sky, per_hit=True)
+        world = (np.zeros(3), None) if last else (self.scene.world_color, self.phong.sky)
+        table = LightTable.of(materials, *world, per_hit=True)
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
         parts = LightParts(len(some)) if split else None
-        color = radiance(lit, table, self.lamps, sample, self.surface.cast_scene, parts)
+        lamps = () if last else self.lamps
+        color = radiance(lit, table, lamps, sample, self.surface.cast_scene, parts)
         share = wave.share[:, which] * weight
         add(film, wave.pixel[which], share * color)
         if split and parts:
@@ -307,9 +339,9 @@ class Tracer:
         depth = wave.depth[:, which].copy()
         for row in DEPTHS[lobe.kind]:
             depth[row] += 1
-        limits = self.scene.bounces
-        most = np.array([limits.total, limits.glossy, limits.transmission, limits.transparent])
-        going = np.flatnonzero((share.max(axis=0) >= LEAST_SHARE) & (depth <= most[:, None]).all(axis=0))
+        # Once beyond a limit, to see the world and what shines.
+        most = self._limits + ONCE_MORE
+        going = np.flatnonzero((share.max(axis=0) >= LEAST_SHARE) & (depth <= most).all(axis=0))
         came = wave.take(which[going])
         lobe = lobe.take(going)
         straight = came.straight | (lobe.kind != "THROUGH")

@@ -123,6 +123,32 @@ def test_mirrors_and_glass_are_as_in_cycles(kind, inputs, tmp_path):
     assert_like(*compare(tmp_path))
 
 
+LIMITS = [{"max": 0}, {"max": 1}, {"max": 2}, {"glossy": 0}, {"glossy": 1, "transmission": 1}]
+
+
+@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("kind", ["Glossy", "Principled", "Glass"])
+def test_beyond_a_limit_only_the_world_and_what_shines_is_seen(kind, limits, tmp_path):
+    """A ball between squares and a veil that glow and a mirror, in an even world."""
+    plane(checker(), (0, 3, 0), 6, (np.pi / 2, 0, 0))
+    plane(shader("Glossy", Color=(0.7, 0.9, 0.7), Roughness=0.0), (3, 0, 0), 4, (0, -np.pi / 2, 0))
+    plane(veil(), (-1.5, 0, 0), 2, (0, np.pi / 2, 0))
+    inputs = {"Metallic": 1.0, "Base_Color": (0.9, 0.8, 0.6)} if kind == "Principled" else {}
+    sphere(shader(kind, Roughness=0.0, **inputs))
+    cycles = bpy.context.scene.cycles
+    for name, limit in limits.items():
+        setattr(cycles, f"{name}_bounces", limit)
+    ours, theirs = compare(tmp_path)
+    assert_like(ours, theirs)
+    if kind != "Glass" and 0 in limits.values():
+        # What is dull is black in the mirror, whatever shines on it.
+        plane(shader("Diffuse", Color=(0.8, 0.5, 0.2)), (0, 0, 5), 6)
+        darker, theirs = both(bpy.context.scene, tmp_path)
+        assert_like(darker, theirs)
+        black = ((each[..., :3].max(axis=2) == 0.0).mean() for each in (ours, darker))
+        assert next(black) + 0.015 < next(black)
+
+
 @pytest.mark.parametrize("kind, inputs", [("Glass", {"IOR": 1.5}), ("Refraction", {"IOR": 1.3})])
 def test_light_is_reflected_within_a_cube_of_glass(kind, inputs, tmp_path):
     surroundings()
