@@ -178,7 +178,9 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def _show_picture(self, context):
         """The tiles so far, where no other image has to give way: cancelling leaves everything as it was."""
-        if time.monotonic() - self._picture_time < PICTURE_TICK or self._job.cancelled or only_in_memory():
+        if time.monotonic() - self._picture_time < PICTURE_TICK or self._job.cancelled:
+            return
+        if not self._is_picture_shown and only_in_memory():
             return
         editors = image_editors(context.window_manager)
         if not editors or editors[0].image not in (None, result_image()):

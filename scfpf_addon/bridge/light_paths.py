@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from ..shading.scene import LightPaths
+from . import versions
 
 
 def read_bounces(scene) -> LightPaths:
@@ -15,5 +16,5 @@ def read_bounces(scene) -> LightPaths:
         cycles.max_bounces,
         cycles.glossy_bounces,
         cycles.transmission_bounces,
-        cycles.transparent_max_bounces,
+        versions.lit_behind_transparent(cycles.transparent_max_bounces),
     )

@@ -81,7 +81,7 @@ def _triangulation(mesh) -> tuple[NDArray[np.int32] | None, NDArray[np.int32] | 
 
     Where all faces are triangles Blender need not cut them up, which takes longer than to read them.
     """
-    # No face has fewer corners.
+    # No face has fewer corners, or Blender's own Validate would take it away.
     if len(mesh.loops) == 3 * len(mesh.polygons):
         return None, None
     mesh.calc_loop_triangles()

@@ -23,7 +23,8 @@ def pack(image) -> str:
     if width * height * image.depth // 8 + BESIDES_PIXELS < LARGEST_FILE:
         image.pack()
         return ""
+    # A file of an older picture would come back instead of this one.
     if image.packed_file:
-        # An older picture's: it would come back instead of this one.
         image.unpack(method="REMOVE")
+    image.filepath_raw = ""
     return TOO_LARGE.format(image.name)

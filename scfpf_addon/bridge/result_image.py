@@ -80,7 +80,7 @@ def discard_progress() -> None:
     image = result_image()
     if image is None:
         return
-    if image.packed_file:
+    if image.packed_file or image.filepath:
         image.buffers_free()
     else:
         bpy.data.images.remove(image)

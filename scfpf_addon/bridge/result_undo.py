@@ -29,18 +29,19 @@ def stamp_result(image) -> None:
 
 
 def only_in_memory() -> bool:
-    """Whether the last picture is too large for the file, so that nothing brings it back."""
+    """Whether the last picture is too large for the file and not saved, so that nothing brings it back."""
     image = result_image()
-    return image is not None and not image.packed_file and STAMP in image
+    return image is not None and not image.packed_file and STAMP in image and image.is_dirty
 
 
 @persistent
 def _after_undo(_scene, _depsgraph=None) -> None:
     global _in_memory
     image = result_image()
-    if image is None or not image.packed_file or image.get(STAMP, "") == _in_memory:
+    if image is None or image.get(STAMP, "") == _in_memory or not (image.packed_file or STAMP in image):
         return
-    # The pixels are read again from the packed file when they are asked for.
+    # The pixels are read again from the packed file when they are asked for. What was too large to be packed
+    # is lost, and no other picture may stand for it.
     image.buffers_free()
     _in_memory = image.get(STAMP, "")
     redraw_image_editors()

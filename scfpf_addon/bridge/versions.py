@@ -88,6 +88,11 @@ def settle_view_layers() -> None:
             _ = layer.objects.active
 
 
+def lit_behind_transparent(limit: int) -> int:
+    """Behind how many transparent things Cycles lights anything, by its limit of these; one more is clear."""
+    return max(limit, 1) - 1 if bpy.app.version >= (5, 0, 0) else limit
+
+
 def has_portal_depth() -> bool:
     """Whether the Light Path node knows how many portals a ray has passed: from 5.0."""
     return bpy.app.version >= (5, 0, 0)

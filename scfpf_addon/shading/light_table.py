@@ -58,7 +58,7 @@ class LightTable:
 
     emitted: (3, M) radiance that needs no lamp, the world's light included but for what metals reflect of it;
     through: (3, M) what is added, times what the layer lets through; emission: (3, M) without the world.
-    glow: (3, M) share of the world's light that a metal reflects by its facets.
+    glow: (3, M) radiance of the world that a metal's facets reflect.
     diffuse: (3, M) albedo/π. over, f0, sent: (M,) of the layer above it: how much of that is covered, what it
     reflects head-on, share of what its facets send to each other that leaves the surface; coat, ior: (M,) by
     what its highlights are multiplied, index of refraction. front, edge, again: (3, M) of a metal's facets:

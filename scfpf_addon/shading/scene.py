@@ -46,8 +46,9 @@ class Materials:
 
 @dataclass(frozen=True)
 class LightPaths:
-    """How often light may be sent on before it counts as black: in all, by mirrors, by what
-    refracts, and through what is transparent, which does not count as one of all.
+    """How often light may be sent on and what it meets still be lit: in all, by mirrors, by what
+    refracts, and through what is transparent, which does not count as one of all. Sent on once more it sees
+    but the world and what shines.
     """
 
     total: int = 12

@@ -45,8 +45,6 @@ GLOSS = 6
 
 # Rows of ``Wave.depth``.
 TOTAL, GLOSSY, TRANSMISSION, TRANSPARENT = range(4)
-# By how much light goes beyond the limits of these.
-ONCE_MORE = np.array([[1], [1], [1], [0]])
 
 
 class Wave(NamedTuple):
@@ -194,7 +192,7 @@ class Tracer:
 
     def _by_limit(self, wave: Wave) -> Iterator[tuple[Wave, bool]]:
         """The wave in parts, and whether they are beyond a limit: as in Cycles, what is there only shines."""
-        last = (wave.depth[:TRANSPARENT] > self._limits[:TRANSPARENT]).any(axis=0)
+        last = (wave.depth > self._limits).any(axis=0)
         if not last.any():
             yield wave, False
             return
@@ -340,8 +338,8 @@ class Tracer:
         for row in DEPTHS[lobe.kind]:
             depth[row] += 1
         # Once beyond a limit, to see the world and what shines.
-        most = self._limits + ONCE_MORE
-        going = np.flatnonzero((share.max(axis=0) >= LEAST_SHARE) & (depth <= most).all(axis=0))
+        within = (depth <= self._limits + 1).all(axis=0)
+        going = np.flatnonzero((share.max(axis=0) >= LEAST_SHARE) & within)
         came = wave.take(which[going])
         lobe = lobe.take(going)
         straight = came.straight | (lobe.kind != "THROUGH")

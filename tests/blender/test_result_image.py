@@ -159,8 +159,32 @@ def test_a_picture_that_no_file_can_hold_is_only_in_memory(module, addon, monkey
         with undo_context():
             bpy.ops.ed.undo()
         assert same(module.result_image(), small) and not undo.only_in_memory()
+        with undo_context():
+            bpy.ops.ed.redo()
+        # It is lost, and the small one does not stand for it.
+        assert not module.result_image().has_data and not undo.only_in_memory()
     # One that fits is packed again.
     assert same(module.write_result(small), small) and module.result_image().packed_file
+
+
+def test_a_picture_that_was_saved_as_a_file_comes_back_after_a_cancelled_one(
+    module, addon, tmp_path, monkeypatch
+):
+    packing, undo = addon("scfpf_addon.bridge.packing"), addon("scfpf_addon.bridge.result_undo")
+    monkeypatch.setattr(packing, "LARGEST_FILE", packing.BESIDES_PIXELS)
+    first, second = picture(), picture(seed=1)
+    image = module.write_result(first)
+    undo.stamp_result(image)
+    assert undo.only_in_memory()
+    image.file_format = "OPEN_EXR"
+    image.save(filepath=str(tmp_path / "saved.exr"))
+    image.filepath_raw, image.source = str(tmp_path / "saved.exr"), "FILE"
+    assert not image.packed_file and not undo.only_in_memory()
+    module.show_progress(second)
+    module.discard_progress()
+    # Saving has put the colours into another space.
+    assert np.allclose(content(module.result_image())[..., 3], first[..., 3], atol=2e-3)
+    assert not np.allclose(first[..., 3], second[..., 3], atol=2e-3)
 
 
 @pytest.mark.parametrize("kind", ["byte", "packed byte", "float without alpha", "missing file"])

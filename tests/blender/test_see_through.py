@@ -93,6 +93,25 @@ def test_transparent_surfaces_end_at_the_limit_of_the_light_paths(tmp_path):
     assert seen[0][SIZE // 2, SIZE // 2, :3].max() == 0.0
 
 
+@pytest.mark.parametrize("limit", [0, 1, 2, 3])
+@pytest.mark.parametrize("veils", [1, 2])
+def test_what_lies_behind_the_last_transparent_surface_only_shines(limit, veils, tmp_path):
+    """A dull thing in the sun, one that glows and the world."""
+    plane(shader("Diffuse", Color=(0.8, 0.5, 0.2)), (-0.6, 0, -1), 1)
+    plane(checker(), (0.6, 0, -1), 1)
+    for number in range(veils):
+        # Cycles' shadows of what is clear are not black.
+        plane(shader("Transparent", Color=(0.9, 0.9, 1.0)), (0, 0, 0.1 * number), 1.5).visible_shadow = False
+    bpy.ops.object.light_add(type="SUN", rotation=(0.4, 0.3, 0))
+    bpy.context.object.data.angle = 0.0
+    cycles = bpy.context.scene.cycles
+    cycles.transparent_max_bounces, cycles.diffuse_bounces = limit, 0
+    ours, theirs = compare(tmp_path)
+    # The world and what glows light the dull thing in Cycles by a little more or less.
+    off = np.abs(ours - theirs).max(axis=2) > 0.1
+    assert off.mean() < 0.01
+
+
 def compare_again(tmp_path):
     scene = bpy.context.scene
     scene.cycles.samples = 1

@@ -124,7 +124,7 @@ def test_light_through_sheets_is_the_sum_of_what_each_adds(degree, transparent):
     assert (difference.argmin(axis=2) == 0).any() and (difference.argmin(axis=2) == 1).any()
 
 
-@pytest.mark.parametrize("limit, seen", [(3, True), (2, False)])
+@pytest.mark.parametrize("limit, seen", [(3, True), (2, True), (1, False)])
 def test_light_ends_at_the_limit(limit, seen):
     graphs = {number: clear((1, 1, 1)) for number in range(3)}
     scene = Scene(
