@@ -22,6 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.document import replace_section
+from benchmarks.raw import raw_embree
 from benchmarks.run import Image, raw_rays
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.scene import CastScene
@@ -112,7 +113,8 @@ def measure(mesh: Mesh, image: Image) -> dict[str, float | str]:
     """Each peer's multiple of raw Embree, or why there is none."""
     scene = CastScene(*mesh)
     straight = raw_rays(scene, bent_projection(1, 0.0).transformed(scene.matrix), image)
-    raw = least(lambda: [scene.trace(*rays) for rays in straight])
+    cast_raw = raw_embree(scene)
+    raw = least(lambda: [cast_raw(*rays) for rays in straight])
     flat = np.concatenate([np.concatenate([start, way]).T for start, way, _ in straight])
     local = scene.vertices.T, scene.triangles
     peers: dict[str, Callable[[], Callable[[], object]]] = {

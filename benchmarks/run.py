@@ -24,6 +24,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.raw import raw_embree
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.cast import CastCounts, Hits, cast
 from scfpf_addon.casting.frame import pixel_centres
@@ -143,8 +144,9 @@ def speed(name: str, mesh: Mesh, image: Image, runs: int, threads: int) -> dict[
     flat, smooth = lit(mesh), lit(mesh, smooth=True)
     settings = FrameSettings(image.width, image.height, samples=1, threads=threads)
     rays = raw_rays(scene, straight.transformed(scene.matrix), image)
+    cast_raw = raw_embree(scene)
     works: dict[str, Callable[[], float]] = {
-        "raw": lambda: timed(lambda ray: scene.trace(*ray) is None, rays, threads),
+        "raw": lambda: timed(lambda ray: cast_raw(*ray) is None, rays, threads),
         "frame": lambda: _seconds(lambda: render_frame(straight, flat, settings, scene)),
         "smooth": lambda: _seconds(lambda: render_frame(straight, smooth, settings, scene)),
     }

@@ -25,6 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.document import replace_section
+from benchmarks.raw import raw_embree
 from benchmarks.run import Image, raw_rays
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.cast import CastCounts
@@ -92,7 +93,7 @@ def trade(mesh: Mesh, projection: Projection, image: Image, runs: int) -> list[d
     """One row for each pixel error."""
     scene = CastScene(*mesh)
     straight = raw_rays(scene, bent_projection(1, 0.0).transformed(scene.matrix), image)
-    inside = projection.transformed(scene.matrix)
+    cast_raw, inside = raw_embree(scene), projection.transformed(scene.matrix)
     seconds = dict.fromkeys(ERRORS, math.inf)
     raw, pictures, counted = math.inf, {}, {}
     for error in (1.0, 0.0):  # builds what only these need
@@ -100,7 +101,7 @@ def trade(mesh: Mesh, projection: Projection, image: Image, runs: int) -> list[d
     for _ in range(runs):
         start = process_time()
         for rays in straight:
-            scene.trace(*rays)
+            cast_raw(*rays)
         raw = min(raw, process_time() - start)
         for error in ERRORS:
             pictures[error], counted[error], spent = cast_all(scene, inside, image, error)

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Raw Embree: a scene's triangles as embreex casts at them, and nothing of ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scfpf_addon.casting.embree import mesh_in_embree
+from scfpf_addon.casting.scene import CastScene, _load_embreex
+
+
+def raw_embree(scene: CastScene) -> Callable[..., NDArray[np.int32]]:
+    """Casts rays, (3, N) float32 twice and limits (N,), at a scene's triangles, none of them in pairs."""
+    raw, kept, _ = mesh_in_embree(_load_embreex(), scene.vertices.T, scene.triangles)
+
+    def cast(origins: NDArray[Any], ways: NDArray[Any], limits: NDArray[Any]) -> NDArray[np.int32]:
+        found: NDArray[np.int32] = raw.run(origins.T, ways.T, limits)
+        # Embree may read the triangles where they are.
+        assert kept is not None
+        return found
+
+    return cast
