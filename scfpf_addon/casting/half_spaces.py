@@ -35,7 +35,7 @@ class HalfSpaces:
         """The narrowest with normals (K, 3) of any length round points (3, N), with SLACK to spare."""
         length = np.linalg.norm(normals, axis=1)
         unit = normals[length > 0.0] / length[length > 0.0, None]
-        limits = np.array([highest(normal, points) for normal in unit])
+        limits = highest(unit, points)
         return cls(unit, limits + SLACK * float(np.abs(points).max()))
 
     def met_by(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
@@ -67,10 +67,14 @@ class HalfSpaces:
         return bits
 
 
-def highest(normal: Array, points: Array) -> float:
-    """The largest of ``heights``; points: (3, N) as they lie in memory, N > 0."""
-    parts = (np.ascontiguousarray(points[:, some]) for some in portions(points.shape[1]))
-    return float(np.max([heights(normal, part).max() for part in parts]))
+def highest(normals: Array, points: Array) -> Array:
+    """The largest of ``heights`` by normals (K, 3), (K,); points: (3, N) as they lie in memory, N > 0."""
+    most = np.full(len(normals), -np.inf)
+    for some in portions(points.shape[1]):
+        part = np.ascontiguousarray(points[:, some])
+        room = np.empty((2, part.shape[1]))
+        np.maximum(most, [heights(normal, part, room).max() for normal in normals], out=most)
+    return most
 
 
 def heights(normal: Array, points: Array, room: Array | None = None) -> Array:

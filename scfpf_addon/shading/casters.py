@@ -89,7 +89,7 @@ def _between(light: Light, bodies: list[Array], margin: float, vertices: Array) 
         sides = np.outer(np.cos(TURNS), x) + np.outer(np.sin(TURNS), y)
         lit = _common(np.concatenate([sides, -towards[None]]), bodies)
         with np.errstate(invalid="ignore", over="ignore"):
-            top = highest(towards, vertices.T)
+            top = float(highest(towards[None], vertices.T)[0])
         if not np.isfinite(top):
             return None
         # A sun that fills some of the sky shines past what is high up at an angle.
