@@ -188,9 +188,8 @@ def measure_pictures(most: float, quick: bool) -> list[str]:
             taken = of_blender["memory"] - of_blender["before"]
             what = "" if fits[0] == side else f"{side} × {fits[0]}: "
             packed = of_blender["packed"] / MEBIBYTE
-            by_button = (
-                f"{what}{taken / MEBIBYTE:.0f} MB, packed {packed:.0f} | {taken / (side * fits[0]):.0f}"
-            )
+            kept = f"packed {packed:.0f}" if packed else "too large to be packed"
+            by_button = f"{what}{taken / MEBIBYTE:.0f} MB, {kept} | {taken / (side * fits[0]):.0f}"
         lines.append(
             f"| {side} × {side} | {image / MEBIBYTE:.0f} MB | {above / MEBIBYTE:.0f} MB | {by_button} |"
         )

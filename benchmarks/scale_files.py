@@ -68,7 +68,7 @@ def draw_panels(panels: list[type]) -> None:
 
 
 def blender_picture(width: int, height: int) -> dict[str, Any]:
-    """The same by the operator of the Render button, into Blender's image, packed."""
+    """The same by the operator of the Render button, into Blender's image, packed if a file can hold it."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     mesh = bpy.data.meshes.new("Boxes")
     vertices, faces = SCENES["boxes"](FEW_TRIANGLES)
@@ -77,6 +77,8 @@ def blender_picture(width: int, height: int) -> dict[str, Any]:
     scene.collection.objects.link(bpy.data.objects.new("Boxes", mesh))
     camera = many_cameras(1, 3, 1.0)[0]
     camera.scfpf.samples = 1
+    # Into the midst of the boxes.
+    camera.scale = 6.0, 6.0, 6.0
     scene.camera, render = camera, scene.render
     render.resolution_percentage, render.threads_mode, render.threads = 100, "FIXED", THREADS
     render.resolution_x = render.resolution_y = 512
@@ -88,7 +90,9 @@ def blender_picture(width: int, height: int) -> dict[str, Any]:
     seconds = perf_counter() - started
     image = bpy.data.images["SCFPF Render"]
     assert tuple(image.size) == (width, height)
-    return {"seconds": seconds, "before": before, "memory": peak_memory(), "packed": image.packed_file.size}
+    assert "chords a projector" in camera.scfpf.report, camera.scfpf.report
+    packed = image.packed_file.size if image.packed_file else 0
+    return {"seconds": seconds, "before": before, "memory": peak_memory(), "packed": packed}
 
 
 def file_of(cameras: int, each: int) -> dict[str, Any]:
