@@ -17,10 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.basis import SpanBasis
-from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
 from .pieces import bounds_of_each, piece_bounds, piece_edges, piece_weights
-
-Float32Array = NDArray[np.float32]
 
 # Cells of a scene's bounds, nearly cubes: so many a triangle, of any scene at least and at most, and
 # the most along an axis. A million boxes have four times the cells of fewer, which takes half a second

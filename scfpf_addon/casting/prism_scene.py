@@ -8,12 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import Array
+from ..projection.typing import Array, Float32Array
 from .occupancy import Occupancy
 from .prisms import Prisms
 from .stopping import stop_here
-
-Float32Array = NDArray[np.float32]
 
 
 class PrismScene:

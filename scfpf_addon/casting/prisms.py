@@ -15,12 +15,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array, BoolArray, Float32Array
 from .embree import mesh_in_embree
-
-Float32Array = NDArray[np.float32]
 
 # ε is this share of a typical triangle's height: thinner prisms need more chords, of which
 # few are cast; thicker ones are entered in vain more often.

@@ -14,9 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import BoolArray, IndexArray
-
-Float32Array = NDArray[np.float32]
+from ..projection.typing import BoolArray, Float32Array, IndexArray
 
 # Fewer of the triangles than this share in pairs, and all stay triangles: one alone costs more as a quad.
 FEWEST = 0.5

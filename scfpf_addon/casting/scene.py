@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..projection.median import median
-from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
 from .embree import mesh_in_embree
 from .geometry import renumbered
 from .memory import shortage
@@ -57,8 +57,6 @@ KEPT_BLOCK = 31 << 20
 
 # What is kept for different kinds of rays and for lamps' shadows, at most.
 MOST_PARTS = 16
-
-Float32Array = NDArray[np.float32]
 
 
 class CastError(ValueError):

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
 from .hits import CastCounts, Hits
-from .scene import CastScene, Float32Array
+from .scene import CastScene
 
 # Rays run this share past t = 1, so that float32 cannot lose a hit just before
 # it; what the float64 solve then puts past 1 is dropped.

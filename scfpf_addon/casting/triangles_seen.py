@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from ..projection.reparameterisation import Rectangle
 from ..projection.surfaces import BilinearPatch, Plane, Point
-from ..projection.typing import Array, BoolArray
+from ..projection.typing import Array, BoolArray, Float32Array
 from ..projection.volume import Projection
 from .cast import FAR, FARTHEST, usable_projectors
 from .hits import CastCounts
-from .scene import CastScene, Float32Array
+from .scene import CastScene
 from .schedule import scene_reach
 from .straight import END_SLACK, OFF_VERTICES, float32_rays
 from .window import Window, window_round

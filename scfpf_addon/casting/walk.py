@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
 from .certify import Chords
 from .curves import T_ROUNDING, Bundle, Solutions
 from .hits import CastCounts, Hits
 from .march import OVERLAP
 from .prism_scene import PrismScene
-from .prisms import Float32Array
 from .scene import CastScene
 
 # A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)

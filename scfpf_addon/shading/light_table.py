@@ -47,9 +47,9 @@ class Seen(NamedTuple):
     light that metals reflect as they do grazing light; None where they reflect none of it.
     """
 
-    under: Single | None
-    more: Single | None
-    grazed: Single | None
+    under: Single | None = None
+    more: Single | None = None
+    grazed: Single | None = None
 
 
 @dataclass(frozen=True)
@@ -203,7 +203,7 @@ class LightTable:
         """What points make of light under a cosine to the viewer, (N,); material: (N,), or (1,) for all."""
         under = more = grazed = None
         if not (self._covered or self._sends_again or self._glows):
-            return Seen(under, more, grazed)
+            return Seen()
         place = _column(facing, VIEWS)
         row = place + by_material(self.row, material)
         if self._covered and self.few:

@@ -86,7 +86,7 @@ class SunColors:
             facing /= side
             facing /= length
         material = self._materials(triangle)
-        viewed = self.phong.seen(material, facing) if self.phong.glossy else Seen(None, None, None)
+        viewed = self.phong.seen(material, facing) if self.phong.glossy else Seen()
         emitted = self.phong.unlit(material, viewed)
         begun = not self.lamps or bool(emitted.any())
         if begun:

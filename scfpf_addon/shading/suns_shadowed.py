@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..casting.hits import CastCounts
-from ..casting.scene import CastScene, Float32Array
+from ..casting.scene import CastScene
 from ..casting.straight import END_SLACK, plane_shares
 from ..casting.triangles_seen import FlatRays
 from ..casting.window import Window
-from ..projection.typing import Array, IndexArray
+from ..projection.typing import Array, Float32Array, IndexArray
 from .hit_colors import Shading
 from .lighting import radiance
 from .samples import SamplePlaces
