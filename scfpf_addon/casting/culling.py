@@ -30,7 +30,7 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
 
     vertices: (V, 3), in the volume's space. triangles: (T, 3).
     """
-    sides = _flat_sides(volume)
+    sides = flat_sides(volume)
     if sides is not None:
         return sides.met_by(np.asarray(vertices, np.float64).reshape(-1, 3), triangles)
     frame = _frame(volume)
@@ -95,10 +95,10 @@ def _held_between(sums: NDArray[np.int32], *corners: NDArray[np.int8]) -> BoolAr
     return held
 
 
-def _flat_sides(volume: ViewingVolume) -> HalfSpaces | None:
+def flat_sides(volume: ViewingVolume) -> HalfSpaces | None:
     """A body round a volume of straight projectors between two flat surfaces, close to it; None for others.
 
-    Its planes hold the sides of the volume, and a box along ``_frame``.
+    Its planes hold the sides of the volume, its ends, and a box along ``_frame``.
     """
     surfaces, spans = volume.surfaces, volume.spans
     if len(surfaces) != 2 or spans.degree != 1 or not spans.direct:
@@ -116,9 +116,11 @@ def _flat_sides(volume: ViewingVolume) -> HalfSpaces | None:
         sides = np.cross(longer, (far - near).T)
         # Outwards.
         sides *= np.sign(np.einsum("kc,kc->k", sides, ((near + far).T / 2) - hull.mean(axis=1)))[:, None]
+        # Surfaces may be shifted sideways; of a point there is none.
+        ends = np.cross(edges[:, :, 0], edges[:, :, 1])
         if not np.isfinite(hull).all() or not np.isfinite(sides).all():
             return None
-        return HalfSpaces.around(np.concatenate([axes, -axes, sides]), hull)
+        return HalfSpaces.around(np.concatenate([axes, -axes, sides, ends, -ends]), hull)
 
 
 def _frame(volume: ViewingVolume) -> Array:

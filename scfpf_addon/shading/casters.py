@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..casting.culling import flat_sides
 from ..casting.geometry import Geometry
 from ..casting.half_spaces import HalfSpaces, highest
 from ..casting.portions import portions
@@ -17,10 +18,16 @@ from ..projection.volume import ViewingVolume
 from .scene import Light, Scene
 from .visible import catches
 
-# Turns of 22.5° about a sun's direction; axes and diagonals of space for other lamps.
+# Turns of 45° about a sun's direction; axes and diagonals of space for other lamps.
 TURNS = np.arange(8) * (np.pi / 4)
 DIAGONALS = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], float)
 DIAGONALS = DIAGONALS[(np.abs(DIAGONALS).sum(axis=1) != 2) & DIAGONALS.any(axis=1)]
+# Points of a volume's hull between whose pairs its silhouette is looked for.
+MOST_POINTS = 64
+# Of its size, by which a silhouette's edge may pass points of the hull.
+STRAIGHT = 1e-9
+# Radians.
+SAME_ANGLE = 1e-6
 # Shadow rays start off their triangle by less than this share of the largest coordinate.
 OFFSET = 4.0 * ORIGIN_OFFSET
 # A sun whose axes are farther from a rotation's shines on all.
@@ -41,11 +48,12 @@ def may_shade(scene: Scene, shown: Geometry, volume: ViewingVolume) -> BoolArray
         return everything
     # Projectors of other bases may leave the hull of their surfaces; the triangles that they meet do not.
     bodies = [corners, hull] if volume.basis in ("BEZIER", "POLYLINE") else [corners]
+    sides = flat_sides(volume)
     margin = OFFSET * float(np.abs(corners).max()) + _roundness(shown, corners)
     found = np.zeros(len(everything), bool)
     for light in scene.lights:
         if light.casts_shadow and np.any(light.color):
-            between = _between(light, bodies, margin, whole.vertices)
+            between = _between(light, bodies, sides, margin, whole.vertices)
             if between is None:
                 return everything
             found |= between.met_by(whole.vertices, whole.triangles)
@@ -73,10 +81,12 @@ def _roundness(shown: Geometry, vertices: Array) -> float:
     return most
 
 
-def _between(light: Light, bodies: list[Array], margin: float, vertices: Array) -> HalfSpaces | None:
+def _between(
+    light: Light, bodies: list[Array], sides: HalfSpaces | None, margin: float, vertices: Array
+) -> HalfSpaces | None:
     """What lies between a lamp and what is in all of the bodies, each (3, N), and ``margin`` farther.
 
-    None where that may be anything.
+    sides: planes that hold this, too. None where that may be anything.
     """
     matrix = np.asarray(light.matrix, np.float64)
     if not np.isfinite(matrix).all():
@@ -85,24 +95,65 @@ def _between(light: Light, bodies: list[Array], margin: float, vertices: Array) 
         axes = matrix[:3, :3]
         if np.abs(axes.T @ axes - np.eye(3)).max() > SKEW:
             return None
-        x, y, towards = axes.T
-        sides = np.outer(np.cos(TURNS), x) + np.outer(np.sin(TURNS), y)
-        lit = _common(np.concatenate([sides, -towards[None]]), bodies)
-        with np.errstate(invalid="ignore", over="ignore"):
-            top = float(highest(towards[None], vertices.T)[0])
-        if not np.isfinite(top):
-            return None
-        # A sun that fills some of the sky shines past what is high up at an angle.
-        spread = max(top + lit.limits[-1], 0.0) * (1.0 + SKEW) * np.tan(light.angle / 2)
-        lit.limits[:-1] += spread
+        lit = _beneath(axes, bodies, sides)
+        if light.angle:
+            towards = axes[:, 2]
+            with np.errstate(invalid="ignore", over="ignore"):
+                top = float(highest(towards[None], vertices.T)[0])
+            if not np.isfinite(top):
+                return None
+            # A sun that fills some of the sky shines past what is high up at an angle.
+            height = max(top + lit.limits[len(TURNS)], 0.0)
+            lit.limits[:] += height * (1.0 + SKEW) * np.tan(light.angle / 2)
     else:
         lit = _common(DIAGONALS, bodies)
+        if sides is not None:
+            lit = lit.with_planes_of(sides)
         size = light.radius
         if light.kind == "AREA":
             size = 0.5 * float(np.linalg.norm(matrix[:3, :2] * np.asarray(light.size), axis=0).sum())
         lit.limits[:] = np.maximum(lit.limits, lit.normals @ matrix[:3, 3] + size)
     lit.limits[:] += margin
     return lit
+
+
+def _beneath(axes: Array, bodies: list[Array], sides: HalfSpaces | None) -> HalfSpaces:
+    """What lies between what is in all of the bodies and a sun whose axes (3, 3) shine along -Z.
+
+    The planes of TURNS come first, then the one that faces away from the sun.
+    """
+    towards = axes[:, 2]
+    x, y = np.linalg.qr(axes[:, ::-1])[0][:, 1:].T
+    around = np.outer(np.cos(TURNS), x) + np.outer(np.sin(TURNS), y)
+    lit = _common(np.concatenate([around, -towards[None]]), bodies)
+    hull = bodies[-1]
+    if hull.shape[1] <= MOST_POINTS:
+        edges = _silhouette(hull, x, y)
+        if len(edges):
+            lit = lit.with_planes_of(HalfSpaces.around(edges, hull))
+    if sides is not None:
+        # What is behind a plane stays so on its way to a sun that does not shine from in front.
+        away = sides.normals @ towards <= 0.0
+        lit = lit.with_planes_of(HalfSpaces(sides.normals[away], sides.limits[away]))
+    return lit
+
+
+def _silhouette(points: Array, x: Array, y: Array) -> Array:
+    """Normals (K, 3) of the outline that points (3, N) have on the plane of two unit axes (3,)."""
+    flat = np.stack([x @ points, y @ points])
+    ways = flat[:, None] - flat[:, :, None]
+    length = np.hypot(*ways)
+    slack = STRAIGHT * length.max()
+    first, second = np.nonzero(length > slack)
+    turned = np.stack([ways[1], -ways[0]])[:, first, second] / length[first, second]
+    own = np.einsum("cn,cn->n", turned, flat[:, first])
+    turned = turned[:, (turned.T @ flat).max(axis=1) <= own + slack]
+    angle = np.arctan2(turned[1], turned[0])
+    order = angle.argsort()
+    # Of edges in one line one; np.unique would first import masked arrays.
+    once = order[np.diff(angle[order], prepend=-np.inf) > SAME_ANGLE]
+    normals: Array = turned[:, once].T @ np.stack([x, y])
+    return normals
 
 
 def _common(normals: Array, bodies: list[Array]) -> HalfSpaces:

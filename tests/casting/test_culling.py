@@ -89,3 +89,18 @@ def test_a_volume_or_vertices_that_are_not_finite_leave_nothing_out():
     aside[:3, 3] = 1e4
     volume = ViewingVolume((Plane(matrix=aside), Plane(matrix=aside)))
     assert (within_volume(vertices, triangles, volume) == (triangles == 0).any(axis=1)).all()
+
+
+def test_of_many_triangles_none_in_a_straight_volume_is_left_out():
+    """Where some of them tell which planes are asked of all."""
+    volume = bent_projection(1, 0.0).volume
+    inside = points_in(volume, 20000, 3)
+    generator = np.random.default_rng(4)
+    low, high = inside.min(axis=0), inside.max(axis=0)
+    about = generator.uniform(low - (high - low), high + (high - low), (60000, 3))
+    order = generator.permutation(80000)
+    kept = within_volume(*dust_at(np.concatenate([inside, about])[order]), volume)
+    is_inside = order < 20000
+    assert kept[is_inside].all()
+    # The volume fills less than one part in 27 of the space about it.
+    assert kept[~is_inside].mean() < 0.05

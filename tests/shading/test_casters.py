@@ -2,13 +2,19 @@
 """What is left out of shadows casts none: pictures are those of the whole scene."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from scfpf_addon.casting.culling import within_volume
+from scfpf_addon.casting.half_spaces import MOST_PLANES, SAMPLES, WORTH
 from scfpf_addon.casting.scene import CastScene
 from scfpf_addon.casting.visibility import CATCHER, EVERYWHERE
+from scfpf_addon.projection.surfaces import Plane
+from scfpf_addon.projection.volume import ViewingVolume
 from scfpf_addon.shading.casters import may_shade
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.scene import Light
@@ -67,3 +73,64 @@ def test_all_may_shade_a_catcher_in_even_light(build):
     visibility = np.array([EVERYWHERE | CATCHER] * 2 + [EVERYWHERE] * 2, np.uint8)
     caught = replace(scene, geometry=replace(scene.geometry, visibility=visibility))
     assert may_shade(caught, caught.geometry.part(shown), volume).all()
+
+
+def frustum(generator):
+    """A volume between two level rectangles, turned any way, and its eight corners, (8, 3)."""
+    turn = np.eye(4)
+    turn[:3, :3] = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+    sizes, far = generator.uniform(0.2, 3.0, (2, 2)), np.eye(4)
+    far[:3, 3] = *generator.uniform(-1.0, 1.0, 2), -generator.uniform(1.0, 6.0)
+    surfaces = Plane(*sizes[0], matrix=turn), Plane(*sizes[1], matrix=turn @ far)
+    around = np.array([0.0, 1, 1, 0]), np.array([0.0, 0, 1, 1])
+    corners = np.concatenate([surface.positions(*around).position.T for surface in surfaces])
+    return ViewingVolume(surfaces), corners
+
+
+def planes_round(corners):
+    """Normals (K, 3) and limits (K,) of all planes through three of the points that the others lie behind."""
+    normals, limits = [], []
+    for a, b, c in combinations(corners, 3):
+        normal = np.cross(b - a, c - a)
+        for sign in (1.0, -1.0):
+            if np.linalg.norm(normal) > 1e-6:
+                unit = sign * normal / np.linalg.norm(normal)
+                if (corners @ unit).max() < a @ unit + 1e-9:
+                    normals.append(unit)
+                    limits.append(a @ unit)
+    return np.array(normals), np.array(limits)
+
+
+def towards_it(places, corners, towards, apart):
+    """Whether the way back from a sun meets the hull of the corners, which is ``apart`` larger, (N,)."""
+    normals, limits = planes_round(corners)
+    along = normals @ towards
+    # normal · (place - t towards) <= limit, for a t that is not negative.
+    over = places @ normals.T - limits - apart
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = over / along
+    soonest = np.where(along > 1e-12, t, 0.0).max(axis=1, initial=0.0)
+    latest = np.where(along < -1e-12, t, np.inf).min(axis=1)
+    beside = ((np.abs(along) <= 1e-12) & (over > 0.0)).any(axis=1)
+    return (soonest <= latest) & ~beside
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([500, 3 * SAMPLES + 7]))
+@settings(deadline=None, max_examples=60)
+def test_what_stands_between_a_sun_and_a_volume(build, seed, count):
+    """Against the planes of the volume's hull and the way that light takes, of specks all about."""
+    generator = np.random.default_rng(seed)
+    volume, corners = frustum(generator)
+    shines = generator.normal(size=3)
+    towards = -shines / np.linalg.norm(shines)
+    places = generator.uniform(-9.0, 9.0, (count, 3))
+    vertices = (places[:, None] + 1e-7 * generator.normal(size=(3, 3))).reshape(-1, 3)
+    specks = vertices, np.arange(3 * count).reshape(-1, 3), None
+    scene = build.scene([specks], [Light("SUN", POWER, build.placed(shines=shines))])
+    # What is shown reaches beyond the volume.
+    shown = build.scene([build.square(30.0, height) for height in (-30.0, 30.0)]).geometry
+    found = may_shade(scene, shown, volume)
+    assert found[towards_it(places, corners, towards, -1e-6)].all()
+    extra = found & ~towards_it(places, corners, towards, 0.02)
+    # Of many, planes that leave out next to nothing are not asked.
+    assert extra.sum() <= (0 if count < SAMPLES else MOST_PLANES * WORTH * count)
