@@ -99,9 +99,8 @@ class Catchers:
                 taken += lost * lamp.color[:, None]
                 full += usual * lamp.color[:, None]
         if self.sky:
-            one = points._replace(material=np.zeros(len(points.material), np.intp))
-            open_sky = self.sky[1].scattered(one, ALL, sample)
-            taken += open_sky - self.sky[0].scattered(one, ALL, sample)
+            open_sky = self.sky[1].scattered(points, ALL, sample)
+            taken += open_sky - self.sky[0].scattered(points, ALL, sample)
             full += open_sky
         left: Single = 1 - np.divide(taken, full, out=np.zeros_like(taken), where=full > 0)
         return left

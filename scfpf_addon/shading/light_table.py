@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
@@ -63,11 +63,11 @@ class LightTable:
     reflects head-on, share of what its facets send to each other that leaves the surface; coat, ior: (M,) by
     what its highlights are multiplied, index of refraction. front, edge, again: (3, M) of a metal's facets:
     what they reflect head-on, what comes to it where light grazes them, and as ``sent``.
-    alpha: (M,) roughness of the facets, squared. albedo: (3, M) of the world's light, over π.
+    alpha: (M,) roughness of the facets, squared.
     row: (M,) where a roughness begins in ``missing``, ``grazed`` and ``layered``, (R · VIEWS,), see
     ``seen_rows``.
     few: whether what each material does under every cosine is worth a table of its own. sky: what lights as a
-    world does whose light differs by direction.
+    world does whose light differs by direction. even: under a sky, what they make of an even world of one.
     """
 
     emitted: Single
@@ -84,13 +84,13 @@ class LightTable:
     again: Single
     glow: Single
     alpha: Single
-    albedo: Single
     row: IndexArray
     missing: Single
     grazed: Single
     layered: Single
     few: bool
     sky: SkyLight | None = None
+    even: LightTable | None = None
 
     @classmethod
     def of(
@@ -103,8 +103,7 @@ class LightTable:
         Diffuse is Lambert's, scaled by 1 - metallic and by what the layer above it lets through. Highlights
         are those of GGX facets with α = roughness² (Walter et al. 2007), a dielectric's by Fresnel, a
         metal's by Schlick, brighter by what facets send on to each other (Kulla, Conty 2017). The world
-        lights a surface with what it reflects, under a sky as a mean over all directions, but for what
-        mirrors show.
+        lights a surface with what it reflects, but for what mirrors show.
         """
         base = np.asarray(materials.base_color, np.float64).reshape(-1, 3).T
         metallic = np.asarray(materials.metallic, np.float64)
@@ -112,7 +111,7 @@ class LightTable:
         f0 = np.asarray(materials.specular_f0, np.float64)
         ambient, over, shown = _or_all(materials.ambient), _or_all(materials.over), _or_all(materials.layer)
         grazed, multiple = _or_all(materials.edge), _or_all(materials.multiple)
-        white, grazing, layered = mean_reflectance(rough)
+        white, _, layered = mean_reflectance(rough)
         missing = 1.0 / white - 1.0
         reflects = f0 > 0.0
         sent = multiple * sent_again(f0 + (1.0 - f0) * FRESNEL_MEAN, white)
@@ -120,14 +119,13 @@ class LightTable:
         mean = np.where(reflects, _kept(f0, sent, missing, layered), 0.0)
         front, edge = base, (1.0 - base) * grazed
         again = multiple * sent_again(front + edge * SCHLICK_MEAN, white)
-        metal = (front * white + edge * grazing) * (1.0 + again * missing)
         below = base * (1.0 - metallic)
         emission = np.asarray(materials.emission, np.float64).reshape(-1, 3).T
-        albedo = ambient * (metal * metallic + below * (1.0 - over * mean)) + shown * mean * (1.0 - metallic)
         # What a layer keeps it sends on itself, as much as mirrors leave to it.
         covered = reflects & (np.asarray(over) > 0.0)
         sends = np.where(covered, shown * (1.0 - metallic) / np.where(covered, over, 1.0), 0.0)
-        without = np.where(covered, sends, albedo - ambient * metal * metallic)
+        kept = ambient * below * (1.0 - over * mean) + shown * mean * (1.0 - metallic)
+        without = np.where(covered, sends, kept)
         world = np.reshape(world_color, (3, 1))
         row, rows = seen_rows(rough)
         return cls(
@@ -145,13 +143,13 @@ class LightTable:
             again=_single(again),
             glow=_single(ambient * world * np.ones_like(base)),
             alpha=_single(rough**4),
-            albedo=_single(albedo / np.pi),
             row=row,
             missing=rows[0],
             grazed=rows[1],
             layered=rows[2],
             few=not per_hit and len(row) <= FEW,
             sky=sky,
+            even=cls.of(_dark(materials), np.ones(3), None, per_hit) if sky else None,
         )
 
     @cached_property
@@ -253,6 +251,11 @@ class LightTable:
         if self.dielectric:
             light += gloss
         return light
+
+
+def _dark(materials: Materials) -> Materials:
+    """Without what shines by itself."""
+    return replace(materials, emission=np.zeros_like(materials.emission))
 
 
 def by_material(table: Numbers, material: IndexArray) -> Numbers:

@@ -30,6 +30,8 @@ SMALLEST_BLEND = 1e-6
 # Cosine of the light to a triangle below which shadow rays begin to start from the rounded
 # surface. Facets of a convex solid shade each other at 0; the margin makes it gradual.
 GRAZING = np.float32(0.1)
+
+OVER_PI = np.float32(1.0 / np.pi)
 # Strength and distance of a sun.
 FROM_A_SUN = np.ones(1, np.float32), np.full(1, np.inf, np.float32)
 
@@ -183,8 +185,10 @@ def radiance(
             color += lit
             if parts:
                 parts.rows[SPECULAR] += lit
-    if table.sky:
-        lit = table.sky.scattered(points, table.albedo, sample, color)
+    if table.sky and table.even:
+        even = table.even
+        reflectance = even.unlit(points.material, even.seen(points.material, facing)) * OVER_PI
+        lit = table.sky.scattered(points, reflectance, sample, color)
         color += lit
         if parts:
             parts.rows[DIFFUSE] += lit

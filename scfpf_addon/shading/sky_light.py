@@ -9,7 +9,6 @@ import numpy as np
 
 from ..casting.scene import CastScene
 from ..projection.typing import Array, IndexArray
-from .light_table import by_material
 from .lighting import Incidence, Lamp, cut_shadows
 from .normals import dot
 from .sample_sets import SILVER, pixel_positions, shuffled
@@ -58,11 +57,11 @@ class SkyLight:
     def scattered(
         self,
         points: SurfacePoints,
-        albedo: Single,
+        reflectance: Single,
         sample: int | IndexArray,
         beside: Single | None = None,
     ) -> Single:
-        """What points send on of the even light, (3, N). albedo: (3, M) of M materials, over π.
+        """What points send on of the even light, (3, N). reflectance: (3, N) or (3, 1), over π.
 
         A ray looks for what hides a part that is chosen by how much of the light comes from there, so that
         rays in the open change nothing. Each point looks by a chance of its own place: the
@@ -70,12 +69,11 @@ class SkyLight:
         light: where it is much less is seen of the sky's noise, and fewer rays do.
         """
         arriving = self.irradiance(points.normal)
-        reflected = by_material(albedo, points.material)
         if self.occluders is not None:
-            own = brightness(reflected * arriving)
+            own = brightness(reflectance * arriving)
             share = np.ones(len(own)) if beside is None else own / np.maximum(own + brightness(beside), TINY)
             self._hide(arriving, points, sample, self.occluders, self._looks(share * (own > 0.0)))
-        scattered: Single = reflected * arriving
+        scattered: Single = reflectance * arriving
         return scattered
 
     def _looks(self, share: Array) -> IndexArray:

@@ -76,7 +76,25 @@ def test_a_plane_against_the_sun_is_as_in_cycles(addon, tmp_path, metallic, roug
     assert np.median(off) < 0.015 and off.max() < 0.04
 
 
-@pytest.mark.parametrize("lit", ["sun", "world"])
+def add_world(sideways):
+    """Of one colour, or from dark on the left to bright on the right."""
+    world = bpy.context.scene.world = bpy.data.worlds.new("World")
+    if world.node_tree is None:
+        world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    nodes["Background"].inputs["Color"].default_value = 1.0, 1.0, 1.0, 1.0
+    if sideways:
+        places, axes, strength = (
+            nodes.new(f"ShaderNode{kind}") for kind in ("TexCoord", "SeparateXYZ", "Math")
+        )
+        strength.operation = "MULTIPLY_ADD"
+        strength.inputs[1].default_value, strength.inputs[2].default_value = 0.45, 0.55
+        links.new(places.outputs["Generated"], axes.inputs[0])
+        links.new(axes.outputs["X"], strength.inputs[0])
+        links.new(strength.outputs[0], nodes["Background"].inputs["Strength"])
+
+
+@pytest.mark.parametrize("lit", ["sun", "world", "sky"])
 @pytest.mark.parametrize("metallic, roughness", [(0, 0.3), (0, 0.5), (0, 1.0), (1, 0.5), (1, 0.8), (1, 1.0)])
 def test_the_light_of_a_ball_is_that_of_cycles(addon, tmp_path, metallic, roughness, lit):
     scene = bpy.context.scene
@@ -90,10 +108,7 @@ def test_the_light_of_a_ball_is_that_of_cycles(addon, tmp_path, metallic, roughn
         placed.rotation_euler = 0.6, 0.4, 0.0
         scene.collection.objects.link(placed)
     else:
-        scene.world = bpy.data.worlds.new("World")
-        if scene.world.node_tree is None:
-            scene.world.use_nodes = True
-        scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+        add_world(lit == "sky")
     camera = add_camera(32, 32, clip_start=0.1, clip_end=10.0, lens=60.0)
     camera.location.z = 5.0
     cycles = scene.cycles
@@ -106,7 +121,11 @@ def test_the_light_of_a_ball_is_that_of_cycles(addon, tmp_path, metallic, roughn
     ratio = ours.mean(axis=0) / theirs.mean(axis=0)
     inner = np.hypot(*np.mgrid[-15.5:16, -15.5:16])[ball] < 4
     middle = ours[inner].mean(axis=0) / theirs[inner].mean(axis=0)
+    right = np.mgrid[-15.5:16, -15.5:16][1][ball] > 0
+    sides = [ours[side].mean() / theirs[side].mean() for side in (right, ~right)]
     names = f"ball, metallic {metallic}, roughness {roughness}, {lit}"
-    print(f"{names}: {np.round(ratio, 4)}, its middle {np.round(middle, 4)}")
+    print(f"{names}: {np.round(ratio, 4)}, its middle {np.round(middle, 4)}, its sides {np.round(sides, 4)}")
+    # Of rough things the sky's light is blurred as on diffuse ones.
+    assert np.array(sides) == pytest.approx(1.0, abs=0.04)
     assert ratio == pytest.approx(1.0, abs=0.005)
     assert middle == pytest.approx(1.0, abs=0.01)

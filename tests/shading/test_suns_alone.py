@@ -210,8 +210,8 @@ KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
     "moments drawing",
     Shading: "surface phong lamps tracer held_out catchers",
-    LightTable: "emitted through emission diffuse over f0 sent coat ior front edge again glow alpha albedo "
-    "row missing grazed layered few sky",
+    LightTable: "emitted through emission diffuse over f0 sent coat ior front edge again glow alpha "
+    "row missing grazed layered few sky even",
     SurfaceTable: "cast_scene flat smooth bulge shadows material linked",
     SurfacePoints: "position normal view material shadow linked",
     Lamp: "light color places axis local softness occluders",
