@@ -26,7 +26,7 @@ SLACK = 1e-6
 
 
 def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: ViewingVolume) -> BoolArray:
-    """Whether each triangle may meet the volume, (T,); those with a vertex that is not finite too.
+    """Whether each triangle may meet the volume, (T,); those with a vertex that is NaN too.
 
     vertices: (V, 3), in the volume's space. triangles: (T, 3).
     """

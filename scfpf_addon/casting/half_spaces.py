@@ -19,7 +19,8 @@ from .portions import portions
 
 # Bits of a vertex.
 MOST_PLANES = 16
-# So many triangles tell which planes are worth asking of all, and fewer are looked at one by one.
+# So many triangles at least tell which planes are worth asking of all; fewer than twice as many are looked at
+# one by one.
 SAMPLES = 4096
 # A plane leaves out this share of all triangles at least, or it takes longer than they would.
 WORTH = 0.003
@@ -50,7 +51,7 @@ class HalfSpaces:
         )
 
     def met_by(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
-        """Whether triangles (T, 3) may meet the body, (T,); those with a vertex that is not finite may.
+        """Whether triangles (T, 3) may meet the body, (T,); those with a vertex that is NaN may.
 
         vertices: (V, 3). Of many triangles a few may be told to meet it that do not.
         """

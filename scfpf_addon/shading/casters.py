@@ -15,6 +15,7 @@ from ..casting.portions import portions
 from ..casting.scene import ORIGIN_OFFSET
 from ..projection.typing import Array, BoolArray
 from ..projection.volume import ViewingVolume
+from .sample_sets import BALL_REACH
 from .scene import Light, Scene
 from .visible import catches
 
@@ -24,9 +25,9 @@ DIAGONALS = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in
 DIAGONALS = DIAGONALS[(np.abs(DIAGONALS).sum(axis=1) != 2) & DIAGONALS.any(axis=1)]
 # Points of a volume's hull between whose pairs its silhouette is looked for.
 MOST_POINTS = 64
-# Of its size, by which a silhouette's edge may pass points of the hull.
+# Share of its size by which a silhouette's edge may miss points of the hull: rounding.
 STRAIGHT = 1e-9
-# Radians.
+# In radians, by which normals differ at least that are worth two planes.
 SAME_ANGLE = 1e-6
 # Shadow rays start off their triangle by less than this share of the largest coordinate.
 OFFSET = 4.0 * ORIGIN_OFFSET
@@ -97,19 +98,20 @@ def _between(
             return None
         lit = _beneath(axes, bodies, sides)
         if light.angle:
-            towards = axes[:, 2]
+            towards = axes[:, 2] / np.linalg.norm(axes[:, 2])
             with np.errstate(invalid="ignore", over="ignore"):
                 top = float(highest(towards[None], vertices.T)[0])
             if not np.isfinite(top):
                 return None
             # A sun that fills some of the sky shines past what is high up at an angle.
             height = max(top + lit.limits[len(TURNS)], 0.0)
-            lit.limits[:] += height * (1.0 + SKEW) * np.tan(light.angle / 2)
+            # The largest angle of Blender's is a float32, which is more than half a turn.
+            lit.limits[:] += height * (1.0 + 4.0 * SKEW) * np.tan(min(light.angle, np.pi) / 2)
     else:
         lit = _common(DIAGONALS, bodies)
         if sides is not None:
             lit = lit.with_planes_of(sides)
-        size = light.radius
+        size = light.radius * BALL_REACH
         if light.kind == "AREA":
             size = 0.5 * float(np.linalg.norm(matrix[:3, :2] * np.asarray(light.size), axis=0).sum())
         lit.limits[:] = np.maximum(lit.limits, lit.normals @ matrix[:3, 3] + size)
@@ -126,11 +128,11 @@ def _beneath(axes: Array, bodies: list[Array], sides: HalfSpaces | None) -> Half
     x, y = np.linalg.qr(axes[:, ::-1])[0][:, 1:].T
     around = np.outer(np.cos(TURNS), x) + np.outer(np.sin(TURNS), y)
     lit = _common(np.concatenate([around, -towards[None]]), bodies)
-    hull = bodies[-1]
-    if hull.shape[1] <= MOST_POINTS:
-        edges = _silhouette(hull, x, y)
+    body = bodies[-1]
+    if body.shape[1] <= MOST_POINTS:
+        edges = _silhouette(body, x, y)
         if len(edges):
-            lit = lit.with_planes_of(HalfSpaces.around(edges, hull))
+            lit = lit.with_planes_of(HalfSpaces.around(edges, body))
     if sides is not None:
         # What is behind a plane stays so on its way to a sun that does not shine from in front.
         away = sides.normals @ towards <= 0.0

@@ -107,11 +107,11 @@ def sent_again(reflected: Array, white: Array) -> Array:
     return share
 
 
-def mean_reflectance(roughness: Array) -> tuple[Array, Array, Array]:
+def mean_reflectance(roughness: Array) -> tuple[Array, Array]:
     """What facets (n,) reflect in even light, as a mean over where they are seen from, (n,) each.
 
-    At once of white ones, of those that reflect by Schlick's (1 - cos)⁵, and of those that do by how much of
-    the way from head-on to all Fresnel's reflection is.
+    At once of white ones, and of those that do by how much of the way from head-on to all Fresnel's
+    reflection is.
     """
     # Not by clip, which leaves NaN as it is.
     place = np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)
@@ -119,12 +119,12 @@ def mean_reflectance(roughness: Array) -> tuple[Array, Array, Array]:
     # Only steps that some material lies between: a scene has few, and each takes as long as 10,000 hits.
     wanted = np.zeros(ROUGH_STEPS, bool)
     wanted[below], wanted[below + 1] = True, True
-    table = np.zeros((3, ROUGH_STEPS))
+    table = np.zeros((2, ROUGH_STEPS))
     for step in np.flatnonzero(wanted):
-        table[:, step] = _curves(int(step)) @ _MEAN
+        table[:, step] = _curves(int(step))[[0, 2]] @ _MEAN
     share = place - below
-    white, grazing, layered = table[:, below] * (1.0 - share) + table[:, below + 1] * share
-    return white, grazing, layered
+    white, layered = table[:, below] * (1.0 - share) + table[:, below + 1] * share
+    return white, layered
 
 
 def seen_rows(roughness: Array) -> tuple[IndexArray, Single]:
@@ -149,7 +149,10 @@ _MEAN = 2.0 * _VIEW / VIEWS
 
 @cache
 def _curves(step: int) -> Array:
-    """What ``mean_reflectance`` has the means of, (3, VIEWS), at the roughness of a step."""
+    """What facets reflect in even light by where they are seen from, (3, VIEWS), at the roughness of a step.
+
+    At once of white ones, of those that reflect by Schlick's (1 - cos)⁵, and as ``mean_reflectance`` has it.
+    """
     at = np.maximum(np.linspace(0.0, 1.0, COSINES) ** 2, 1e-4)
     view_cosine = at.repeat(DRAWS)
     view = np.stack([np.sqrt(1.0 - view_cosine**2), 0.0 * view_cosine, view_cosine])

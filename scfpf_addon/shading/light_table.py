@@ -111,7 +111,7 @@ class LightTable:
         f0 = np.asarray(materials.specular_f0, np.float64)
         ambient, over, shown = _or_all(materials.ambient), _or_all(materials.over), _or_all(materials.layer)
         grazed, multiple = _or_all(materials.edge), _or_all(materials.multiple)
-        white, _, layered = mean_reflectance(rough)
+        white, layered = mean_reflectance(rough)
         missing = 1.0 / white - 1.0
         reflects = f0 > 0.0
         sent = multiple * sent_again(f0 + (1.0 - f0) * FRESNEL_MEAN, white)
@@ -126,11 +126,12 @@ class LightTable:
         sends = np.where(covered, shown * (1.0 - metallic) / np.where(covered, over, 1.0), 0.0)
         kept = ambient * below * (1.0 - over * mean) + shown * mean * (1.0 - metallic)
         without = np.where(covered, sends, kept)
-        world = np.reshape(world_color, (3, 1))
+        through = np.where(covered, ambient * below - sends, 0.0)
+        world, glow = np.reshape(world_color, (3, 1)), ambient * np.ones_like(base)
         row, rows = seen_rows(rough)
-        return cls(
+        table = cls(
             emitted=_single(emission + without * world),
-            through=_single(np.where(covered, ambient * below - sends, 0.0) * world),
+            through=_single(through * world),
             emission=_single(emission),
             diffuse=_single(below / np.pi),
             over=_single(np.where(reflects, over, 0.0)),
@@ -141,7 +142,7 @@ class LightTable:
             front=_single(front * metallic),
             edge=_single(edge * metallic),
             again=_single(again),
-            glow=_single(ambient * world * np.ones_like(base)),
+            glow=_single(glow * world),
             alpha=_single(rough**4),
             row=row,
             missing=rows[0],
@@ -149,8 +150,18 @@ class LightTable:
             layered=rows[2],
             few=not per_hit and len(row) <= FEW,
             sky=sky,
-            even=cls.of(_dark(materials), np.ones(3), None, per_hit) if sky else None,
         )
+        if sky is None:
+            return table
+        even = replace(
+            table,
+            emitted=_single(without * np.ones((3, 1))),
+            through=_single(through),
+            emission=np.zeros_like(table.emission),
+            glow=_single(glow),
+            sky=None,
+        )
+        return replace(table, even=even)
 
     @cached_property
     def dielectric(self) -> bool:
@@ -251,11 +262,6 @@ class LightTable:
         if self.dielectric:
             light += gloss
         return light
-
-
-def _dark(materials: Materials) -> Materials:
-    """Without what shines by itself."""
-    return replace(materials, emission=np.zeros_like(materials.emission))
 
 
 def by_material(table: Numbers, material: IndexArray) -> Numbers:

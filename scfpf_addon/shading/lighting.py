@@ -30,7 +30,7 @@ SMALLEST_BLEND = 1e-6
 # Cosine of the light to a triangle below which shadow rays begin to start from the rounded
 # surface. Facets of a convex solid shade each other at 0; the margin makes it gradual.
 GRAZING = np.float32(0.1)
-
+# Of light that arrives from all sides, what a white surface sends each way.
 OVER_PI = np.float32(1.0 / np.pi)
 # Strength and distance of a sun.
 FROM_A_SUN = np.ones(1, np.float32), np.full(1, np.inf, np.float32)

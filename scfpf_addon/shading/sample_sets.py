@@ -19,6 +19,8 @@ LampShape = Literal["SQUARE", "DISC", "BALL"]
 GOLDEN = (np.sqrt(5) - 1) / 2
 SILVER = np.sqrt(2) - 1
 THIRD = np.sqrt(3) - 1
+# Places in a unit ball of which the mean is taken away lie no farther out than this.
+BALL_REACH = 1.05
 # Nodes of the table that inverts a ball's distribution of radii; its error is below 1e-5.
 RADIUS_NODES = 1025
 
@@ -44,7 +46,7 @@ def lamp_positions(count: int, shape: LampShape) -> Array:
     """The place on a lamp that each of ``count`` samples of a pixel looks at, mean zero.
 
     SQUARE: (2, count) in a unit square. DISC: (2, count), evenly in a disc of
-    diameter 1. BALL: (3, count), in a unit ball, crowded towards its surface so
+    diameter 1. BALL: (3, count), in a ball of BALL_REACH, crowded towards its surface so
     that from any side it looks like an evenly filled disc. The order is another than that
     in the pixel, so that both dimensions of the lamp are explored across a pixel.
     """

@@ -79,8 +79,9 @@ def test_what_is_seen_is_the_same(degree, angle):
     np.testing.assert_allclose(part.t[hit], whole.t[hit], atol=1e-11)
 
 
-def test_a_volume_or_vertices_that_are_not_finite_leave_nothing_out():
-    vertices, triangles = boxes(60)
+@pytest.mark.parametrize("count", [60, 30000])
+def test_a_volume_or_vertices_that_are_not_finite_leave_nothing_out(count):
+    vertices, triangles = boxes(count)
     matrix = np.eye(4)
     matrix[0, 3] = np.inf
     assert within_volume(vertices, triangles, ViewingVolume((Plane(), Plane(matrix=matrix)))).all()

@@ -17,6 +17,7 @@ from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import ViewingVolume
 from scfpf_addon.shading.casters import may_shade
 from scfpf_addon.shading.frame import render_frame
+from scfpf_addon.shading.sample_sets import BALL_REACH, lamp_positions
 from scfpf_addon.shading.scene import Light
 from scfpf_addon.shading.settings import FrameSettings
 
@@ -57,6 +58,41 @@ def test_pictures_are_those_of_the_whole_scene(build, lamp, heights, smooth):
     assert np.abs(made - whole).max() < 1e-4
     alone = replace(scene, geometry=geometry.part(shown))
     assert np.abs(render_frame(view, alone, settings).pixels - whole).max() > 0.1
+
+
+def test_a_sun_of_half_a_turn_is_hidden_by_all_that_is_above(build):
+    """The largest angle that Blender has; as float32 it is larger than half a turn."""
+    for angle in (3.0, np.pi, float(np.float32(np.pi))):
+        sun = Light("SUN", POWER, build.placed(), angle=angle)
+        scene = build.scene([build.square(1), build.square(1, 5.0, (9, 0))], [sun])
+        shown = scene.geometry.part(np.array([True, True, False, False]))
+        assert may_shade(scene, shown, build.looking_down(2, -1).volume)[2:].all()
+
+
+@pytest.mark.parametrize("length", [1 - 4e-4, 1.0, 1 + 4e-4])
+def test_axes_of_a_sun_may_be_a_little_too_long(build, length):
+    """Far from the origin, where a height by such an axis is not that by another."""
+    matrix = np.diag([length, length, length, 1.0])
+    scene = build.scene(
+        [build.square(1, 1e5), build.square(1, 1e5 + 50.0, (20, 0))], [Light("SUN", POWER, matrix, angle=1.2)]
+    )
+    shown = scene.geometry.part(np.array([True, True, False, False]))
+    assert may_shade(scene, shown, build.looking_down(1e5 + 2, 1e5 - 1).volume)[2:].all()
+
+
+def test_round_lamps_light_from_where_they_are_thought_to(build):
+    """Specks on the way from the farthest place of each to the ground."""
+    for samples in range(1, 200):
+        assert np.linalg.norm(lamp_positions(samples, "BALL"), axis=0).max() < BALL_REACH
+    lamp = Light("POINT", POWER, build.placed((1.5, 0, 0.5)), radius=1.0)
+    offset = max(lamp_positions(159, "BALL").T, key=lambda place: place @ place)
+    shares, ground = np.linspace(0.0, 1.0, 50), np.array([1.0, 1.0, 0.0])
+    places = (lamp.matrix[:3, 3] + offset) * (1 - shares)[:, None] + ground * shares[:, None]
+    vertices = (places[:, None] + 1e-7 * np.eye(3)).reshape(-1, 3)
+    specks = vertices, np.arange(150).reshape(-1, 3), None
+    scene = build.scene([build.square(1), specks], [lamp])
+    shown = scene.geometry.part(np.arange(152) < 2)
+    assert may_shade(scene, shown, build.looking_down(2, -1).volume)[2:].all()
 
 
 def test_a_sky_is_hidden_by_everything(build):
