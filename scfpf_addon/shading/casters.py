@@ -130,9 +130,7 @@ def _beneath(axes: Array, bodies: list[Array], sides: HalfSpaces | None) -> Half
     lit = _common(np.concatenate([around, -towards[None]]), bodies)
     body = bodies[-1]
     if body.shape[1] <= MOST_POINTS:
-        edges = _silhouette(body, x, y)
-        if len(edges):
-            lit = lit.with_planes_of(HalfSpaces.around(edges, body))
+        lit = lit.with_planes_of(HalfSpaces.around(_silhouette(body, x, y), body))
     if sides is not None:
         # What is behind a plane stays so on its way to a sun that does not shine from in front.
         away = sides.normals @ towards <= 0.0

@@ -124,8 +124,7 @@ class LightTable:
         # What a layer keeps it sends on itself, as much as mirrors leave to it.
         covered = reflects & (np.asarray(over) > 0.0)
         sends = np.where(covered, shown * (1.0 - metallic) / np.where(covered, over, 1.0), 0.0)
-        kept = ambient * below * (1.0 - over * mean) + shown * mean * (1.0 - metallic)
-        without = np.where(covered, sends, kept)
+        without = np.where(covered, sends, ambient * below + shown * mean * (1.0 - metallic))
         through = np.where(covered, ambient * below - sends, 0.0)
         world, glow = np.reshape(world_color, (3, 1)), ambient * np.ones_like(base)
         row, rows = seen_rows(rough)
