@@ -308,6 +308,9 @@ class Tracer:
         which = np.concatenate([index for index, _ in bodies])
         weight = np.concatenate([body.weight[0] for _, body in bodies])
         some = np.flatnonzero(weight > 0.0)
+        if not len(some):
+            # Alpha cuts all of them away.
+            return
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
         materials = _stacked([body.materials for _, body in bodies], some)

@@ -78,6 +78,27 @@ def test_alpha_shows_what_is_behind(tmp_path):
     assert_like(*compare(tmp_path))
 
 
+def sun():
+    bpy.ops.object.light_add(type="SUN", rotation=(0.4, 0.3, 0))
+    bpy.context.object.data.angle = 0.0
+
+
+@pytest.mark.parametrize("film", [False, True])
+def test_what_alpha_cuts_away_altogether_shows_what_is_behind(film, tmp_path):
+    """A ball of alpha 0 in the sun before squares, alone in most of the picture's tiles."""
+    squares = plane(checker(), (0, 0, -1), 2)
+    squares.visible_shadow = False
+    sun()
+    sphere(shader("Principled", Alpha=0.0))
+    bpy.context.object.visible_shadow = False
+    bpy.context.scene.render.film_transparent = film
+    assert_like(*compare(tmp_path))
+    bpy.data.objects.remove(squares)
+    ours, cycles = both(bpy.context.scene, tmp_path)
+    assert_like(ours, cycles)
+    assert ours[..., 3].max() == (not film)
+
+
 def test_transparent_surfaces_end_at_the_limit_of_the_light_paths(tmp_path):
     plane(checker(), (0, 0, -1), 4)
     clear = shader("Transparent", Color=(0.9, 0.95, 1.0))
