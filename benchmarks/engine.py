@@ -27,7 +27,7 @@ import bpy
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.document import replace_section
+from benchmarks.document import check_files, replace_section
 from benchmarks.scenes import SCENES
 from scfpf_addon import bridge
 from scfpf_addon.bridge.flexible_camera import volume_from_camera
@@ -159,6 +159,7 @@ def main() -> None:
     parser.add_argument("--one", nargs=2, metavar=("FILE", "SUBJECT"), help=argparse.SUPPRESS)
     parser.add_argument("--persistent", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    check_files(parser, written=options.json, document=options.markdown, sections=[SECTION])
     bridge.register()
     if options.one:
         path, subject = options.one

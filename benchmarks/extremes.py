@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.document import check_files
 from benchmarks.hard_scenes import AIMS, aimed_curves, cube, sphere
 from benchmarks.scenes import Mesh, bent_projection, boxes, joined, sheet
 from scfpf_addon.casting.cast import cast
@@ -287,6 +288,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--json", metavar="FILE", help="write all figures to FILE too")
     parser.add_argument("--full", action="store_true", help="100,000 curves and volumes: some ten minutes")
     options = parser.parse_args(arguments)
+    check_files(parser, written=options.json)
     measured: dict[str, Any] = figures(options.full)
     print("| extreme | figures |\n|---|---|")
     for title, row in measured.items():

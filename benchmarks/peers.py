@@ -21,7 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.document import replace_section
+from benchmarks.document import check_files, replace_section
 from benchmarks.raw import raw_embree
 from benchmarks.run import Image, raw_rays
 from benchmarks.scenes import SCENES, Mesh, bent_projection
@@ -137,6 +137,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--triangles", type=int, default=100_000)
     parser.add_argument("--markdown", metavar="FILE", help="replace the table in FILE")
     options, _ = parser.parse_known_args(arguments)
+    check_files(parser, document=options.markdown, sections=["peers"])
     lines = ["| scene and peer | times raw Embree |", "|---|---|"]
     print("\n".join(lines))
     for name, make in SCENES.items():

@@ -23,6 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.document import check_files
 from scfpf_addon import bridge
 from scfpf_addon.bridge.flexible_camera import volume_from_camera
 from scfpf_addon.cycles import rig_properties
@@ -145,6 +146,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument("--quick", action="store_true", help="one run each")
     options = parser.parse_args()
+    check_files(parser, written=options.json)
     bridge.register()
     rig_properties.register()
     results = {}

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks import engine, portals, run, scanline
-from benchmarks.document import replace_section
+from benchmarks.document import check_files, replace_section
 
 FOLDER = Path(__file__).resolve().parent
 SECTION = "ratios"
@@ -173,6 +173,9 @@ def main() -> None:
     parser.add_argument("--markdown", metavar="FILE", help="put the table into a document")
     parser.add_argument("--quick", action="store_true", help="smaller scenes and pictures, fewer runs")
     options = parser.parse_args()
+    check_files(
+        parser, read=options.kept, written=options.json, document=options.markdown, sections=[SECTION]
+    )
     if options.kept:
         figures = json.loads(options.kept.read_text(encoding="utf-8"))
     else:

@@ -24,6 +24,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.document import check_files
 from benchmarks.raw import raw_embree
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.cast import CastCounts, Hits, cast
@@ -246,6 +247,7 @@ def main() -> None:
     what = "threads of both, raw Embree and ours"
     parser.add_argument("--threads", type=int, default=THREADS, metavar="N", help=f"{what} ({THREADS})")
     options = parser.parse_args()
+    check_files(parser, written=options.json)
     image = Image(960, 540) if options.quick else Image(1920, 1080)
     runs = 2 if options.quick else 5
     sizes = [100_000] + [1_000_000] * options.million

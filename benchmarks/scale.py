@@ -25,7 +25,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.document import replace_section
+from benchmarks.document import check_files, replace_section
 from benchmarks.scenes import SCENES, bent_projection
 from demo.render_demo import enable_add_on
 from scfpf_addon.casting import memory
@@ -239,6 +239,8 @@ def main() -> None:
     parser.add_argument("--most", type=float, default=8.0, metavar="GB", help="memory that may be used, 8 GB")
     parser.add_argument("--one", nargs=2, metavar=("WORK", "ARGUMENTS"), help=argparse.SUPPRESS)
     options = parser.parse_args()
+    sections = [f"{SECTION}: {name}" for name in options.only]
+    check_files(parser, written=options.json, document=options.markdown, sections=sections)
     if options.one:
         print(json.dumps(work(options.one[0], json.loads(options.one[1]))))
         return

@@ -21,6 +21,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.document import check_files
 from benchmarks.scenes import bent_projection
 from scfpf_addon import bridge
 from scfpf_addon.bridge import flexible_camera, versions
@@ -202,6 +203,7 @@ def main() -> None:
     parser.add_argument("--json", metavar="FILE", help="add the figures to FILE")
     parser.add_argument("--quick", action="store_true", help="smaller meshes, fewer runs")
     options, _ = parser.parse_known_args()
+    check_files(parser, written=options.json)
     bridge.register()
     sizes = (10_000, 100_000) if options.quick else (10_000, 100_000, 500_000, 1_000_000)
     print("\nlive preview: evaluation in times of the Lattice modifier on the same mesh")

@@ -24,7 +24,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks.document import replace_section
+from benchmarks.document import check_files, replace_section
 from benchmarks.raw import raw_embree
 from benchmarks.run import Image, raw_rays
 from benchmarks.scenes import SCENES, Mesh, bent_projection
@@ -205,6 +205,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--markdown", metavar="FILE", help="replace the table in FILE")
     parser.add_argument("--quick", action="store_true", help="a small picture, one run")
     options = parser.parse_args(arguments)
+    check_files(parser, written=options.json, document=options.markdown, sections=["trade"])
+    check_files(parser, written=options.png)
     image, runs = (Image(96, 54), 1) if options.quick else (Image(480, 270), 2)
     size = 2_000 if options.quick else 100_000
     results: dict[str, list[dict[str, Any]]] = {}

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What dev.py decides by itself: which Python, which tests where, what a report says, which wheels."""
 
+import argparse
 import os
 import pathlib
 import platform
@@ -11,6 +12,7 @@ import time
 
 import pytest
 
+from benchmarks.document import check_files, replace_section
 from devtools import coverage, environments, own_blender, package, pythons, testing, window
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -226,3 +228,43 @@ def test_help_needs_nothing_but_a_python(tmp_path):
     assert done.returncode == 0, done.stderr
     commands = ["demo", "gallery", "thumbnails", "pictures", "test", "build", "lint", "bench"]
     assert re.findall(r"^    (\w+)(?: |$)", done.stdout, re.MULTILINE) == commands
+
+
+BAD_FILES = {
+    "no document": (["--markdown", "absent.md"], "absent.md: No such file"),
+    "no marks": (["--markdown", "plain.md"], "plain.md has no lines <!-- ratios -->"),
+    "a document that is a folder": (["--markdown", "."], "cannot put figures into"),
+    "no folder": (["--json", "absent/figures.json"], "cannot write absent/figures.json"),
+    "a folder": (["--json", "."], "cannot write ."),
+    "no figures": (["--from", "absent.json"], "there is no file absent.json"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_benchmarks_look_at_their_files_before_any_work(tmp_path, monkeypatch, capsys, name):
+    arguments, message = BAD_FILES[name]
+    monkeypatch.chdir(tmp_path)
+    pathlib.Path("plain.md").write_text("no place for figures\n")
+    parser = argparse.ArgumentParser()
+    for option in ("--markdown", "--json", "--from"):
+        parser.add_argument(option, dest=option[2:4])
+    options = parser.parse_args(arguments)
+    with pytest.raises(SystemExit):
+        check_files(parser, read=options.fr, written=options.js, document=options.ma, sections=["ratios"])
+    assert message in capsys.readouterr().err
+
+
+def test_every_benchmark_with_files_looks_at_them():
+    """What is written at the end is looked at before: every script that names a file calls the check."""
+    for path in (ROOT / "benchmarks").glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        if re.search(r'add_argument\("--(json|markdown)"', text):
+            assert "check_files(" in text, path.name
+
+
+def test_figures_replace_those_between_the_marks(tmp_path):
+    document = tmp_path / "page.md"
+    document.write_text("a\n<!-- x -->\nold\n<!-- end of x -->\nb\n")
+    check_files(argparse.ArgumentParser(), document=document, sections=["x"], written=tmp_path / "new.json")
+    replace_section(document, "x", ["one", "two"])
+    assert document.read_text() == "a\n<!-- x -->\none\ntwo\n<!-- end of x -->\nb\n"
