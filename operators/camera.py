@@ -27,7 +27,7 @@ def _items(_operator, _context):
 
 
 class SCFPF_OT_camera_add(bpy.types.Operator):
-    """Add a camera whose viewing volume is modelled with control surfaces, looking as the viewport does"""
+    """Add a camera whose viewing volume is modeled with control surfaces, looking as the viewport does"""
 
     bl_idname = "scfpf.camera_add"
     bl_label = "Add Flexible Camera"

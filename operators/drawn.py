@@ -24,7 +24,7 @@ class SCFPF_OT_drawn_style(bpy.types.Operator):
     plain_view: BoolProperty(
         name="Standard View",
         description="Set the scene's view transform to Standard, which shows white paper as white; "
-        "others make it grey",
+        "others make it gray",
         default=True,
     )
 

@@ -37,7 +37,7 @@ class SCFPF_OT_volume_frame(bpy.types.Operator):
 
     pan: FloatProperty(name="Pan", description="Turn the volume to the right", subtype="ANGLE")
     tilt: FloatProperty(name="Tilt", description="Turn the volume upwards", subtype="ANGLE")
-    roll: FloatProperty(name="Roll", description="Turn the volume anticlockwise", subtype="ANGLE")
+    roll: FloatProperty(name="Roll", description="Turn the volume counterclockwise", subtype="ANGLE")
     dolly: FloatProperty(name="Dolly", description="Move the volume forwards", subtype="DISTANCE")
     zoom: FloatProperty(
         name="Zoom",

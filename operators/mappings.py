@@ -102,12 +102,12 @@ class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_mapping_place(PictureClick, bpy.types.Operator):
-    """Click in the picture: the selected mapping gets its centre there"""
+    """Click in the picture: the selected mapping gets its center there"""
 
     bl_idname = "scfpf.mapping_place"
     bl_label = "Place on Picture"
     bl_options = {"REGISTER", "UNDO"}
-    cursor, hint = "CROSSHAIR", "Click where the mapping's centre is to be"
+    cursor, hint = "CROSSHAIR", "Click where the mapping's center is to be"
 
     poll = classmethod(_poll_mapping)
 

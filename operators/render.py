@@ -134,7 +134,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         finally:
             render_job.stop()
         if frame is None:
-            self.report({"INFO"}, "Render cancelled: the old picture is as it was")
+            self.report({"INFO"}, "Render canceled: the old picture is as it was")
             return {"CANCELLED"}
         try:
             show_progress(frame.pixels)
@@ -166,9 +166,9 @@ class SCFPF_OT_render(bpy.types.Operator):
         percent = int(100 * self._job.progress)
         text = f"SCFPF: rendering, {percent} %    Esc: cancel"
         if self._job.building:
-            text = "SCFPF: building the acceleration structure, which cannot be cancelled"
+            text = "SCFPF: building the acceleration structure, which cannot be canceled"
         elif self._job.cancelled:
-            text = "SCFPF: cancelling"
+            text = "SCFPF: canceling"
         if text == self._status:
             return
         self._status = text

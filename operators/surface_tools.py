@@ -132,7 +132,7 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
     lines, so that what was crowded in the picture is no longer"""
 
     bl_idname = "scfpf.surface_equalise"
-    bl_label = "Equalise by Arc Length"
+    bl_label = "Equalize by Arc Length"
 
     direction: EnumProperty(
         name="Direction", description="The lines to space evenly", items=DIRECTIONS, default="BOTH"

@@ -27,7 +27,7 @@ def poll_slot(cls, context):
 
 
 class SCFPF_OT_surface_add(bpy.types.Operator):
-    """Add a control surface after the active one, half-way to the next"""
+    """Add a control surface after the active one, halfway to the next"""
 
     bl_idname = "scfpf.surface_add"
     bl_label = "Add Control Surface"

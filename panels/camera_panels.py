@@ -43,7 +43,7 @@ def draw_render(layout, context, camera) -> None:
         if result_image() is not None:
             row.operator("scfpf.result_show", text="", icon="IMAGE_DATA")
     else:
-        text = "Cancelling" if job.cancelled else f"Rendering {job.progress:.0%}"
+        text = "Canceling" if job.cancelled else f"Rendering {job.progress:.0%}"
         row.progress(factor=job.progress, text=text)
         row.operator("scfpf.render_cancel", text="", icon="X")
     for problem in problems(context.scene, camera):

@@ -58,7 +58,7 @@ def draw_lines(layout, options) -> None:
     column = layout.column(align=True)
     column.prop(options, "line_width", text="Outlines")
     column.prop(options, "inner_width", text="Inner")
-    layout.prop(options, "line_color", text="Colour")
+    layout.prop(options, "line_color", text="Color")
     row = layout.row()
     row.active = options.use_crease
     row.prop(options, "crease_angle")
@@ -73,7 +73,7 @@ def draw_hatching(layout, options) -> None:
     if options.hatching == "NONE":
         return
     layout.prop(options, "hatch_width", text="Width")
-    layout.prop(options, "hatch_color", text="Colour")
+    layout.prop(options, "hatch_color", text="Color")
     if options.hatching == "DEPTH":
         layout.prop(options, "hatch_count")
         return

@@ -2,17 +2,21 @@
 """The documents show what there is: pictures that exist, every preset, messages in the code's own words."""
 
 import ast
+import json
 import pathlib
 import re
 
 import pytest
 
 from devtools import pictures, settings_page
+from tests.british import british
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 PAGES = (ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md")))
 GUIDE = ROOT / "docs" / "guide.md"
 CODE = ("scfpf_addon", "operators", "panels")
+# Keys of preset files and of node groups in saved files, which stay as they are.
+KEYS = {"subject: centre", "Disc"}
 
 
 def links(text):
@@ -63,6 +67,38 @@ def strings():
                     yield "".join(parts)
                 elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                     yield node.value
+
+
+def interface_strings():
+    """Texts of the code that may be shown, with their places: neither docstrings nor identifiers and keys."""
+    for path in (file for folder in CODE for file in (ROOT / folder).rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        alone = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+        for node in ast.walk(tree):
+            if not (isinstance(node, ast.Constant) and isinstance(node.value, str)) or id(node) in alone:
+                continue
+            if not re.fullmatch(r"[a-z0-9_.]+|[A-Z0-9_]+", node.value) and node.value not in KEYS:
+                yield f"{path.relative_to(ROOT)}:{node.lineno}", node.value
+
+
+def test_messages_and_names_are_in_american_english():
+    found = {place: words for place, text in interface_strings() if (words := british(text))}
+    assert not found
+
+
+def test_texts_of_presets_are_in_american_english():
+    for path in (ROOT / "presets").glob("*.json"):
+        preset = json.loads(path.read_text(encoding="utf-8"))
+        shown = [preset[key] for key in ("name", "description", "source", "group")]
+        shown += [part["name"] for key in ("surfaces", "mappings") for part in preset.get(key, ())]
+        assert not british(" ".join(shown)), path.name
+
+
+@pytest.mark.parametrize("page", [GUIDE, ROOT / "README.md"], ids=lambda page: page.name)
+def test_pages_quote_the_interface_in_its_own_spelling(page):
+    quoted = re.findall(r"(?<![\w*])\*([^*\n]+)\*(?!\w)", page.read_text(encoding="utf-8"))
+    assert len(quoted) > 20
+    assert not [text for text in quoted if british(text)]
 
 
 def test_messages_in_the_guide_are_those_of_the_code():

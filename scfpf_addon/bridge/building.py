@@ -18,7 +18,7 @@ from ..shading.typing import Single
 from .kept_scene import KeptScene
 
 # What a window's header says meanwhile.
-BUILDING = "Building the acceleration structure, which cannot be cancelled"
+BUILDING = "Building the acceleration structure, which cannot be canceled"
 # Pixels across a square of the coarse picture that a window shows at first: it costs a
 # sixty-fourth of one sample.
 COARSE = 8

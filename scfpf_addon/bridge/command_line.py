@@ -52,7 +52,7 @@ def _frame(text: str) -> int:
 def parser() -> argparse.ArgumentParser:
     """The grammar of the command."""
     top = _Parser(
-        prog="blender -c scfpf", description="Flexible projection: pictures through modelled viewing volumes."
+        prog="blender -c scfpf", description="Flexible projection: pictures through modeled viewing volumes."
     )
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
     render = commands.add_parser(

@@ -105,7 +105,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         soft_max=10.0,
         step=10,
     )
-    line_color: _color("Line Colour", "What lines are drawn with", (0.0, 0.0, 0.0))
+    line_color: _color("Line Color", "What lines are drawn with", (0.0, 0.0, 0.0))
     crease_angle: _number(
         "Crease Angle",
         "The angle between two faces, whatever their shading, from which the edge between them is drawn",
@@ -132,9 +132,9 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
             (
                 "TOON",
                 "Steps of Light",
-                "The materials' colours, in a few steps darker where less light is",
+                "The materials' colors, in a few steps darker where less light is",
             ),
-            ("FLAT", "Flat Colours", "The materials' colours, without light and shadow"),
+            ("FLAT", "Flat Colors", "The materials' colors, without light and shadow"),
             ("PAPER", "Paper", "Nothing but paper"),
         ),
         default="TOON",
@@ -161,7 +161,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     darkest: _number(
         "Darkest",
-        "How much of its colour a material keeps where no light falls",
+        "How much of its color a material keeps where no light falls",
         0.3,
         0.0,
         1.0,
@@ -194,7 +194,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     hatch_width: _number(
         "Stroke Width", f"Width of strokes, {PIXELS}", 1.0, 0.1, WIDEST, soft_max=6.0, step=10
     )
-    hatch_color: _color("Stroke Colour", "What strokes are drawn with", (0.0, 0.0, 0.0))
+    hatch_color: _color("Stroke Color", "What strokes are drawn with", (0.0, 0.0, 0.0))
     hatch_count: IntProperty(
         name="Steps of t",
         description="How many parts lines of equal t cut the volume into, from the near to the far surface",
@@ -224,7 +224,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         "Show paper where nothing is hit, also beyond the rim of round pictures. A transparent film has none",
         True,
     )
-    paper_color: _color("Paper Colour", "The colour of the paper", (1.0, 1.0, 1.0))
+    paper_color: _color("Paper Color", "The color of the paper", (1.0, 1.0, 1.0))
     detail: IntProperty(
         name="Detail",
         description="Places along each side of a pixel between which lines are sought: what is finer may be "

@@ -59,7 +59,7 @@ STYLES = {
     ),
     "CARTOON": Style(
         "Cartoon",
-        "Thick outlines and full colours in two shades",
+        "Thick outlines and full colors in two shades",
         {"line_width": 3.5, "inner_width": 1.5, "steps": 2, "darkest": 0.5, "use_material": True},
     ),
 }

@@ -106,7 +106,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         **NUMBER,
     )
     centre: FloatVectorProperty(
-        name="Centre",
+        name="Center",
         description="The middle of the mapping, as shares of the picture from its lower left",
         size=2,
         default=(0.5, 0.5),

@@ -47,14 +47,14 @@ BASES = (
 )
 REPARAMETERISATIONS = (
     ("RECTANGLE", "Rectangle", "The picture's width runs along u and its height along v"),
-    ("POLAR", "Polar", "The angle about the picture's centre runs along u, the distance from it along v"),
+    ("POLAR", "Polar", "The angle about the picture's center runs along u, the distance from it along v"),
 )
 KINDS = (
     ("NONE", "None", "No control surface"),
-    ("POINT", "Point", "One point for the whole picture, such as a centre of projection"),
+    ("POINT", "Point", "One point for the whole picture, such as a center of projection"),
     ("PLANE", "Plane", "A rectangle"),
     ("PATCH", "Patch", "Four corners joined bilinearly: a mesh of one quadrilateral with a UV map"),
-    ("DISC", "Disc", "A disc: u turns about the centre, v runs outwards"),
+    ("DISC", "Disk", "A disk: u turns about the center, v runs outwards"),
     ("CYLINDER", "Cylinder", "An arc of a cylinder about the Y axis, open towards +Z"),
     ("CONE", "Cone", "An arc of a cone about the Y axis, open towards +Z"),
     ("SPHERE", "Sphere", "A sector of a sphere with its poles on the Y axis"),
@@ -156,7 +156,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
 
     enabled: BoolProperty(
         name="Flexible Projection",
-        description="Render through a viewing volume modelled with control surfaces",
+        description="Render through a viewing volume modeled with control surfaces",
         default=False,
         options=set(),
         update=_volume_changed,
@@ -195,7 +195,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         override=OVERRIDABLE,
     )
     reparameterisation: EnumProperty(
-        name="Re-parameterisation",
+        name="Reparameterization",
         description="How positions in the picture become the surfaces' parameters u and v",
         items=REPARAMETERISATIONS,
         default="RECTANGLE",
@@ -229,7 +229,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     v_range: FloatVectorProperty(
         name="V Range",
-        description="The parameter v at the picture's lower and upper border (centre and rim if polar)",
+        description="The parameter v at the picture's lower and upper border (center and rim if polar)",
         size=2,
         default=(0.0, 1.0),
         min=0.0,

@@ -96,7 +96,7 @@ def _oddities(image) -> Iterable[str]:
         yield "Shown as the frame that Blender has loaded: "
     space = image.colorspace_settings.name
     if not (image.is_float or space == "sRGB" or space in LINEAR_SPACES):
-        yield f"The colour space {space} is taken for sRGB: "
+        yield f"The color space {space} is taken for sRGB: "
 
 
 def image_state(image) -> tuple:

@@ -89,7 +89,7 @@ class MaterialTable:
         """What the picture cannot show of the materials."""
         lines = [f"Not shown as it is: {note} (in {listing(names)})" for note, names in self._notes.items()]
         if self._odd:
-            lines.append(f"Shown in viewport colours, as they have no surface: {listing(self._odd)}")
+            lines.append(f"Shown in viewport colors, as they have no surface: {listing(self._odd)}")
         return tuple(lines)
 
 

@@ -109,7 +109,7 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
 
     use_pass_diffuse: BoolProperty(
         name="Diffuse",
-        description="Light scattered by surfaces, with their colour: of lamps and of the world. Diffuse, "
+        description="Light scattered by surfaces, with their color: of lamps and of the world. Diffuse, "
         "Specular, Emission and Environment add up to the picture",
         default=False,
         update=_switched,

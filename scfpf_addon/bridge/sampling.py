@@ -22,7 +22,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
 
     pixel_filter: EnumProperty(
         name="Pixel Filter",
-        description="How samples about a pixel's centre make its colour",
+        description="How samples about a pixel's center make its color",
         items=(
             ("BOX", "Box", "All of the pixel counts the same"),
             ("GAUSSIAN", "Gaussian", "Soft; width as the scene's filter size"),
@@ -37,7 +37,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     )
     pattern: EnumProperty(
         name="Pattern",
-        description="Where the samples of neighbouring pixels lie. Adaptive sampling scrambles them always",
+        description="Where the samples of neighboring pixels lie. Adaptive sampling scrambles them always",
         items=(
             ("SAME", "Same in All Pixels", "No noise: edges in as many steps as there are samples"),
             ("SCRAMBLED", "Scrambled", "Sobol points, in another order in each pixel: fine noise, no steps"),

@@ -261,7 +261,7 @@ def equalise(camera, depsgraph, index: int, columns: int, rows: int, along_u: bo
     surface = _editable(camera, index)
     kind = surface.scfpf_surface.kind
     if kind == lattice_object.KIND or kind not in {*PARAMETRIC_KINDS, *MESH_KINDS, nurbs_object.KIND}:
-        raise FlexibleCameraError(f"'{surface.name}' cannot be equalised: choose another control surface")
+        raise FlexibleCameraError(f"'{surface.name}' cannot be equalized: choose another control surface")
     if kind == "POINT":
         raise FlexibleCameraError(f"'{surface.name}' is a point: there is nothing to space")
     if kind == nurbs_object.KIND:

@@ -115,7 +115,7 @@ def _disc(nodes, u, v, given):
         nodes.math("MULTIPLY", radius, nodes.math("COSINE", angle), "X"),
         nodes.math("MULTIPLY", radius, nodes.math("SINE", angle), "Y"),
         0.0,
-        "Disc",
+        "Disk",
     )
 
 
@@ -149,7 +149,7 @@ def _sphere(nodes, u, v, given):
     return _about_y(nodes, u, radius, y, given["arc"], "Sphere")
 
 
-_RADIUS = "Distance from the axis or centre"
+_RADIUS = "Distance from the axis or center"
 _HEIGHT = "Extent along the axis as v goes from 0 to 1"
 
 # The defaults are those of the classes in projection.surfaces.
@@ -167,9 +167,9 @@ PARAMETRIC_KINDS = {
         _plane,
     ),
     "DISC": ParametricKind(
-        "Disc",
+        "Disk",
         (
-            _length("Radius", surfaces.Disc.radius, "Distance from the centre at v = 1"),
+            _length("Radius", surfaces.Disc.radius, "Distance from the center at v = 1"),
             _arc(surfaces.Disc.arc),
         ),
         _resolution(32, 8),

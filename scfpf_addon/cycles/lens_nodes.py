@@ -82,7 +82,7 @@ def store_lens(nodes: FieldBuilder, geometry: Value, given: dict[str, Value], ma
 
 
 def _unit(nodes: FieldBuilder, vector: Value) -> Value:
-    return nodes.out("ShaderNodeVectorMath", "Normalised", {0: vector}, operation="NORMALIZE")
+    return nodes.out("ShaderNodeVectorMath", "Normalized", {0: vector}, operation="NORMALIZE")
 
 
 def aimed(nodes: FieldBuilder, position: Value, direction: Value, distance: float) -> tuple[Value, Value]:

@@ -86,7 +86,7 @@ def add_to_aovs(nodes: FieldBuilder, due, place: float, follow) -> None:
 def _parameters(nodes: FieldBuilder, place: Value, follow) -> tuple[Value, Value]:
     """u and v of a place in the table, exact within a cell too."""
     x, y, polar = place.parts()
-    nodes.open_frame("A polar picture's angle and distance from the centre")
+    nodes.open_frame("A polar picture's angle and distance from the center")
     a, b = x * 2.0 - 1.0, y * 2.0 - 1.0
     turn = nodes.combine("ARCTAN2", b, a) * (1.0 / TURN)
     radius = nodes.combine("SQRT", a * a + b * b)

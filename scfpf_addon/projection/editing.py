@@ -229,7 +229,7 @@ def mirrored(kind: str, parameters: Mapping[str, float], axis: Axis) -> tuple[Ar
     elif axis == "U":
         matrix[0, 0] = -1.0
     elif kind == "DISC":
-        raise EditingError("the rim of a disc cannot become its centre: convert it to a grid first")
+        raise EditingError("the rim of a disk cannot become its center: convert it to a grid first")
     elif kind == "SPHERE":
         changed["latitude_start"], changed["latitude_end"] = (
             parameters["latitude_end"],

@@ -114,4 +114,4 @@ def reparameterisation(kind: str) -> Reparameterisation:
         return Rectangle()
     if kind == "POLAR":
         return Polar()
-    raise ValueError(f"unknown re-parameterisation {kind!r}")
+    raise ValueError(f"unknown reparameterization {kind!r}")

@@ -45,7 +45,7 @@ def _build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
             "Position": nodes.xyz(column_there, ((number + 0.5) / columns).floor(), 0.0, "Column, Row"),
         },
     )
-    nodes.open_frame("The nearest of them, and its neighbours inside")
+    nodes.open_frame("The nearest of them, and its neighbors inside")
     nearest = nodes.out(
         "GeometryNodeSampleNearest", "Nearest", {"Geometry": flat, "Sample Position": place}, domain="POINT"
     )
@@ -79,7 +79,7 @@ def _way_inside(
     sides = []
     for way in (1.0, -1.0):
         neighbour = (start + stride * way + 0.5).floor()
-        piece = nodes.sample(given["Table"], nodes.attribute(PIECE), neighbour, "FLOAT", "Neighbour's Piece")
+        piece = nodes.sample(given["Table"], nodes.attribute(PIECE), neighbour, "FLOAT", "Neighbor's Piece")
         there = nodes.both(at + way > -0.5, at + way < count - 0.5)
         sides.append(nodes.both(there, (piece - given["Piece"]).absolute() < 0.25))
     back = nodes.switch(sides[1], 0.0, -1.0, "FLOAT", "Before It?")

@@ -106,7 +106,7 @@ def on_screen_group():
         spread = ratio + t * (1.0 - ratio)
         least = ratio.least(1.0) * 0.25
         depth = t / spread.most(least)
-        nodes.open_frame("Over the picture's width; a polar picture's disc touches the nearer borders")
+        nodes.open_frame("Over the picture's width; a polar picture's disk touches the nearer borders")
         disc = 1.0 / given["Aspect"].most(1.0)
         across = (x - 0.5) * nodes.mix(polar, 1.0, disc)
         up = (y - 0.5) * nodes.mix(polar, 1.0 / given["Aspect"], disc)

@@ -420,7 +420,7 @@ def _straight_middles(nodes: FieldBuilder, given, before: Value, period: Value) 
     At the border of what is divided it overlaps the other side a little: a vertex on the straight
     edge of a face that is not divided would let single pixels through.
     """
-    nodes.open_frame("Middles of straight edges; no pixel between a divided face and its neighbour")
+    nodes.open_frame("Middles of straight edges; no pixel between a divided face and its neighbor")
     first, _, straight = _ends(nodes, given, period)
     middle = _nearest_turn(nodes, given, first + straight * 0.5, period)
     index = nodes.out("GeometryNodeInputIndex", "Index", {})

@@ -22,7 +22,7 @@ def _title(key: str) -> str:
 def closed_form_group():
     """The point at (u, v) of the parametric kind of a number, in the surface's own space."""
     inputs = {
-        "Kind": ("Int", 0, "1 point, 2 plane, 3 disc, 4 cylinder, 5 cone, 6 sphere"),
+        "Kind": ("Int", 0, "1 point, 2 plane, 3 disk, 4 cylinder, 5 cone, 6 sphere"),
         "U": ("Float", None, ""),
         "V": ("Float", None, ""),
     }

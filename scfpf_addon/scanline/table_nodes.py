@@ -56,9 +56,9 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
     inputs |= {
         "Columns": ("Int", 129, "Projectors across the picture"),
         "Rows": ("Int", 129, "Projectors up the picture"),
-        "Polar": ("Int", 0, "1: u is an angle and v the distance from the picture's centre"),
+        "Polar": ("Int", 0, "1: u is an angle and v the distance from the picture's center"),
         "Pictured": ("Int", 0, "1: u and v are those of the picture's points, 2: which have holes or a seam"),
-        "Disc": ("Int", 1, "0: a polar picture is no disc, because of what its points say"),
+        "Disc": ("Int", 1, "0: a polar picture is no disk, because of what its points say"),
         "U Start": ("Float", 0.0, "u at the picture's left border"),
         "U End": ("Float", 1.0, "u at the picture's right border"),
         "V Start": ("Float", 0.0, "v at the picture's lower border"),
@@ -350,7 +350,7 @@ def _cloud(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> Value:
     place = nodes.attribute("place", "FLOAT_VECTOR")
     found = nodes.call(look_up_group(), "Q(place)", whole | {"Position": place})
     cloud = nodes.store(cloud, PROJECTOR, inverse_map(nodes, found, place), "FLOAT4X4")
-    nodes.open_frame("How far neighbours are: where they are, since a volume may stretch between layers")
+    nodes.open_frame("How far neighbors are: where they are, since a volume may stretch between layers")
     layer, ahead = nodes.attribute("layer"), nodes.attribute("layer ahead")
     reach = None
     for before, after in (
@@ -359,7 +359,7 @@ def _cloud(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> Value:
         (nodes.xyz(0.0, 0.0, layer * -1.0, "Nearer"), nodes.xyz(0.0, 0.0, ahead, "Farther")),
     ):
         gaps = [
-            (nodes.call(look_up_group(), "Neighbour", whole | {"Position": place + way})["Position"]
+            (nodes.call(look_up_group(), "Neighbor", whole | {"Position": place + way})["Position"]
              - found["Position"]).length()
             for way in (before, after)
         ]  # fmt: skip

@@ -33,11 +33,11 @@ def sheets_group():
     inputs = {
         "Cloud": ("Geometry", None, "Points all over the volume, which know whether they are folded"),
         "Wrap": TABLE_INPUTS["Wrap"],
-        "Steps": ("Int", 0, "From point to neighbouring point"),
+        "Steps": ("Int", 0, "From point to neighboring point"),
     }
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        nodes.open_frame("Neighbours across, up and along the volume")
+        nodes.open_frame("Neighbors across, up and along the volume")
         index = nodes.out("GeometryNodeInputIndex", "Index", {}) + 0.0
         wrap, stride, neighbours = given["Wrap"].parts(), 1.0, []
         for axis, count in enumerate(CLOUD):

@@ -233,17 +233,17 @@ def test_surface_list_move_select_remove():
     add_cube()
     camera = add_camera()
     bpy.ops.scfpf.surface_add(kind="DISC")
-    assert surface_names(camera) == ["Near", "Disc", "Far"]
+    assert surface_names(camera) == ["Near", "Disk", "Far"]
     bpy.ops.scfpf.surface_move(direction="UP")
-    assert surface_names(camera) == ["Disc", "Near", "Far"] and camera.scfpf.active_surface == 0
+    assert surface_names(camera) == ["Disk", "Near", "Far"] and camera.scfpf.active_surface == 0
     bpy.ops.scfpf.surface_move(direction="DOWN")
-    assert surface_names(camera) == ["Near", "Disc", "Far"] and camera.scfpf.active_surface == 1
+    assert surface_names(camera) == ["Near", "Disk", "Far"] and camera.scfpf.active_surface == 1
     bpy.ops.scfpf.surface_select(index=2)
     assert bpy.context.object.name == "Far" and bpy.context.selected_objects == [bpy.context.object]
     assert camera.scfpf.active_surface == 2
     # With a surface active, the operators are about the camera that has it.
     bpy.ops.scfpf.surface_remove()
-    assert surface_names(camera) == ["Near", "Disc"] and camera.scfpf.active_surface == 1
+    assert surface_names(camera) == ["Near", "Disk"] and camera.scfpf.active_surface == 1
     assert "Far" not in bpy.data.objects
 
 

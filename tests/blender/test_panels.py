@@ -201,7 +201,7 @@ def test_progress_replaces_the_button_while_a_render_runs(addon, camera):
         jobs.stop()
     assert ("operator", "scfpf.render_cancel") in record and ("operator", "scfpf.render") not in record
     assert any(entry[0] == "progress" and entry[1].startswith("Rendering") for entry in record)
-    assert ("progress", "Cancelling") in cancelling
+    assert ("progress", "Canceling") in cancelling
 
 
 def test_what_is_missing_is_said(camera):

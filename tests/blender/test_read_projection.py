@@ -357,7 +357,7 @@ def empty_range(bridge, camera, near, far):
         (other_scene, "'Far' was deleted from this scene"),
         (wrong_type, "'Lamp' is of type Light"),
         (no_kind, "'Far' is no control surface"),
-        (wrong_group, "'Disc' has no node group with just the inputs Radius, Arc, Resolution"),
+        (wrong_group, "'Disk' has no node group with just the inputs Radius, Arc, Resolution"),
         (zero_scale, "'Far' has no size"),
         (zero_parent, "'Near' has no size"),
         (not_finite, "'Far' is not finite"),

@@ -288,7 +288,7 @@ def test_header_tells_stages_progress_time_and_memory(addon, engine_scene, monke
     # While it is built the header says so.
     number = said.index(("built", ()))
     last = next(given for name, given in reversed(said[:number]) if name == "update_stats")
-    assert "acceleration structure, which cannot be cancelled" in last[1]
+    assert "acceleration structure, which cannot be canceled" in last[1]
     assert any("Remaining 00:00 | Rendering" in text for text in stats)
     assert "64×36" in stats[-1]
     assert next(given for name, given in said if name == "update_memory_stats")[0] > 0

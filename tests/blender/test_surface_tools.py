@@ -389,7 +389,7 @@ def test_what_cannot_be_converted_is_said(addon, camera_with):
         (bpy.ops.scfpf.surface_to_grid, "cannot be converted"),
         (bpy.ops.scfpf.surface_to_patch, "cannot be converted"),
         (bpy.ops.scfpf.surface_subdivide, "is a lattice"),
-        (bpy.ops.scfpf.surface_equalise, "cannot be equalised"),
+        (bpy.ops.scfpf.surface_equalise, "cannot be equalized"),
         (bpy.ops.scfpf.surface_insert, "more points along W"),
     ):
         with pytest.raises(RuntimeError, match=text):

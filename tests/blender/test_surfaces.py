@@ -116,7 +116,7 @@ def test_groups_are_shared_and_rebuilt_when_edited(nodes):
     group = first.modifiers[0].node_group
     assert second.modifiers[0].node_group == group
     group.interface.remove(group.interface.items_tree["Arc"])
-    with pytest.raises(nodes.SurfaceError, match=r"'A'.*just the inputs Radius, Arc.*SCFPF Disc"):
+    with pytest.raises(nodes.SurfaceError, match=r"'A'.*just the inputs Radius, Arc.*SCFPF Disk"):
         nodes.surface_parameters(evaluated(first))
     third = place(nodes.new_surface("C", "DISC"))
     assert third.modifiers[0].node_group != group
