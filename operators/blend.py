@@ -19,6 +19,7 @@ from ..scfpf_addon.bridge.flexible_camera import (
     make_flexible,
     replace_surfaces,
 )
+from ..scfpf_addon.bridge.missing import absent_text
 from ..scfpf_addon.bridge.read_projection import read_projection
 from ..scfpf_addon.bridge.render_job import picture_aspect
 from ..scfpf_addon.projection.blending import BlendError, blended
@@ -185,8 +186,8 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
 
 def _end(context, camera, end):
     """One of a blend's cameras, if it can still be read. Raises BlendError."""
-    if context.scene.objects.get(end.name) != end:
-        raise BlendError(f"'{end.name}' is not in this scene any more: choose another camera, or undo")
+    if lost := absent_text(end, context.scene, "choose another camera"):
+        raise BlendError(lost)
     if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:
         raise BlendError(f"'{end.name}' is no flexible camera to blend with: choose another one")
     return end

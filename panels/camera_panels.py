@@ -16,10 +16,16 @@ from ..scfpf_addon.bridge.volume_upkeep import sharers
 from ..scfpf_addon.casting.scene import caster_fault
 from .blend import draw_blend
 from .mapping_stack import draw_stack
-from .surface_list import is_missing
+from .surface_list import absence_of
 
 # Letters that a line of the sidebar holds, about.
 LINE = 36
+# Where a control surface may be that the scene does not have.
+ABSENT = {
+    "deleted": "A control surface was deleted",
+    "in another scene": "A control surface is in another scene",
+    "in no scene": "A control surface is in no scene",
+}
 
 
 def problems(scene, camera) -> list[str]:
@@ -28,9 +34,8 @@ def problems(scene, camera) -> list[str]:
     found = []
     if len(slots) < 2 and not is_lattice_volume(slots):
         found.append("A volume needs two control surfaces")
-    if any(is_missing(scene, slot) for slot in slots):
-        found.append("A control surface was deleted")
-    return found
+    absent = {absence_of(scene, slot) for slot in slots}
+    return found + [text for where, text in ABSENT.items() if where in absent]
 
 
 def draw_render(layout, context, camera) -> None:
@@ -182,8 +187,10 @@ class _SurfacesSection(_Subsection):
             self.draw_surface(context, settings.surfaces[settings.active_surface], settings.basis)
 
     def draw_surface(self, context, slot, basis):
-        if is_missing(context.scene, slot):
-            self.layout.label(text="Remove it from the list with -", icon="ERROR")
+        if where := absence_of(context.scene, slot):
+            is_gone = where == "deleted"
+            text = "Remove it from the list with -" if is_gone else "Link it to the scene, or press -"
+            self.layout.label(text=text, icon="ERROR")
             return
         column = self.layout.column()
         if basis == "NURBS":

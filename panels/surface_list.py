@@ -3,7 +3,8 @@
 
 import bpy
 
-from ..scfpf_addon.bridge.volume_object import is_deleted
+from ..scfpf_addon.bridge.missing import absence
+from ..scfpf_addon.bridge.volume_object import is_absent
 
 KIND_ICONS = {
     "NONE": "MESH_DATA",
@@ -24,14 +25,14 @@ KIND_ICONS = {
 WEIGHT_WIDTH = 3
 
 
-def is_missing(scene, slot) -> bool:
-    """Whether a slot's object is gone: never set, or deleted while the slot still points at it."""
+def absence_of(scene, slot) -> str:
+    """The reason why a scene does not have a slot's object, in two or three words; empty if it has it."""
     if slot.object is None:
-        return True
-    # What is seen is there; finding an object in a scene takes longer the more there are.
+        return "deleted"
+    # A visible object is there; finding an object in a scene takes longer the more there are.
     if scene == bpy.context.scene and slot.object.visible_get():
-        return False
-    return is_deleted(slot.object, scene)
+        return ""
+    return absence(slot.object, scene) if is_absent(slot.object, scene) else ""
 
 
 class SCFPF_UL_surfaces(bpy.types.UIList):
@@ -39,11 +40,10 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
 
     def draw_item(self, context, layout, data, item, _icon, _active_data, _active_property, index):
         row = layout.row(align=True)
-        if is_missing(context.scene, item):
+        if where := absence_of(context.scene, item):
             row.alert = True
-            row.label(
-                text="Deleted" if item.object is None else f"{item.object.name} (deleted)", icon="ERROR"
-            )
+            text = "Deleted" if item.object is None else f"{item.object.name} ({where})"
+            row.label(text=text, icon="ERROR")
             return
         row.prop(item.object, "name", text="", emboss=False, icon=KIND_ICONS[item.object.scfpf_surface.kind])
         end = (

@@ -20,7 +20,8 @@ from ..projection.image_mappings import COEFFICIENTS, KINDS, ImageMapping, chang
 from ..projection.reparameterisation import Reparameterisation
 from .mapping_edits import MappingError, curve_node
 from .mesh_grid import SurfaceError, grid_points
-from .volume_object import is_deleted, keeps_evaluated
+from .missing import absent_text
+from .volume_object import is_absent, keeps_evaluated
 
 # A curve widget is a table of so many steps; at its entries it is exact.
 CURVE_STEPS = 256
@@ -151,10 +152,13 @@ def _curve_points(mapping) -> np.ndarray:
 
 def _grid_places(mapping, camera, depsgraph) -> np.ndarray:
     grid = mapping.grid
-    if grid is None or is_deleted(grid, depsgraph.scene):
+    if grid is None:
         raise MappingError(
-            f"The grid of '{mapping.name}' is missing: choose a mesh for it, or remove the mapping"
+            f"The image mapping '{mapping.name}' has no grid: choose a mesh for it, or remove it"
         )
+    if is_absent(grid, depsgraph.scene):
+        lost = absent_text(grid, depsgraph.scene, "choose another mesh for the image mapping", camera)
+        raise MappingError(f"The grid {lost}")
     if not (keeps_evaluated(camera, grid, depsgraph) or grid.name in depsgraph.objects):
         raise MappingError(
             f"The grid '{grid.name}' is hidden and its present shape unknown: press Render, or show it"

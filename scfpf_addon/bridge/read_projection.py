@@ -17,11 +17,11 @@ from ..projection.volume import Projection, ViewingVolume
 from . import lattice_object, nurbs_object
 from .mapping_edits import MappingError
 from .mesh_grid import SurfaceError, grid_points
-from .missing import missing_text
+from .missing import absent_text, missing_text
 from .read_mappings import read_mappings
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
 from .uv_mesh import read_reshaped, read_uv_mesh
-from .volume_object import is_deleted, keeps_evaluated
+from .volume_object import is_absent, keeps_evaluated
 
 # A transform that flattens one axis to less than this share of the longest has
 # no size there: float32 matrices cannot tell it from nought.
@@ -121,10 +121,9 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
     name, kind = surface.name, surface.scfpf_surface.kind
     if lost := missing_text(surface):
         raise ProjectionError(f"Control surface {lost}")
-    if is_deleted(surface, depsgraph.scene):
-        raise ProjectionError(
-            f"Control surface '{name}' was deleted from this scene: undo that, or take it off the list"
-        )
+    if is_absent(surface, depsgraph.scene):
+        lost = absent_text(surface, depsgraph.scene, "remove it from the list with -", camera)
+        raise ProjectionError(f"Control surface {lost}")
     if surface.type not in {"MESH", "SURFACE", "LATTICE"}:
         raise ProjectionError(
             f"'{name}' is of type {surface.type.title()}, neither a mesh nor a surface nor a lattice: "

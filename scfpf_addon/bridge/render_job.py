@@ -23,6 +23,7 @@ from ..shading.settings import Border, FrameSettings
 from .building import build, coarse_picture
 from .drawn import drawn_of
 from .kept_scene import KeptScene
+from .missing import absent_text
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_images import with_images
 from .read_lens import read_lens
@@ -32,7 +33,7 @@ from .read_scene import SceneError, read_scene
 from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
 from .render_passes import crypto_names
 from .sampling import sampling_of
-from .volume_object import holds, sync_volume_object
+from .volume_object import sync_volume_object
 
 # 16384 × 16384. A pixel is in the film and in Blender's buffer, then there and in the packed file,
 # which takes 38 bytes.
@@ -114,11 +115,8 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     pixel_error: overrides the camera's own. Raises one of RENDER_ERRORS.
     """
     size = picture_size(scene)
-    name = camera.name
-    if not holds(scene.objects, camera):
-        raise RenderError(
-            f"'{name}' is not in the scene '{scene.name}': link it there, or choose another camera"
-        )
+    if lost := absent_text(camera, scene, "choose another camera"):
+        raise RenderError(lost)
     # Restores what keeps hidden surfaces evaluated, should it have been deleted.
     sync_volume_object(camera)
 

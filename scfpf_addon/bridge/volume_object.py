@@ -82,8 +82,8 @@ def delete_volume_object(volume) -> None:
         bpy.data.node_groups.remove(group)
 
 
-def is_deleted(surface, scene) -> bool:
-    """Whether an object was deleted from a scene with X; it lives on for its pointer.
+def is_absent(surface, scene) -> bool:
+    """Whether a scene does not have an object: deleted with X it lives on for its pointer.
 
     Never an object of another file: linking a camera alone brings its surfaces
     along without linking them to the scene, and the volume object evaluates them.

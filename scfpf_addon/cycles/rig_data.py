@@ -12,6 +12,7 @@ import numpy as np
 
 from ..bridge import lattice_object, versions
 from ..bridge.flexible_camera import sync_volume_object
+from ..bridge.missing import absent_text
 from ..bridge.render_job import picture_size
 from ..bridge.rig_mark import RIG_KEY
 from ..bridge.volume_object import holds
@@ -81,8 +82,8 @@ def check(scene, camera) -> None:
         raise RigError("The scene is linked from another file: render it there")
     if not camera.is_editable:
         raise RigError(f"'{camera.name}' is linked from another file: make a library override of it first")
-    if not holds(scene.objects, camera):
-        raise RigError(f"'{camera.name}' is not in the scene '{scene.name}': link it there")
+    if lost := absent_text(camera, scene, "choose another camera"):
+        raise RigError(lost)
     require_cycles(scene)
 
 

@@ -13,6 +13,7 @@ import bpy
 from ..bridge import versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.lattice_object import KIND as LATTICE_KIND
+from ..bridge.missing import absent_text
 from ..bridge.volume_object import delete_with_data, holds
 from ..projection.preset import MAXIMUM_SURFACES
 from . import remap_nodes, table_object
@@ -90,8 +91,8 @@ def make_preview(scene, view_layer, camera):
         raise PreviewError(
             f"'{camera.name}' is linked from another file: make a library override of it first"
         )
-    if not holds(scene.objects, camera):
-        raise PreviewError(f"'{camera.name}' is not in the scene '{scene.name}': link it there")
+    if lost := absent_text(camera, scene, "choose another camera"):
+        raise PreviewError(lost)
     _check_surfaces(camera)
     sync_volume_object(camera)
     table = remap_nodes.table_object(camera, scene=scene)

@@ -258,7 +258,7 @@ def test_updates_say_what_is_missing_and_undo_takes_them_back(camera, two, seen)
     blend.scfpf.blend_ends.first = blend.scfpf.blend_ends.second
     gone = blend.scfpf.blend_ends.second
     bpy.context.scene.collection.objects.unlink(gone)
-    with pytest.raises(RuntimeError, match="not in this scene any more"):
+    with pytest.raises(RuntimeError, match="was deleted: undo that"):
         bpy.ops.scfpf.blend_update()
     blend.scfpf.blend_ends.preset = "../nothing"
     bpy.context.scene.collection.objects.link(gone)

@@ -179,7 +179,9 @@ def test_two_cameras_in_two_scenes(bridge, reading, camera):
     assert set(other_scene.objects) == {other, volume} | {slot.object for slot in other.scfpf.surfaces}
     assert len(read(reading, other, other_scene).volume.surfaces) == 2
     assert len(read(reading, camera).volume.surfaces) == 3
-    with pytest.raises(reading.ProjectionError, match="'A' was deleted from this scene"):
+    with pytest.raises(
+        reading.ProjectionError, match="'A' and its camera 'Camera' are in the scene 'Scene', not in 'Other'"
+    ):
         read(reading, camera, other_scene)
 
 

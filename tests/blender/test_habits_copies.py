@@ -203,8 +203,8 @@ def test_link(addon, shown, library, what, tmp_path):
     bpy.ops.wm.link(directory=f"{path}/{folder}/", filename=name, instance_collections=False)
     camera = the_camera(local=False)
     assert np.abs(shown(camera) - before).max() == 0
-    missing = addon("panels.surface_list").is_missing
-    assert not any(missing(bpy.context.scene, slot) for slot in camera.scfpf.surfaces)
+    absence = addon("panels.surface_list").absence_of
+    assert not any(absence(bpy.context.scene, slot) for slot in camera.scfpf.surfaces)
     # It renders, and goes on doing so after a reload.
     bpy.ops.mesh.primitive_cube_add(size=20)
     bpy.context.scene.camera = camera

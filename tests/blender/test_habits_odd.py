@@ -306,7 +306,7 @@ def test_the_scenes_camera_that_was_deleted_and_is_kept_for_a_pointer(camera, bu
     scene.collection.objects.unlink(camera)
     bpy.ops.object.select_all(action="DESELECT")
     count = len(bpy.data.objects)
-    with pytest.raises(RuntimeError, match=f"'{camera.name}' is not in the scene '{scene.name}': link it"):
+    with pytest.raises(RuntimeError, match=f"'{camera.name}' was deleted: undo that"):
         getattr(bpy.ops.scfpf, name)()
     assert len(bpy.data.objects) == count
 

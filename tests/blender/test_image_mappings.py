@@ -201,7 +201,7 @@ def test_bad_stacks_say_what_to_do(addon, camera, look):
     bpy.ops.scfpf.mapping_remove()
     grid = add("GRID").grid
     bpy.data.objects.remove(grid)
-    with pytest.raises(errors, match="grid of 'Deformed Grid' is missing"):
+    with pytest.raises(errors, match="'Deformed Grid' has no grid"):
         look(camera)
 
 

@@ -214,6 +214,22 @@ def test_what_is_missing_is_said(camera):
     assert "two control surfaces" in texts(drawn(main))
 
 
+def test_surfaces_of_another_scene_are_not_said_to_be_deleted(camera):
+    surface, scene = camera.scfpf.surfaces[0].object, bpy.context.scene
+    scene.collection.objects.unlink(surface)
+    bpy.data.collections.new("Assets").objects.link(surface)
+    assert "A control surface is in no scene" in texts(drawn(bpy.types.SCFPF_PT_view))
+    bpy.data.scenes.new("Other").collection.objects.link(surface)
+    assert "A control surface is in another scene" in texts(drawn(bpy.types.SCFPF_PT_view))
+    assert "Link it to the scene" in texts(drawn(bpy.types.SCFPF_PT_view_surfaces))
+    layout = RecordingLayout()
+    slots = camera.scfpf
+    bpy.types.SCFPF_UL_surfaces.draw_item(
+        None, bpy.context, layout, slots, slots.surfaces[0], 0, slots, "active_surface", 0
+    )
+    assert texts(layout.record) == f"{surface.name} (in another scene)"
+
+
 def test_surface_whose_node_group_is_gone_is_said_and_the_rest_drawn(camera):
     camera.scfpf.surfaces[0].object.modifiers.clear()
     assert "node group" in texts(drawn(bpy.types.SCFPF_PT_view_surfaces))

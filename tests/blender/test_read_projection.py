@@ -297,6 +297,17 @@ def other_scene(bridge, camera, near, far):
     bpy.data.scenes.new("Other").collection.objects.link(far)
 
 
+def no_scene(bridge, camera, near, far):
+    bpy.context.scene.collection.objects.unlink(far)
+    bpy.data.collections.new("Assets").objects.link(far)
+
+
+def camera_in_another_scene(bridge, camera, near, far):
+    for obj in (camera, near, far):
+        bpy.context.scene.collection.objects.unlink(obj)
+        (bpy.data.scenes.get("Other") or bpy.data.scenes.new("Other")).collection.objects.link(obj)
+
+
 def wrong_type(bridge, camera, near, far):
     light = bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT"))
     bpy.context.scene.collection.objects.link(light)
@@ -353,8 +364,13 @@ def empty_range(bridge, camera, near, far):
         (no_surfaces, "'Camera' has no control surfaces.*at least two"),
         (one_surface, "'Camera' has 1 control surface:.*at least two"),
         (empty_slot, "surface 3 of 'Camera' is empty"),
-        (deleted_surface, "'Far' was deleted"),
-        (other_scene, "'Far' was deleted from this scene"),
+        (deleted_surface, "'Far' was deleted: undo"),
+        (other_scene, "'Far' is in the scene 'Other', not in 'Scene': link it .*Link Objects to Scene"),
+        (no_scene, "'Far' is in no scene: drag its collection 'Assets' into 'Scene'"),
+        (
+            camera_in_another_scene,
+            "'Near' and its camera 'Camera' are in the scene 'Other'.*: go to that scene",
+        ),
         (wrong_type, "'Lamp' is of type Light"),
         (no_kind, "'Far' is no control surface"),
         (wrong_group, "'Disk' has no node group with just the inputs Radius, Arc, Resolution"),

@@ -152,7 +152,7 @@ def test_two_scenes_render_their_own(camera):
         window.scene = two
         with pytest.raises(RuntimeError, match="no flexible camera"):
             bpy.ops.scfpf.render()
-        with pytest.raises(RuntimeError, match="is not in the scene"):
+        with pytest.raises(RuntimeError, match="is in the scene 'Scene', not in 'Two': link it"):
             bpy.ops.scfpf.render(camera=camera.name)
         bpy.ops.mesh.primitive_ico_sphere_add()
         bpy.ops.scfpf.camera_add()
