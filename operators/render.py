@@ -138,7 +138,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             return {"CANCELLED"}
         try:
             show_progress(frame.pixels)
-            summary = frame.report.summary()
+            outcome, statistics = frame.report.outcome(), frame.report.statistics()
             # Blender has the pixels now; packing takes as much again, and the job holds them too.
             del frame, self._job
             warning = keep_result()
@@ -150,13 +150,13 @@ class SCFPF_OT_render(bpy.types.Operator):
             self.report({"WARNING"}, warning)
         camera = object_by_uid(self._camera_uid)
         if camera is not None and camera.is_editable:
-            camera.scfpf.report = summary
+            camera.scfpf.report, camera.scfpf.statistics = outcome, statistics
         editors = image_editors(context.window_manager)
         if editors:
             editors[0].image = image
-            self.report({"INFO"}, summary)
+            self.report({"INFO"}, outcome)
         else:
-            self.report({"INFO"}, f"{summary}. Show Picture, the icon beside Render, opens it")
+            self.report({"INFO"}, f"{outcome}. Show Picture, the icon beside Render, opens it")
         # The operator has no UNDO option, whose redo panel would render again at every change.
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message="SCFPF Render")

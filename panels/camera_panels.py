@@ -54,11 +54,16 @@ def draw_render(layout, context, camera) -> None:
     for problem in problems(context.scene, camera):
         layout.label(text=problem, icon="ERROR")
     draw_caster_fault(layout)
-    if camera.scfpf.report:
+    draw_parts(layout, camera.scfpf.report)
+
+
+def draw_parts(layout, text: str) -> None:
+    """The parts of a report in small lines."""
+    if text:
         column = layout.column(align=True)
         column.scale_y = 0.8
         column.active = False
-        for part in camera.scfpf.report.split(" · "):
+        for part in text.split(" · "):
             column.label(text=part)
 
 
@@ -160,6 +165,19 @@ class _Subsection:
         self.layout.use_property_split = True
         camera = flexible_camera_of(context)
         self.draw_settings(context, camera, camera.scfpf)
+
+
+class _StatisticsSection(_Subsection):
+    bl_label = "Statistics"
+    bl_order = 0  # registered before the surfaces, which have the same
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and bool(flexible_camera_of(context).scfpf.statistics)
+
+    def draw_settings(self, _context, _camera, settings):
+        draw_parts(self.layout, settings.statistics)
 
 
 class _SurfacesSection(_Subsection):
@@ -280,7 +298,7 @@ class _DataTab:
 class _Sidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
-    bl_category = "SCFPF"
+    bl_category = "Flexible"
     names_camera = True
 
     @classmethod
@@ -290,6 +308,10 @@ class _Sidebar:
 
 class SCFPF_PT_data(_DataTab, _MainSection, bpy.types.Panel):
     pass
+
+
+class SCFPF_PT_data_statistics(_StatisticsSection, _DataTab, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_data"
 
 
 class SCFPF_PT_data_surfaces(_SurfacesSection, _DataTab, bpy.types.Panel):
@@ -316,6 +338,10 @@ class SCFPF_PT_view(_Sidebar, _MainSection, bpy.types.Panel):
     pass
 
 
+class SCFPF_PT_view_statistics(_StatisticsSection, _Sidebar, bpy.types.Panel):
+    bl_parent_id = "SCFPF_PT_view"
+
+
 class SCFPF_PT_view_surfaces(_SurfacesSection, _Sidebar, bpy.types.Panel):
     bl_parent_id = "SCFPF_PT_view"
 
@@ -339,12 +365,14 @@ class SCFPF_PT_view_display(_DisplaySection, _Sidebar, bpy.types.Panel):
 register, unregister = bpy.utils.register_classes_factory(
     (
         SCFPF_PT_data,
+        SCFPF_PT_data_statistics,
         SCFPF_PT_data_surfaces,
         SCFPF_PT_data_projectors,
         SCFPF_PT_data_mappings,
         SCFPF_PT_data_quality,
         SCFPF_PT_data_display,
         SCFPF_PT_view,
+        SCFPF_PT_view_statistics,
         SCFPF_PT_view_surfaces,
         SCFPF_PT_view_projectors,
         SCFPF_PT_view_mappings,

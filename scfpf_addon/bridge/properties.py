@@ -436,7 +436,15 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     report: StringProperty(
         name="Last Render",
-        description="What the last render through this camera did",
+        description="Size and time of the last render through this camera",
+        default="",
+        options=set(),
+        update=_changed,
+        override=OVERRIDABLE,
+    )
+    statistics: StringProperty(
+        name="Statistics",
+        description="Rays, chords, triangles and memory of the last render through this camera",
         default="",
         options=set(),
         update=_changed,

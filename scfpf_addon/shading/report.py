@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a finished frame says about itself."""
+"""The report of a finished frame."""
 
 from __future__ import annotations
 
@@ -50,12 +50,21 @@ class RenderReport:
         """Whether the volume folds."""
         return self.folded_share > 0.0
 
-    def summary(self) -> str:
-        """One line for the interface."""
+    def outcome(self) -> str:
+        """Size and time of the image, and what is unusual about it, separated by " · "."""
         parts = [f"{self.width}×{self.height} in {self.seconds:.2f} s"]
         if not self.projectors:
             parts.append("nothing to cast at")
-        else:
+        if self.mirrored:
+            parts.append("mirrored")
+        if self.folded:
+            parts.append(f"{max(self.folded_share, 0.01):.0%} of the volume folds")
+        return " · ".join(parts)
+
+    def statistics(self) -> str:
+        """Rays, chords, error, triangles and memory, separated by " · "; empty if there are none."""
+        parts = []
+        if self.projectors:
             parts.append(f"{_short(self.rays)} rays")
             if self.straight:
                 parts.append("straight projectors")
@@ -69,11 +78,11 @@ class RenderReport:
             parts.append(f"{_short(self.built)} of {_short(self.triangles)} triangles in reach")
         if self.peak_memory:
             parts.append(f"memory up to {_short(self.peak_memory)}B")
-        if self.mirrored:
-            parts.append("mirrored")
-        if self.folded:
-            parts.append(f"{max(self.folded_share, 0.01):.0%} of the volume folds")
         return " · ".join(parts)
+
+    def summary(self) -> str:
+        """Outcome and statistics in one line."""
+        return " · ".join(filter(None, (self.outcome(), self.statistics())))
 
 
 def _short(count: int) -> str:

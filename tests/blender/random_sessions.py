@@ -23,7 +23,7 @@ LARGEST = {"columns": 40, "rows": 40, "resolution": 40, "points_u": 6, "points_v
 LARGEST |= {"samples": 4, "projector_count": 9, "iso_surfaces": 4, "pattern_seed": 9}
 OWN_GROUPS = ("scfpf", "scfpf_surface", "scfpf_sampling")
 # Set by the extension alone, which keeps them in step with something.
-KEPT = {"volume_object", "is_volume", "report", "name"}
+KEPT = {"volume_object", "is_volume", "report", "statistics", "name"}
 NAMES = ("", "Flexible Camera", "no such thing", "ä/ö\\..", "x" * 300)
 
 

@@ -153,7 +153,8 @@ def test_settings_of_the_camera_are_all_drawn(camera):
     for section in SECTIONS[1:]:
         record = drawn(getattr(bpy.types, f"SCFPF_PT_data{section}"))
         names |= {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_CameraSettings"}
-    hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object", "report"}
+    hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object"}
+    hidden |= {"report", "statistics"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
     hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden
@@ -185,7 +186,24 @@ def test_report_and_picture_are_offered_after_a_render(camera):
     bpy.ops.scfpf.render()
     record = drawn(bpy.types.SCFPF_PT_view)
     assert ("operator", "scfpf.result_show") in record
-    assert "32×18" in texts(record) and " s" in texts(record)
+    assert "32×18" in texts(record) and " s" in texts(record) and "rays" not in texts(record)
+    for place in ("data", "view"):
+        statistics = getattr(bpy.types, f"SCFPF_PT_{place}_statistics")
+        assert statistics.bl_parent_id == f"SCFPF_PT_{place}" and "DEFAULT_CLOSED" in statistics.bl_options
+        told = texts(drawn(statistics))
+        assert "rays" in told and "projector" in told and "memory" in told and "32×18" not in told
+
+
+def test_a_camera_that_has_not_rendered_has_no_statistics(camera):
+    assert not bpy.types.SCFPF_PT_view_statistics.poll(bpy.context)
+    camera.scfpf.statistics = "1 rays"
+    assert bpy.types.SCFPF_PT_view_statistics.poll(bpy.context)
+
+
+def test_the_tab_of_the_sidebar_says_flexible():
+    names = [name for name in dir(bpy.types) if name.startswith("SCFPF_PT_view")]
+    assert len(names) > 6
+    assert {getattr(bpy.types, name).bl_category for name in names} == {"Flexible"}
 
 
 def test_progress_replaces_the_button_while_a_render_runs(addon, camera):

@@ -286,11 +286,12 @@ def test_summary_lines():
     straight = RenderReport(1920, 1080, 0.412, 0.1, True, 2073600, 2073600, 2073600, 0.7, 0.0, 0.0)
     assert straight.summary() == "1920×1080 in 0.41 s · 2.1 M rays · straight projectors"
     mirrored = RenderReport(1920, 1080, 0.412, 0.1, True, 2073600, 2073600, 2073600, 0.7, 0.0, 0.0, True)
-    assert mirrored.summary() == straight.summary() + " · mirrored"
+    assert mirrored.outcome() == "1920×1080 in 0.41 s · mirrored"
+    assert mirrored.statistics() == straight.statistics() == "2.1 M rays · straight projectors"
     curved = RenderReport(100, 50, 61.234, 0.1, False, 5000, 61000, 36000, 0.7, 0.0987, 0.124)
     assert curved.summary() == (
-        "100×50 in 61.23 s · 61.0 k rays · 7.2 chords a projector · error ≤ 0.099 px"
-        " · 12% of the volume folds"
+        "100×50 in 61.23 s · 12% of the volume folds"
+        " · 61.0 k rays · 7.2 chords a projector · error ≤ 0.099 px"
     )
 
 

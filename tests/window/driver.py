@@ -95,7 +95,7 @@ class Driver:
         while region.is_property_readonly("active_panel_category"):
             assert time.monotonic() < end, "the sidebar is not drawn"
             yield 0.2
-        region.active_panel_category = "SCFPF"
+        region.active_panel_category = "Flexible"
         yield DRAW
 
     def open_image_editor(self) -> None:
