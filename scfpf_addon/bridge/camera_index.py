@@ -55,6 +55,10 @@ class CameraIndex:
         found = None if key is None else bpy.data.objects.get(key)
         return found if found is not None and found.session_uid == session_uid else None
 
+    def cameras(self) -> list[int]:
+        """Session ids of all cameras of the table."""
+        return list(self._names)
+
     def in_turn(self) -> set[int]:
         """The session id of one camera of the table, of each in turn; none of an empty table."""
         if not self._names:

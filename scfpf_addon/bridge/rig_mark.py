@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What marks the objects of a Cycles rig: no picture of ours shows them, and they stand for their camera."""
+"""The marks of Cycles rigs: on their own objects, which no picture shows, and on what they hide from rays."""
 
 from __future__ import annotations
 
@@ -7,6 +7,19 @@ import bpy
 
 # The custom property of each of a rig's objects that names the flexible camera; a pointer.
 RIG_KEY = "scfpf_rig_of"
+
+# The least width of a rig's screen, and so the ortho scale of its camera: no other camera's is as large.
+WIDTH = 200_000.0
+# By drivers of these, with this expression, objects are hidden from the rays of rigs.
+HIDDEN_RAYS = (
+    "visible_camera",
+    "visible_diffuse",
+    "visible_glossy",
+    "visible_transmission",
+    "visible_volume_scatter",
+    "visible_shadow",
+)
+HIDING = f"width < {WIDTH:.0f}"
 
 
 def is_rig_part(obj) -> bool:
@@ -18,3 +31,19 @@ def camera_behind(obj):
     """The flexible camera that a rig's camera stands for; any other object, or None, itself."""
     camera = None if obj is None else obj.get(RIG_KEY)
     return camera if isinstance(camera, bpy.types.Object) else obj
+
+
+def is_hiding(curve) -> bool:
+    """Whether a driver is one of those that hide an object from the rays of rigs."""
+    driver = curve.driver
+    return driver is not None and driver.expression == HIDING and curve.data_path in HIDDEN_RAYS
+
+
+def has_other_animation(owner) -> bool:
+    """Whether a datablock has an action, drivers or NLA tracks beside the drivers that hide it from rigs."""
+    animation = owner.animation_data
+    if animation is None:
+        return False
+    if animation.action is not None or len(animation.nla_tracks):
+        return True
+    return not all(is_hiding(curve) for curve in animation.drivers)

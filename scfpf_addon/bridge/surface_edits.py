@@ -23,6 +23,7 @@ from .flexible_camera import (
 )
 from .mesh_grid import grid_points, write_grid
 from .read_projection import PlacedLattice, read_projection, read_surface
+from .rig_mark import has_other_animation
 from .surface_nodes import MESH_KINDS, PARAMETRIC_KINDS, surface_parameters
 from .uv_mesh import read_uv_mesh
 from .volume_object import delete_with_data, editable_collections, link_beside
@@ -71,7 +72,7 @@ def _require_plain_points(surface) -> None:
         (surface.data.shape_keys is not None, "shape keys"),
         (bool(surface.vertex_groups), "vertex groups"),
         (any(modifier.type == "HOOK" for modifier in surface.modifiers), "hooks"),
-        (_is_animated(surface.data), "animated points"),
+        (has_other_animation(surface.data), "animated points"),
     ):
         if there:
             raise FlexibleCameraError(
@@ -150,11 +151,6 @@ def _become_grid(camera, surface, points) -> None:
     surface.update_tag()
 
 
-def _is_animated(owner) -> bool:
-    animation = owner.animation_data
-    return animation is not None and bool(animation.action or animation.drivers or animation.nla_tracks)
-
-
 def _put_in_place(camera, surface, kind: str, points, parameters=None):
     """Replace a surface on the camera's list by a new object of another type, at the same place.
 
@@ -162,7 +158,7 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
     surface that another camera has stays for that one, and so does what refers to it.
     """
     owners = (surface, surface.data, surface.data.shape_keys)
-    if surface.constraints or any(_is_animated(owner) for owner in owners if owner is not None):
+    if surface.constraints or any(has_other_animation(owner) for owner in owners if owner is not None):
         raise FlexibleCameraError(
             f"'{surface.name}' has constraints or animation, which the new object would not have: "
             "apply or remove them first"

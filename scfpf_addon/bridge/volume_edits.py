@@ -27,6 +27,7 @@ from .flexible_camera import (
 )
 from .mapping_edits import own_mapping_data
 from .read_projection import read_projection
+from .rig_mark import has_other_animation
 from .slot_animation import SURFACES, move_slot, require_own_items
 from .surface_nodes import (
     MESH_KINDS,
@@ -161,11 +162,6 @@ def swap_ends(camera) -> None:
     sync_volume_object(camera)
 
 
-def _is_animated(surface) -> bool:
-    data = surface.animation_data
-    return data is not None and (data.action is not None or len(data.drivers) > 0 or len(data.nla_tracks) > 0)
-
-
 def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
     """Mirror surfaces: Q(1-u, v) for axis "U", Q(u, 1-v) for "V".
 
@@ -186,7 +182,7 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
             patches.append((surface, nurbs_object.reversed_order(surface, axis)))
             continue
         if kind == lattice_object.KIND:
-            if surface.modifiers or surface.data.shape_keys is not None or _is_animated(surface):
+            if surface.modifiers or surface.data.shape_keys is not None or has_other_animation(surface):
                 raise FlexibleCameraError(
                     f"'{surface.name}' has modifiers, shape keys or animation that would not be mirrored: "
                     "apply or remove them first"
@@ -203,7 +199,7 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
             continue
         if kind == "POINT":
             continue
-        if is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER") or _is_animated(surface):
+        if is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER") or has_other_animation(surface):
             raise FlexibleCameraError(
                 f"'{surface.name}' has modifiers or animation that would not be mirrored: "
                 "convert it to a grid first"
@@ -283,7 +279,7 @@ def apply_scale(camera, index: int) -> None:
     kind = surface.scfpf_surface.kind
     if kind not in PARAMETRIC_KINDS:
         raise FlexibleCameraError(f"'{surface.name}' has points: apply its scale with Object > Apply > Scale")
-    if is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER") or _is_animated(surface):
+    if is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER") or has_other_animation(surface):
         raise FlexibleCameraError(
             f"'{surface.name}' has modifiers or animation, which another scale would change: "
             "convert it to a grid first"

@@ -111,6 +111,12 @@ def concerned(depsgraph) -> set[int]:
     return _upkeep.index.concerned(depsgraph)
 
 
+def camera_objects() -> list:
+    """The camera objects of the file as of the last look; quick unless one has gone or has another name."""
+    found = [_upkeep.index.find(uid) for uid in _upkeep.index.cameras()]
+    return _camera_objects() if None in found else found
+
+
 def sharers(camera) -> list[str]:
     """Names of the other cameras that have control surfaces of this one; for panels, which must be quick."""
     own = {slot.object for slot in camera.scfpf.surfaces if slot.object is not None}

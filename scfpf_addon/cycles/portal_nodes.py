@@ -10,6 +10,7 @@ from __future__ import annotations
 import bpy
 
 from ..bridge import versions
+from ..bridge.rig_mark import WIDTH
 from ..scanline.field_nodes import FieldBuilder, Value, node_group
 from ..scanline.place_nodes import view_inputs
 from ..scanline.solve_nodes import PROJECTOR, TABLE_INPUTS
@@ -21,9 +22,8 @@ START, END = "scfpf_start", "scfpf_end"
 # After them: where rays go on and along what, world space; how many portals they have passed before.
 POSITION, DIRECTION, DEPTH = "scfpf_position", "scfpf_direction", "scfpf_depth"
 
-# The rig's camera looks at a screen of this width or little more, this far below the scene. float32 tells
+# The rig's camera looks at a screen this far below the scene, WIDTH wide or little more. float32 tells
 # 16 million places across it, wherever it is.
-WIDTH = 200_000.0
 AWAY = 2.5e5
 TO_SCREEN = 1e4
 # Rays begin so far before the screen, since the fog of a world is there too: twice float32's step at AWAY.
@@ -181,10 +181,9 @@ def _portal(name: str, gated: bool, slot: int, follow):
         inputs = {"Position": Value(nodes, ray["Position"]) + onward * TELEPORT, "Direction": onward}
     else:
         inputs = {"Direction": attribute(DIRECTION)}
-    if not gated:
-        # Before 5.0 Cycles takes it as it is: rays not of length 1 see no smoke and reflect too little.
-        unit = {0: inputs["Direction"]}
-        inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
+    # Up to 5.1 Cycles takes it as it is: rays not of length 1 see no smoke and reflect too little.
+    unit = {0: inputs["Direction"]}
+    inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
     nodes.open_frame("The portal")
     shader, due = nodes.node("ShaderNodeBsdfRayPortal", "Ray Portal", inputs).outputs[0], None
     if gated:

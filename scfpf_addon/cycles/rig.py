@@ -14,12 +14,13 @@ from bpy.app.handlers import persistent
 from ..bridge import versions
 from ..bridge.read_projection import ProjectionError, read_projection
 from ..bridge.render_job import RenderError, picture_aspect, picture_size
+from ..bridge.rig_mark import has_other_animation
 from ..bridge.slot_animation import curve_collections
 from ..bridge.volume_object import sync_volume_object
 from ..projection.volume import Projection
 from ..scanline.picture_table import picture_signature
 from ..scanline.table_object import grid_cells, is_made
-from . import passes, portal_nodes
+from . import disturbed_materials, hidden_surfaces, passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
 from .rig_data import (
     CYCLES,
@@ -35,6 +36,7 @@ from .rig_data import (
     make_rig,
     present_chords,
     remove_rig,
+    renew_materials,
     require_cycles,
     rig_of,
     rigs,
@@ -77,6 +79,7 @@ def switch_on(context, camera):
         switch_off(present)
     rig = make_rig(scene, camera, chords)
     rig.scfpf_rig.animated = animated
+    _hide_surfaces()
     _look_through(scene, camera, True)
     _note(rig, context.evaluated_depsgraph_get(), chords)
     return rig
@@ -86,6 +89,7 @@ def update(context, rig) -> None:
     """Plan the chords of a rig anew, for all frames. Raises as switch_on does; the rig stays then."""
     chords, animated = _plan(context, rig.scfpf_rig.camera)
     update_nodes(rig)
+    renew_materials(rig)
     rig.scfpf_rig.animated = animated
     rig.scfpf_rig.problem = ""
     write_sheets(rig, chords)
@@ -109,6 +113,13 @@ def switch_off(rig) -> None:
         _look_through(settings.scene, settings.camera, False)
     _seen.pop(rig.session_uid, None)
     remove_rig(rig)
+    _hide_surfaces()
+
+
+def _hide_surfaces() -> None:
+    """Hide all control surfaces from rays if there is a rig, whatever the last look at the file found."""
+    hidden_surfaces.forget()
+    hidden_surfaces.hide_surfaces(bool(rigs()))
 
 
 def _look_through(scene, camera, on: bool) -> None:
@@ -157,9 +168,8 @@ def _may_move(camera) -> bool:
             continue
         seen.add(obj)
         keys = getattr(obj.data, "shape_keys", None)
-        for owner in (obj, obj.data, keys):
-            if owner is not None and owner.animation_data is not None:
-                return True
+        if any(owner is not None and has_other_animation(owner) for owner in (obj, obj.data, keys)):
+            return True
         if len(obj.constraints) or any(m.type != "NODES" for m in obj.modifiers):
             return True
         if obj.parent is not None:
@@ -203,6 +213,12 @@ def cautions(scene, view_layer, rig) -> list[str]:
         found.append("No depth of field: the projectors are bent")
     if settings.smoke:
         found.append(f"Begins in the smoke of '{settings.smoke}', which rays do not know of")
+    if settings.raycast:
+        found.append(f"The Raycast node of '{settings.raycast}' meets the rig's sheets: switch on Only Local")
+    if settings.asks_camera:
+        found.append(
+            f"The material '{settings.asks_camera}' asks for the camera or the ray, and gets the rig's"
+        )
     if settings.crosses:
         gated = portal_nodes.can_gate()
         found.append("The volume folds: rays turn too early" if gated else CROSSES)
@@ -212,6 +228,10 @@ def cautions(scene, view_layer, rig) -> list[str]:
         found.append(f"Off by up to {settings.error:.2g} px somewhere: sheets cannot be finer")
     if settings.missing > 0.0:
         found.append("Holes, and what the picture leaves empty, are filled in")
+    found += [
+        f"Cycles sees the control surface '{name}': it is linked, or has drivers of its own"
+        for name in hidden_surfaces.seen_surfaces(scene)
+    ]
     if _mappings_move(settings.camera):
         found.append("Image mappings stay as they are while Cycles renders an animation")
     return found
@@ -238,6 +258,10 @@ def tend(scene, depsgraph, may_remove: bool = True) -> None:
                 switch_off(rig)
         elif rig.scfpf_rig.scene == scene:
             _follow(rig, depsgraph)
+            if depsgraph.id_type_updated("MATERIAL") or depsgraph.id_type_updated("NODETREE"):
+                _note_materials(rig)
+    if may_remove:
+        hidden_surfaces.hide_surfaces(bool(rigs()))
 
 
 def _follow(rig, depsgraph) -> None:
@@ -255,6 +279,7 @@ def _follow(rig, depsgraph) -> None:
             update_nodes(rig)
         problem = _settle(rig, projection, structure_changed)
         _note_smoke(rig, depsgraph, projection)
+        _note_materials(rig)
         _seen[rig.session_uid] = now
     except (ProjectionError, PlanError, RenderError, RigError) as error:
         problem = str(error)
@@ -302,6 +327,7 @@ def _note(rig, depsgraph, chords: ChordPlan) -> None:
     _seen[rig.session_uid] = now
     _note_crossing(rig, projection, chords)
     _note_smoke(rig, depsgraph, projection)
+    _note_materials(rig)
 
 
 def plan_of(rig, projection: Projection) -> ChordPlan:
@@ -316,6 +342,18 @@ def _note_smoke(rig, depsgraph, projection: Projection) -> None:
     smoke = smoke_around(depsgraph, projection)
     if rig.scfpf_rig.smoke != smoke:
         rig.scfpf_rig.smoke = smoke
+
+
+def _note_materials(rig) -> None:
+    """Note the materials that look otherwise through the rig."""
+    settings = rig.scfpf_rig
+    for name, find in (
+        ("raycast", disturbed_materials.raycasting),
+        ("asks_camera", disturbed_materials.asking_camera),
+    ):
+        found = find(rig)
+        if getattr(settings, name) != found:
+            setattr(settings, name, found)
 
 
 def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
@@ -357,11 +395,21 @@ def _history_changes(*_) -> None:
 @persistent
 def _history_changed(*_) -> None:
     _seen.clear()
+    hidden_surfaces.forget()
 
 
 @persistent
 def _file_loaded(*_) -> None:
     _seen.clear()
+    hidden_surfaces.forget()
+
+
+@persistent
+def _render_begins(*_) -> None:
+    # A script may make a surface and render before anything was evaluated. In a window the render is a job,
+    # and what precedes it was evaluated.
+    if not bpy.app.is_job_running("RENDER"):
+        _hide_surfaces()
 
 
 HANDLERS = {
@@ -372,10 +420,12 @@ HANDLERS = {
     "undo_post": _history_changed,
     "redo_post": _history_changed,
     "load_post": _file_loaded,
+    "render_init": _render_begins,
 }
 
 
 def register():
+    hidden_surfaces.forget()
     for name, function in HANDLERS.items():
         getattr(bpy.app.handlers, name).append(function)
 

@@ -14,7 +14,7 @@ from ..bridge import lattice_object, versions
 from ..bridge.flexible_camera import sync_volume_object
 from ..bridge.missing import absent_text
 from ..bridge.render_job import picture_size
-from ..bridge.rig_mark import RIG_KEY
+from ..bridge.rig_mark import RIG_KEY, WIDTH
 from ..bridge.volume_object import holds
 from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
@@ -24,7 +24,7 @@ from ..scanline.table_object import follow_property, table_object
 from ..scanline.table_object import let_go as let_table_go
 from . import lens_nodes, pass_nodes, passes, portal_nodes
 from .chord_plan import ChordPlan
-from .portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN, WIDTH
+from .portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN
 from .seen_places import seen_places
 from .sheets import SURROUND_CORNERS, Portals, portals
 
@@ -166,12 +166,7 @@ def _place(view_camera) -> None:
 def _new_portals(camera, scene, width: float):
     name = f"{camera.name} Portals"
     mesh = bpy.data.meshes.new(name)
-
-    def follow(socket, path: str) -> None:
-        follow_property(socket, "default_value", camera, path)
-
-    for material in portal_nodes.new_materials(portal_nodes.can_gate(), scene, follow):
-        mesh.materials.append(material)
+    _give_materials(mesh, scene, camera)
     made = bpy.data.objects.new(name, mesh)
     made.modifiers.new(MODIFIER, "NODES")
     for name in UNSEEN_BY:
@@ -186,6 +181,26 @@ def _new_portals(camera, scene, width: float):
     target = variable.targets[0]
     target.context_property, target.data_path = "ACTIVE_SCENE", "camera.data.ortho_scale"
     return made
+
+
+def _give_materials(mesh, scene, camera) -> None:
+    """Let a rig's mesh have new materials."""
+
+    def follow(socket, path: str) -> None:
+        follow_property(socket, "default_value", camera, path)
+
+    mesh.materials.clear()
+    for material in portal_nodes.new_materials(portal_nodes.can_gate(), scene, follow):
+        mesh.materials.append(material)
+
+
+def renew_materials(rig) -> None:
+    """Make a rig's materials anew: another version of the add-on may have made them otherwise."""
+    settings = rig.scfpf_rig
+    mesh = settings.portals.data
+    before = set(mesh.materials) - {None}
+    _give_materials(mesh, settings.scene, settings.camera)
+    bpy.data.batch_remove([material for material in before if material.users == 0])
 
 
 def _take_over(rig) -> None:

@@ -124,6 +124,18 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         default="",
         update=_changed,
     )
+    raycast: StringProperty(
+        name="Raycast",
+        description="A material whose Raycast node meets the rig's sheets",
+        default="",
+        update=_changed,
+    )
+    asks_camera: StringProperty(
+        name="Asks the Camera",
+        description="A material that depends on the camera or the ray, and gets those of the rig",
+        default="",
+        update=_changed,
+    )
     problem: StringProperty(
         name="Problem",
         description="Why the rig does not follow the camera at present; empty when it does",

@@ -177,3 +177,71 @@ def render_passes(path, samples=1):
     result["Object Index"] = next(v for n, v in result.items() if "Index" in n)[..., 0].astype(int)
     composite = [values for name, values in found.items() if name.startswith("Composite.")]
     return result | ({"Composite": composite[0]} if composite else {})
+
+
+def add_box(name, location, color):
+    """A cube that shines in one colour."""
+    bpy.ops.mesh.primitive_cube_add(size=1.5, location=location)
+    box = bpy.context.object
+    box.name = name
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    emission.inputs["Color"].default_value = (*color, 1)
+    tree.links.new(emission.outputs[0], output.inputs[0])
+    box.data.materials.append(material)
+    return box
+
+
+def render(path):
+    """A picture with one sample a pixel, in the middle of it; (H, W, 4), row 0 at the bottom."""
+    scene = bpy.context.scene
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    return pixels_of(path)
+
+
+def pixels_of(path):
+    image = bpy.data.images.load(str(path))
+    pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], 4)
+    bpy.data.images.remove(image)
+    return pixels
+
+
+def prepare_cycles():
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.use_adaptive_sampling = 1, False, False
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 0.01
+    settings = scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.file_format, settings.color_depth, settings.color_mode = "OPEN_EXR", "32", "RGBA"
+
+
+def bent_camera(addon):
+    """A flexible camera with bent projectors before three boxes."""
+    scene = bpy.context.scene
+    for name, location, color in (
+        ("Red", (-2, 0.5, -8), (1, 0, 0)),
+        ("Green", (1, -0.5, -12), (0, 1, 0)),
+        ("Blue", (0, 2, -5), (0, 0, 1)),
+    ):
+        add_box(name, location, color)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    scene.render.resolution_x, scene.render.resolution_y = 60, 40
+    flexible = addon("scfpf_addon.bridge.flexible_camera")
+    flexible.make_flexible(camera)
+    flexible.clear_surfaces(camera)
+    for depth, height, x in ((1, 1.0, 0), (6, 4.0, 2.5), (16, 9.0, 0)):
+        surface = flexible.add_surface(camera, "PLANE", parameters={"width": 1.5 * height, "height": height})
+        surface.location = (x, 0, -depth)
+    bpy.context.view_layer.update()
+    prepare_cycles()
+    bpy.context.view_layer.objects.active = camera
+    return camera

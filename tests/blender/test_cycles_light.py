@@ -128,6 +128,8 @@ def set_up(name, camera):
         fog = tree.nodes.new("ShaderNodeVolumeScatter")
         fog.inputs["Density"].default_value = 0.1
         tree.links.new(fog.outputs[0], tree.nodes["World Output"].inputs["Volume"])
+    if "mirror" in name:
+        bpy.data.objects["Sphere"].data.materials.append(mirror())
     if "smoke" in name:
         bpy.ops.mesh.primitive_cube_add(size=3, location=(0.5, 4, 0))
         bpy.context.object.data.materials.append(smoke())
@@ -146,9 +148,19 @@ def smoke():
     return material
 
 
+def mirror():
+    """A rough one: sharp, it would show the lamp as fireflies."""
+    material = bpy.data.materials.new("Mirror")
+    if material.node_tree is None:
+        material.use_nodes = True
+    inputs = material.node_tree.nodes["Principled BSDF"].inputs
+    inputs["Metallic"].default_value, inputs["Roughness"].default_value = 1.0, 0.6
+    return material
+
+
 CASES = {
-    "perspective, adaptive sampling": ("PERSP", 1),
-    "eight chords, smoke": ("PERSP", 8),
+    "perspective, adaptive sampling, mirror": ("PERSP", 1),
+    "eight chords, smoke, mirror": ("PERSP", 8),
     "eight chords, motion": ("PERSP", 8),
     "fog": ("PERSP", 1),
     "eight chords, fog": ("PERSP", 8),

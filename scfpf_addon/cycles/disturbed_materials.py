@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials that the rig disturbs: their Raycast nodes meet its sheets, or they depend on camera or ray.
+
+Rays of Cycles' Raycast node meet whatever any kind of ray sees (svm_raycast in its kernel/svm/raycast.h), and
+camera rays have to see the sheets. With Only Local they meet the material's own object alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+
+from ..bridge.rig_mark import is_rig_part
+
+# Outputs that depend on the place of the camera, on the length of the ray, or on what it has passed.
+OUTPUTS = {
+    "ShaderNodeCameraData": ("View Vector", "View Z Depth", "View Distance"),
+    "ShaderNodeTexCoord": ("Camera", "Window"),
+    "ShaderNodeLightPath": ("Ray Length", "Transparent Depth", "Portal Depth"),
+}
+
+
+def raycasting(rig) -> str:
+    """The name of a material whose Raycast node meets a rig's sheets; empty if its scene has none."""
+    return _first(rig, lambda node: node.bl_idname == "ShaderNodeRaycast" and not node.only_local)
+
+
+def asking_camera(rig) -> str:
+    """The name of a material that depends on the camera or on the ray; empty if a rig's scene has none."""
+    return _first(rig, _asks_camera)
+
+
+def _asks_camera(node) -> bool:
+    if node.bl_idname == "ShaderNodeVectorTransform":
+        return "CAMERA" in (node.convert_from, node.convert_to)
+    names = OUTPUTS.get(node.bl_idname, ())
+    return any(output.is_linked for output in node.outputs if output.name in names)
+
+
+def _first(rig, is_meant: Callable[[bpy.types.Node], bool]) -> str:
+    settings, known = rig.scfpf_rig, {}
+    found = {
+        material
+        for material in set(bpy.data.materials) - set(settings.portals.data.materials)
+        if material.node_tree is not None and _has(material.node_tree, is_meant, known)
+    }
+    if not found:
+        return ""
+    users = (obj for obj in settings.scene.objects if not is_rig_part(obj))
+    used = {slot.material for obj in users for slot in obj.material_slots} & found
+    return min((material.name for material in used), default="")
+
+
+def _has(tree, is_meant: Callable[[bpy.types.Node], bool], known: dict[int, bool]) -> bool:
+    """Whether a node of a tree, or of a group in it, is meant. known: the trees that were looked at."""
+    key = tree.session_uid
+    if key not in known:
+        groups = [
+            node.node_tree for node in tree.nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree
+        ]
+        known[key] = any(map(is_meant, tree.nodes)) or any(_has(group, is_meant, known) for group in groups)
+    return known[key]

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Control surfaces hidden from the rays of Cycles rigs, for as long as the file has a rig.
+
+Drivers of the objects' own ray visibility hide them, with or without the add-on, while the rendered scene's
+camera is a rig's. All other cameras see them as before. A ray visibility that the artist has switched off
+gets no driver, so that removing the drivers restores what was there. Drivers refer to no datablock by
+pointer, which makes them safe to add and remove between two steps of undo.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ..bridge.mapping_edits import grids_of
+from ..bridge.rig_mark import HIDDEN_RAYS, HIDING, has_other_animation, is_hiding
+from ..bridge.slot_animation import curve_collections
+from ..bridge.volume_object import holds
+from ..bridge.volume_upkeep import camera_objects
+
+# Lattices are not rendered.
+RENDERED = {"MESH", "SURFACE"}
+
+# What the last look found, numbers only: the number of objects, and surfaces with their switch for renders.
+_known: list[tuple] = []
+
+
+def forget() -> None:
+    """Look at all objects at the next call of ``hide_surfaces``."""
+    _known.clear()
+
+
+def hide_surfaces(is_wanted: bool) -> None:
+    """Hide the control surfaces of all cameras from the rays of rigs, and show what is one no longer.
+
+    is_wanted: whether the file has a rig. Quick where nothing has changed.
+    """
+    surfaces = _surfaces(camera_objects() if _known else bpy.data.objects) if is_wanted else {}
+    now = len(bpy.data.objects), tuple((uid, surface.hide_render) for uid, surface in surfaces.items())
+    if _known == [now]:
+        return
+    for obj in bpy.data.objects:
+        if obj.animation_data is not None and obj.session_uid not in surfaces and obj.is_editable:
+            _show(obj)
+    for surface in surfaces.values():
+        if surface.is_editable and _may_be_rendered(surface):
+            _hide(surface)
+    _known[:] = [now]
+
+
+def seen_surfaces(scene) -> list[str]:
+    """Names of a scene's surfaces that a rig's rays meet: linked ones, and those with other drivers."""
+    return sorted(
+        surface.name
+        for surface in _surfaces(camera_objects()).values()
+        if _may_be_rendered(surface)
+        and any(not _is_hidden(surface, ray) for ray in HIDDEN_RAYS)
+        and holds(scene.objects, surface)
+    )
+
+
+def _surfaces(candidates) -> dict[int, bpy.types.Object]:
+    """Surfaces and grids of mappings of cameras among ``candidates``, by session id; no picture has them."""
+    found = {}
+    for camera in candidates:
+        if camera.type != "CAMERA":
+            continue
+        settings = camera.scfpf
+        for member in [slot.object for slot in settings.surfaces] + grids_of(settings):
+            if member is not None and member.type in RENDERED:
+                found[member.session_uid] = member
+    return found
+
+
+def _may_be_rendered(surface) -> bool:
+    return not surface.hide_render or _curve(surface, "hide_render") is not None
+
+
+def _curve(obj, path: str):
+    """The driver of a property, or else an F-curve of it; None if it has neither."""
+    curves = (curve for curves in curve_collections(obj) for curve in curves)
+    return next((curve for curve in curves if curve.data_path == path), None)
+
+
+def _is_hidden(surface, ray: str) -> bool:
+    curve = _curve(surface, ray)
+    return is_hiding(curve) if curve is not None else not getattr(surface, ray)
+
+
+def _hide(surface) -> None:
+    for ray in HIDDEN_RAYS:
+        curve = _curve(surface, ray)
+        has_driver = curve is not None and curve.driver is not None
+        if has_driver or (curve is None and not getattr(surface, ray)):
+            continue
+        made = surface.driver_add(ray)
+        for generator in list(made.modifiers):
+            made.modifiers.remove(generator)
+        made.driver.expression = HIDING
+        variable = made.driver.variables.new()
+        variable.name, variable.type = "width", "CONTEXT_PROP"
+        target = variable.targets[0]
+        target.context_property, target.data_path = "ACTIVE_SCENE", "camera.data.ortho_scale"
+        # A scene may have no camera, or an object that has no lens.
+        target.use_fallback_value, target.fallback_value = True, 0.0
+
+
+def _show(obj) -> None:
+    """Take the drivers from an object; the ray visibilities that have one were on."""
+    hidden = [curve.data_path for curve in obj.animation_data.drivers if is_hiding(curve)]
+    for ray in hidden:
+        obj.driver_remove(ray)
+        setattr(obj, ray, True)
+    if hidden and not has_other_animation(obj):
+        obj.animation_data_clear()
