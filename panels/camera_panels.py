@@ -53,6 +53,8 @@ def draw_render(layout, context, camera) -> None:
         row.operator("scfpf.render_cancel", text="", icon="X")
     for problem in problems(context.scene, camera):
         layout.label(text=problem, icon="ERROR")
+    if context.scene.render.use_multiview:
+        layout.label(text="One view: F12 renders all", icon="INFO")
     draw_caster_fault(layout)
     draw_parts(layout, camera.scfpf.report)
 

@@ -10,7 +10,7 @@ from .camera_panels import draw_caster_fault
 # Blender's panels that every engine may show come with BLENDER_RENDER; these would promise what is not there,
 # or are the bare siblings of those below.
 LEFT_OUT = ("DATA_PT_light", "DATA_PT_spot", "NODE_DATA_PT_light", "MATERIAL_PT_freestyle_line")
-LEFT_OUT_FAMILIES = ("RENDER_PT_freestyle", "VIEWLAYER_PT_freestyle", "RENDER_PT_stereoscopy")
+LEFT_OUT_FAMILIES = ("RENDER_PT_freestyle", "VIEWLAYER_PT_freestyle")
 # EEVEE's own that draw what materials, worlds and lights are made of.
 TAKEN = (
     "EEVEE_MATERIAL_PT_context_material",

@@ -63,7 +63,7 @@ def frustum_projection(camera, depsgraph, aspect: float) -> Projection:
 
     aspect: width / height of the picture, > 0. Raises FrustumError.
     """
-    place = _placement(camera)
+    place = placement(camera)
     near, far = (
         Plane(matrix=place @ end.matrix, width=end.width, height=end.height)
         for end in frustum(camera, depsgraph.scene_eval)
@@ -71,15 +71,20 @@ def frustum_projection(camera, depsgraph, aspect: float) -> Projection:
     return Projection(ViewingVolume((near, far)), aspect=aspect)
 
 
-def depth_plane(camera) -> Array:
-    """(4,) (a, b, c, d): a·x + b·y + c·z + d is a point's distance from the camera along its axis."""
-    place = _placement(camera)
+def depth_plane(place: Array) -> Array:
+    """(4,) (a, b, c, d): a·x + b·y + c·z + d is a point's distance from the camera along its axis.
+
+    place: (4, 4), rigid, camera space to world space.
+    """
     axis = -place[:3, 2]
     return np.array([*axis, -float(axis @ place[:3, 3])])
 
 
-def _placement(camera) -> Array:
-    """Camera space to world space, (4, 4): a camera's scale is not part of its view."""
+def placement(camera) -> Array:
+    """Camera space to world space, (4, 4): a camera's scale is not part of its view.
+
+    Raises FrustumError.
+    """
     matrix = np.array(camera.matrix_world, np.float64)
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
     if not (np.isfinite(matrix).all() and sizes.min() > 0):

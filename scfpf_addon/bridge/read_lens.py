@@ -7,6 +7,7 @@ import numpy as np
 
 from ..projection.volume import Projection
 from ..shading.lens import Aperture, Lens, lens_of
+from .multi_view import Eye, eye_place
 
 # Of a lens of no f-number Cycles takes this one.
 SMALLEST_F_STOP = 1e-5
@@ -20,16 +21,15 @@ NOT_DEFINED = (
 )
 
 
-def read_lens(camera, projection: Projection, depsgraph) -> tuple[Lens | None, str]:
+def read_lens(camera, projection: Projection, depsgraph, eye: Eye = "") -> tuple[Lens | None, str]:
     """The lens of an evaluated camera, None without depth of field, and a warning if that is not defined.
 
-    The aperture is as large as Cycles has it: focal length / twice the f-number.
+    projection: of the eye. The aperture is as large as Cycles has it: focal length / twice the f-number.
     """
     settings = camera.data.dof
     if not settings.use_dof:
         return None, ""
-    axes = np.array(camera.matrix_world, np.float64)[:3, :3]
-    axes = axes / np.maximum(np.linalg.norm(axes, axis=0), np.finfo(np.float64).tiny)
+    axes = eye_place(camera, eye)[:3, :3]
     axes[:, 2] *= -1.0
     radius = camera.data.lens * MILLIMETRE / (2.0 * max(settings.aperture_fstop, SMALLEST_F_STOP))
     aperture = Aperture(

@@ -26,14 +26,18 @@ WHOLE = 2**20
 
 
 class Delivery:
-    """Tiles of one view layer on their way to Blender. Used in the thread that renders only."""
+    """Tiles of one view of a view layer on their way to Blender. Used in the thread that renders only."""
 
-    def __init__(self, engine, view_layer) -> None:
-        """Announce the passes of the view layer."""
+    def __init__(self, engine, view_layer, view: str = "", part: tuple[int, int] = (0, 1)) -> None:
+        """Announce the passes of the view layer.
+
+        view: Blender's name of the view. part: its number from 0, and how many views there are.
+        """
         self._engine = engine
         self._view_layer = view_layer
         self.layer = view_layer.name
-        self._view = engine.active_view_get()
+        self.view = view
+        self._part = part
         self._passes = list(list_render_passes(view_layer))
         self._waiting: list[tuple[slice, Single, dict[str, Single]]] = []
         self._bytes = 0
@@ -74,8 +78,9 @@ class Delivery:
         if now - self._updated < TICK:
             return
         self._updated = now
-        self._engine.update_progress(share)
-        text = f"Rendering {share:.0%}"
+        number, count = self._part
+        self._engine.update_progress((number + share) / count)
+        text = f"Rendering {share:.0%}" if count == 1 else f"Rendering {self.view} {share:.0%}"
         if share > 0.0:
             left = (now - self._started) * (1.0 - share) / share
             text = f"Remaining {int(left // 60):02d}:{int(left % 60):02d} | {text}"
@@ -96,14 +101,14 @@ class Delivery:
     def _deliver(self, bottom: int, made: dict[str, Single]) -> None:
         """Hand over rows from ``bottom`` up. made: by the passes' source, each (rows, W, channels)."""
         height, width = made[""].shape[:2]
-        result = self._engine.begin_result(0, bottom, width, height, layer=self.layer, view=self._view)
+        result = self._engine.begin_result(0, bottom, width, height, layer=self.layer, view=self.view)
         try:
             target = result.layers[0].passes
             for each in self._passes:
                 if each.source in made:
                     # Flat: Blender takes nothing else.
                     values = np.ravel(made[each.source])
-                    target.find_by_name(each.name, self._view).rect.foreach_set(values)
+                    target.find_by_name(each.name, self.view).rect.foreach_set(values)
         finally:
             self._engine.end_result(result)
             self._has_delivered = True
@@ -114,7 +119,7 @@ class Delivery:
             self.flush()
         finally:
             if not self._has_delivered:
-                result = self._engine.begin_result(0, 0, WHOLE, WHOLE, layer=self.layer, view=self._view)
+                result = self._engine.begin_result(0, 0, WHOLE, WHOLE, layer=self.layer, view=self.view)
                 self._engine.end_result(result)
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import time
 import traceback
 
@@ -13,6 +14,7 @@ import numpy as np
 from ..shading.frame import render_frame
 from ..shading.settings import Border
 from .building import BUILDING, build, coarse_picture
+from .multi_view import eye_of, view_camera
 from .render_delivery import Delivery
 from .render_job import (
     RENDER_ERRORS,
@@ -25,7 +27,6 @@ from .render_job import (
 )
 from .render_passes import list_render_passes
 from .render_viewport import ViewportRender, stop_all
-from .rig_mark import camera_behind
 
 ENGINE = "SCFPF"
 # Seconds from the beginning of a job in a window until a failure is sure to end it.
@@ -48,18 +49,26 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.type)
 
     def render(self, depsgraph):
-        """Make the picture of one view layer at one frame.
+        """Make the pictures of one view layer at one frame, one for each view.
 
         However this ends, Blender has pixels (without, it crashes when it saves them) and
         an error is a report, which stops animations and keeps it from writing files.
         """
         try:
-            delivery = Delivery(self, depsgraph.view_layer_eval)
-            try:
-                # Held by no name here: what the volume cannot meet is freed once the rest is built.
-                self._make(self._read(depsgraph, delivery), delivery)
-            finally:
-                delivery.close()
+            with contextlib.ExitStack() as ends:
+                views = [view.name for view in self.get_result().views]
+                deliveries = [
+                    Delivery(self, depsgraph.view_layer_eval, view, (number, len(views)))
+                    for number, view in enumerate(views)
+                ]
+                for delivery in deliveries:
+                    ends.callback(delivery.close)
+                said: set[str] = set()
+                for delivery in deliveries:
+                    # Blender then answers for this view: with its camera, if it has one of its own.
+                    self.active_view_set(delivery.view)
+                    # Held by no name here: what the volume cannot meet is freed once the rest is built.
+                    self._make(self._read(depsgraph, delivery, said), delivery)
         except RENDER_ERRORS as error:
             self._fail(reason(error))
         except Exception as error:  # What leaves here Blender prints and takes for success.
@@ -81,14 +90,16 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             self.viewport = ViewportRender()
         return self.viewport
 
-    def _read(self, depsgraph, delivery: Delivery) -> RenderInputs:
+    def _read(self, depsgraph, delivery: Delivery, said: set[str]) -> RenderInputs:
+        """Read what a view shows. said: the warnings that other views have given; its own are added."""
         size = self.resolution_x, self.resolution_y
         require_size(*size)
         camera = self.camera_override or depsgraph.scene.camera
         if camera is None:
             raise RenderError("The scene has no camera: add one with Add > Camera > Flexible Camera")
         self.update_stats("", "Reading the scene")
-        camera = camera_behind(camera.original)
+        camera = view_camera(camera.original, self.render)
+        eye = eye_of(self.render, delivery.view)
         inputs = read_inputs(
             depsgraph,
             camera,
@@ -97,11 +108,14 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             passes=delivery.sources,
             may_be_empty=True,
             stopped=self.test_break,
+            eye=eye,
         )
         # Of a scene that was read in part they would be wrong.
         for warning in () if self.test_break() else inputs.scene.warnings:
-            self.report({"WARNING"}, warning)
-        return with_motion(depsgraph, camera, inputs, self.frame_set, self.test_break)
+            if warning not in said:
+                self.report({"WARNING"}, warning)
+        said.update(inputs.scene.warnings)
+        return with_motion(depsgraph, camera, inputs, self.frame_set, self.test_break, eye)
 
     def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
         if self.test_break():

@@ -24,6 +24,7 @@ from .building import build, coarse_picture
 from .drawn import drawn_of
 from .kept_scene import KeptScene
 from .missing import absent_text
+from .multi_view import Eye, MultiViewError, eye_place, seen_by, unseen_settings
 from .ordinary_camera import FrustumError, depth_plane, frustum_projection
 from .read_images import with_images
 from .read_lens import read_lens
@@ -50,6 +51,7 @@ RENDER_ERRORS = (
     CastError,
     FrustumError,
     MemoryError,
+    MultiViewError,
     ProjectionError,
     RenderDepsgraphError,
     RenderError,
@@ -112,7 +114,8 @@ def shown_aspect(render, width: int, height: int) -> float:
 def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> RenderInputs:
     """Read all that a picture of ``view_layer`` through ``camera`` needs, as evaluated for a render.
 
-    pixel_error: overrides the camera's own. Raises one of RENDER_ERRORS.
+    pixel_error: overrides the camera's own. Of a scene with several views it is the camera's own view,
+    between the eyes. Raises one of RENDER_ERRORS.
     """
     size = picture_size(scene)
     if lost := absent_text(camera, scene, "choose another camera"):
@@ -123,7 +126,11 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     def read(depsgraph, set_frame) -> RenderInputs:
         return with_motion(depsgraph, camera, read_inputs(depsgraph, camera, size, pixel_error), set_frame)
 
-    return with_render_depsgraph(scene, view_layer, read, with_time=True)
+    inputs = with_render_depsgraph(scene, view_layer, read, with_time=True)
+    if not scene.render.use_multiview:
+        return inputs
+    warning = f"This is the one view of '{camera.name}' itself: F12 with SCFPF renders all views of the scene"
+    return replace(inputs, scene=replace(inputs.scene, warnings=(*inputs.scene.warnings, warning)))
 
 
 def read_inputs(
@@ -137,14 +144,15 @@ def read_inputs(
     scene: Scene | None = None,
     aspect: float | None = None,
     stopped: Callable[[], bool] | None = None,
+    eye: Eye = "",
 ) -> RenderInputs:
     """Read all that a picture of a depsgraph through a camera, flexible or not, needs.
 
     size: of the whole picture in pixels. pixel_error: overrides the camera's own. border:
     the part that is made. passes: names of ``shading.passes.PASSES``. may_be_empty: as in
     ``read_scene``. scene: read from the depsgraph before. aspect: of the picture as it is shown,
-    by its size and the scene's pixel aspect if not given. stopped: as in ``read_scene``. Raises one
-    of RENDER_ERRORS.
+    by its size and the scene's pixel aspect if not given. stopped: as in ``read_scene``. eye: of a
+    stereoscopic scene. Raises one of RENDER_ERRORS.
     """
     width, height = size
     render = depsgraph.scene_eval.render
@@ -152,17 +160,18 @@ def read_inputs(
         aspect = shown_aspect(render, width, height)
     evaluated = camera.evaluated_get(depsgraph)
     options = evaluated.scfpf
-    projection = read_view(camera, depsgraph, aspect)
-    plane = None if options.enabled else depth_plane(evaluated)
-    lens, warning = read_lens(evaluated, projection, depsgraph)
+    projection = read_view(camera, depsgraph, aspect, eye)
+    plane = None if options.enabled else depth_plane(eye_place(evaluated, eye))
+    lens, lens_warning = read_lens(evaluated, projection, depsgraph, eye)
+    warnings = tuple(filter(None, (lens_warning, unseen_settings(evaluated, eye))))
     if scene is None:
         scene = with_images(
             read_scene(depsgraph, may_be_empty, "UV" in passes, stopped),
             projection,
             transparent=render.film_transparent,
         )
-    if warning:
-        scene = replace(scene, warnings=(*scene.warnings, warning))
+    if warnings:
+        scene = replace(scene, warnings=(*scene.warnings, *warnings))
     marks = {}
     if any(name.startswith("CRYPTO") for name in passes):
         marks = {kind: identifiers(names) for kind, names in crypto_names(scene).items()}
@@ -185,25 +194,29 @@ def read_inputs(
     )
 
 
-def read_view(camera, depsgraph, aspect: float) -> Projection:
-    """The projection of a camera, flexible or not. Raises one of RENDER_ERRORS."""
+def read_view(camera, depsgraph, aspect: float, eye: Eye = "") -> Projection:
+    """The projection of a camera, flexible or not, or of one of its eyes. Raises one of RENDER_ERRORS."""
     evaluated = camera.evaluated_get(depsgraph)
     if evaluated.scfpf.enabled:
-        return read_projection(camera, depsgraph, aspect)
-    return frustum_projection(evaluated, depsgraph, aspect)
+        projection = read_projection(camera, depsgraph, aspect)
+    else:
+        projection = frustum_projection(evaluated, depsgraph, aspect)
+    return projection.transformed(seen_by(evaluated, eye)) if eye else projection
 
 
-def with_motion(depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lambda: False) -> RenderInputs:
+def with_motion(
+    depsgraph, camera, inputs: RenderInputs, set_frame, stopped=lambda: False, eye: Eye = ""
+) -> RenderInputs:
     """The inputs with what is seen while the shutter is open, if the scene has motion blur.
 
-    inputs: as read of the depsgraph and the camera. set_frame: evaluates the depsgraph at another time.
-    stopped(): whether the render is to be given up.
+    inputs: as read of the depsgraph, the camera and the eye. set_frame: evaluates the depsgraph at another
+    time. stopped(): whether the render is to be given up.
     """
     aspect = inputs.projection.aspect
 
     def view():
-        projection = read_view(camera, depsgraph, aspect)
-        return projection, read_lens(camera.evaluated_get(depsgraph), projection, depsgraph)[0]
+        projection = read_view(camera, depsgraph, aspect, eye)
+        return projection, read_lens(camera.evaluated_get(depsgraph), projection, depsgraph, eye)[0]
 
     def everything():
         projection, lens = view()

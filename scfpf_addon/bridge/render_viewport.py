@@ -20,6 +20,7 @@ from ..projection.volume import Projection, ViewingVolume
 from ..shading.scene import Scene
 from ..shading.settings import Border, FrameSettings
 from .drawn import drawn_of
+from .multi_view import EYES, Eye, eye_of, frame_matrix
 from .read_images import KnownImages, with_images
 from .read_scene import read_scene
 from .render_job import RENDER_ERRORS, RenderInputs, read_inputs, reason
@@ -119,12 +120,19 @@ def view_key(context, depsgraph) -> tuple:
     """What tells one view of the same scene from another."""
     region, view = context.region, context.region_data
     return (
+        viewport_eye(context.space_data, depsgraph),
         depsgraph.scene.frame_current,
         region.width,
         region.height,
         view.view_perspective,
         tuple(value for row in view.perspective_matrix for value in row),
     )
+
+
+def viewport_eye(space, depsgraph) -> Eye:
+    """Return the eye by which a viewport looks through a camera; "" for both or none."""
+    chosen = space.stereo_3d_camera.lower()
+    return eye_of(depsgraph.scene_eval.render, chosen) if chosen in EYES else ""
 
 
 def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
@@ -134,10 +142,11 @@ def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
     """
     region, view, space = context.region, context.region_data, context.space_data
     camera = space.camera if space.use_local_camera else depsgraph.scene.camera
+    eye = viewport_eye(space, depsgraph)
     if view.view_perspective != "CAMERA" or camera is None or camera.type != "CAMERA":
         camera, place = None, Place(0.0, 0.0, float(region.width), float(region.height))
     else:
-        place = camera_place(camera, depsgraph, region, view)
+        place = camera_place(camera, depsgraph, region, view, eye)
     if place is None:
         return None
     scale = min(1.0, (MOST_PIXELS / (place.width * place.height)) ** 0.5)
@@ -148,7 +157,8 @@ def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
     if camera is None:
         inputs = free_view(depsgraph, view, scene, size)
     else:
-        inputs = read_inputs(depsgraph, camera.original, size, scene=scene, aspect=place.width / place.height)
+        aspect = place.width / place.height
+        inputs = read_inputs(depsgraph, camera.original, size, scene=scene, aspect=aspect, eye=eye)
     left, right = (place.left + x * place.width / size[0] for x in (border.left, border.right))
     bottom, top = (place.bottom + y * place.height / size[1] for y in (border.bottom, border.top))
     return Commission(
@@ -156,12 +166,15 @@ def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
     )
 
 
-def camera_place(camera, depsgraph, region, view) -> Place | None:
-    """Where the frame of a camera is in a viewport that looks through it, None if it has no size."""
+def camera_place(camera, depsgraph, region, view, eye: Eye = "") -> Place | None:
+    """Where the frame of a camera is in a viewport that looks through it, None if it has no size.
+
+    eye: by which the viewport looks.
+    """
     evaluated = camera.evaluated_get(depsgraph)
     frame = evaluated.data.view_frame(scene=depsgraph.scene)
     where, turn, _scale = evaluated.matrix_world.decompose()
-    matrix = Matrix.LocRotScale(where, turn, None)
+    matrix = Matrix.LocRotScale(where, turn, None) @ Matrix(frame_matrix(evaluated, eye))
     right_top, left_bottom = (
         location_3d_to_region_2d(region, view, matrix @ corner) for corner in (frame[0], frame[2])
     )

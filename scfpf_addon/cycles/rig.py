@@ -203,6 +203,8 @@ def cautions(scene, view_layer, rig) -> list[str]:
         found.append("The rig works in Cycles only")
     if scene.camera != settings.view_camera:
         found.append("Another camera is the scene's now")
+    if scene.render.use_multiview:
+        found.append("Stereoscopy: all views come out the same")
     if view_layer.material_override is not None:
         found.append("The view layer's material override stops the rays")
     if cycles.transparent_max_bounces < settings.chords + 2:

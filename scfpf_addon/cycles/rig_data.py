@@ -161,6 +161,8 @@ def _place(view_camera) -> None:
     view_camera.location.z = -AWAY
     lens = view_camera.data
     lens.clip_start, lens.clip_end = TO_SCREEN - BEFORE_SCREEN, 2.0 * TO_SCREEN
+    # Eyes apart would look past the screen.
+    lens.stereo.interocular_distance = 0.0
 
 
 def _new_portals(camera, scene, width: float):

@@ -36,7 +36,7 @@ def viewport(scene, width=WIDTH, height=HEIGHT, perspective="CAMERA", zoom=1.0, 
         view_perspective=perspective, perspective_matrix=window @ camera.matrix_world.normalized().inverted()
     )
     region = SimpleNamespace(width=width, height=height)
-    space = SimpleNamespace(use_local_camera=False, camera=camera)
+    space = SimpleNamespace(use_local_camera=False, camera=camera, stereo_3d_camera="S3D")
     return SimpleNamespace(region=region, region_data=view, space_data=space), depsgraph
 
 
