@@ -17,7 +17,7 @@ class MeshArrays:
     """One mesh as evaluated, in its own space.
 
     vertices: (V, 3) float32. triangles: (T, 3) int32. normals: (T, 3, 3) float32,
-    the shading normal at each corner, or (T, 1, 3) where all corners of a face have the same; None where
+    the shading normal at each corner, or (T, 1, 3) where a triangle's corners have the same; None where
     that is the triangle's own.
     slot: (T,) int32, material slot numbers.
     finite: False if triangles were left out because of non-finite vertices. uv: (T, 3, 2)
@@ -45,11 +45,8 @@ def of_mesh(thing, read):
             thing.to_mesh_clear()
 
 
-def read_mesh(mesh, with_uv: bool = False, with_normals: bool = True) -> MeshArrays:
-    """The arrays of an evaluated bpy.types.Mesh. with_uv: the texture coordinates, too.
-
-    with_normals: even where they are the triangles' own.
-    """
+def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:
+    """The arrays of an evaluated bpy.types.Mesh. with_uv: the texture coordinates, too."""
     face, corners = _triangulation(mesh)
     count = len(mesh.polygons) if face is None else len(face)
     vertices = np.empty((len(mesh.vertices) if count else 0, 3), np.float32)
@@ -70,9 +67,8 @@ def read_mesh(mesh, with_uv: bool = False, with_normals: bool = True) -> MeshArr
         corner_uv = np.empty((len(mesh.loops), 2), np.float32)
         layer.uv.foreach_get("vector", corner_uv.reshape(-1))
         uv = _taken(corner_uv, corners).reshape(-1, 3, 2)
-    own = face is None and mesh.normals_domain == "FACE"
-    normals = None if own and not with_normals else read_normals(mesh, corners, face)
     triangles = _taken(corner_vertex, corners).reshape(-1, 3)
+    normals = _read_normals(mesh, corners)
     return _finite(MeshArrays(vertices, triangles, normals, slot, uv=uv))
 
 
@@ -97,18 +93,24 @@ def _taken(values: NDArray, which: NDArray[np.int32] | None) -> NDArray:
     return values if which is None else values.take(which, axis=0)
 
 
-def read_normals(
-    mesh, corners: NDArray[np.int32] | None = None, face: NDArray[np.int32] | None = None
-) -> NDArray[np.float32]:
-    """Normals as in ``MeshArrays``. corners, face: of the triangles, see ``_triangulation``."""
+def _read_normals(mesh, corners: NDArray[np.int32] | None) -> NDArray[np.float32] | None:
+    """Normals as in ``MeshArrays``. corners: of the triangles, see ``_triangulation``.
+
+    Return None for flat shading: as in Cycles each triangle then has its own normal, not its polygon's.
+    """
     if mesh.normals_domain == "FACE":
-        # A third of the memory, and Blender need not spread them to the corners first.
-        normal = np.empty((len(mesh.polygons), 3), np.float32)
-        mesh.polygon_normals.foreach_get("vector", normal.reshape(-1))
-        return _taken(normal, face)[:, None]
+        return None
     normal = np.empty((len(mesh.loops), 3), np.float32)
     mesh.corner_normals.foreach_get("vector", normal.reshape(-1))
     return _taken(normal, corners).reshape(-1, 3, 3)
+
+
+def own_normals(vertices: NDArray[np.float32], triangles: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Unit normals of triangles (T, 3) over vertices (V, 3), (T, 1, 3); 0 for a triangle without area."""
+    corner = vertices.astype(np.float64)[triangles]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return (normal / np.where(length > 0.0, length, 1.0)).astype(np.float32)[:, None]
 
 
 def _finite(mesh: MeshArrays) -> MeshArrays:

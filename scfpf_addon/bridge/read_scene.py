@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import bpy
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,7 +16,7 @@ from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
 from .light_paths import read_bounces
-from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh, read_normals
+from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, own_normals, read_mesh
 from .read_layers import join_layers, read_layer
 from .read_lights import read_light
 from .read_materials import MaterialTable, listing
@@ -81,7 +80,7 @@ def read_scene(
         if stopped and stopped():
             break
         reader.add(instance)
-    reader.complete(depsgraph)
+    reader.complete()
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
     visibility = geometry.visibility
     shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
@@ -126,8 +125,6 @@ class _SceneReader:
         self._shown: dict[tuple[int, int], tuple[int, int]] = {}
         self._seen: list[tuple[int, int]] = []
         self._mesh_numbers: dict[int, int] = {}
-        # Whose meshes have no normals but the triangles' own, by the mesh's number.
-        self._plain: dict[int, bpy.types.Object] = {}
         self._look_numbers: dict[tuple[int, int], int] = {}
         self._looks: list[tuple[int, list[int]]] = []
         self._placed: list[tuple[int, int]] = []
@@ -156,7 +153,7 @@ class _SceneReader:
             return
         matrix = np.array(instance.matrix_world, np.float64)
         if thing.type == "MESH":
-            self._placed.append(self._mesh_and_look(thing, pointer, instance.is_instance))
+            self._placed.append(self._mesh_and_look(thing, pointer))
             self._matrices.append(matrix)
             self._seen.append(shown)
         elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
@@ -189,15 +186,12 @@ class _SceneReader:
             return False
         return not own.hide_render or top.instance_type != "COLLECTION"
 
-    def _mesh_and_look(self, thing, pointer: int, is_instance: bool) -> tuple[int, int]:
+    def _mesh_and_look(self, thing, pointer: int) -> tuple[int, int]:
         mesh_pointer = thing.data.as_pointer()
         mesh = self._mesh_numbers.get(mesh_pointer)
         if mesh is None:
             mesh = self._mesh_numbers[mesh_pointer] = len(self.meshes)
-            # What only stands in for an instance is not there any more when ``complete`` would ask for it.
-            self.meshes.append(of_mesh(thing, lambda data: read_mesh(data, self._with_uv, is_instance)))
-            if self.meshes[-1].normals is None:
-                self._plain[mesh] = thing.original
+            self.meshes.append(of_mesh(thing, lambda data: read_mesh(data, self._with_uv)))
         look = self._look_numbers.get((pointer, mesh_pointer))
         if look is None:
             look = self._look_numbers[pointer, mesh_pointer] = len(self._looks)
@@ -224,15 +218,14 @@ class _SceneReader:
             if values is not None:
                 arrays.layers[name] = values if arrays.kept is None else values[arrays.kept]
 
-    def complete(self, depsgraph) -> None:
-        """Read what normals were left out, if other meshes have any that are not their triangles' own."""
+    def complete(self) -> None:
+        """Write out the normals that are the triangles' own, if other meshes have any that are not."""
         if all(mesh.normals is None or not len(mesh.triangles) for mesh in self.meshes):
             return
-        for number, own in self._plain.items():
-            mesh = self.meshes[number]
-            normals = of_mesh(own.evaluated_get(depsgraph), read_normals)
-            normals = normals if mesh.kept is None else normals[mesh.kept]
-            self.meshes[number] = replace(mesh, normals=normals)
+        for number, mesh in enumerate(self.meshes):
+            if mesh.normals is None:
+                normals = own_normals(mesh.vertices, mesh.triangles)
+                self.meshes[number] = replace(mesh, normals=normals)
 
     def instances(self) -> Instances:
         """All that was added and stands at a finite place, as arrays."""
@@ -291,9 +284,7 @@ def join(
             f"The scene has {triangles:,} triangles once every instance is counted, more than "
             f"{MAXIMUM_TRIANGLES:,}: hide instances or lower the subdivision"
         )
-    # Where nothing is smooth the corners of a triangle share one normal, and nothing has to be kept thrice.
-    sizes = [0 if mesh.normals is None else mesh.normals.shape[1] for mesh in meshes if len(mesh.triangles)]
-    corners = max(sizes, default=1)
+    smooth = any(mesh.normals is not None for mesh in meshes if len(mesh.triangles))
     short = shortage(triangles * BYTES_PER_TRIANGLE)
     if short:
         raise SceneError(
@@ -306,7 +297,7 @@ def join(
         np.empty((vertices, 3)),
         # One mesh in one place keeps its own numbers.
         meshes[instances.mesh[0]].triangles if alone else np.empty((triangles, 3), np.int32),
-        np.empty((triangles, corners, 3), np.float32) if corners else None,
+        np.empty((triangles, 3, 3), np.float32) if smooth else None,
         _room(instances.slots, triangles),
         _room(instances.look_object, triangles),
         object_names,
@@ -324,14 +315,11 @@ def join(
             triangle += len(mine) * len(mesh.triangles)
             vertex += len(mine) * len(mesh.vertices)
             blocks.append((len(mesh.triangles), mesh.layers, mirrored[mine]))
-    normals = result.corner_normals
-    if normals is not None:
-        normalize(normals)
-        normals = np.broadcast_to(normals, (triangles, 3, 3))
+    if result.corner_normals is not None:
+        normalize(result.corner_normals)
     many = [len(meshes[number].triangles) for number in instances.mesh[order]]
     return replace(
         result,
-        corner_normals=normals,
         layers=join_layers(blocks, triangles),
         visibility=None if instances.visibility is None else np.repeat(instances.visibility[order], many),
         linked=None if instances.linked is None else np.repeat(instances.linked[order], many),
@@ -385,7 +373,7 @@ def _turn_over(mirrored: NDArray[np.bool_], into: Geometry, triangle: int, many:
     for start in triangle + many * np.flatnonzero(mirrored):
         own = slice(start, start + many)
         into.triangles[own] = into.triangles[own][:, [0, 2, 1]]
-        if into.corner_normals is not None and into.corner_normals.shape[1] == 3:
+        if into.corner_normals is not None:
             into.corner_normals[own] = into.corner_normals[own][:, [0, 2, 1]]
         if into.uv is not None:
             into.uv[own] = into.uv[own][:, [0, 2, 1]]

@@ -17,7 +17,7 @@ from .typing import Single
 # float32 normals that were stored in 16 bits.
 FLAT = 1e-4
 # The same where a triangle's corners share one normal: what float32 makes of small faces far from the
-# origin, or of a quad as good as flat. A tenth of a per cent of the light.
+# origin. A tenth of a per cent of the light.
 FLAT_FACE = 1e-3
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shader nodes as Cycles has them: the same colours, pixel by pixel, on surfaces that glow."""
 
+import math
+
 import bpy
 import numpy as np
 import pytest
@@ -76,6 +78,43 @@ def test_every_supported_node_is_as_in_cycles(tmp_path):
         assert a.shape == (CELL, CELL, 4)
     assert not wrong
     assert len(places) > 150
+
+
+NORMALS = ["flat", "smooth", "sharp edges", "flat faces and sharp edges", "custom"]
+if bpy.app.version >= (5, 2, 0):
+    # Up to then Cycles, unlike EEVEE, shades smooth faces by the normals of flat ones beside them as well.
+    NORMALS.append("some faces flat")
+
+
+@pytest.mark.parametrize("kind", NORMALS)
+def test_normals_are_those_that_cycles_shades_with(kind, tmp_path):
+    """Faces of four corners that lie in no plane, one copy mirrored, beside a smooth thing."""
+    scene = scene_with_camera()
+    mesh = wavy_sheet().data
+    for number, vertex in enumerate(mesh.vertices):
+        vertex.co.z += 0.1 * math.sin(7 * number)
+    faces, edges = len(mesh.polygons), len(mesh.edges)
+    flat = {"flat": np.ones(faces, bool), "smooth": np.zeros(faces, bool), "custom": np.zeros(faces, bool)}
+    some = np.arange(faces) % 3 == 0
+    if kind != "sharp edges":
+        mesh.polygons.foreach_set("use_smooth", ~flat.get(kind, some))
+    if "edges" in kind:
+        mesh.edges.foreach_set("use_edge_sharp", np.arange(edges) % 5 == 0)
+    if kind == "custom":
+        mesh.normals_split_custom_set([(0.3, 0.1 * (k % 4), 0.9) for k in range(len(mesh.loops))])
+    mesh.update()
+    other = bpy.data.objects.new("Mirrored", mesh)
+    other.location, other.scale = (0.9, 0.4, 0.4), (-0.6, 0.5, 0.5)
+    scene.collection.objects.link(other)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=8, ring_count=6, radius=0.4, location=(-0.7, 0.6, 0.5))
+    ball = bpy.context.object.data
+    ball.shade_smooth()
+    for each in (mesh, ball):
+        material = new_material()
+        tree = material.node_tree
+        emit(tree, half(tree, add(tree, "ShaderNodeNewGeometry").outputs["Normal"]))
+        each.materials.append(material)
+    assert differing(*both(scene, tmp_path), STEP) < 0.01
 
 
 @pytest.mark.parametrize("kind", ["noise", "image", "inverted", "weak"])

@@ -2,6 +2,7 @@
 """What is read of a scene: every kind of object, where it stands, its normals and slots."""
 
 import math
+from dataclasses import replace
 
 import bpy
 import numpy as np
@@ -26,7 +27,9 @@ def area(scene, which=slice(None)):
 
 
 def test_arrays_have_the_contracts_types_and_shapes(read):
-    link("Cube", cube_mesh())
+    mesh = cube_mesh()
+    mesh.shade_smooth()
+    link("Cube", mesh)
     geometry = read().geometry
     assert geometry.vertices.shape == (8, 3) and geometry.vertices.dtype == np.float64
     assert geometry.triangles.shape == (12, 3) and geometry.triangles.dtype == np.int32
@@ -73,19 +76,14 @@ def test_a_flattened_object_has_the_normal_of_its_plane(read):
     obj = link("Flat", cube_mesh())
     obj.scale = (1, 1, 0)
     obj.rotation_euler = (0.5, 0.2, 0)
+    bpy.ops.mesh.primitive_uv_sphere_add(segments=4, ring_count=3, radius=0.1)
+    bpy.context.object.data.shade_smooth()
     scene = read()
     plane = np.array(obj.rotation_euler.to_matrix())[:, 2]
-    lids = [triangle for triangle in range(12) if area(scene, [triangle]) > 1]
+    lids = [triangle for triangle in triangles_of(scene, "Flat") if area(scene, [triangle]) > 1]
     assert len(lids) == 4
     assert np.abs(scene.geometry.corner_normals[lids] @ plane) == pytest.approx(1, abs=1e-6)
     assert np.isfinite(scene.geometry.corner_normals).all()
-
-
-def test_flat_and_sharp_faces_keep_their_own_normals(read):
-    link("Flat", cube_mesh())
-    scene = read()
-    expected = np.broadcast_to(geometric_normals(scene)[:, None], (12, 3, 3))
-    assert scene.geometry.corner_normals == pytest.approx(expected, abs=1e-6)
 
 
 def test_smooth_faces_share_normals(read):
@@ -196,7 +194,6 @@ def test_instances_stand_where_blender_puts_them(read):
     # The scale mirrors: vertices stay in place, the winding turns over.
     assert scene.geometry.vertices.reshape(3, 3, 3) == pytest.approx(expected)
     assert geometric_normals(scene) == pytest.approx(np.broadcast_to([0.0, 0, 1], (3, 3)), abs=1e-6)
-    assert scene.geometry.corner_normals == pytest.approx(np.broadcast_to([0.0, 0, 1], (3, 3, 3)), abs=1e-6)
 
 
 def geometry_nodes_cubes(target):
@@ -365,15 +362,17 @@ def test_lights_and_world_come_along(read_render):
 
 def test_faces_of_one_triangle_are_read_in_order(addon):
     """Corners are not asked for where each face is a triangle; a face more of four corners, and they are."""
-    read_mesh = addon("scfpf_addon.bridge.read_scene").read_mesh
+    arrays = addon(BRIDGE + "mesh_arrays")
     points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1)]
     for faces in ([(4, 1, 0), (2, 3, 4), (1, 4, 2)], [(4, 1, 0), (0, 1, 2, 3), (2, 3, 4)]):
         mesh = bpy.data.meshes.new("Faces")
         mesh.from_pydata(points, [], faces)
-        found = read_mesh(mesh)
+        found = arrays.read_mesh(mesh)
         mesh.calc_loop_triangles()
         assert found.triangles.tolist() == [list(each.vertices) for each in mesh.loop_triangles]
-        assert np.allclose(found.normals[:, 0], [each.normal for each in mesh.loop_triangles], atol=1e-6)
+        own = arrays.own_normals(found.vertices, found.triangles)
+        assert found.normals is None
+        assert np.allclose(own[:, 0], [each.normal for each in mesh.loop_triangles], atol=1e-6)
         assert found.vertices.tolist() == [list(point) for point in points]
 
 
@@ -399,7 +398,7 @@ def test_normals_of_triangles_are_left_out_where_no_others_are(read):
     own = together.geometry.part(mine)
     assert np.array_equal(own.vertices, alone.geometry.vertices)
     assert np.array_equal(own.triangles, alone.geometry.triangles)
-    # Blender's own, turned; those of the triangles as they stand are the same.
+    # Those of the mesh, turned; those of the triangles as they stand are the same.
     difference = own.corner_normals - geometric_normals(alone)[:, None]
     assert np.abs(difference).max() < 1e-5
 
@@ -412,7 +411,7 @@ def test_left_out_normals_of_broken_meshes_fit_what_is_left(read):
     assert len(geometry.triangles) == len(geometry.corner_normals) == 80 - 5 + 16 * 14
 
 
-def test_pictures_of_triangles_are_those_by_blenders_normals(addon, engine_scene, monkeypatch):
+def test_pictures_of_triangles_are_those_by_normals_of_corners(addon, engine_scene, monkeypatch):
     plain, smooth = plain_and_smooth()
     for other in (smooth, bpy.data.objects["Cube"]):
         bpy.data.objects.remove(other)
@@ -420,6 +419,12 @@ def test_pictures_of_triangles_are_those_by_blenders_normals(addon, engine_scene
     own = f12(engine_scene)[COMBINED]
     module = addon(BRIDGE + "read_scene")
     read_mesh = module.read_mesh
-    monkeypatch.setattr(module, "read_mesh", lambda mesh, with_uv, _: read_mesh(mesh, with_uv, True))
+
+    def with_normals(mesh, with_uv):
+        found = read_mesh(mesh, with_uv)
+        normals = module.own_normals(found.vertices, found.triangles)
+        return replace(found, normals=normals.repeat(3, axis=1))
+
+    monkeypatch.setattr(module, "read_mesh", with_normals)
     theirs = f12(engine_scene)[COMBINED]
     assert np.ptp(own[..., :3]) > 0.05 and np.array_equal(own, theirs)
