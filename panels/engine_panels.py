@@ -150,6 +150,8 @@ class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         scene = context.scene
+        if hasattr(scene, "cycles"):
+            layout.prop(scene.cycles, "film_exposure")
         layout.prop(scene.render, "film_transparent", text="Transparent")
         layout.use_property_decorate = True
         layout.prop(scene.scfpf_sampling, "pixel_filter")
@@ -220,6 +222,47 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
             layout.label(text="Depth: length along the projector from the near surface", icon="INFO")
 
 
+class SCFPF_PT_engine_filter(_EnginePanel, bpy.types.Panel):
+    """What the view layer leaves out, and what takes the place of its materials and its world"""
+
+    bl_label = "Filter and Override"
+    bl_context = "view_layer"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        view_layer = context.view_layer
+        column = layout.column(heading="Include", align=True)
+        column.prop(view_layer, "use_sky", text="Environment")
+        column.prop(view_layer, "use_solid", text="Surfaces")
+        row = layout.row(heading="Use")
+        row.active = context.scene.render.use_motion_blur
+        row.prop(view_layer, "use_motion_blur", text="Motion Blur")
+        layout.prop(view_layer, "material_override")
+        layout.prop(view_layer, "world_override")
+
+
+class SCFPF_PT_engine_beam(_EnginePanel, bpy.types.Panel):
+    """How wide the light of an area lamp's points spreads"""
+
+    bl_label = "Beam Shape"
+    bl_parent_id = "DATA_PT_EEVEE_light"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.light is not None and context.light.type == "AREA"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(context.light, "spread")
+        if hasattr(context.light, "cycles"):
+            layout.prop(context.light.cycles, "is_portal", text="Portal")
+
+
 class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
     """Which rays meet this object, or which light a lamp gives"""
 
@@ -255,6 +298,8 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
         SCFPF_PT_engine_film,
         SCFPF_PT_engine_performance,
         SCFPF_PT_engine_passes,
+        SCFPF_PT_engine_filter,
+        SCFPF_PT_engine_beam,
         SCFPF_PT_engine_ray_visibility,
     )
 )

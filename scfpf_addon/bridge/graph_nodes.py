@@ -34,6 +34,15 @@ def _value(inputs: NodeInputs) -> Outputs:
     return {"Value": inputs.builder.constant(inputs.node.outputs[0].default_value)}
 
 
+def _light_falloff(inputs: NodeInputs) -> Outputs:
+    """Quadratic as it is without Smooth, which is light's own falloff; the others stand in as that."""
+    outputs = inputs.node.outputs
+    smooth = inputs.builder.is_always(inputs.value("Smooth"), 0.0)
+    if not smooth or any(one.is_linked for one in outputs if one.identifier != "Quadratic"):
+        inputs.note()
+    return {one.identifier: inputs.value("Strength") for one in outputs}
+
+
 def _matrix_from(thing) -> Array:
     return np.linalg.pinv(np.array(thing.matrix_world, np.float64))
 
@@ -395,6 +404,7 @@ def _simple(kind: str, result: str, *names: str) -> Callable[[NodeInputs], Outpu
 
 NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "ATTRIBUTE": _attribute,
+    "BLACKBODY": _simple("BLACKBODY", "Color", "Temperature"),
     "BRIGHTCONTRAST": _simple("BRIGHT_CONTRAST", "Color", "#Color", "Bright", "Contrast"),
     "BUMP": _bump,
     "CLAMP": _clamp,
@@ -408,6 +418,7 @@ NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "HUE_SAT": _simple("HUE_SATURATION", "Color", "Hue", "Saturation", "Value", "Fac", "#Color"),
     "INVERT": _simple("INVERT", "Color", "Fac", "#Color"),
     "LAYER_WEIGHT": _layer_weight,
+    "LIGHT_FALLOFF": _light_falloff,
     "MAPPING": _mapping,
     "MAP_RANGE": _map_range,
     "MATH": _math,

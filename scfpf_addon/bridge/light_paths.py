@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How often light is sent on, as Cycles' settings of the scene have it."""
+"""How often light is sent on and how bright the film is, as Cycles' settings of the scene have it."""
 
 from __future__ import annotations
 
@@ -18,3 +18,9 @@ def read_bounces(scene) -> LightPaths:
         cycles.transmission_bounces,
         versions.lit_behind_transparent(cycles.transparent_max_bounces),
     )
+
+
+def read_exposure(scene) -> float:
+    """What a scene's film multiplies light with; 1 where Cycles is switched off."""
+    cycles = getattr(scene, "cycles", None)
+    return 1.0 if cycles is None else cycles.film_exposure

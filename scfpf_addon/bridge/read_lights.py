@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lamps and the world → ``Light`` and a colour."""
+"""Lamps → ``Light``, and what is not shown of them."""
 
 from __future__ import annotations
 
@@ -9,48 +9,93 @@ import numpy as np
 
 from ..projection.typing import Array
 from ..shading.scene import Light
+from ..shading.world import World
 from . import versions
+from .read_graph import read_graph
 from .shader_nodes import color_input, output_shaders, value_input
 
+# What is said of a lamp with a picture, a pattern or a falloff of its own.
+UNEVEN = "nodes that make a lamp's light differ by direction or distance, which is even instead"
 
-def read_light(lamp, matrix: Array) -> Light | None:
+
+def read_light(lamp, matrix: Array, tint: Array | None = None) -> Light | None:
     """One evaluated lamp (a bpy.types.Light) placed by ``matrix`` (4, 4) float64.
 
-    None for a lamp that gives no light or that a zero or non-finite matrix has
-    flattened. The light's matrix is a rotation and a place; the object's scale goes
-    into the extents of an AREA.
+    tint: as ``read_tint`` has it, read if not given.
+
+    None for a lamp that gives no light, such as a portal, or that a zero or non-finite matrix has
+    flattened. The light's matrix is a rotation and a place, for a SPOT with the object's scale, which
+    bends its cone; the scale of an AREA goes into its extents. As in Cycles a POINT has only a place and a
+    SUN only a direction.
     """
-    if not np.isfinite(matrix).all():
+    if not np.isfinite(matrix).all() or _is_portal(lamp):
         return None
     scale = np.linalg.norm(matrix[:3, :3], axis=0)
     size = _extents(lamp, scale)
-    color = _color(lamp) * _normalization(lamp, size)
-    if not scale.all() or not color.any() or not np.isfinite(color).all():
+    color = _color(lamp, read_tint(lamp)[0] if tint is None else tint) * _normalization(lamp, size)
+    needed = {"POINT": slice(0), "SUN": slice(2, 3)}.get(lamp.type, slice(3))
+    if not scale[needed].all() or not color.any() or not np.isfinite(color).all():
         return None
     placed = np.array(matrix, np.float64)
-    placed[:3, :3] /= scale
+    if not scale.all():
+        placed[:3, :3] = _turned_to(matrix[:3, 2])
+    elif lamp.type != "SPOT":
+        placed[:3, :3] /= scale
+    round_ = lamp.type in {"POINT", "SPOT"}
     return Light(
         kind=lamp.type,
         color=color,
         matrix=placed,
         casts_shadow=lamp.use_shadow,
-        radius=lamp.shadow_soft_size if lamp.type in {"POINT", "SPOT"} else 0.0,
+        radius=lamp.shadow_soft_size if round_ else 0.0,
+        sphere=round_ and not lamp.use_soft_falloff,
         angle=lamp.angle if lamp.type == "SUN" else 0.0,
         size=size,
         ellipse=lamp.type == "AREA" and lamp.shape in {"DISK", "ELLIPSE"},
+        spread=lamp.spread if lamp.type == "AREA" else pi,
         spot_angle=lamp.spot_size if lamp.type == "SPOT" else 0.0,
         spot_blend=lamp.spot_blend if lamp.type == "SPOT" else 0.0,
     )
 
 
-def _color(lamp) -> Array:
+def _is_portal(lamp) -> bool:
+    """Whether an area lamp only helps Cycles to look for the world's light."""
+    cycles = getattr(lamp, "cycles", None)
+    return lamp.type == "AREA" and cycles is not None and cycles.is_portal
+
+
+def _turned_to(axis: Array) -> Array:
+    """A rotation (3, 3) whose Z is along an axis (3,), any where that has no length."""
+    z = axis / (np.linalg.norm(axis) or 1.0)
+    if not z.any():
+        return np.eye(3)
+    x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def read_tint(lamp) -> tuple[Array, tuple[str, ...]]:
+    """What an evaluated lamp's nodes make of its light, (3,), and notes on what is not shown of them.
+
+    Where they make it differ by direction or place, it is white times the first Emission's constants.
+    """
+    if not versions.uses_nodes(lamp):
+        return np.ones(3), ()
+    reading = read_graph(lamp.node_tree)
+    if reading.graph is None:
+        return np.zeros(3), reading.notes
+    shining = World(reading.graph)
+    if shining.uniform and not reading.graph.images:
+        return shining.radiance(np.array([[0.0], [0.0], [1.0]]))[:, 0], reading.notes
+    return _emission(lamp.node_tree), (UNEVEN,)
+
+
+def _color(lamp, tint: Array) -> Array:
     """Colour times power: watts, for SUN W/m²."""
     color = np.array(lamp.color, np.float64) * lamp.energy * 2.0**lamp.exposure
     if lamp.use_temperature:
         color *= np.array(lamp.temperature_color)
-    if versions.uses_nodes(lamp):
-        color *= _emission(lamp.node_tree, "EMISSION", np.ones(3))[0]
-    return color
+    return color * tint
 
 
 def _extents(lamp, scale: Array) -> tuple[float, float]:
@@ -77,16 +122,11 @@ def _normalization(lamp, size: tuple[float, float]) -> float:
     return 4 * pi * lamp.shadow_soft_size**2 or 1.0
 
 
-def _emission(tree, kind: str, otherwise: Array) -> tuple[Array, bool]:
-    """Colour × strength of the first node of a kind, and whether it is all constants.
-
-    A texture counts as the colour ``otherwise``.
-    """
+def _emission(tree) -> Array:
+    """Colour × strength of the first Emission node, 1 for what is no constant."""
     for node, groups in output_shaders(tree):
-        if node.type == kind:
+        if node.type == "EMISSION":
             color = color_input(node, groups, "Color")
             strength = value_input(node, groups, "Strength")
-            whole = color is not None and strength is not None
-            color = otherwise if color is None else color
-            return color * (1.0 if strength is None else strength), whole
-    return np.zeros(3), True
+            return (np.ones(3) if color is None else color) * (1.0 if strength is None else strength)
+    return np.zeros(3)

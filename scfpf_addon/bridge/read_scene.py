@@ -18,10 +18,10 @@ from .flexible_camera import control_objects
 from .light_paths import read_bounces
 from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, own_normals, read_mesh
 from .read_layers import join_layers, read_layer
-from .read_lights import read_light
+from .read_lights import read_light, read_tint
 from .read_materials import MaterialTable, listing
 from .read_visibility import LightLinks, visible_rays
-from .read_world import read_world
+from .read_world import darkness, read_world
 from .turned import normal_transforms, normalize, turn
 
 # Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
@@ -33,6 +33,17 @@ BYTES_PER_TRIANGLE = 200
 # What has no faces to show but is seen in Blender's own renders.
 FACELESS = {"CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
 
+# What a view layer may leave out of that and of all else: its switches by kind of object.
+FILTERS = {
+    "MESH": "use_solid",
+    "CURVES": "use_strand",
+    "VOLUME": "use_volumes",
+    "GREASEPENCIL": "use_grease_pencil",
+}
+
+NO_SURFACES = (
+    "The view layer leaves out all surfaces: switch Surfaces on in View Layer Properties, Filter and Override"
+)
 NOTHING = "There is nothing to render: add an object with faces that is visible in renders"
 
 
@@ -84,18 +95,19 @@ def read_scene(
     geometry = join(reader.meshes, reader.instances(), tuple(reader.object_numbers), with_uv)
     visibility = geometry.visibility
     shown = len(geometry.triangles) > 0 if visibility is None else bool((visibility & CAMERA).any())
+    wanted = depsgraph.view_layer_eval.use_solid
     if not shown and not may_be_empty:
-        raise SceneError(NOTHING)
-    world_color, world, world_warnings = read_world(depsgraph.scene_eval)
+        raise SceneError(NOTHING if wanted else NO_SURFACES)
+    world_color, world, world_warnings = read_world(depsgraph.scene_eval, depsgraph.view_layer_eval)
     if not (np.abs(world_color) <= LARGEST_COORDINATE).all():
         world_color = np.zeros(3)
         world_warnings = (*world_warnings, "The world's light is not finite and is left out")
-    return Scene(
+    made = Scene(
         geometry,
         reader.materials.materials(),
         reader.links.linked(reader.lights),
         world_color,
-        warnings=(() if shown else (NOTHING,))
+        warnings=(() if shown or not wanted else (NOTHING,))
         + reader.warnings()
         + reader.materials.warnings()
         + world_warnings,
@@ -105,6 +117,7 @@ def read_scene(
         bounces=read_bounces(depsgraph.scene_eval),
         world=world,
     )
+    return replace(made, warnings=made.warnings + darkness(made))
 
 
 class _SceneReader:
@@ -118,6 +131,9 @@ class _SceneReader:
         self.materials = MaterialTable()
         self._with_uv = with_uv
         self._view_layer = depsgraph.view_layer
+        evaluated = depsgraph.view_layer_eval
+        self._filtered = {kind for kind, name in FILTERS.items() if not getattr(evaluated, name)}
+        self._material = evaluated.material_override
         self._left_out = control_objects()
         self._rendered = None if depsgraph.mode == "RENDER" else _rendered_objects(depsgraph.view_layer)
         self.links = LightLinks()
@@ -132,11 +148,16 @@ class _SceneReader:
         self._bad_place: dict[str, None] = {}
         self._bad_shape: dict[str, None] = {}
         self._faceless: dict[str, None] = {}
+        # By lamp: what its nodes make of its light, with notes; and those lamps' names by note.
+        self._tints: dict[int, tuple[Array, tuple[str, ...]]] = {}
+        self._uneven: dict[str, dict[str, None]] = {}
 
     def add(self, instance) -> None:
         """Take one entry of ``object_instances``; nothing of it is kept."""
         thing = instance.object
         if thing.type not in {"MESH", "LIGHT"} and thing.type not in FACELESS:
+            return
+        if thing.type in self._filtered:
             return
         own, parent = thing.original, instance.parent
         pointer = own.as_pointer()
@@ -159,12 +180,21 @@ class _SceneReader:
         elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
             self._bad_place[own.name] = None
         else:
-            light = read_light(thing.data, matrix)
-            if light is not None:
-                self.links.add(len(self.lights), own)
-                self.lights.append(
-                    replace(light, scattered=thing.visible_diffuse, mirrored=thing.visible_glossy)
-                )
+            self._add_lamp(thing, matrix)
+
+    def _add_lamp(self, thing, matrix: Array) -> None:
+        lamp, own = thing.data, thing.original
+        pointer = lamp.as_pointer()
+        if pointer not in self._tints:
+            self._tints[pointer] = read_tint(lamp)
+        tint, notes = self._tints[pointer]
+        light = read_light(lamp, matrix, tint)
+        if light is None:
+            return
+        self.links.add(len(self.lights), own)
+        self.lights.append(replace(light, scattered=thing.visible_diffuse, mirrored=thing.visible_glossy))
+        for note in notes:
+            self._uneven.setdefault(note, {})[own.name] = None
 
     def _rays(self, thing, parent) -> int:
         """Which rays meet an object, as ``visible_rays``; 0 for what is not rendered."""
@@ -199,7 +229,8 @@ class _SceneReader:
             number = self.object_numbers.setdefault(name, len(self.object_numbers))
             if number == len(self.pass_indices):
                 self.pass_indices.append(thing.pass_index)
-            slots = [self.materials.number(slot.material) for slot in thing.material_slots]
+            used = [slot.material for slot in thing.material_slots]
+            slots = [self.materials.number(one) for one in ([self._material] if self._material else used)]
             self._looks.append((number, slots or [0]))
             self._read_layers(thing, mesh, slots)
             if not self.meshes[mesh].finite:
@@ -255,7 +286,9 @@ class _SceneReader:
             (self._bad_shape, "Faces left out, as their vertices are not finite: "),
             (self._faceless, "Not shown, as they have no faces (hair, points, volumes, Grease Pencil): "),
         )
-        return tuple(text + listing(list(names)) for names, text in found if names)
+        lines = [text + listing(list(names)) for names, text in found if names]
+        lines += [f"Not shown as it is: {note} (in {listing(list(n))})" for note, n in self._uneven.items()]
+        return tuple(lines)
 
 
 def _rendered_objects(view_layer) -> set[str]:

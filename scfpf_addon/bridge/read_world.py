@@ -10,25 +10,69 @@ from ..shading.scene import Scene
 from ..shading.world import World
 from . import versions
 from .read_graph import read_graph
+from .shader_nodes import output_shaders
+
+DARK = (
+    "Nothing lights the scene, as things that glow light no others here: add a lamp or a world, or use "
+    "Cycles through the rig of the Cycles panel"
+)
 
 
-def read_world(scene) -> tuple[Array, World | None, tuple[str, ...]]:
-    """Radiance (3,) of an evaluated scene's world, what is in its place where it is not the same all around,
-    and warnings. Black without a world.
+def read_world(scene, view_layer) -> tuple[Array, World | None, tuple[str, ...]]:
+    """Radiance (3,) of the world that an evaluated view layer of a scene shows, what is in its place where it
+    is not the same all around, and warnings. Black without a world, or where the layer leaves it out.
     """
-    world = scene.world
-    if world is None:
+    world = view_layer.world_override or scene.world
+    if world is None or not view_layer.use_sky:
         return np.zeros(3), None, ()
+    unshown = _unshown(world)
     if not versions.uses_nodes(world):
-        return np.array(world.color, np.float64), None, ()
+        return np.array(world.color, np.float64), None, unshown
     reading = read_graph(world.node_tree)
-    warnings = tuple(f"Not shown as it is: {note} (in the world '{world.name}')" for note in reading.notes)
+    warnings = tuple(_warning(note, world) for note in reading.notes) + unshown
     if reading.graph is None:
         return np.zeros(3), None, warnings
     made = World(reading.graph)
     if made.uniform:
         return made.radiance(np.array([[0.0], [0.0], [1.0]]))[:, 0], None, warnings
     return np.zeros(3), made, warnings
+
+
+def _unshown(world) -> tuple[str, ...]:
+    """Warnings of what an evaluated world has besides the light of its surface."""
+    notes = []
+    rays = getattr(world, "cycles_visibility", None)
+    if rays is not None and not (rays.camera and rays.diffuse and rays.glossy and rays.transmission):
+        notes.append("Ray Visibility, all rays see the world")
+    if versions.uses_nodes(world) and any(output_shaders(world.node_tree, "Volume")):
+        notes.append("Volume")
+    return tuple(_warning(note, world) for note in notes)
+
+
+def _warning(note: str, world) -> str:
+    return f"Not shown as it is: {note} (in the world '{world.name}')"
+
+
+def darkness(scene: Scene) -> tuple[str, ...]:
+    """A warning where only other surfaces could light what is shown, which the engine does not do."""
+    lit = bool(scene.lights) or scene.world is not None or bool(np.any(scene.world_color))
+    return () if lit or not _glows(scene) or not shows_world(scene) else (DARK,)
+
+
+def _glows(scene: Scene) -> bool:
+    """Whether any surface may emit light."""
+    materials = scene.materials
+    for number in np.unique(scene.geometry.material).tolist():
+        graph = materials.graphs.get(number)
+        if graph is None:
+            if np.any(materials.emission[number] > 0.0):
+                return True
+            continue
+        for closure in graph.closures:
+            light = closure.inputs.get({"EMISSION": "color", "PRINCIPLED": "emission"}.get(closure.kind, ""))
+            if light is not None and not graph.is_always_black(light):
+                return True
+    return False
 
 
 def shows_world(scene: Scene) -> bool:

@@ -231,7 +231,9 @@ def with_motion(
         frame = scene.frame_current + scene.frame_subframe
         neighbours = read_neighbours(frame, inputs.scene, set_frame, everything)
         settings = replace(settings, passes=replace(settings.passes, neighbours=neighbours))
-    moments = read_moments(scene, settings.samples, inputs.scene, set_frame, everything, view, stopped)
+    moments: tuple[Moment, ...] = ()
+    if depsgraph.view_layer_eval.use_motion_blur:
+        moments = read_moments(scene, settings.samples, inputs.scene, set_frame, everything, view, stopped)
     return replace(inputs, settings=settings, moments=moments)
 
 

@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 
 from ..shading.adaptive import Adaptive
 from ..shading.pixel_filter import PixelFilter
+from .light_paths import read_exposure
 
 # Blender lets a filter have no width.
 SMALLEST_WIDTH = 0.01
@@ -84,11 +85,12 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
 
 
 def sampling_of(scene) -> dict[str, object]:
-    """What of ``FrameSettings`` an evaluated scene says of samples."""
+    """What of ``FrameSettings`` an evaluated scene says of samples and of the film."""
     options = scene.scfpf_sampling
     adaptive = Adaptive(options.adaptive_threshold, options.adaptive_least) if options.use_adaptive else None
     return {
         "pixel_filter": PixelFilter(options.pixel_filter, max(scene.render.filter_size, SMALLEST_WIDTH)),
+        "exposure": read_exposure(scene),
         "scrambled": options.pattern == "SCRAMBLED",
         "adaptive": adaptive,
     }

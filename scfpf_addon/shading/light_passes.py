@@ -34,6 +34,8 @@ LIGHT_PASSES = {
     "SHADOW": SHADOW,
     "SHADOW_CATCHER": CAUGHT,
 }
+# Those that are light, not shares of it.
+EXPOSED = frozenset({"DIFFUSE", "SPECULAR", "EMISSION", "ENVIRONMENT"})
 # Their values where nothing is hit; the background is put there for the environment.
 LIGHT_MISS = {"SHADOW": 1.0, "SHADOW_CATCHER": 1.0}
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..casting.scene import CastScene
-from ..projection.typing import Array, IndexArray
+from ..projection.typing import Array, BoolArray, IndexArray
 from .highlight import facets
 from .light_passes import DIFFUSE, SPECULAR, LightParts
 from .light_table import LightTable, by_material
@@ -27,6 +27,10 @@ from .typing import Single
 
 # A blend of nothing would make the spot's edge a division by zero.
 SMALLEST_BLEND = 1e-6
+# Radians of a beam's half spread, at least: float32 tells narrower ones badly from parallel beams.
+SMALLEST_SPREAD = 1e-3
+# Half spreads up to this take the series of tan a - a, whose difference float32 would round away.
+SERIES_SPREAD = 0.05
 # Cosine of the light to a triangle below which shadow rays begin to start from the rounded
 # surface. Facets of a convex solid shade each other at 0; the margin makes it gradual.
 GRAZING = np.float32(0.1)
@@ -57,8 +61,9 @@ class Lamp:
     is lit, on a disc at the distance 1.
     axis: (3,) unit, where it shines. local: (3, 3) from directions in cast space to
     those in the light's own space, where a spot's cone is round. softness: the squared
-    radius of a point or spot, which lights as a disc that faces whatever it lights. occluders: what
-    stands in its way, None for everything.
+    radius of a point or spot, which lights as a disc that faces whatever it lights, or as a sphere. beam: the
+    places of an area lamp of limited spread, of a sphere too. occluders: what stands in its way, None for
+    everything.
     """
 
     light: Light
@@ -67,6 +72,7 @@ class Lamp:
     axis: Single
     local: Single
     softness: np.float32
+    beam: Beam | None = None
     occluders: CastScene | None = None
 
     @classmethod
@@ -98,6 +104,7 @@ class Lamp:
             (-axes[:, 2] / max(float(np.linalg.norm(axes[:, 2])), float(TINY))).astype(np.float32),
             np.linalg.pinv(axes / scale).astype(np.float32),
             np.float32((light.radius * scale) ** 2 if light.kind in ("POINT", "SPOT") else 0.0),
+            Beam.of(light, placed, scale, samples),
         )
 
     @cached_property
@@ -105,22 +112,47 @@ class Lamp:
         """Directions to a sun's places, (3, S), unit."""
         return (self.places / np.sqrt(dot(self.places, self.places))).astype(np.float32)
 
+    @cached_property
+    def middle(self) -> Single:
+        """Where a round lamp's centre is, (3, 1)."""
+        middle: Single = self.places.mean(axis=1, keepdims=True, dtype=np.float64).astype(np.float32)
+        return middle
+
     def incidence(self, position: Single, sample: int | IndexArray) -> Incidence:
         """What arrives at position (3, N) from the lamp's place of this sample, or from each point's own."""
         if self.light.kind == "SUN":
             return Incidence(self.towards.take(np.atleast_1d(sample), axis=1), *FROM_A_SUN)
+        if self.beam:
+            return self._of_beam(self.beam, position, sample)
         places: Single = self.places.take(np.atleast_1d(sample), axis=1)
         direction: Single = places - position
+        facing: Single | None = None
+        if self.softness:
+            # On the disc that faces the point, which turns away from it towards its rim.
+            ahead = self.middle - position
+            facing = np.maximum(dot(ahead, ahead), TINY)
+            direction -= ahead * (dot(places - self.middle, ahead) / facing)
         squared = np.maximum(dot(direction, direction), TINY)
         distance = np.sqrt(squared)
         direction /= distance
-        squared += self.softness
         strength = np.reciprocal(squared, out=squared)
+        if facing is not None:
+            strength *= np.sqrt(facing) / distance
         if self.light.kind == "AREA":
             strength *= np.maximum(-dot(direction, self.axis[:, None]), 0)
         elif self.light.kind == "SPOT":
             strength *= self.spot(direction)
         return Incidence(direction, strength, distance)
+
+    def _of_beam(self, beam: Beam, position: Single, sample: int | IndexArray) -> Incidence:
+        """As ``incidence``, from places that depend on the position."""
+        if self.light.kind == "AREA":
+            return beam.of_area(position, sample)
+        light, outside = beam.of_sphere(position, sample, self.softness)
+        if self.light.kind == "SPOT":
+            # Within the sphere light comes from all sides.
+            light.strength[outside] *= self.spot(light.direction[:, outside])
+        return light
 
     def spot(self, direction: Single) -> Single:
         """Share of a spot's intensity that leaves it against direction (3, N), (N,).
@@ -135,6 +167,123 @@ class Lamp:
         rise = np.clip((cosine - np.float32(edge)) * np.float32(1 / width), 0, 1)
         smooth: Single = rise * rise * (3 - 2 * rise)
         return smooth
+
+
+@dataclass(frozen=True)
+class Beam:
+    """Lamps that are seen in other places from each point: area lamps of limited spread, and spheres.
+
+    centre: (3, 1). axes: (3, 3), unit columns, the lamp's own. half: (2, 1) extents. ellipse: of the
+    AREA. tangent: of the half spread; factor: makes its power independent of it. square, disc: (2, S),
+    places of the samples, both in a square of side 1 around 0.
+    """
+
+    centre: Single
+    axes: Single
+    half: Single
+    ellipse: bool
+    tangent: np.float32
+    factor: np.float32
+    square: Single
+    disc: Single
+
+    @classmethod
+    def of(cls, light: Light, placed: Array, scale: float, samples: int) -> Beam | None:
+        """None for lamps that are seen in the same places from everywhere.
+
+        placed: (4, 4), the lamp in cast space, where a metre is ``scale``. Normalisation as in Cycles
+        (AreaLight::copy_to_kernel): tan a - a, a half the spread, its series where a is small.
+        """
+        wide = light.kind == "AREA" and light.spread < np.pi
+        round_ = light.kind in ("POINT", "SPOT") and light.sphere and light.radius > 0.0
+        if not wide and not round_:
+            return None
+        length = np.maximum(np.linalg.norm(placed[:3, :3], axis=0), float(TINY))
+        angle = max(light.spread / 2, SMALLEST_SPREAD)
+        tangent = np.tan(angle)
+        factor = 1 / (tangent - angle) if angle > SERIES_SPREAD else 3 / angle**3
+        return cls(
+            placed[:3, 3:].astype(np.float32),
+            (placed[:3, :3] / length).astype(np.float32),
+            (length[:2] * light.size / 2).astype(np.float32)[:, None],
+            light.ellipse,
+            np.float32(tangent),
+            np.float32(factor),
+            lamp_positions(samples, "SQUARE").astype(np.float32),
+            lamp_positions(samples, "DISC").astype(np.float32),
+        )
+
+    def of_area(self, position: Single, sample: int | IndexArray) -> Incidence:
+        """What arrives at position (3, N) of an area lamp, in units of its power / π.
+
+        A grid of slats before the lamp lets through the less the more light is inclined (Cycles,
+        kernel/light/area.h). Samples are spread over the part of the lamp that is seen through it: a disc
+        where all of that is on the lamp, otherwise the rectangle around.
+        """
+        away = position - self.centre
+        x, y, z = (dot(away, axis[:, None]) for axis in self.axes.T)
+        depth = np.maximum(-z, 0)
+        here, reach = np.stack([x, y]), depth * self.tangent
+        low, high = np.maximum(here - reach, -self.half), np.minimum(here + reach, self.half)
+        side = np.maximum(high - low, 0)
+        whole = ((low > -self.half) & (high < self.half)).all(axis=0)
+        share = side[0] * side[1] / (4 * self.half[0] * self.half[1])
+        if self.ellipse:
+            off = np.sqrt(np.sum((here / self.half) ** 2, axis=0))
+            whole &= off + reach / self.half.min() < 1
+            whole |= ((low == -self.half) & (high == self.half)).all(axis=0)
+            share *= np.float32(4 / np.pi)
+        number = np.atleast_1d(sample)
+        place = (low + high) / 2 + side * np.where(
+            whole, self.disc.take(number, 1), self.square.take(number, 1)
+        )
+        share[whole] *= np.float32(np.pi / 4)
+        if self.ellipse:
+            share *= whole | (np.sum((place / self.half) ** 2, axis=0) <= 1)
+        off_axis = place - here
+        flat = np.sum(off_axis**2, axis=0)
+        distance = np.sqrt(np.maximum(flat + depth**2, TINY))
+        passed = np.maximum(self.tangent - np.sqrt(flat) / np.maximum(depth, TINY), 0) * self.factor
+        direction = self.axes[:, :2] @ off_axis + self.axes[:, 2:] * depth
+        direction /= distance
+        return Incidence(direction, share * passed * depth / distance**3, distance)
+
+    def of_sphere(
+        self, position: Single, sample: int | IndexArray, squared_radius: np.float32
+    ) -> tuple[Incidence, BoolArray]:
+        """What arrives at position (3, N) of a sphere, in units of its intensity, and which are outside it.
+
+        Samples are spread evenly over the solid angle that it fills (Cycles, kernel/light/point.h);
+        from within that is everything.
+        """
+        ahead = self.centre - position
+        squared = np.maximum(dot(ahead, ahead), TINY)
+        distance = np.sqrt(squared)
+        ahead /= distance
+        outside = squared > squared_radius
+        sine = np.minimum(squared_radius / squared, 1)
+        # 1 - cos of the sphere's angular radius, of the sample's angle off its middle.
+        cap = np.where(outside, sine / (1 + np.sqrt(1 - sine)), 2).astype(np.float32)
+        disc = self.disc.take(np.atleast_1d(sample), axis=1)
+        share = np.minimum(4 * dot(disc, disc), 1)
+        lower = cap * share
+        across, up = _perpendicular(ahead)
+        aside = 2 * np.sqrt(cap * (2 - lower))
+        direction = ahead * (1 - lower) + across * (aside * disc[0]) + up * (aside * disc[1])
+        direction /= np.sqrt(dot(direction, direction))
+        along = distance * (1 - lower)
+        inside = np.sqrt(np.maximum(squared_radius - squared + along**2, 0))
+        until = np.where(outside, along - inside, along + inside)
+        return Incidence(direction, 2 * cap / squared_radius, until), outside
+
+
+def _perpendicular(normal: Single) -> tuple[Single, Single]:
+    """Two unit vectors (3, N) square to unit ones and to each other (Duff et al., JCGT 2017)."""
+    x, y, z = normal
+    sign = np.copysign(np.float32(1), z)
+    a = -1 / (sign + z)
+    b = x * y * a
+    return np.stack([1 + sign * x * x * a, sign * b, -sign * x]), np.stack([b, sign + y * y * a, -y])
 
 
 def radiance(

@@ -29,7 +29,7 @@ from .drawn.tones import DrawnShading
 from .film import Film
 from .hit_colors import Shading
 from .lens import Lens, through
-from .light_passes import ENVIRONMENT, LightFilm, LightParts
+from .light_passes import ENVIRONMENT, EXPOSED, LightFilm, LightParts
 from .motion import Moment, moment_of_samples
 from .passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
 from .reach import within_reach
@@ -225,6 +225,7 @@ class Pipeline:
         for each in (crypto, light):
             if each:
                 each.develop(np.arange(len(pixels)), float(self.settings.samples), passes)
+        self.expose(pixels, passes)
         if self.passes and self.settings.passes.central and not job.stop.is_set():
             self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
@@ -281,9 +282,21 @@ class Pipeline:
         for each in (crypto, light):
             if each:
                 each.develop(mine, film.samples(mine), passes)
+        self.expose(pixels, passes)
         if self.passes and self.settings.passes.central:
             self.fill_passes(self.passes, job, inside, passes)
         return TileCounts(counts, hit_count)
+
+    def expose(self, pixels: Single, passes: dict[str, Single]) -> None:
+        """Brighten finished pixels (n, 4) and passes of light by the film's exposure.
+
+        A drawn picture has an exposure of its own.
+        """
+        exposure = np.float32(self.settings.exposure)
+        if exposure != 1.0 and self.drawing is None:
+            pixels[:, :3] *= exposure
+        for name in passes.keys() & EXPOSED:
+            passes[name] *= exposure
 
     def fill_passes(
         self, source: PassSource, job: TileJob, inside: IndexArray | None, into: dict[str, Single]

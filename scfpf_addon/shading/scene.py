@@ -64,7 +64,9 @@ class Light:
     color: (3,) colour times power: watts for POINT, SPOT and AREA, W/m² for SUN.
     matrix: (4, 4), the lamp shines along its local -Z. radius: soft size of POINT
     and SPOT; angle: that a SUN fills in the sky, radians. size: (2,) extents of AREA along
-    local X and Y; ellipse: AREA is an ellipse. spot_angle: full cone angle, radians; spot_blend in [0, 1].
+    local X and Y; ellipse: AREA is an ellipse; spread: full angle of the beam that leaves each of its points,
+    radians. spot_angle: full cone angle, radians; spot_blend in [0, 1]. sphere: POINT and SPOT light as a
+    sphere of their radius (no soft falloff), not as a disc that faces what it lights.
     receivers, blockers: what it lights and what casts its shadows, by the numbers in ``Geometry.linked``;
     None for everything. scattered, mirrored: whether it makes diffuse light and highlights.
     """
@@ -77,6 +79,8 @@ class Light:
     angle: float = 0.0
     size: tuple[float, float] = (1.0, 1.0)
     ellipse: bool = False
+    spread: float = np.pi
+    sphere: bool = False
     spot_angle: float = np.pi / 4
     spot_blend: float = 0.15
     receivers: BoolArray | None = None

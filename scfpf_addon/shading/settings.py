@@ -28,7 +28,8 @@ class FrameSettings:
     projector, in pixels, 0 for none. transparent: what hits nothing is see-through.
     threads: 0 for all cores. border: the part of the image that is made; its pixels are those
     that the whole image would have. passes: besides the picture. pixel_filter: by which
-    samples lie about the pixel's centre. scrambled: each pixel has places of its own for
+    samples lie about the pixel's centre. exposure: what the picture's and the passes' light is multiplied
+    with, but drawn pictures. scrambled: each pixel has places of its own for
     them. adaptive: which pixels get fewer, and that they are scrambled. lens: in world space, for
     straight projectors only. drawn: how the picture, not its passes, is drawn. Raises ValueError for what
     makes no picture.
@@ -43,6 +44,7 @@ class FrameSettings:
     border: Border | None = None
     passes: DataPasses = field(default_factory=DataPasses)
     pixel_filter: PixelFilter = field(default_factory=PixelFilter)
+    exposure: float = 1.0
     scrambled: bool = False
     adaptive: Adaptive | None = None
     lens: Lens | None = None

@@ -74,13 +74,33 @@ def test_spot_cone_and_soft_size(read):
     assert (light.spot_angle, light.spot_blend, light.radius) == pytest.approx((1.2, 0.4, 0.2))
 
 
-def test_the_matrix_is_a_rotation_and_a_place(read):
-    obj = new_lamp("SPOT")
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_matrix_is_a_rotation_and_a_place(read, shape):
+    """That of a spot has the object's scale, by which its cone is no round one."""
+    obj = new_lamp(shape)
     obj.location, obj.rotation_euler, obj.scale = (1, 2, 3), (0.3, -0.7, 2), (2, 0.1, 7)
     light = read(obj)
-    rotation = np.array(obj.rotation_euler.to_matrix())
-    assert light.matrix[:3, :3] == pytest.approx(rotation, abs=1e-6)
+    axes = np.array(obj.rotation_euler.to_matrix()) * ((2, 0.1, 7) if shape == "SPOT" else 1.0)
+    assert light.matrix[:3, :3] == pytest.approx(axes, abs=1e-6)
     assert light.matrix[:, 3] == pytest.approx((1, 2, 3, 1))
+
+
+def test_a_point_needs_no_scale_and_a_sun_only_one(read):
+    for shape, scale, expected in (
+        ("POINT", (0, 0, 0), True),
+        ("SUN", (0, 0, 1), True),
+        ("SUN", (1, 1, 0), False),
+        ("SPOT", (1, 0, 1), False),
+    ):
+        obj = new_lamp(shape)
+        obj.rotation_euler, obj.scale = (0.3, -0.7, 2), scale
+        light = read(obj)
+        assert (light is not None) == expected
+        if light is not None:
+            axes = light.matrix[:3, :3]
+            assert axes.T @ axes == pytest.approx(np.eye(3), abs=1e-6) and np.linalg.det(axes) > 0
+            if shape == "SUN":
+                assert axes[:, 2] == pytest.approx(np.array(obj.rotation_euler.to_matrix())[:, 2], abs=1e-6)
 
 
 def test_temperature_tints(read):
@@ -182,9 +202,9 @@ def test_world_colour(addon):
     scene.world = None
 
     def read_world():
-        found = addon("scfpf_addon.bridge.read_world").read_world(
-            bpy.context.evaluated_depsgraph_get().scene_eval
-        )
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        module = addon("scfpf_addon.bridge.read_world")
+        found = module.read_world(depsgraph.scene_eval, depsgraph.view_layer_eval)
         assert found[1] is None and found[2] == ()
         return found[0]
 

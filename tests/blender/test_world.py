@@ -181,7 +181,8 @@ def test_a_world_of_constants_is_one_colour(addon):
         return add(tree, "ShaderNodeGamma", Color=mixed.outputs[0], Gamma=2.0).outputs[0]
 
     new_world(link, 3.0)
-    color, world, warnings = read_world(bpy.context.evaluated_depsgraph_get().scene_eval)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    color, world, warnings = read_world(depsgraph.scene_eval, depsgraph.view_layer_eval)
     assert world is None and warnings == ()
     assert color == pytest.approx(3.0 * np.array([0.4, 0.55, 0.85]) ** 2, rel=1e-6)
 

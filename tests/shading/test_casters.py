@@ -27,6 +27,10 @@ LAMPS = {
     "wide sun": lambda build: Light("SUN", POWER, build.placed(shines=(0.5, 0.2, -1)), angle=0.3),
     "point": lambda build: Light("POINT", 200 * POWER, build.placed((-3, 1, 4)), radius=0.4),
     "area": lambda build: Light("AREA", 200 * POWER, build.placed((2, -2, 5)), size=(1.5, 0.7)),
+    "sphere": lambda build: Light("POINT", 200 * POWER, build.placed((-3, 1, 4)), radius=0.9, sphere=True),
+    "beam": lambda build: Light(
+        "AREA", 200 * POWER, build.placed((2, -2, 5), (-2, 2, -5)), size=(2.0, 1.5), spread=1.2
+    ),
 }
 
 

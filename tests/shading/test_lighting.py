@@ -62,6 +62,62 @@ def test_soft_point_lamp_is_a_disc_that_faces_the_point(build):
     assert soft == pytest.approx(100 / (4 * np.pi) * 0.8 / (1 + 0.15**2) / np.pi, rel=2e-3)
 
 
+def mean_light(build, light, where=(0, 0, 0), samples=256):
+    """Light that leaves a place of a white matt square, over all samples."""
+    scene = build.scene(lights=[light])
+    return np.mean([build.shade(scene, 0, where, sample=s, samples=samples)[0, 0] for s in range(samples)])
+
+
+@pytest.mark.parametrize("distance", [0.5, 3.0])
+def test_a_sphere_lights_as_a_point_in_its_middle(build, distance):
+    """Where all of a sphere is above the ground its irradiance is I cos θ/d², and in it I/r²."""
+    place, radius = np.array((0.6, 0, 0.8)) * distance, 0.35 * distance
+    sphere = point(build, place, radius=radius, sphere=True)
+    assert mean_light(build, sphere) == pytest.approx(100 / (4 * np.pi) * 0.8 / distance**2 / np.pi, rel=2e-3)
+    around = point(build, (0, 0.1, 0.1), radius=radius, sphere=True)
+    assert mean_light(build, around) == pytest.approx(100 / (4 * np.pi) / radius**2 / np.pi, rel=0.02)
+
+
+def test_a_soft_lamp_nearby_is_a_disc_that_faces_the_point(build):
+    """Closed form of the disc, at half its radius; places in a ball look like an even disc to 1 %."""
+    lamp = point(build, (0, 0, 0.5), radius=1.0)
+    assert mean_light(build, lamp) == pytest.approx(100 / (4 * np.pi) / (0.5**2 + 1) / np.pi, rel=0.01)
+
+
+@pytest.mark.parametrize("ellipse", [False, True])
+@pytest.mark.parametrize("degrees", [0, 1, 20, 60, 120])
+def test_below_a_large_lamp_light_is_that_of_parallel_beams(build, degrees, ellipse):
+    """Where all that a spread lets through is on the lamp, irradiance is power by area, whatever it is."""
+    size, height = (4.0, 5.0), 0.7
+    lamp = area(
+        build,
+        100.0,
+        build.placed((0.2, 0.1, height)),
+        size=size,
+        ellipse=ellipse,
+        spread=np.radians(degrees),
+    )
+    expected = 100 / (4 * 5 * (np.pi / 4 if ellipse else 1)) / np.pi
+    assert mean_light(build, lamp) == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_spread_of_nearly_half_a_turn_is_none(build):
+    lamp, wide = (
+        area(build, 100.0, build.placed((0.3, 0, 0.8)), size=(0.5, 0.3), spread=spread)
+        for spread in (np.pi, np.pi - 1e-4)
+    )
+    assert mean_light(build, wide) == pytest.approx(mean_light(build, lamp), rel=1e-3)
+
+
+def test_a_spread_ends_at_its_angle(build):
+    lamp = area(build, 100.0, build.placed((0, 0, 1)), size=(0.5, 0.3), spread=1.0)
+    edge = 0.25 + np.tan(0.5)
+    scene = build.scene([build.square(4)], [lamp])
+    where = np.array([[0.97, 1.01], [0, 0], [0, 0]]) * edge
+    light = sum(build.shade(scene, 0, where, sample=s, samples=16)[0] for s in range(16))
+    assert (light > 0).tolist() == [True, False]
+
+
 def spot(build, angle, blend, matrix=None):
     matrix = build.placed((0, 0, 2)) if matrix is None else matrix
     return Light("SPOT", np.full(3, 100.0), matrix, False, spot_angle=angle, spot_blend=blend)

@@ -214,11 +214,11 @@ KNOWN = {
     "row missing grazed layered few sky even",
     SurfaceTable: "cast_scene flat smooth bulge shadows material linked",
     SurfacePoints: "position normal view material shadow linked",
-    Lamp: "light color places axis local softness occluders",
-    Light: "kind color matrix casts_shadow radius angle size ellipse spot_angle spot_blend "
+    Lamp: "light color places axis local softness beam occluders",
+    Light: "kind color matrix casts_shadow radius angle size ellipse spread sphere spot_angle spot_blend "
     "receivers blockers scattered mirrored",
     FrameSettings: "width height samples pixel_error transparent threads border passes pixel_filter "
-    "scrambled adaptive lens drawn",
+    "exposure scrambled adaptive lens drawn",
 }
 
 

@@ -62,6 +62,11 @@ class MaterialGraph:
     layers: frozenset[str] = frozenset()
     reflects: bool = False
 
+    def is_always_black(self, ref: Ref) -> bool:
+        """Whether an output is the constant 0."""
+        operation = self.operations[ref.operation]
+        return operation.kind == "CONSTANT" and not np.any(operation.settings["value"])
+
 
 def registers(graph: MaterialGraph, place: Place, table: Mapping[str, Evaluator]) -> list[tuple[Array, ...]]:
     """The outputs of all operations at the hits."""
