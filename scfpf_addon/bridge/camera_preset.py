@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 import pathlib
 import re
 
@@ -19,6 +18,7 @@ from ..projection.volume import Projection
 from .read_mappings import stored_mappings
 from .read_projection import read_projection
 from .surface_nodes import PARAMETRIC_KINDS, SurfaceError, surface_parameters
+from .whole_files import replacing
 
 # The extension's package: bl_ext.<repository>.scfpf.
 PACKAGE = __package__.rsplit(".", 2)[0]
@@ -178,25 +178,20 @@ def _name_in(path: pathlib.Path) -> str:
 
 def write_preset(preset: Preset, path: pathlib.Path) -> None:
     """Write a preset file, whole or not at all. Raises PresetError."""
-    text, part = preset_to_json(preset), path.with_suffix(".part")
-    try:
-        part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise PresetError(f"Cannot write {path}: {error.strerror or error}") from error
+    _write(preset_to_json(preset).encode(), path)
 
 
 def store_picture(preset: Preset, path: pathlib.Path) -> None:
     """Write a small picture of a preset's volume beside its file, for menus. Raises PresetError."""
-    data = png(volume_picture(preset.projection(preset.aspect)))
-    picture, part = path.with_suffix(".png"), path.with_suffix(".png.part")
+    _write(png(volume_picture(preset.projection(preset.aspect))), path.with_suffix(".png"))
+
+
+def _write(data: bytes, path: pathlib.Path) -> None:
     try:
-        part.write_bytes(data)
-        os.replace(part, picture)
+        with replacing(path) as part:
+            part.write_bytes(data)
     except OSError as error:
-        part.unlink(missing_ok=True)
-        raise PresetError(f"Cannot write {picture}: {error.strerror or error}") from error
+        raise PresetError(f"Cannot write {path}: {error.strerror or error}") from error
 
 
 def own_picture(stem: str) -> tuple[pathlib.Path, int] | None:

@@ -13,7 +13,7 @@ import bpy
 
 from .drawn_styles import STYLES, apply_style
 from .render_job import RENDER_ERRORS, RenderJob, prepare, reason
-from .result_image import FILE_FORMATS, ResultError, save_result, with_ending, write_result
+from .result_image import FILE_FORMATS, ResultError, require_place, save_result, with_ending, write_result
 from .rig_mark import camera_behind
 
 # Blender's own limit, both ways.
@@ -119,6 +119,7 @@ def _render(options) -> None:
     scene = bpy.context.scene
     # The scene's own format may be one that is not written: better said now than after the render.
     output = with_ending(str(output), scene)
+    require_place(output)
     if options.frame is not None:
         scene.frame_set(options.frame)
     if options.style == "none":

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 from contextlib import contextmanager
+from pathlib import Path
 
 import bpy
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from . import versions
 from .packing import pack
+from .whole_files import is_whole_picture, replacing, require_writable, reserve
 
 IMAGE_NAME = "SCFPF Render"
 
@@ -35,6 +37,10 @@ FILE_FORMATS = {
     ".tiff": ("TIFF", "RGBA", "16"),
     ".webp": ("WEBP", "RGBA", "8"),
 }
+
+# Bytes a pixel that a WebP takes at most, with room to spare. Blender 5.2 crashes where it finds no room.
+WEBP_BYTES = 5
+CUT_OFF = "the file is not whole, as on a full disk; free some space, or write to another disk"
 
 
 class ResultError(ValueError):
@@ -141,27 +147,47 @@ def with_ending(path: str, scene) -> str:
     return path
 
 
-def save_result(image, path: str, scene) -> str:
-    """Write the picture to a file through the scene's view transform; returns the path written.
-
-    The extension of ``path`` chooses the format; the scene's own output settings
-    count where they are of that format, and where there is no extension (theirs is
-    added). EXR keeps scene-linear values. Raises ResultError for an extension that
-    is not known or a path that cannot be written.
-    """
-    path = with_ending(bpy.path.abspath(path), scene)
-    extension = os.path.splitext(path)[1].lower()
+def require_place(path: str) -> None:
+    """Raise ResultError if no picture can be written to a path, absolute and with its ending."""
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder):
         raise ResultError(f"Cannot write '{path}': there is no folder '{folder}'")
     if os.path.isdir(path):
         raise ResultError(f"Cannot write '{path}': it is a folder")
     try:
-        with _output_format(scene.render.image_settings, *FILE_FORMATS[extension]):
-            image.save_render(path, scene=scene)
+        require_writable(Path(path))
+    except OSError as error:
+        raise ResultError(f"Cannot write '{path}': {error.strerror or error}") from error
+
+
+def save_result(image, path: str, scene) -> str:
+    """Write the picture to a file through the scene's view transform; returns the path written.
+
+    The extension of ``path`` chooses the format; the scene's own output settings
+    count where they are of that format, and where there is no extension (theirs is
+    added). EXR keeps scene-linear values. Raises ResultError for an extension that
+    is not known or a path that cannot be written, and if the written file is not whole, as on a full
+    disk; the earlier file at that path stays as it was then. A symbolic link there keeps its target's place.
+    """
+    path = with_ending(bpy.path.abspath(path), scene)
+    require_place(path)
+    extension = os.path.splitext(path)[1].lower()
+    try:
+        with (
+            replacing(Path(os.path.realpath(path))) as part,
+            _output_format(scene.render.image_settings, *FILE_FORMATS[extension]),
+        ):
+            if extension == ".webp":
+                reserve(part, image.size[0] * image.size[1] * WEBP_BYTES)
+            image.save_render(str(part), scene=scene)
+            # Blender says nothing of a PNG, a TIFF or a WebP that it could not write to the end.
+            if not is_whole_picture(part):
+                raise ResultError(f"Cannot write '{path}': {CUT_OFF}")
     except RuntimeError as error:
         reason = str(error).splitlines()[0].removeprefix("Error: ")
         raise ResultError(f"Cannot write '{path}': {reason}") from error
+    except OSError as error:
+        raise ResultError(f"Cannot write '{path}': {error.strerror or error}") from error
     return path
 
 

@@ -150,3 +150,21 @@ def test_scene_that_cannot_be_rendered_is_one_line(run, blend, tmp_path, capsys)
 def test_help_is_shown(run, capsys, arguments):
     assert run(*arguments) == 0
     assert "usage: blender -c scfpf" in capsys.readouterr().out
+
+
+def test_a_full_disk_is_a_line_and_a_code(addon, run, blend, tmp_path, capsys, monkeypatch):
+    output = tmp_path / "out.png"
+    output.write_bytes(b"an earlier picture")
+    module = addon("scfpf_addon.bridge.result_image")
+    monkeypatch.setattr(module, "is_whole_picture", lambda _path: False)
+    assert run("render", blend, "-o", output) == 1
+    captured = capsys.readouterr()
+    assert "the file is not whole" in captured.err and captured.err.count("\n") == 1
+    assert "32×18" not in captured.out
+    assert output.read_bytes() == b"an earlier picture"
+
+
+def test_a_place_that_cannot_be_written_is_said_before_the_render(addon, run, blend, capsys, monkeypatch):
+    monkeypatch.setattr(addon("scfpf_addon.bridge.command_line"), "prepare", None)  # no render begins
+    assert run("render", blend, "-o", blend.parent / f"{300 * 'x'}.png") == 1
+    assert "annot write" in capsys.readouterr().err

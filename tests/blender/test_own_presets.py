@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """An artist's own presets: saved, listed, applied, shared as files, removed; and files that are none."""
 
+import errno
 import json
+import os
 import pathlib
 
 import bpy
@@ -171,10 +173,13 @@ def test_own_presets_have_pictures_of_their_volumes(addon, camera, folder, monke
     (folder / "mine.png").unlink()
     assert storing.own_picture("mine") is None and thumbnails.own_thumbnail("mine") == 0
 
-    def refuse(*_arguments):
-        raise OSError(28, "No space left on device")
+    def refuse(path):
+        if path.suffix == ".png":
+            raise OSError(28, "No space left on device")
+        return replacing(path)
 
-    monkeypatch.setattr(storing.pathlib.Path, "write_bytes", refuse)
+    replacing = storing.replacing
+    monkeypatch.setattr(storing, "replacing", refuse)
     assert bpy.ops.scfpf.preset_save(name="Other") == {"FINISHED"}
     assert [path.name for path in sorted(folder.iterdir())] == ["mine.json", "other.json"]
 
@@ -289,3 +294,41 @@ def test_no_file_does_more_than_be_refused(addon, camera, folder, change):
     except RuntimeError as error:
         assert "Traceback" not in str(error) and "fuzzed.json: " in str(error)
     assert len(camera.scfpf.surfaces) == 2
+
+
+def test_export_leaves_all_other_files_alone(camera, tmp_path):
+    """A temporary file's name belongs to nobody else, and no link leads out of the folder."""
+    folder, elsewhere = tmp_path / "here", tmp_path / "elsewhere.txt"
+    folder.mkdir()
+    elsewhere.write_text("not yours")
+    for name in ("mine.part", "mine.json.part", "mine.tmp"):
+        (folder / name).symlink_to(elsewhere)
+    (folder / "mine.PART").write_text("somebody's")
+    names = {path.name for path in folder.iterdir()}
+    assert bpy.ops.scfpf.preset_export(name="Mine", filepath=str(folder / "mine.json")) == {"FINISHED"}
+    assert {path.name for path in folder.iterdir()} == names | {"mine.json"}
+    assert elsewhere.read_text() == "not yours"
+    assert (folder / "mine.PART").read_text() == "somebody's"
+    assert (folder / "mine.part").is_symlink()
+
+
+def test_a_link_in_place_of_a_preset_is_replaced_and_not_followed(camera, tmp_path):
+    elsewhere, link = tmp_path / "elsewhere.json", tmp_path / "mine.json"
+    elsewhere.write_text("not yours")
+    link.symlink_to(elsewhere)
+    assert bpy.ops.scfpf.preset_export(name="Mine", filepath=str(link)) == {"FINISHED"}
+    assert elsewhere.read_text() == "not yours" and not link.is_symlink()
+    assert json.loads(link.read_text())["name"] == "Mine"
+
+
+def test_a_full_disk_keeps_the_earlier_preset(camera, tmp_path, monkeypatch):
+    path = tmp_path / "mine.json"
+    path.write_text("the earlier one")
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    with pytest.raises(RuntimeError, match="No space left on device"):
+        bpy.ops.scfpf.preset_export(name="Mine", filepath=str(path))
+    assert path.read_text() == "the earlier one" and os.listdir(tmp_path) == ["mine.json"]

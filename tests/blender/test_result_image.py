@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The image datablock: exact, kept in place, packed, undoable, and written as a render is."""
 
+import contextlib
+import os
+
 import bpy
 import numpy as np
 import pytest
@@ -354,3 +357,53 @@ def test_what_cannot_be_written_is_one_clear_error(module, tmp_path):
             module.save_result(image, str(path), scene)
         assert "\n" not in str(caught.value)
         assert settings_of(scene) == before
+
+
+@contextlib.contextmanager
+def full_disk(left):
+    """Files cannot grow beyond so many bytes, as on a disk that has no more."""
+    # Not on Windows; Blender is told by an error there as well as here.
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (left, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("ending", [".png", ".exr", ".jpg", ".tif", ".webp"])
+def test_a_full_disk_is_said_and_the_earlier_picture_stays(module, addon, tmp_path, ending):
+    """Blender 4.5 and 5.2 say nothing of a PNG or a WebP that they could not write, nor of a TIFF's end."""
+    is_whole = addon("scfpf_addon.bridge.whole_files").is_whole_picture
+    scene = bpy.context.scene
+    path = tmp_path / f"picture{ending}"
+    image = module.write_result(picture(160, 120))
+    assert module.save_result(image, str(path), scene) == str(path)
+    whole = path.read_bytes()
+    assert is_whole(path)
+    path.write_bytes(b"an earlier picture")
+    for left in (0, 3, len(whole) // 2, len(whole) - 1000):
+        with full_disk(left), pytest.raises(module.ResultError, match="annot write"):
+            module.save_result(image, str(path), scene)
+        assert path.read_bytes() == b"an earlier picture"
+    assert os.listdir(tmp_path) == [path.name], "nothing else is left behind"
+    module.save_result(image, str(path), scene)
+    assert path.stat().st_size == len(whole) and is_whole(path)
+    if ending != ".exr":  # Blender itself reports an EXR that it could not write.
+        for end in {*range(0, 40), *range(len(whole) - 40, len(whole)), *range(0, len(whole), 997)}:
+            path.write_bytes(whole[:end])
+            assert not is_whole(path), end
+
+
+def test_the_picture_goes_where_a_link_points_and_keeps_the_file_s_permissions(module, tmp_path):
+    scene, image = bpy.context.scene, module.write_result(plain_picture())
+    (tmp_path / "there").mkdir()
+    target, link = tmp_path / "there" / "real.png", tmp_path / "link.png"
+    target.write_bytes(b"")
+    target.chmod(0o640)
+    link.symlink_to(target)
+    module.save_result(image, str(link), scene)
+    assert link.is_symlink() and target.stat().st_mode & 0o777 == 0o640
+    assert target.read_bytes()[:4] == b"\x89PNG"
