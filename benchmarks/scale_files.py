@@ -90,7 +90,7 @@ def blender_picture(width: int, height: int) -> dict[str, Any]:
     seconds = perf_counter() - started
     image = bpy.data.images["SCFPF Render"]
     assert tuple(image.size) == (width, height)
-    assert "chords a projector" in camera.scfpf.report, camera.scfpf.report
+    assert "chords a projector" in camera.scfpf.statistics, camera.scfpf.statistics
     packed = image.packed_file.size if image.packed_file else 0
     return {"seconds": seconds, "before": before, "memory": peak_memory(), "packed": packed}
 

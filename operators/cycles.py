@@ -10,7 +10,7 @@ from .target import camera_of, poll_flexible_camera
 
 
 class SCFPF_OT_cycles_rig(bpy.types.Operator):
-    """Let F12 render what the flexible camera sees with Cycles; again to take everything back"""
+    """Let F12 render what the flexible camera sees with Cycles; press again to restore the scene"""
 
     bl_idname = "scfpf.cycles_rig"
     bl_label = "Render with Cycles"

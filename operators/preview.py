@@ -9,6 +9,11 @@ from ..scfpf_addon.scanline.preview_viewports import viewports_of
 from .errors import BAD_INPUT, refused
 from .target import camera_of, poll_flexible_camera_in_any_mode
 
+FLAT = (
+    "The live preview cannot show this volume, which is flat: all its projectors lie in one surface. "
+    "Press Render instead"
+)
+
 
 class SCFPF_OT_preview_toggle(bpy.types.Operator):
     """Show what the flexible camera sees in a second viewport, live; again to remove it"""
@@ -33,10 +38,11 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         except BAD_INPUT as error:
             return refused(self, error)
         if is_flat(source, context.evaluated_depsgraph_get()):
-            text = "No preview: this volume is flat, all its rays lie in one surface"
-            self.report({"WARNING"}, f"{text}. Press Render for its picture")
+            self.report({"WARNING"}, FLAT)
         if bpy.app.background:
-            self.report({"INFO"}, "The preview is ready; Blender runs without windows: nothing shows it")
+            self.report(
+                {"INFO"}, "The live preview is ready: open the file in a Blender with a window to see it"
+            )
         return {"FINISHED"}
 
 

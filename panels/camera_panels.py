@@ -75,10 +75,15 @@ def draw_caster_fault(layout) -> None:
     if fault:
         column = layout.column(align=True)
         column.alert = True
-        lines = textwrap.wrap(f"No pictures: {fault}", LINE)
-        lines += textwrap.wrap("Editing, the live preview and Cycles work without it.", LINE)
-        for number, line in enumerate(lines):
-            column.label(text=line, icon="BLANK1" if number else "ERROR")
+        draw_text(column, f"No pictures: {fault}", "ERROR")
+        draw_text(column, "Editing, the live preview and Cycles work without it.", "BLANK1")
+
+
+def draw_text(layout, text: str, icon: str) -> None:
+    """A text in as many lines of the sidebar as it needs, with an icon before the first."""
+    column = layout.column(align=True)
+    for number, line in enumerate(textwrap.wrap(text, LINE)):
+        column.label(text=line, icon="BLANK1" if number else icon)
 
 
 def draw_fit(layout, scene, camera) -> None:
@@ -220,7 +225,7 @@ class _SurfacesSection(_Subsection):
             for label, owner, name in parameter_properties(slot.object):
                 column.prop(owner, name, text=label)
         except SurfaceError as error:
-            column.label(text=str(error), icon="ERROR")
+            draw_text(column, str(error), "ERROR")
         if slot.object.scfpf_surface.kind in PARAMETRIC_KINDS and any(abs(s) != 1 for s in slot.object.scale):
             # Sizes are times the scale, which Blender's Ctrl-A would lose.
             column.operator("scfpf.surface_apply_scale", icon="CON_SIZELIKE")

@@ -5,12 +5,12 @@ import bpy
 
 from ..scfpf_addon.cycles.rig import cautions
 from ..scfpf_addon.cycles.rig_data import rig_of
-from .camera_panels import _DataTab, _Sidebar, _Subsection
+from .camera_panels import _DataTab, _Sidebar, _Subsection, draw_text
 
 # What passes and settings do otherwise than with an ordinary camera, a line each.
 DIFFERENCES = (
     "Depth, Mist: use t and depth instead",
-    "No motion blur of the camera's own",
+    "The camera's motion is not blurred",
 )
 
 
@@ -40,7 +40,7 @@ class _CyclesSection(_Subsection):
                 "render.render", text="Render Image (F12)", icon="RENDER_STILL"
             ).use_viewport = False
             for text in cautions(context.scene, context.view_layer, rig):
-                layout.label(text=text, icon="ERROR")
+                draw_text(layout, text, "ERROR")
             layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
         column = layout.column(align=True)
         column.scale_y = 0.8

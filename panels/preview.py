@@ -3,29 +3,29 @@
 
 import bpy
 
+from ..operators.preview import FLAT
 from ..scfpf_addon.scanline.preview_data import is_flat, left_out, preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
-from .camera_panels import _DataTab, _Sidebar, _Subsection
+from .camera_panels import _DataTab, _Sidebar, _Subsection, draw_text
 
-# What a picture by Render shows otherwise, a line each.
+# Differences from an image by Render, a line each.
 DIFFERENCES = (
-    "Solid and Material Preview, no lamps",
-    "All lit as seen from the camera's front",
-    "For Rendered shading press Render",
-    "Shows all that renders, hidden or not",
-    "No hair, points or particles",
-    "No Grease Pencil",
-    "Materials of meshes, not of the object",
+    "Solid or Material Preview, no lamps",
+    "Rendered shading: press Render",
+    "Highlights follow the camera's axis",
+    "Shows hidden objects that render",
+    "Not shown: hair, points, particles",
+    "Not shown: Grease Pencil",
+    "Ignores materials linked to objects",
 )
-FLAT = ("No preview: this volume is flat,", "all its rays lie in one surface", "Press Render for its picture")
 LEFT_OUT = (
-    ("unreachable", "{:,} faces left out, wholly or in part: no ray there"),
-    ("folded", "{:,} samples of the volume are folded"),
+    ("unreachable", "{:,} faces are cut or left out: the volume does not reach them"),
+    ("folded", "{:,} samples of the volume are folded: pull the control surfaces apart there"),
 )
 
 
 def reported(counts) -> list[str]:
-    """What a preview's counts tell, in a line each; nothing for what is nought."""
+    """A sentence for each of a preview's counts that is not 0."""
     return [text.format(counts[key]) for key, text in LEFT_OUT if counts[key]]
 
 
@@ -47,14 +47,12 @@ class _PreviewSection(_Subsection):
             if not viewports_of(source):
                 row.operator("scfpf.preview_show", text="", icon="WINDOW")
             if source.scfpf_preview.problem:
-                layout.label(text=source.scfpf_preview.problem, icon="ERROR")
+                draw_text(layout, source.scfpf_preview.problem, "ERROR")
             depsgraph = context.evaluated_depsgraph_get()
             if is_flat(source, depsgraph):
-                column = layout.column(align=True)
-                for text, icon in zip(FLAT, ("ERROR", "BLANK1", "BLANK1"), strict=True):
-                    column.label(text=text, icon=icon)
+                draw_text(layout, FLAT, "ERROR")
             for text in reported(left_out(source, depsgraph)):
-                layout.label(text=text, icon="INFO")
+                draw_text(layout, text, "INFO")
         column = layout.column(align=True)
         column.scale_y = 0.8
         column.active = False

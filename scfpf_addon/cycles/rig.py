@@ -56,9 +56,9 @@ CROSSING = 9
 ENOUGH = 0.7
 # Where F-curves and drivers of image mappings lead.
 MAPPINGS_PATH = "scfpf.mappings["
-CROSSES = "The volume crosses itself: Blender 5.0 is needed"
-NO_AREA = "Projectors meet in a line: what is behind it is seen too"
-STALE = "The animated volume has changed: update the chords"
+CROSSES = "The volume crosses itself: use Blender 5.0 or later, or render with SCFPF"
+NO_AREA = "Projectors meet in a line, and what is behind it shows too: widen that control surface"
+STALE = "The animated volume has changed: press Update Chords"
 
 # What was seen at the last look, by session_uid of the rig: numbers and bytes only.
 _seen: dict[int, tuple] = {}
@@ -200,42 +200,49 @@ def cautions(scene, view_layer, rig) -> list[str]:
     if settings.problem:
         found.append(settings.problem)
     if scene.render.engine != CYCLES:
-        found.append("The rig works in Cycles only")
+        found.append("The rig works only in Cycles: choose it as the Render Engine")
     if scene.camera != settings.view_camera:
-        found.append("Another camera is the scene's now")
+        found.append("The scene has another camera: make the rig's the scene camera again")
     if scene.render.use_multiview:
-        found.append("Stereoscopy: all views come out the same")
+        found.append("Cycles renders all views alike: render with SCFPF, or switch off Stereoscopy")
     if view_layer.material_override is not None:
-        found.append("The view layer's material override stops the rays")
+        found.append("The material override stops the rays: clear it in View Layer Properties")
     if cycles.transparent_max_bounces < settings.chords + 2:
-        found.append("Too few transparent bounces for the chords")
+        found.append(f"Too few transparent bounces: raise Light Paths > Transparent to {settings.chords + 2}")
     if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
-        found.append("Camera culling would leave all objects out")
+        found.append("Culling would leave all objects out: switch it off in Simplify > Culling")
     if settings.camera.data.dof.use_dof and settings.chords > 1:
-        found.append("No depth of field: the projectors are bent")
+        found.append("No depth of field, as the projectors are bent: switch it off, or make them straight")
     if settings.smoke:
-        found.append(f"Begins in the smoke of '{settings.smoke}', which rays do not know of")
+        found.append(
+            f"The near surface is in the smoke of '{settings.smoke}', which Cycles misses: move it out"
+        )
     if settings.raycast:
         found.append(f"The Raycast node of '{settings.raycast}' meets the rig's sheets: switch on Only Local")
     if settings.asks_camera:
         found.append(
-            f"The material '{settings.asks_camera}' asks for the camera or the ray, and gets the rig's"
+            f"The material '{settings.asks_camera}' uses the camera or the ray, and gets the rig's: "
+            "replace those nodes"
         )
     if settings.crosses:
         gated = portal_nodes.can_gate()
-        found.append("The volume folds: rays turn too early" if gated else CROSSES)
+        found.append(
+            "The volume folds, and rays turn too early there: pull the control surfaces apart"
+            if gated
+            else CROSSES
+        )
     if settings.flat:
         found.append(NO_AREA)
     if settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):
-        found.append(f"Off by up to {settings.error:.2g} px somewhere: sheets cannot be finer")
+        found.append(f"Off by up to {settings.error:.2g} px, the best possible: bend the volume less")
     if settings.missing > 0.0:
-        found.append("Holes, and what the picture leaves empty, are filled in")
+        found.append("Empty parts of the image are filled in: render with SCFPF to keep them empty")
     found += [
-        f"Cycles sees the control surface '{name}': it is linked, or has drivers of its own"
+        f"Cycles shows the control surface '{name}': make it local, or remove its Ray Visibility drivers"
         for name in hidden_surfaces.seen_surfaces(scene)
     ]
     if _mappings_move(settings.camera):
-        found.append("Image mappings stay as they are while Cycles renders an animation")
+        found.append("Image mappings stand still in an animation by Cycles: render it with SCFPF")
     return found
 
 

@@ -266,7 +266,7 @@ def test_it_follows_the_volume_or_says_why_not(addon, camera, rig_of):
         bpy.ops.object.mode_set(mode="OBJECT")
     found = cautions(scene, layer, rig_of())
     assert len(found) == 5
-    for said in ("Cycles only", "override", "bounces", "depth of field", "smoke of 'Smoke'"):
+    for said in ("only in Cycles", "override", "bounces", "depth of field", "smoke of 'Smoke'"):
         assert any(said in caution for caution in found)
     # A surface less: straight projectors.
     camera.scfpf.active_surface = 1

@@ -117,16 +117,16 @@ def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, a
     section = bpy.types.SCFPF_PT_view_preview
     differences = texts(drawn(section))
     assert "no lamps" in differences and "Rendered" in differences and "hidden" in differences
-    assert "hair" in differences and "not of the object" in differences
+    assert "hair" in differences and "linked to objects" in differences
     bpy.ops.scfpf.preview_toggle()
     remap_nodes = addon("scfpf_addon.scanline.remap_nodes")
     for counts, told in (
         ({"unreachable": 0, "folded": 0}, []),
-        ({"unreachable": 1234, "folded": 0}, ["1,234 faces left out"]),
+        ({"unreachable": 1234, "folded": 0}, ["1,234 faces are cut or left out"]),
         ({"unreachable": 0, "folded": 7}, ["7 samples of the volume are folded"]),
     ):
         monkeypatch.setattr(remap_nodes, "remap_counts", lambda _evaluated, counts=counts: counts)
-        for phrase in ("faces left out", "are folded"):
+        for phrase in ("left out", "are folded"):
             assert (phrase in texts(drawn(section))) == any(phrase in text for text in told)
         assert all(text in texts(drawn(section)) for text in told)
     source = addon("scfpf_addon.scanline.preview_data").previews()[0]
@@ -134,6 +134,15 @@ def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, a
     assert "It is broken" in texts(drawn(section))
     # Nothing shows it here: the viewport can be asked for.
     assert ("operator", "scfpf.preview_show") in drawn(section)
+
+
+def test_no_line_is_cut_off_by_the_sidebar(camera, addon):
+    panels = [addon(f"panels.{name}") for name in ("preview", "cycles", "camera_panels")]
+    lines = [*panels[0].DIFFERENCES, *panels[1].DIFFERENCES, *panels[2].ABSENT.values()]
+    layout = RecordingLayout()
+    panels[2].draw_text(layout, "The rig works only in Cycles: choose it as the Render Engine", "ERROR")
+    lines += [entry[1] for entry in layout.record]
+    assert max(map(len, lines)) <= panels[2].LINE + 2
 
 
 def test_parameters_of_the_active_surface_are_drawn(camera):
@@ -345,7 +354,7 @@ def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(camera
     assert ("operator", "render.render") in drawn(section)
     assert ("operator", "scfpf.cycles_passes") in drawn(section)
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
-    assert "works in Cycles only" in texts(drawn(section))
+    assert "works only in Cycles" in texts(drawn(section))
 
 
 def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):

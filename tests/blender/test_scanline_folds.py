@@ -112,8 +112,7 @@ def test_a_flat_volume_shows_nothing_and_says_so(addon, flexible, camera, switch
     layout = RecordingLayout()
     section = SimpleNamespace(layout=layout)
     addon("panels.preview").SCFPF_PT_view_preview.draw_settings(section, bpy.context, camera, camera.scfpf)
-    for text in addon("panels.preview").FLAT:
-        assert ("label", text) in layout.record
+    assert addon("operators.preview").FLAT in " ".join(one[1] for one in layout.record if one[0] == "label")
     load = addon("scfpf_addon.projection.preset").load_preset
     flexible.apply_preset(camera, load((FOLDER / "epi.json").read_text(encoding="utf-8")), ASPECT)
     assert state() == (True, 0)
