@@ -9,11 +9,13 @@ from dataclasses import replace
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..casting.culling import within_volume
 from ..projection.volume import Projection
-from ..shading.materials.image import ImageData
+from ..shading.materials.image import ImageData, srgb_from_linear
 from ..shading.scene import Scene
+from . import versions
 from .read_materials import listing
 from .read_world import shows_world
 
@@ -21,6 +23,7 @@ from .read_world import shows_world
 LINEAR_SPACES = {"Linear", "Linear Rec.709", "scene_linear", "Raw", "Non-Color"}
 
 
+Pixels = NDArray[np.float32]
 # Images read before, by name, each with what it was made of.
 KnownImages = dict[str, tuple[tuple, ImageData]]
 
@@ -80,7 +83,7 @@ def read_images(
             found[name] = data
             if known is not None:
                 known[name] = state, data
-            for text in _oddities(image):
+            for text in _oddities(image, data):
                 trouble.setdefault(text, []).append(name)
     trouble.setdefault(MISSING, []).extend(sorted(wanted))
     return found, tuple(text + listing(sorted(which)) for text, which in trouble.items() if which)
@@ -89,7 +92,10 @@ def read_images(
 MISSING = "Missing images, shown in magenta: "
 
 
-def _oddities(image) -> Iterable[str]:
+CUT_OFF = "Colors brighter than their alpha are cut off in images of 8 bits set to Premultiplied: "
+
+
+def _oddities(image, data: ImageData) -> Iterable[str]:
     if image.source == "TILED":
         yield "Only the first tile is shown of: "
     elif image.source in {"SEQUENCE", "MOVIE"}:
@@ -97,6 +103,12 @@ def _oddities(image) -> Iterable[str]:
     space = image.colorspace_settings.name
     if not (image.is_float or space == "sRGB" or space in LINEAR_SPACES):
         yield f"The color space {space} is taken for sRGB: "
+    if image.alpha_mode == "PREMUL" and not image.is_float and _has_alpha(image) and _is_file(image):
+        # Blender divides by alpha as it loads them. A color that is as bright may have been brighter.
+        color, alpha = data.pixels[:, :, :3], data.pixels[:, :, 3:].astype(np.uint16)
+        brightest = alpha * alpha // 255 if versions.multiplies_by_alpha(image, True) else alpha
+        if ((color >= brightest) & (alpha > 0) & (alpha < 255)).any():
+            yield CUT_OFF
 
 
 def image_state(image) -> tuple:
@@ -107,7 +119,8 @@ def image_state(image) -> tuple:
     except (OSError, ValueError):
         written = ()
     space = image.colorspace_settings.name
-    return image.filepath, written, tuple(image.size), space, image.alpha_mode, image.source
+    kind = image.alpha_mode, image.source, image.packed_file is None
+    return image.filepath, written, tuple(image.size), space, *kind
 
 
 def read_image(image) -> ImageData | None:
@@ -124,18 +137,61 @@ def read_image(image) -> ImageData | None:
     if channels != 4:
         pixels = _four(pixels)
     space = image.colorspace_settings
-    premultiplied = image.alpha_mode in {"STRAIGHT", "PREMUL"} and not space.is_data
     if image.alpha_mode == "NONE":
         pixels[:, :, 3] = 1.0
-    # Blender holds floats premultiplied, bytes straight. Bytes are multiplied as Cycles does it, so
-    # that what lies between texels is the same.
     if image.is_float:
-        return ImageData(pixels, False, premultiplied)
-    whole = np.floor(pixels * 255.0 + 0.5)
-    if premultiplied:
-        whole[:, :, :3] = np.floor(whole[:, :, :3] * whole[:, :, 3:] / 255.0)
-    encoded = space.name not in LINEAR_SPACES and not space.is_data
-    return ImageData(whole.astype(np.uint8), encoded, premultiplied)
+        # Cycles converts files by itself, and sRGB not before it has looked between texels.
+        encoded = space.name == "sRGB" and _is_file(image)
+        pixels = _floats(image, pixels, encoded)
+    else:
+        encoded = space.name not in LINEAR_SPACES and not space.is_data
+        pixels = _bytes(image, pixels)
+    return ImageData(pixels, encoded, _has_alpha(image))
+
+
+def _is_file(image) -> bool:
+    """Whether Cycles reads an image's file; others have the values that Blender holds."""
+    return image.source not in {"GENERATED", "MOVIE"} and image.packed_file is None and not image.is_dirty
+
+
+def _has_alpha(image) -> bool:
+    """Whether an image's colours and alpha belong together."""
+    return image.alpha_mode in {"STRAIGHT", "PREMUL"} and not image.colorspace_settings.is_data
+
+
+def _bytes(image, pixels: Pixels) -> NDArray[np.uint8]:
+    """The bytes that Cycles looks up. pixels: Blender's, (H, W, 4) float32, straight: changed in place.
+
+    Products are rounded as Cycles does it, so that what lies between texels is the same.
+    """
+    pixels *= 255.0
+    np.floor(pixels + 0.5, out=pixels)
+    color, alpha = pixels[:, :, :3], pixels[:, :, 3:]
+    if _has_alpha(image):
+        if image.alpha_mode == "PREMUL" and _is_file(image):
+            np.floor(color * np.where(alpha == 0.0, 1.0, alpha / 255.0) + 0.5, out=color)
+        if versions.multiplies_by_alpha(image, _is_file(image)):
+            np.floor(color * alpha / 255.0, out=color)
+    return pixels.astype(np.uint8)
+
+
+def _floats(image, pixels: Pixels, encoded: bool) -> Pixels:
+    """The floats that Cycles looks up, as sRGB has them if ``encoded``.
+
+    pixels: Blender's, (H, W, 4) float32, scene-linear and premultiplied: changed in place.
+    """
+    color, alpha = pixels[:, :, :3], pixels[:, :, 3:]
+    there = np.where(alpha == 0.0, np.float32(1.0), alpha)
+    if _has_alpha(image) and _is_file(image):
+        color /= there
+    if encoded:
+        color[:] = srgb_from_linear(color)
+    if _has_alpha(image):
+        if image.alpha_mode == "PREMUL" and _is_file(image):
+            color *= there
+        if versions.multiplies_by_alpha(image, _is_file(image)):
+            color *= alpha
+    return pixels
 
 
 def _four(pixels):

@@ -12,6 +12,8 @@ import warnings
 import bpy
 
 RNA_INPUTS_SINCE = (5, 2, 0)
+# Files whose colours are multiplied by alpha already.
+PREMULTIPLIED_FORMATS = {"OPEN_EXR", "OPEN_EXR_MULTILAYER"}
 
 
 def modifier_input_property(modifier, identifier: str) -> tuple[object, str]:
@@ -91,6 +93,17 @@ def settle_view_layers() -> None:
 def lit_behind_transparent(limit: int) -> int:
     """Behind how many transparent things Cycles lights anything, by its limit of these; one more is clear."""
     return max(limit, 1) - 1 if bpy.app.version >= (5, 0, 0) else limit
+
+
+def multiplies_by_alpha(image, is_file: bool) -> bool:
+    """Whether Cycles multiplies the colours of an image that has alpha by it.
+
+    is_file: it reads the image's file. Compared with its pictures: by what the user says of the image, up to
+    5.1 by the kind of file.
+    """
+    if bpy.app.version >= (5, 2, 0):
+        return image.alpha_mode == "STRAIGHT"
+    return image.file_format not in PREMULTIPLIED_FORMATS if is_file else not image.is_float
 
 
 def has_portal_depth() -> bool:

@@ -80,6 +80,81 @@ def test_every_supported_node_is_as_in_cycles(tmp_path):
     assert len(places) > 150
 
 
+KINDS = {"8 bits": ("PNG", "8"), "16 bits": ("PNG", "16"), "floats": ("OPEN_EXR", "32")}
+ALPHAS = ("STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE")
+
+
+def save_image(path, kind, premultiplied):
+    """Write random colours and alphas, none of them 0, to a file; 8 bits as they are."""
+    image = bpy.data.images.new("Colors", 8, 6, alpha=True, float_buffer=kind != "8 bits")
+    pixels = np.random.default_rng(1).uniform(0.1, 0.9, (6, 8, 4)).astype(np.float32)
+    if premultiplied:
+        pixels[..., :3] *= pixels[..., 3:]
+    image.pixels.foreach_set(pixels.ravel())
+    settings = bpy.context.scene.render.image_settings
+    if hasattr(settings, "media_type"):
+        settings.media_type = "IMAGE"
+    settings.color_mode = "RGBA"
+    settings.file_format, settings.color_depth = KINDS[kind]
+    if kind == "8 bits":
+        image.filepath_raw, image.file_format = str(path), "PNG"
+        image.save()
+    else:
+        image.save_render(str(path))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_images_with_alpha_are_as_in_cycles(kind, tmp_path):
+    """However it is stored and said to be, whether the alpha is used or not."""
+    paths = {mode: tmp_path / f"{mode}.{KINDS[kind][0]}" for mode in ("STRAIGHT", "PREMUL")}
+    for mode, path in paths.items():
+        save_image(path, kind, mode == "PREMUL" or kind == "floats")
+
+    def maker(alpha, space, packed, used):
+        def make(tree):
+            path = paths["PREMUL" if alpha == "PREMUL" else "STRAIGHT"]
+            image = bpy.data.images.load(str(path))
+            image.alpha_mode, image.colorspace_settings.name = alpha, space
+            if packed:
+                image.pack()
+            node = image_node(tree, image)
+            if not used:
+                return node.outputs[0]
+            links = {"_0": node.outputs[1], "_6": (0, 0, 1), "_7": node.outputs[0]}
+            return add(tree, "ShaderNodeMix", {"data_type": "RGBA"}, **links).outputs[2]
+
+        return glowing(make)
+
+    spaces = [(alpha, "sRGB") for alpha in ALPHAS]
+    spaces += [(alpha, "Linear Rec.709") for alpha in ALPHAS[:2]] + [("STRAIGHT", "Non-Color")]
+    makers = {
+        f"{alpha} {space} {packed} {used}": maker(alpha, space, packed, used)
+        for alpha, space in spaces
+        for packed in (False, True)
+        for used in (False, True)
+    }
+    scene, places = contact_sheet(makers)
+    ours, cycles = both(scene, tmp_path)
+    wrong = {}
+    for name, place in places.items():
+        off = np.abs(cell(ours, place) - cell(cycles, place)).max(axis=2)
+        if (off > STEP).sum() > MOST_PIXELS:
+            wrong[name] = int((off > STEP).sum()), float(off.max())
+    assert not wrong
+
+
+def test_colors_that_blender_cuts_off_are_named(addon, tmp_path):
+    """Straight colours in a file that is said to be premultiplied."""
+    read = addon("scfpf_addon.bridge.read_images").read_images
+    for premultiplied in (True, False):
+        path = tmp_path / f"{premultiplied}.png"
+        save_image(path, "8 bits", premultiplied)
+        image = bpy.data.images.load(str(path))
+        image.alpha_mode = "PREMUL"
+        warnings = read([image.name])[1]
+        assert any("cut off" in line for line in warnings) != premultiplied
+
+
 NORMALS = ["flat", "smooth", "sharp edges", "flat faces and sharp edges", "custom"]
 if bpy.app.version >= (5, 2, 0):
     # Up to then Cycles, unlike EEVEE, shades smooth faces by the normals of flat ones beside them as well.

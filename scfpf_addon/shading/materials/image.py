@@ -44,6 +44,12 @@ def linear_from_srgb(color: Array) -> Array:
     return result
 
 
+def srgb_from_linear(color: NDArray[np.float32]) -> NDArray[np.float32]:
+    """sRGB's values of scene-linear ones: the inverse of ``linear_from_srgb``."""
+    high = np.maximum(color, np.float32(0.0)) ** np.float32(1.0 / 2.4) * np.float32(1.055) - np.float32(0.055)
+    return np.where(color <= 0.04045 / 12.92, color * np.float32(12.92), high)
+
+
 def sample(
     image: ImageData | None,
     u: Array,
