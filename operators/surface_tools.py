@@ -6,8 +6,11 @@ from bpy.props import EnumProperty, IntProperty
 
 from ..scfpf_addon.bridge import lattice_object, surface_edits, volume_edits
 from ..scfpf_addon.bridge.render_job import picture_aspect, picture_size
+from ..scfpf_addon.bridge.surface_nodes import PARAMETRIC_KINDS
+from ..scfpf_addon.bridge.surface_scale import is_scaled
 from ..scfpf_addon.projection.respacing import EVEN
 from .surfaces import poll_slot
+from .target import flexible_camera_of
 from .tool import Tool, poll_two
 
 # From here on a converted surface counts as changed, as a share of its size: float32 gives about 1e-7.
@@ -158,16 +161,26 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
-    """Put the active control surface's scale into its sizes; it stays as it is.
+    """Put the active control surface's whole scale, its parents' included, into its sizes; it stays as it is.
 
     Blender's own Apply Scale (Ctrl-A) would lose the scale, as of every shape that only a modifier makes"""
 
     bl_idname = "scfpf.surface_apply_scale"
     bl_label = "Apply Scale to Sizes"
 
-    poll = classmethod(poll_slot)
+    @classmethod
+    def poll(cls, context):
+        if not poll_slot(cls, context):
+            return False
+        settings = flexible_camera_of(context).scfpf
+        surface = settings.surfaces[settings.active_surface].object
+        if surface is not None and surface.scfpf_surface.kind in PARAMETRIC_KINDS and not is_scaled(surface):
+            cls.poll_message_set("The sizes are those in the world already: there is no scale to apply")
+            return False
+        return True
 
-    def edit(self, _context, camera):
+    def edit(self, context, camera):
+        context.evaluated_depsgraph_get()  # objects that have just been moved
         volume_edits.apply_scale(camera, camera.scfpf.active_surface)
 
 

@@ -11,9 +11,11 @@ from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.picture_fit import needs_fit
 from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.result_image import result_image
-from ..scfpf_addon.bridge.surface_nodes import PARAMETRIC_KINDS, SurfaceError, parameter_properties
+from ..scfpf_addon.bridge.surface_nodes import SurfaceError, parameter_properties
+from ..scfpf_addon.bridge.surface_scale import is_scaled, whole_scale, world_sizes
 from ..scfpf_addon.bridge.volume_upkeep import sharers
 from ..scfpf_addon.casting.scene import caster_fault
+from ..scfpf_addon.projection.editing import EditingError
 from .blend import draw_blend
 from .mapping_stack import draw_stack
 from .surface_list import absence_of
@@ -130,6 +132,27 @@ def draw_found(layout, settings) -> None:
             column.label(text=text)
 
 
+def draw_world_sizes(layout, scene, surface) -> None:
+    """The sizes of a scaled surface in the world, and the button that puts the scale into them."""
+    units = scene.unit_settings
+    try:
+        sizes = world_sizes(surface)
+    except SurfaceError:
+        return  # Said where the sizes would stand.
+    except EditingError:
+        factors = " × ".join(f"{factor:.4g}" for factor in whole_scale(surface))
+        layout.label(text=f"In the World: Scaled {factors}", icon="INFO")
+    else:
+        for number, (label, length) in enumerate(sizes):
+            text = f"{length:.4g}"
+            if units.system != "NONE":
+                text = bpy.utils.units.to_string(
+                    units.system, "LENGTH", length * units.scale_length, precision=4, split_unit=False
+                )
+            layout.label(text=f"{label} in the World: {text}", icon="BLANK1" if number else "INFO")
+    layout.operator("scfpf.surface_apply_scale", icon="CON_SIZELIKE")
+
+
 class _MainSection:
     bl_label = "Flexible Projection"
     names_camera = False
@@ -226,9 +249,8 @@ class _SurfacesSection(_Subsection):
                 column.prop(owner, name, text=label)
         except SurfaceError as error:
             draw_text(column, str(error), "ERROR")
-        if slot.object.scfpf_surface.kind in PARAMETRIC_KINDS and any(abs(s) != 1 for s in slot.object.scale):
-            # Sizes are times the scale, which Blender's Ctrl-A would lose.
-            column.operator("scfpf.surface_apply_scale", icon="CON_SIZELIKE")
+        if is_scaled(slot.object):
+            draw_world_sizes(self.layout.column(align=True), context.scene, slot.object)
 
 
 class _ProjectorsSection(_Subsection):

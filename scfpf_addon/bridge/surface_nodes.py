@@ -433,7 +433,7 @@ def parameter_properties(surface) -> list[tuple[str, object, str]]:
 def set_surface_parameters(surface, parameters: dict) -> None:
     """Write parameters by name: those of the kind, those of its drawing, or ``points`` of a mesh kind.
 
-    Raises SurfaceError for an unknown name or a value out of its limits.
+    Raises SurfaceError for an unknown name or a value out of its limits; then nothing has changed.
     """
     kind = surface.scfpf_surface.kind
     if kind in OBJECT_KINDS:
@@ -450,6 +450,7 @@ def set_surface_parameters(surface, parameters: dict) -> None:
         return
     known = {given.key: given for given in PARAMETRIC_KINDS[kind].inputs}
     modifier, identifiers = parameter_modifier(surface)
+    taken = {}
     for key, value in parameters.items():
         if key not in known:
             raise SurfaceError(f"A {PARAMETRIC_KINDS[kind].title} has no parameter {key!r}")
@@ -460,7 +461,9 @@ def set_surface_parameters(surface, parameters: dict) -> None:
             raise SurfaceError(
                 f"{given.label} must lie from {given.minimum:g} to {given.maximum:g}, not {value:g}"
             )
-        versions.set_modifier_input(modifier, identifiers[given.label], type(given.default)(value))
+        taken[identifiers[given.label]] = type(given.default)(value)
+    for identifier, value in taken.items():
+        versions.set_modifier_input(modifier, identifier, value)
     surface.update_tag()
 
 

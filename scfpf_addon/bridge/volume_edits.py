@@ -11,10 +11,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..projection.editing import EditingError, inserted, mirrored, scaled
+from ..projection.editing import EditingError, inserted, mirrored
 from ..projection.inverse import invert
 from ..projection.volume import Projection
-from . import lattice_object, nurbs_object
+from . import lattice_object, nurbs_object, surface_scale
 from .flexible_camera import (
     FlexibleCameraError,
     add_surface,
@@ -270,31 +270,9 @@ def align_surface(camera, index: int, target, location: bool, rotation: bool) ->
 
 
 def apply_scale(camera, index: int) -> None:
-    """Put a parametric surface's scale into its parameters; only signs are left of it. Nothing moves.
-
-    Blender's own Apply Scale loses it, as the surface's mesh without its modifier is empty.
-    Raises FlexibleCameraError, before anything is changed.
-    """
+    """Put the whole scale of a surface into its sizes, see ``surface_scale.apply_scale``."""
     (surface,) = _surfaces(camera, [index])
-    kind = surface.scfpf_surface.kind
-    if kind not in PARAMETRIC_KINDS:
-        raise FlexibleCameraError(f"'{surface.name}' has points: apply its scale with Object > Apply > Scale")
-    if is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER") or has_other_animation(surface):
-        raise FlexibleCameraError(
-            f"'{surface.name}' has modifiers or animation, which another scale would change: "
-            "convert it to a grid first"
-        )
-    before = surface.scale.copy()
-    after = Vector(math.copysign(1.0, factor) for factor in before)
-    try:
-        parameters = scaled(kind, surface_parameters(surface), before)
-    except EditingError as error:
-        raise FlexibleCameraError(f"'{surface.name}': {error}") from error
-    set_surface_parameters(surface, parameters)
-    surface.scale = after
-    kept = Matrix.Diagonal((*(b / a for b, a in zip(before, after, strict=True)), 1.0))
-    for child in surface.children:
-        child.matrix_parent_inverse = kept @ child.matrix_parent_inverse
+    surface_scale.apply_scale(surface)
 
 
 def make_single_user(camera) -> int:
@@ -366,9 +344,10 @@ def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
     """Scale the volume and move the camera, which goes on looking the same way, around a box.
 
     corners: (8, 3), world space. The middle of the volume comes to the middle of the box, and the volume
-    is the smallest that holds all corners. The ordinary lens follows. Raises FlexibleCameraError.
+    is the smallest that holds all corners. Parametric surfaces take the factor into their sizes, others and
+    those that are animated into the parent inverse. The ordinary lens follows. Raises FlexibleCameraError.
     """
-    _children(camera)
+    surfaces = _children(camera)
     projection = _in_camera_space(camera, depsgraph, aspect)
     volume = projection.volume
     world = np.array(camera.matrix_world, np.float64)
@@ -398,7 +377,9 @@ def fit_volume(camera, depsgraph, aspect: float, corners) -> None:
         between = math.sqrt(low * high)
         low, high = (low, between) if holds(between) else (between, high)
     sizes = np.diag([high, high, high, 1.0])
-    move_volume(camera, sizes)
+    for surface in surfaces:
+        if not surface_scale.grow(surface, high):
+            surface.matrix_parent_inverse = Matrix(sizes.tolist()) @ surface.matrix_parent_inverse
     place = camera.matrix_world.copy()
     place.translation = Vector(centre - world[:3, :3] @ (high * middle[:, 0]))
     camera.matrix_world = place

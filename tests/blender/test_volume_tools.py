@@ -363,6 +363,34 @@ def test_fitted_volume_just_holds_the_selection(addon, read, preset):
     )
 
 
+def test_a_fitted_volume_has_the_sizes_of_the_world(addon, read):
+    """Sizes in the panel are those that Blender draws, whatever the factor was; an animated one keeps its."""
+    camera = add_camera("angular_fisheye")
+    near, far = (slot.object for slot in camera.scfpf.surfaces)
+    far.location = 0, 0.5, 0
+    near.keyframe_insert("location", frame=1)
+    child = bpy.data.objects.new("Child", None)
+    bpy.context.scene.collection.objects.link(child)
+    child.parent, child.location = far, (1, 2, 3)
+    cube = add_cube((400, 10, 3))
+    cube.scale = 20, 50, 10
+    camera.select_set(True)
+    child_before = far.matrix_world.inverted() @ child.matrix_world
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.volume_fit() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    scales = addon("scfpf_addon.bridge.surface_scale")
+    drawn = far.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    extent = max(drawn.dimensions)
+    (label, radius), *_ = scales.world_sizes(far)
+    assert label == "Radius" and not scales.is_scaled(far)
+    assert 2 * radius == pytest.approx(extent, rel=1e-5) and radius > 60
+    assert scales.is_scaled(near)
+    assert (far.matrix_world.inverted() @ child.matrix_world).translation.length == pytest.approx(
+        child_before.translation.length * scales.whole_scale(near)[0], rel=1e-5
+    )
+
+
 def test_fit_needs_a_selection():
     add_cube()
     camera = add_camera()
