@@ -29,17 +29,6 @@ PASSES = ("use_pass_z", "use_pass_vector", "use_pass_cryptomatte_object")
 OWN_PASSES = ("use_pass_diffuse", "use_pass_specular", "use_pass_parameters")
 # Groups of presets and other menus: the picture's name, the menu, what the mouse is over does not matter.
 MENUS = {"menu-presets": "SCFPF_MT_presets_group_1", "menu-tools": "SCFPF_MT_surface_specials"}
-# The tutorial's towers: place, height, colour; each is repeated so many times, so far apart.
-TOWERS = (
-    ((0.0, 0.0), 2.0, (0.80, 0.20, 0.06, 1.0)),
-    ((3.0, 0.0), 4.0, (0.85, 0.75, 0.55, 1.0)),
-    ((0.0, 3.0), 3.0, (0.08, 0.35, 0.45, 1.0)),
-    ((3.0, 3.0), 5.5, (0.75, 0.42, 0.08, 1.0)),
-)
-TOWER_SIZE, TOWERS_ACROSS, TOWERS_APART, GROUND_SIZE = 1.6, 8, 6.0, 60.0
-GROUND_COLOR, SKY_COLOR, SKY_STRENGTH = (0.25, 0.40, 0.18, 1.0), (0.35, 0.60, 1.0, 1.0), 0.6
-# The sun's own angle is a real one's: shadows are crisp with few samples.
-SUN_STRENGTH, SUN_SIZE, SUN_ANGLES = 4.0, 0.5, (50.0, 0.0, 30.0)
 # Where the little planet is seen from, and how large its picture is, pixels.
 ABOVE, PLANET_SIZE = 7.0, 900
 # The bent camera of the last step: how far the middle surface is pulled aside and turned, degrees.
@@ -90,41 +79,6 @@ def popped_up(driver, before, name, least=60):
     save(driver, name, (left, driver.window.height - top - high, wide, high))
 
 
-def build_city():
-    """The tutorial's scene: towers in rows on a lawn, in the sun."""
-    for name in ("Cube", "Camera"):
-        bpy.data.objects.remove(bpy.data.objects[name])
-    start = -TOWERS_APART * (TOWERS_ACROSS - 0.5) / 2
-    for (x, y), height, color in TOWERS:
-        scale = (TOWER_SIZE, TOWER_SIZE, height)
-        bpy.ops.mesh.primitive_cube_add(size=1, location=(start + x, start + y, height / 2), scale=scale)
-        tower = bpy.context.object
-        tower.data.materials.append(coloured("Tower", color))
-        for axis in range(2):
-            rows = tower.modifiers.new("Array", "ARRAY")
-            rows.count, rows.use_relative_offset, rows.use_constant_offset = TOWERS_ACROSS, False, True
-            rows.constant_offset_displace = [(axis == i) * TOWERS_APART for i in range(3)]
-    bpy.ops.mesh.primitive_plane_add(size=GROUND_SIZE)
-    bpy.context.object.data.materials.append(coloured("Lawn", GROUND_COLOR))
-    bpy.context.object.select_set(False)
-    lamp = bpy.data.objects["Light"]
-    lamp.data.type = "SUN"
-    lamp.rotation_euler = [math.radians(angle) for angle in SUN_ANGLES]
-    sun = bpy.data.lights[lamp.data.name]
-    sun.energy, sun.angle = SUN_STRENGTH, math.radians(SUN_SIZE)
-    sky = bpy.context.scene.world.node_tree.nodes["Background"].inputs
-    sky["Color"].default_value, sky["Strength"].default_value = SKY_COLOR, SKY_STRENGTH
-
-
-def coloured(name, color):
-    material = bpy.data.materials.new(name)
-    if not material.node_tree:
-        material.use_nodes = True
-    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = color
-    material.diffuse_color = color
-    return material
-
-
 def look_from(driver, direction, centre, distance):
     view = driver.area("VIEW_3D").spaces.active.region_3d
     view.view_perspective = "PERSP"
@@ -133,9 +87,10 @@ def look_from(driver, direction, centre, distance):
 
 
 def prepare(driver):
-    """Larger letters, the city, and the view of it that a newcomer has."""
+    """Larger letters, the tutorial's scene, and the view of it that a newcomer has."""
     bpy.context.preferences.view.ui_scale = UI_SCALE
-    build_city()
+    with driver.override():
+        bpy.ops.scfpf.tutorial_scene("EXEC_DEFAULT", True)
     space = driver.area("VIEW_3D").spaces.active
     space.shading.color_type = "MATERIAL"
     space.overlay.show_floor = space.overlay.show_axis_x = space.overlay.show_axis_y = False

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Builds the demo's street, renders it through seven presets, and saves a .blend with all cameras.
+"""Builds the demo's street, renders it through seven presets, and saves two .blend files.
 
     python demo/render_demo.py --output FOLDER [--percentage N] [--only PRESET]
 
 It runs under a Python that has bpy; `python3 dev.py demo` finds or makes one. Each preset has a scene of its
 own in demo.blend, for its resolution; they share the street. Choose a scene and press Render in the camera's
-properties.
+properties. tutorial.blend has the scene of the tutorial in README.md.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ MODULE = "bl_ext.checkout.scfpf"
 OPENING_SCENE = "around_the_car"
 # The 3D viewport as the file opens: what it turns about, from how far and at which angles (degrees).
 VIEW_CENTRE, VIEW_DISTANCE, VIEW_ANGLES, VIEW_END = (0.0, -2.5, 0.8), 24.0, (46.0, 0.0, -16.0), 1000.0
+TUTORIAL_DISTANCE = 72.0
 
 
 class Sampling(NamedTuple):
@@ -152,8 +153,8 @@ def render(scene, path: Path) -> str:
     return scene.camera.scfpf.report
 
 
-def open_on(scene) -> None:
-    """Let the file open on a scene, with the car and the volume in view, in their materials' colours."""
+def open_on(scene, centre=VIEW_CENTRE, distance=VIEW_DISTANCE) -> None:
+    """Let the file open on a scene, seen about a centre from a distance, in its materials' colours."""
     import bpy
     from mathutils import Euler
 
@@ -167,8 +168,21 @@ def open_on(scene) -> None:
                 space.clip_end = VIEW_END
                 view = space.region_3d
                 view.view_perspective = "PERSP"
-                view.view_location, view.view_distance = VIEW_CENTRE, VIEW_DISTANCE
+                view.view_location, view.view_distance = centre, distance
                 view.view_rotation = Euler([radians(angle) for angle in VIEW_ANGLES]).to_quaternion()
+
+
+def save_tutorial(path: Path) -> None:
+    """Write a file with nothing but the tutorial's scene, in view."""
+    import bpy
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    (empty,) = bpy.data.scenes
+    if bpy.ops.scfpf.tutorial_scene() != {"FINISHED"}:
+        sys.exit("The tutorial's scene was not made; the lines above say why.")
+    bpy.data.scenes.remove(empty)
+    open_on(bpy.context.scene, (0.0, 0.0, 0.0), TUTORIAL_DISTANCE)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path), compress=True)
 
 
 def main(arguments: list[str]) -> None:
@@ -232,6 +246,8 @@ def make(scratch: Path, folder: Path, percentage: int, only: str | None) -> list
     open_on(scenes.get(OPENING_SCENE, street))
     files.append(folder / "demo.blend")
     bpy.ops.wm.save_as_mainfile(filepath=str(files[-1]), compress=True)
+    files.append(folder / "tutorial.blend")
+    save_tutorial(files[-1])
     print(f"All done in {time.perf_counter() - started:.0f} s", flush=True)
     return files
 

@@ -19,6 +19,7 @@ from . import (
     render,
     surface_tools,
     surfaces,
+    tutorial,
     volume_tools,
 )
 
@@ -42,6 +43,7 @@ MODULES = (
     preview,
     cycles,
     drawn,
+    tutorial,
 )
 
 
