@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..casting.geometry import Layer
+from ..shading.materials.image import linear_from_srgb, srgb_from_linear
 
 Single = NDArray[np.float32]
 
@@ -27,6 +28,7 @@ ATTRIBUTE_TYPES = {
     "FLOAT_VECTOR": (3, "vector"),
     "FLOAT_COLOR": (4, "color"),
     "BYTE_COLOR": (4, "color"),
+    "QUATERNION": (4, "value"),
 }
 
 
@@ -79,6 +81,8 @@ def _attribute(mesh, name: str) -> Single | None:
     whole[:, : values.shape[1]] = values
     if attribute.domain == "POINT":
         return _of_points(mesh, whole)
+    if attribute.domain == "EDGE":
+        return _of_points(mesh, _from_edges(mesh, whole, attribute.data_type))
     if attribute.domain == "CORNER":
         return _of_corners(mesh, whole)
     if attribute.domain == "FACE":
@@ -86,6 +90,29 @@ def _attribute(mesh, name: str) -> Single | None:
         mesh.loop_triangle_polygons.foreach_get("value", face)
         return np.repeat(whole.take(face, axis=0)[:, None], 3, axis=1)
     return None
+
+
+def _from_edges(mesh, values: Single, data_type: str) -> Single:
+    """Values of edges (E, 4) at the points (V, 4), as Blender converts them: the mean of the edges there.
+
+    Whole numbers are rounded, colours of bytes mixed as sRGB has them. A boolean is true where one of the
+    edges has it.
+    """
+    if data_type == "BYTE_COLOR":
+        values[:, :3] = srgb_from_linear(values[:, :3])
+    ends = np.empty(2 * len(mesh.edges), np.int32)
+    mesh.edges.foreach_get("vertices", ends)
+    points = len(mesh.vertices)
+    sums = [np.bincount(ends, channel.repeat(2), points) for channel in values.T]
+    mean = np.stack(sums, axis=1) / np.bincount(ends, minlength=points).clip(1)[:, None]
+    if data_type == "BOOLEAN":
+        mean = np.ceil(mean)
+    elif data_type == "BYTE_COLOR":
+        # Blender cuts the bytes off; a mean that is whole may be a little less in floats.
+        mean[:, :3] = linear_from_srgb(np.floor(mean[:, :3] * 255.0 + 1e-3) / 255.0)
+    elif data_type.startswith("INT"):
+        mean = np.trunc(mean + np.copysign(0.5, mean))
+    return mean.astype(np.float32)
 
 
 def _values(attribute) -> Single:

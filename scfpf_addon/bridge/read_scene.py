@@ -44,6 +44,7 @@ FILTERS = {
 NO_SURFACES = (
     "The view layer leaves out all surfaces: switch Surfaces on in View Layer Properties, Filter and Override"
 )
+VERTEX_GROUPS = "Vertex groups are 0 in materials unless they are stored as attributes: "
 NOTHING = "There is nothing to render: add an object with faces that is visible in renders"
 
 
@@ -148,6 +149,7 @@ class _SceneReader:
         self._bad_place: dict[str, None] = {}
         self._bad_shape: dict[str, None] = {}
         self._faceless: dict[str, None] = {}
+        self._vertex_groups: dict[str, None] = {}
         # By lamp: what its nodes make of its light, with notes; and those lamps' names by note.
         self._tints: dict[int, tuple[Array, tuple[str, ...]]] = {}
         self._uneven: dict[str, dict[str, None]] = {}
@@ -248,6 +250,8 @@ class _SceneReader:
         for name, values in found.items():
             if values is not None:
                 arrays.layers[name] = values if arrays.kept is None else values[arrays.kept]
+            elif name.partition(":")[2] in thing.vertex_groups:
+                self._vertex_groups[name.partition(":")[2]] = None
 
     def complete(self) -> None:
         """Write out the normals that are the triangles' own, if other meshes have any that are not."""
@@ -285,6 +289,7 @@ class _SceneReader:
             (self._bad_place, "Left out, as their transforms are not finite: "),
             (self._bad_shape, "Faces left out, as their vertices are not finite: "),
             (self._faceless, "Not shown, as they have no faces (hair, points, volumes, Grease Pencil): "),
+            (self._vertex_groups, VERTEX_GROUPS),
         )
         lines = [text + listing(list(names)) for names, text in found if names]
         lines += [f"Not shown as it is: {note} (in {listing(list(n))})" for note, n in self._uneven.items()]

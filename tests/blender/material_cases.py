@@ -9,7 +9,7 @@ from functools import partial
 
 import bpy
 import numpy as np
-from shown_materials import add
+from shown_materials import EDGES, add
 
 CASES = {}
 COLORS = ("BYTE_COLOR POINT", "BYTE_COLOR CORNER", "FLOAT_COLOR POINT", "FLOAT_COLOR CORNER")
@@ -101,6 +101,11 @@ def _colors(tree, value):
 def _attribute(tree, value):
     name, output = value
     return add(tree, "ShaderNodeAttribute", {"attribute_name": name}).outputs[output]
+
+
+@each("Attribute of edges", [kind for kind, _, _ in EDGES])
+def _of_edges(tree, value):
+    return add(tree, "ShaderNodeAttribute", {"attribute_name": f"{value} EDGE"}).outputs[1]
 
 
 def new_image(data=False, float_buffer=False, alpha=False):

@@ -9,6 +9,14 @@ from engine_pictures import passes, write_multilayer
 SIZE = 48
 # Cycles' filter as narrow as it goes, so that it sees what a pixel's centre does.
 NARROW = 0.01
+# Attributes of edges: data type, property of an item, and its numbers.
+EDGES = (
+    ("FLOAT", "value", 1),
+    ("INT", "value", 1),
+    ("BOOLEAN", "value", 1),
+    ("FLOAT_VECTOR", "vector", 3),
+    ("BYTE_COLOR", "color", 4),
+)
 
 
 def new_material(name="Material"):
@@ -73,6 +81,11 @@ def wavy_sheet(columns=7, rows=5):
     height.data.foreach_set("value", z.astype(np.float32).ravel())
     face = mesh.attributes.new("Face", "FLOAT_VECTOR", "FACE")
     face.data.foreach_set("vector", generator.random((len(faces), 3)).astype(np.float32).ravel())
+    for kind, key, channels in EDGES:
+        edge = mesh.attributes.new(f"{kind} EDGE", kind, "EDGE")
+        values = generator.random(channels * len(mesh.edges)).astype(np.float32)
+        values = {"INT": (4 * values).astype(np.int32), "BOOLEAN": values < 0.4}.get(kind, values)
+        edge.data.foreach_set(key, values)
     sheet = bpy.data.objects.new("Sheet", mesh)
     bpy.context.scene.collection.objects.link(sheet)
     return sheet
