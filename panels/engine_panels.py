@@ -289,6 +289,23 @@ class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
         layout.prop(owner, "is_shadow_catcher")
 
 
+class SCFPF_PT_engine_world_visibility(_EnginePanel, bpy.types.Panel):
+    """Whether projectors see the world where they meet nothing"""
+
+    bl_label = "Ray Visibility"
+    bl_context = "world"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and hasattr(context.world, "cycles_visibility")
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(context.world.cycles_visibility, "camera", text="Projectors")
+
+
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
         SCFPF_PT_engine_camera,
@@ -301,6 +318,7 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
         SCFPF_PT_engine_filter,
         SCFPF_PT_engine_beam,
         SCFPF_PT_engine_ray_visibility,
+        SCFPF_PT_engine_world_visibility,
     )
 )
 

@@ -15,13 +15,13 @@ from ..casting.visibility import CAMERA, EVERYWHERE
 from ..projection.typing import Array
 from ..shading.scene import Light, Scene
 from .flexible_camera import control_objects
-from .light_paths import read_bounces
+from .light_paths import read_bounces, unshown_settings
 from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, own_normals, read_mesh
 from .read_layers import join_layers, read_layer
 from .read_lights import read_light, read_tint
 from .read_materials import MaterialTable, listing
 from .read_visibility import LightLinks, visible_rays
-from .read_world import darkness, read_world
+from .read_world import darkness, read_world, world_seen
 from .turned import normal_transforms, normalize, turn
 
 # Corner normals have nine numbers a triangle; beyond this their flat index leaves int32.
@@ -111,12 +111,14 @@ def read_scene(
         warnings=(() if shown or not wanted else (NOTHING,))
         + reader.warnings()
         + reader.materials.warnings()
-        + world_warnings,
+        + world_warnings
+        + unshown_settings(depsgraph.scene_eval),
         object_index=tuple(reader.pass_indices),
         material_index=tuple(reader.materials.pass_indices),
         material_names=tuple(reader.materials.names),
         bounces=read_bounces(depsgraph.scene_eval),
         world=world,
+        world_seen=world_seen(depsgraph.scene_eval, depsgraph.view_layer_eval),
     )
     return replace(made, warnings=made.warnings + darkness(made))
 

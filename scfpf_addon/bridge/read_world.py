@@ -38,12 +38,18 @@ def read_world(scene, view_layer) -> tuple[Array, World | None, tuple[str, ...]]
     return np.zeros(3), made, warnings
 
 
+def world_seen(scene, view_layer) -> bool:
+    """Whether projectors see the world of an evaluated view layer: its Ray Visibility to the camera."""
+    rays = getattr(view_layer.world_override or scene.world, "cycles_visibility", None)
+    return rays is None or rays.camera
+
+
 def _unshown(world) -> tuple[str, ...]:
     """Warnings of what an evaluated world has besides the light of its surface."""
     notes = []
     rays = getattr(world, "cycles_visibility", None)
-    if rays is not None and not (rays.camera and rays.diffuse and rays.glossy and rays.transmission):
-        notes.append("Ray Visibility, all rays see the world")
+    if rays is not None and not (rays.diffuse and rays.glossy and rays.transmission):
+        notes.append("Ray Visibility but for Camera, all other rays see the world")
     if versions.uses_nodes(world) and any(output_shaders(world.node_tree, "Volume")):
         notes.append("Volume")
     return tuple(_warning(note, world) for note in notes)

@@ -72,13 +72,14 @@ class Catchers:
         apart = "SHADOW_CATCHER" in settings.passes.names
         paper = settings.drawn.paper if settings.drawn and settings.drawn.on_paper else None
         shown = not settings.transparent and not apart
+        background, world = scene.backdrop
         return cls(
             caught,
             tuple((lamp, shadowed(lamp, scene.geometry, cast_scene, caught)) for lamp in lamps),
             sky,
             cast_scene,
-            scene.world if shown and paper is None else None,
-            (scene.world_color if paper is None else paper) if shown else None,
+            world if shown and paper is None else None,
+            (background if paper is None else paper) if shown else None,
             apart,
         )
 

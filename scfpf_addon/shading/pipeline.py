@@ -95,7 +95,7 @@ class Pipeline:
             scene, cast_scene = within_reach(scene, projection, alone, settings.pixel_error == 0.0)
         everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        drawn = settings.drawn
+        drawn, (background, world) = settings.drawn, scene.backdrop
         shading: Shading | None = None
         if everything and cast_scene and drawn:
             shading = DrawnShading.drawn_of(scene, everything, settings, drawn)
@@ -104,7 +104,7 @@ class Pipeline:
         made = cls(
             inside,
             settings,
-            np.asarray(scene.world_color, np.float64),
+            np.asarray(background, np.float64),
             SamplePlaces(
                 settings.width,
                 settings.height,
@@ -121,7 +121,7 @@ class Pipeline:
             else None,
             settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
             scene.geometry if cast_scene else None,
-            None if drawn and drawn.on_paper else scene.world,
+            None if drawn and drawn.on_paper else world,
         )
         return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
 

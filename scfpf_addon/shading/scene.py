@@ -98,6 +98,7 @@ class Scene:
     each object of ``geometry.object_names`` and each of the materials. material_names: of these.
     images: the pictures that materials look up, by name; one that is not there is missing. bounces: of
     light. world: in place of ``world_color``, which is then black, where light differs by direction.
+    world_seen: whether projectors that meet nothing see it, not only mirrors, glass and what it lights.
     """
 
     geometry: Geometry
@@ -111,3 +112,9 @@ class Scene:
     images: Mapping[str, ImageData] = field(default_factory=dict)
     bounces: LightPaths = field(default_factory=LightPaths)
     world: World | None = None
+    world_seen: bool = True
+
+    @property
+    def backdrop(self) -> tuple[Array, World | None]:
+        """Radiance (3,) that projectors see where they meet nothing, and the world in its place."""
+        return (self.world_color, self.world) if self.world_seen else (np.zeros(3), None)

@@ -404,7 +404,7 @@ class Tracer:
     def _miss(self, wave: Wave, film: Array, split: LightParts | None) -> None:
         """Add what is seen where nothing is: the world, or through the film what lies behind the picture."""
         through = ~wave.straight if self.transparent else np.zeros(len(wave.pixel), bool)
-        world = self._world(wave)
+        world = self._world(wave) * (wave.straight | self.scene.world_seen)
         add(film, wave.pixel, wave.share * world * ~through)
         if split:
             split.miss(wave.pixel, wave.share * world, wave.straight)

@@ -233,6 +233,37 @@ def test_layers_may_be_without_motion_blur(addon, stage):
     assert jobs.prepare(stage, layer, stage.camera).moments == ()
 
 
+def gradient(world):
+    """Let a world differ by direction."""
+    tree = world.node_tree
+    background = next(each for each in tree.nodes if each.type == "BACKGROUND")
+    place = add(tree, "ShaderNodeTexCoord").outputs["Generated"]
+    shades = add(tree, "ShaderNodeTexGradient", Vector=place)
+    tree.links.new(shades.outputs["Color"], background.inputs["Color"])
+
+
+@pytest.mark.parametrize("even", [True, False])
+@pytest.mark.parametrize("transparent", [False, True])
+def test_a_world_can_be_hidden_from_the_camera(stage, tmp_path, read, even, transparent):
+    """Seen in mirrors and glass, and through what is transparent where the film is black."""
+    shine(stage.world, (0.5, 0.6, 0.8))
+    stage.world.cycles.sampling_method = "NONE"
+    if not even:
+        gradient(stage.world)
+    stage.cycles.max_bounces, stage.cycles.diffuse_bounces, stage.render.film_transparent = 4, 0, transparent
+    bpy.ops.mesh.primitive_plane_add(size=0.8, location=(-0.8, -0.7, -0.3))
+    bpy.context.object.data.materials.append(colored((0.5, 0.7, 0.6), "BsdfTransparent"))
+    mirror = new_material()
+    glossy = add(mirror.node_tree, "ShaderNodeBsdfGlossy", Color=(0.9, 0.8, 0.7), Roughness=0.0)
+    show(mirror.node_tree, glossy.outputs[0])
+    bpy.data.objects["Cube"].data.materials[0] = mirror
+    # Nothing hides the world from the ground: an even one is not hidden by anything here.
+    bpy.data.objects["Plane"].scale, bpy.data.objects["Cube"].location = (0.3, 0.3, 1), (0.8, 0.7, -0.3)
+    stage.world.cycles_visibility.camera = False
+    assert read().warnings == ()
+    assert_alike(stage, tmp_path, HIDDEN, 2 * IN_BLOCKS)
+
+
 def test_what_a_world_has_besides_its_surface_is_named(stage, read):
     shine(stage.world, (0.5, 0.6, 0.8))
     assert read().warnings == ()
@@ -245,6 +276,16 @@ def test_what_a_world_has_besides_its_surface_is_named(stage, read):
     assert "Ray Visibility" in rays and "Volume" in volume
     bpy.context.view_layer.use_sky = False
     assert read().warnings == ()
+
+
+def test_settings_for_cycles_that_change_pictures_are_named(stage, read_render):
+    sun()
+    assert read_render().warnings == ()
+    stage.cycles.sample_clamp_direct, stage.cycles.film_transparent_glass = 1.0, True
+    assert len(read_render().warnings) == 1
+    stage.render.film_transparent = True
+    clamping, glass = read_render().warnings
+    assert "Direct Light" in clamping and "Transparent Glass" in glass
 
 
 def test_a_scene_that_only_glowing_things_light_is_named(stage, read):

@@ -91,7 +91,10 @@ def test_settings_are_those_of_the_scenes_camera(addon, engine_scene):
     assert {"camera", "samples", "pixel_error"} <= set(draw(addon, "SCFPF_PT_engine_camera"))
     engine_scene.camera = None
     assert "scfpf.camera_add" in draw(addon, "SCFPF_PT_engine_camera")
-    assert {"film_transparent", "pixel_filter", "filter_size"} <= set(draw(addon, "SCFPF_PT_engine_film"))
+    film = set(draw(addon, "SCFPF_PT_engine_film"))
+    assert {"film_exposure", "film_transparent", "pixel_filter", "filter_size"} <= film
+    layer = set(draw(addon, "SCFPF_PT_engine_filter"))
+    assert {"use_sky", "use_solid", "use_motion_blur", "material_override", "world_override"} <= layer
     assert {"pattern", "use_adaptive"} <= set(draw(addon, "SCFPF_PT_engine_pattern"))
     assert {"motion_steps", "motion_blur_shutter"} <= set(draw(addon, "SCFPF_PT_engine_motion_blur"))
     assert "transparent_max_bounces" in draw(addon, "SCFPF_PT_engine_light_paths")
@@ -100,6 +103,31 @@ def test_settings_are_those_of_the_scenes_camera(addon, engine_scene):
     assert {"visible_camera", "visible_shadow"} <= set(draw(addon, "SCFPF_PT_engine_ray_visibility"))
     bpy.context.view_layer.objects.active = bpy.data.objects["Sun"]
     assert draw(addon, "SCFPF_PT_engine_ray_visibility") == ["visible_diffuse", "visible_glossy"]
+
+
+def test_a_world_has_a_switch_for_projectors(addon, engine_scene):
+    from types import SimpleNamespace
+
+    panel = addon("panels.engine_panels").SCFPF_PT_engine_world_visibility
+    drawn = []
+    context = SimpleNamespace(engine="SCFPF", world=bpy.data.worlds.new("World"), layout=Layout(drawn))
+    assert panel.poll(context)
+    panel.draw(context, context)
+    assert drawn == ["camera"]
+    assert not panel.poll(SimpleNamespace(engine="SCFPF", world=None))
+
+
+def test_beams_are_those_of_area_lamps(addon, engine_scene):
+    from types import SimpleNamespace
+
+    panel = addon("panels.engine_panels").SCFPF_PT_engine_beam
+    drawn, area = [], bpy.data.lights.new("Area", "AREA")
+    context = SimpleNamespace(engine="SCFPF", light=area, layout=Layout(drawn))
+    assert panel.poll(context)
+    panel.draw(context, context)
+    assert drawn == ["spread", "is_portal"]
+    for other in (None, bpy.data.lights.new("Point", "POINT")):
+        assert not panel.poll(SimpleNamespace(engine="SCFPF", light=other))
 
 
 def test_passes_panel_has_a_switch_for_every_pass(addon, engine_scene):
