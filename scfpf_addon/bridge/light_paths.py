@@ -31,9 +31,20 @@ def unshown_settings(scene) -> tuple[str, ...]:
     cycles = getattr(scene, "cycles", None)
     if cycles is None:
         return ()
-    found = []
-    if cycles.sample_clamp_direct > 0.0:
-        found.append("Clamping of Direct Light")
-    if cycles.film_transparent_glass and scene.render.film_transparent:
-        found.append("Transparent Glass")
-    return tuple(f"Not shown as it is: {name} (in the scene's settings for Cycles)" for name in found)
+    render = scene.render
+    names = {
+        "Clamping of Direct Light": cycles.sample_clamp_direct > 0.0,
+        "Transparent Glass": cycles.film_transparent_glass and render.film_transparent,
+        "Rolling Shutter": render.use_motion_blur and cycles.rolling_shutter_type != "NONE",
+        "Culling of Simplify": render.use_simplify and _culls(scene),
+        "Fast GI that is added": cycles.use_fast_gi and cycles.fast_gi_method == "ADD",
+    }
+    return tuple(
+        f"Not shown as it is: {name} (in the scene's settings for Cycles)" for name, on in names.items() if on
+    )
+
+
+def _culls(scene) -> bool:
+    """Whether Simplify may take objects away."""
+    kinds = [name for name in ("use_camera_cull", "use_distance_cull") if getattr(scene.cycles, name)]
+    return any(getattr(thing.cycles, name) for name in kinds for thing in scene.objects)

@@ -281,11 +281,20 @@ def test_what_a_world_has_besides_its_surface_is_named(stage, read):
 def test_settings_for_cycles_that_change_pictures_are_named(stage, read_render):
     sun()
     assert read_render().warnings == ()
-    stage.cycles.sample_clamp_direct, stage.cycles.film_transparent_glass = 1.0, True
-    assert len(read_render().warnings) == 1
-    stage.render.film_transparent = True
-    clamping, glass = read_render().warnings
-    assert "Direct Light" in clamping and "Transparent Glass" in glass
+    cycles, render = stage.cycles, stage.render
+    cycles.sample_clamp_direct = 1.0
+    (line,) = read_render().warnings
+    assert line.startswith("Not shown as it is: Clamping of Direct Light")
+    cycles.film_transparent_glass, cycles.rolling_shutter_type, cycles.use_camera_cull = True, "TOP", True
+    cycles.use_fast_gi, cycles.fast_gi_method = True, "REPLACE"
+    assert read_render().warnings == (line,), "each of them is without effect"
+    bpy.data.objects["Cube"].cycles.use_camera_cull = True
+    render.film_transparent = render.use_motion_blur = render.use_simplify = True
+    cycles.fast_gi_method = "ADD"
+    words = "Direct Light", "Transparent Glass", "Rolling Shutter", "Culling", "Fast GI"
+    found = read_render().warnings
+    assert len(found) == len(words)
+    assert all(word in text for word, text in zip(words, found, strict=True))
 
 
 def test_a_scene_that_only_glowing_things_light_is_named(stage, read):
