@@ -2,6 +2,7 @@
 """An artist's own presets: the present volume saved, listed in the menu, shared as files, removed."""
 
 import pathlib
+import time
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
@@ -16,11 +17,14 @@ from .tool import Tool
 
 # Names and descriptions by file, and the file's time and size when they were read; strings only.
 _read: dict[str, tuple[tuple[int, int], str, str]] = {}
+# Seconds that a menu may spend on reading files; it reads the others when it is opened again.
+MENU_SECONDS = 2.0
 
 
 def own_presets() -> list[tuple[str, str, str]]:
     """(stem, name, description) of each own preset, by name; a file that is none says so."""
     found = []
+    start = time.monotonic()
     for path in camera_preset.own_files():
         try:
             facts = path.stat()
@@ -29,6 +33,9 @@ def own_presets() -> list[tuple[str, str, str]]:
         key = facts.st_mtime_ns, facts.st_size
         known = _read.get(path.name)
         if known is None or known[0] != key:
+            if time.monotonic() - start > MENU_SECONDS:
+                found.append((path.stem, path.stem, "Not read yet: open the menu again"))
+                continue
             try:
                 preset = read_preset(path)
                 known = (key, preset.name, preset.description)

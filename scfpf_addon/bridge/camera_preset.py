@@ -12,6 +12,7 @@ import numpy as np
 
 from ..projection.editing import EditingError
 from ..projection.preset import Preset, PresetError, load_preset, preset_to_json, read_preset
+from ..projection.preset_limits import read_bytes
 from ..projection.preset_picture import png, png_size, volume_picture
 from ..projection.preset_writing import stored_surface
 from ..projection.volume import Projection
@@ -199,8 +200,7 @@ def own_picture(stem: str) -> tuple[pathlib.Path, int] | None:
     path = own_folder() / f"{stem}.png"
     try:
         facts = path.stat()
-        with path.open("rb") as file:
-            size = png_size(file.read(24))
+        size = png_size(read_bytes(path, 24))
     except OSError:
         return None
     if size is None or not 0 < max(size) <= LARGEST_PICTURE or facts.st_size > MOST_PICTURE_BYTES:

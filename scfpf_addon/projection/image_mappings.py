@@ -12,7 +12,8 @@ import numpy as np
 from .image_grids import DeformedGrid
 from .image_radial import CurvedDisplay, Distortion, Lens, RadialCurve
 from .image_stack import Backwards, Part
-from .preset_values import Limit, PresetError, read_choice, read_name, read_number, read_object
+from .preset_limits import PresetError
+from .preset_values import Limit, read_choice, read_name, read_number, read_object
 from .reparameterisation import Reparameterisation
 from .typing import Array
 

@@ -11,6 +11,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from time import monotonic
 from typing import Literal, NamedTuple, cast
 
 import numpy as np
@@ -20,14 +21,22 @@ from .euler import euler_angles, euler_matrix
 from .image_mappings import ImageMapping, mapping_data, read_mappings
 from .image_stack import seen_through
 from .nurbs import NurbsAxis, NurbsPatch
+from .preset_limits import (
+    MAXIMUM_SURFACES,
+    PresetError,
+    check_numbers,
+    check_nurbs_points,
+    check_size,
+    check_time,
+    parsed,
+    read_bytes,
+)
 from .preset_mesh import mesh_data, read_mesh
 from .preset_values import (
     COORDINATE,
     LENGTH,
-    MAXIMUM_POINTS,
     SMALLEST_LENGTH,
     Limit,
-    PresetError,
     read_choice,
     read_name,
     read_number,
@@ -36,7 +45,6 @@ from .preset_values import (
     read_range,
     read_text,
     read_vector,
-    unique_keys,
 )
 from .reparameterisation import reparameterisation
 from .surfaces import BilinearPatch, Cone, ControlSurface, Cylinder, Disc, Grid, Plane, Point, SphereSector
@@ -47,7 +55,7 @@ from .volume import Projection, ViewingVolume
 
 __all__ = [
     "FORMAT",
-    "MAXIMUM_BYTES",
+    "MAXIMUM_SURFACES",
     "Preset",
     "PresetError",
     "PresetSurface",
@@ -62,10 +70,6 @@ FORMAT = 1
 BASES = ("BEZIER", "POLYLINE", "B_SPLINE", "NURBS")
 REPARAMETERISATIONS = ("RECTANGLE", "POLAR")
 FITS = ("WIDTH", "HEIGHT", "NONE")
-
-MAXIMUM_SURFACES = 64
-# A million points at full precision, with room to spare.
-MAXIMUM_BYTES = 128 * 2**20
 # Cosine between the axes of a surface beyond which it counts as sheared: float32 with room to spare.
 SHEAR_TOLERANCE = 1e-5
 
@@ -277,12 +281,11 @@ class Preset:
 def read_preset(path: Path) -> Preset:
     """The preset in a file. Raises PresetError, with the file's name, when it is unreadable or wrong."""
     try:
-        with path.open("rb") as file:
-            data = file.read(MAXIMUM_BYTES + 1)
+        data = read_bytes(path)
     except OSError as error:
         raise PresetError(f"cannot read {path.name}: {error.strerror or error}") from error
     try:
-        _check_size(len(data))
+        check_size(len(data))
         return load_preset(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise PresetError(f"{path.name}: not a text file in UTF-8") from error
@@ -295,23 +298,10 @@ def load_preset(text: str) -> Preset:
 
     Raises PresetError, whose message names the surface and the key, for anything
     that is not a preset: no key may be missing or unknown, every number is finite
-    and in range, sizes are bounded.
+    and in range, and ``preset_limits`` bounds all sizes.
     """
-    _check_size(len(text))
-    try:
-        data = json.loads(text, object_pairs_hook=unique_keys)
-    except PresetError:
-        raise
-    except RecursionError as error:
-        raise PresetError("the preset is nested too deeply") from error
-    except ValueError as error:
-        raise PresetError(f"the preset is not valid JSON: {error}") from error
-    return _preset(data)
-
-
-def _check_size(size: int) -> None:
-    if size > MAXIMUM_BYTES:
-        raise PresetError(f"the preset is larger than {MAXIMUM_BYTES} bytes")
+    start = monotonic()
+    return _preset(parsed(text), start)
 
 
 def preset_to_json(preset: Preset) -> str:
@@ -390,7 +380,7 @@ def _degrees(radians: float) -> float:
     return float(f"{np.degrees(radians):.15g}")
 
 
-def _preset(data: object) -> Preset:
+def _preset(data: object, start: float) -> Preset:
     about = ("format", "name", "description", "source")
     settings = ("basis", "reparameterisation", "u_range", "v_range", "aspect", "fit", "surfaces")
     values = read_object(data, "the preset", (*about, *settings), ("subject", "group", "mappings"))
@@ -399,7 +389,7 @@ def _preset(data: object) -> Preset:
     items = values["surfaces"]
     if not isinstance(items, list) or not 2 <= len(items) <= MAXIMUM_SURFACES:
         raise PresetError(f"surfaces must be a list of 2 to {MAXIMUM_SURFACES} surfaces")
-    preset = Preset(
+    return Preset(
         name=read_name(values["name"], "name"),
         description=read_text(values["description"], "description"),
         source=read_text(values["source"], "source"),
@@ -411,15 +401,29 @@ def _preset(data: object) -> Preset:
         v_range=read_range(values["v_range"], "v_range"),
         aspect=read_number(values["aspect"], "aspect", _ASPECT),
         fit=cast(FitKind, read_choice(values["fit"], "fit", FITS)),
-        surfaces=tuple(_surface(item, number) for number, item in enumerate(items, 1)),
+        surfaces=_surfaces(items, start),
         subject=_subject(values["subject"]) if "subject" in values else None,
         group=read_name(values["group"], "group") if "group" in values else "",
         mappings=read_mappings(values.get("mappings", [])),
     )
-    count = sum(s.points[..., 0].size for s in preset.surfaces if s.points is not None)
-    if count > MAXIMUM_POINTS:
-        raise PresetError(f"the surfaces have {count} points together, at most {MAXIMUM_POINTS} are allowed")
-    return preset
+
+
+def _surfaces(items: list[object], start: float) -> tuple[PresetSurface, ...]:
+    surfaces: list[PresetSurface] = []
+    numbers = nurbs_points = 0
+    for number, item in enumerate(items, 1):
+        one = _surface(item, number)
+        check_time(start)
+        surfaces.append(one)
+        if one.points is not None:
+            numbers += one.points.size
+            nurbs_points += one.points[..., 0].size * (one.kind == "NURBS")
+            if one.chart is not None:
+                # A file has a UV for each point.
+                numbers += one.chart.vertices.size + 2 * len(one.points)
+        check_numbers(numbers)
+        check_nurbs_points(nurbs_points)
+    return tuple(surfaces)
 
 
 def _surface(data: object, number: int) -> PresetSurface:

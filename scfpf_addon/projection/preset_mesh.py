@@ -5,14 +5,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from .preset_values import COORDINATE, MAXIMUM_POINTS, Limit, PresetError
+from .preset_limits import MAXIMUM_AT_VERTEX, MAXIMUM_OVERLAPS, PresetError, check_numbers
+from .preset_values import COORDINATE, Limit
 from .typing import Array, IndexArray
 from .uv_chart import UVChart
 
 # Of UVs: those outside of the unit square are kept, but show nothing.
 _UV = Limit(-1000.0, 1000.0)
-# A closed mesh has about twice as many triangles as points.
-MAXIMUM_TRIANGLES = 2 * MAXIMUM_POINTS
 
 
 def read_mesh(values: dict[str, object], where: str) -> tuple[Array, UVChart]:
@@ -20,19 +19,35 @@ def read_mesh(values: dict[str, object], where: str) -> tuple[Array, UVChart]:
 
     Raises PresetError, which says what is wrong.
     """
-    points = _rows(values["points"], f"{where}: points", 3, COORDINATE, MAXIMUM_POINTS)
-    uv = _rows(values["uv"], f"{where}: uv", 2, _UV, MAXIMUM_POINTS)
+    points = _rows(values["points"], f"{where}: points", 3, COORDINATE)
+    uv = _rows(values["uv"], f"{where}: uv", 2, _UV)
     if len(uv) != len(points):
         raise PresetError(f"{where}: uv must be as many as the points, {len(points)}, not {len(uv)}")
     last = len(points) - 1
-    corners = _rows(values["triangles"], f"{where}: triangles", 3, Limit(0, last), MAXIMUM_TRIANGLES)
+    corners = _rows(values["triangles"], f"{where}: triangles", 3, Limit(0, last))
     triangles: IndexArray = corners.astype(np.int64)
     if (triangles != corners).any():
         raise PresetError(f"{where}: triangles must be whole numbers from 0 to {last}")
     chart = UVChart(uv[triangles], triangles)
     if not chart.used.any():
         raise PresetError(f"{where}: no triangle has an area in the UV square from 0 to 1")
+    _check_work(triangles, chart, where)
     return points, chart
+
+
+def _check_work(triangles: IndexArray, chart: UVChart, where: str) -> None:
+    """Raise PresetError for a mesh that would take too long to look up in, or Blender to show."""
+    most = int(np.bincount(triangles.ravel()).max())
+    if most > MAXIMUM_AT_VERTEX:
+        raise PresetError(
+            f"{where}: {most} triangles meet at one point, at most {MAXIMUM_AT_VERTEX} are allowed"
+        )
+    # The mean first: of triangles that lie on one another in great numbers no bins are made.
+    if chart.mean_overlaps > MAXIMUM_OVERLAPS or chart.most_overlaps > MAXIMUM_OVERLAPS:
+        raise PresetError(
+            f"{where}: too many triangles overlap in the UV square, at most {MAXIMUM_OVERLAPS} may "
+            "lie in one place"
+        )
 
 
 def mesh_data(points: Array, chart: UVChart) -> dict[str, object]:
@@ -47,13 +62,12 @@ def mesh_data(points: Array, chart: UVChart) -> dict[str, object]:
     }
 
 
-def _rows(value: object, where: str, width: int, limit: Limit, most: int) -> Array:
+def _rows(value: object, where: str, width: int, limit: Limit) -> Array:
     """Rows of so many numbers each within the limit, (N, width) float64."""
     form = PresetError(f"{where} must be a list of rows of {width} numbers")
     if not isinstance(value, list) or not value or set(map(type, value)) != {list}:
         raise form
-    if len(value) > most:
-        raise PresetError(f"{where}: {len(value)} are too many, at most {most} are allowed")
+    check_numbers(width * len(value))
     if set(map(len, value)) != {width} or not {type(n) for row in value for n in row} <= {int, float}:
         raise form
     try:

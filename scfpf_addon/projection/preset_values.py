@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .preset_limits import PresetError, check_numbers, shown
 from .typing import Array
 
-MAXIMUM_POINTS = 1_000_000
 # A name that Blender 4.5 keeps whole.
 MAXIMUM_NAME_BYTES = 63
 MAXIMUM_TEXT = 10_000
@@ -18,10 +18,6 @@ MAXIMUM_TEXT = 10_000
 LARGEST_LENGTH = 1e9
 # As far below one unit as the largest is above it; its square is still a normal float32.
 SMALLEST_LENGTH = 1e-9
-
-
-class PresetError(ValueError):
-    """A preset that cannot be used; the message says what to change."""
 
 
 class Limit(NamedTuple):
@@ -36,16 +32,6 @@ COORDINATE = Limit(-LARGEST_LENGTH, LARGEST_LENGTH)
 SHARE = Limit(0.0, 1.0)
 
 
-def unique_keys(pairs: list[tuple[str, object]]) -> dict[str, object]:
-    """A JSON object from its pairs; PresetError when a key stands twice."""
-    values = dict(pairs)
-    if len(values) < len(pairs):
-        names = [key for key, _ in pairs]
-        twice = next(key for key in values if names.count(key) > 1)
-        raise PresetError(f"the key {twice!r} stands twice in one object")
-    return values
-
-
 def read_object(
     data: object, where: str, required: tuple[str, ...], optional: tuple[str, ...] = ()
 ) -> dict[str, object]:
@@ -54,7 +40,7 @@ def read_object(
         raise PresetError(f"{where} must be an object")
     for key in data:
         if key not in required and key not in optional:
-            raise PresetError(f"{where} has an unknown key {key!r}")
+            raise PresetError(f"{where} has an unknown key {shown(key)}")
     for key in required:
         if key not in data:
             raise PresetError(f"{where} needs {key}")
@@ -128,8 +114,7 @@ def read_points(
     if not isinstance(value, list) or set(map(type, value)) != {list}:
         raise shape_error
     points = list(chain.from_iterable(value))
-    if len(points) > MAXIMUM_POINTS:
-        raise PresetError(f"{where}: {len(points)} points are too many, at most {MAXIMUM_POINTS} are allowed")
+    check_numbers(3 * len(points))
     if len(set(map(len, value))) != 1 or set(map(type, points)) != {list}:
         raise shape_error
     widths = set(map(len, points))

@@ -55,6 +55,19 @@ class Bins(NamedTuple):
     entries: IndexArray
 
 
+class Layout(NamedTuple):
+    """The triangles that bins hold, (U,) numbers, and ``side`` × ``side`` bins over ``extent`` from ``low``.
+
+    low, extent: (2,) UV. mean_overlaps: the triangles' areas by that of the part that the bins cover.
+    """
+
+    used: IndexArray
+    side: int
+    low: Array
+    extent: Array
+    mean_overlaps: float
+
+
 @dataclass(frozen=True, eq=False)
 class UVChart:
     """Triangles with UVs at their corners.
@@ -133,12 +146,12 @@ class UVChart:
         return result
 
     @cached_property
-    def bins(self) -> Bins:
-        """The lists of used triangles by bin."""
+    def _layout(self) -> Layout:
+        """How the used part of the square is cut into bins."""
         used = np.flatnonzero(self.used)
         uv = np.clip(self.uv[used], -EDGE_TOLERANCE, 1.0 + EDGE_TOLERANCE)
         if len(used) == 0:
-            return Bins(1, np.zeros(2), np.ones(2), np.zeros(2, np.int64), np.zeros(0, np.int64))
+            return Layout(used, 1, np.zeros(2), np.ones(2), 0.0)
         low = uv.min(axis=(0, 1)) - EDGE_TOLERANCE
         extent = uv.max(axis=(0, 1)) + EDGE_TOLERANCE - low
         boxes = np.ptp(uv, axis=1) / extent
@@ -148,13 +161,36 @@ class UVChart:
         inside, along = area.sum() / len(used), 2 * boxes.sum() / len(used)
         while side > 1 and inside * side**2 + along * side + 4 > ENTRIES_PER_TRIANGLE:
             side = side * 3 // 4
+        return Layout(used, side, low, extent, float(inside * len(used)))
+
+    @property
+    def mean_overlaps(self) -> float:
+        """How many triangles lie in one place of the used part on average; it makes no bins."""
+        return self._layout.mean_overlaps
+
+    @property
+    def most_overlaps(self) -> int:
+        """How many triangles a look-up tests at most."""
+        return int(np.diff(self.bins.offsets).max())
+
+    @cached_property
+    def bins(self) -> Bins:
+        """The lists of used triangles by bin."""
+        used, side, low, extent, _ = self._layout
+        if len(used) == 0:
+            return Bins(1, np.zeros(2), np.ones(2), np.zeros(2, np.int64), np.zeros(0, np.int64))
         scale = side / extent
-        # Unclipped corners: clipping would move the edges.
-        triangle, row, column = _covered((self.uv[used] - low) * scale, side, EDGE_TOLERANCE * scale)
-        cell = row * side + column
+        triangles, cells = [], []
+        for start in range(0, len(used), BLOCK):
+            some = used[start : start + BLOCK]
+            # Unclipped corners: clipping would move the edges.
+            triangle, row, column = _covered((self.uv[some] - low) * scale, side, EDGE_TOLERANCE * scale)
+            triangles.append(some[triangle])
+            cells.append((row * side + column).astype(np.int32))
+        cell = np.concatenate(cells)
         order = np.argsort(cell, kind="stable")
         offsets = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=side * side))])
-        return Bins(side, low, scale, offsets, used[triangle[order]])
+        return Bins(side, low, scale, offsets, np.concatenate(triangles)[order])
 
     def find(self, u: Array, v: Array) -> Found:
         """The triangle that covers each of the points u, v (N,), and the weights of its corners.

@@ -332,3 +332,23 @@ def test_a_full_disk_keeps_the_earlier_preset(camera, tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match="No space left on device"):
         bpy.ops.scfpf.preset_export(name="Mine", filepath=str(path))
     assert path.read_text() == "the earlier one" and os.listdir(tmp_path) == ["mine.json"]
+
+
+def test_a_menu_does_not_wait_for_what_is_no_file_nor_for_many_large_ones(addon, folder, monkeypatch):
+    """A FIFO in the folder would be waited for; slow files are read at the next opening."""
+    own = addon("operators.own_presets")
+    monkeypatch.setattr(own, "_read", {})
+    if os.name == "posix":
+        for name in ("pipe.json", "pipe.png"):
+            os.mkfifo(folder / name)
+        assert [(stem, text) for stem, _, text in own.own_presets()] == [
+            ("pipe", "cannot read pipe.json: it is not a regular file")
+        ]
+        assert addon("scfpf_addon.bridge.camera_preset").own_picture("pipe") is None
+        (folder / "pipe.json").unlink()
+    for number in range(3):
+        (folder / f"{number}.json").write_text("{}")
+    monkeypatch.setattr(own, "MENU_SECONDS", -1.0)
+    assert {text for _, _, text in own.own_presets()} == {"Not read yet: open the menu again"}
+    monkeypatch.setattr(own, "MENU_SECONDS", 60.0)
+    assert all("the preset needs format" in text for _, _, text in own.own_presets())

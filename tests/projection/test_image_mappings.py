@@ -21,7 +21,7 @@ from scfpf_addon.projection.image_stack import (
     seen_through,
 )
 from scfpf_addon.projection.inverse import find_in_image
-from scfpf_addon.projection.preset_values import PresetError
+from scfpf_addon.projection.preset_limits import PresetError
 from scfpf_addon.projection.reparameterisation import Polar, Rectangle
 from scfpf_addon.projection.surfaces import Plane
 from scfpf_addon.projection.volume import Projection, ViewingVolume

@@ -4,6 +4,9 @@
 import copy
 import json
 import math
+import os
+import pathlib
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -208,14 +211,96 @@ def test_bad_numbers_of_a_kind_are_named(kind, changes, message):
     assert message in str(caught.value)
 
 
-def test_points_are_bounded_in_each_surface_and_together(monkeypatch):
+LIMITS = "scfpf_addon.projection.preset_limits"
+
+
+def test_numbers_are_bounded_in_each_surface_and_together(monkeypatch):
     grid = {"name": "G", "kind": "GRID", "points": SURFACES["GRID"]["points"]}
-    monkeypatch.setattr("scfpf_addon.projection.preset.MAXIMUM_POINTS", 11)
-    with pytest.raises(PresetError, match="12 points together, at most 11"):
-        load(data(grid, grid))
-    monkeypatch.setattr("scfpf_addon.projection.preset_values.MAXIMUM_POINTS", 5)
-    with pytest.raises(PresetError, match="surface 1 'G': points: 6 points are too many, at most 5"):
-        load(data(grid, grid))
+    for most in (35, 17):
+        monkeypatch.setattr(f"{LIMITS}.MAXIMUM_NUMBERS", most)
+        with pytest.raises(PresetError, match=f"the preset has too many numbers, at most {most} are allowed"):
+            load(data(grid, grid))
+    monkeypatch.setattr(f"{LIMITS}.MAXIMUM_NUMBERS", 36)
+    load(data(grid, grid))
+
+
+def test_nurbs_points_are_bounded_together(monkeypatch):
+    patch = {"name": "N", "kind": "NURBS"} | SURFACES["NURBS"]
+    count = np.array(patch["points"])[..., 0].size
+    monkeypatch.setattr(f"{LIMITS}.MAXIMUM_NURBS_POINTS", 2 * count - 1)
+    with pytest.raises(PresetError, match=f"too many NURBS points, at most {2 * count - 1}"):
+        load(data(patch, patch))
+
+
+def test_time_and_memory_are_bounded(monkeypatch):
+    monkeypatch.setattr(f"{LIMITS}.MAXIMUM_SECONDS", -1.0)
+    with pytest.raises(PresetError, match="longer than -1 s"):
+        load(data())
+    monkeypatch.setattr(f"{LIMITS}.MAXIMUM_MEMORY", 1_000)
+    with pytest.raises(PresetError, match="more than 0 MB of memory"):
+        load(data())
+
+
+# The dearest texts for their length: empty lists and objects, lists of lists, small objects, numbers.
+DEAREST = ("[],", "{},", "[0],", '{"":0},', '{"":{}},', "0,", "0.5,", '"ab",', '{"a":[]},', "[[],0],")
+
+
+@pytest.mark.parametrize("piece", DEAREST)
+def test_no_text_takes_more_memory_than_is_counted(piece, monkeypatch):
+    """Python's own count of what it takes is below the bound that a text is refused by."""
+    count = 20_000
+    text = "[" + piece * count + "0]"
+    tracemalloc.start()
+    try:
+        with pytest.raises(PresetError, match="must be an object"):
+            load_preset(text)
+        _, taken = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    # Beyond the text itself, which is there before.
+    monkeypatch.setattr(f"{LIMITS}.MAXIMUM_MEMORY", taken)
+    with pytest.raises(PresetError, match="MB of memory"):
+        load_preset(text)
+
+
+def test_keys_are_bounded_and_cut_in_messages():
+    with pytest.raises(PresetError, match="an object has 30000 keys, at most 4096 are allowed"):
+        load_preset("{" + ",".join(f'"{number}": 0' for number in range(30_000)) + "}")
+    twice = "{" + ",".join(f'"{number}": 0' for number in (*range(4_000), 3_999)) + "}"
+    with pytest.raises(PresetError, match="the key '3999' stands twice"):
+        load_preset(twice)
+    for text in ('{"KEY": 1, "KEY": 2}', '{"KEY": 1}'):
+        with pytest.raises(PresetError, match="kkk…'") as caught:
+            load_preset(text.replace("KEY", "k" * 100_000))
+        assert len(str(caught.value)) < 200
+
+
+def test_what_is_no_file_is_not_waited_for(tmp_path):
+    with pytest.raises(PresetError, match="cannot read"):
+        read_preset(tmp_path)
+    if os.name == "posix":
+        os.mkfifo(tmp_path / "pipe.json")
+        for path in (tmp_path / "pipe.json", pathlib.Path("/dev/zero")):
+            with pytest.raises(PresetError, match="not a regular file"):
+                read_preset(path)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.data())
+def test_mutated_presets_are_read_or_refused(draw):
+    """Whatever a stranger changes: a preset or one line, never another error."""
+    text = json.dumps(data(*({"name": kind, "kind": kind} | numbers for kind, numbers in SURFACES.items())))
+    for _ in range(draw.draw(st.integers(1, 4))):
+        start = draw.draw(st.integers(0, len(text)))
+        end = min(len(text), start + draw.draw(st.integers(0, 12)))
+        put = draw.draw(
+            st.sampled_from(["", "[", "]", "{", "}", ",", '"', "0", "-", "1e999", "NaN", "null", text[:40]])
+        )
+        text = text[:start] + put + text[end:]
+    try:
+        load_preset(text)
+    except PresetError as error:
+        assert str(error) and len(str(error)) < 400
 
 
 @pytest.mark.parametrize(
@@ -249,7 +334,7 @@ def test_files(tmp_path, monkeypatch):
     wrong.write_text(json.dumps(data(aspect=-1)))
     with pytest.raises(PresetError, match=r"wrong\.json: aspect must be a number above 0"):
         read_preset(wrong)
-    monkeypatch.setattr("scfpf_addon.projection.preset.MAXIMUM_BYTES", 100)
+    monkeypatch.setattr(f"{LIMITS}.MAXIMUM_BYTES", 100)
     with pytest.raises(PresetError, match=r"good\.json: the preset is larger than"):
         read_preset(good)
 

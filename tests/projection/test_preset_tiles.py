@@ -175,9 +175,53 @@ def test_bad_meshes_say_what_is_wrong(values, message):
 
 
 def test_meshes_are_bounded(monkeypatch):
-    monkeypatch.setattr("scfpf_addon.projection.preset_mesh.MAXIMUM_TRIANGLES", 15)
-    with pytest.raises(PresetError, match="16 are too many, at most 15"):
+    monkeypatch.setattr(f"{LIMITS}.MAXIMUM_NUMBERS", 47)
+    with pytest.raises(PresetError, match="too many numbers, at most 47"):
         load_preset(changed())
+
+
+LIMITS = "scfpf_addon.projection.preset_limits"
+
+
+def heap(count, size=1.0, corner=0.0):
+    """Triangles in the UV square that lie on one another, or cross as thin ones do, as values of a mesh."""
+    turn = np.linspace(0, 0.5 * np.pi, count)
+    tips = corner + size * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    uv = np.concatenate([np.full((1, 2), corner), tips, tips + np.array([0.0, 1e-4])]).clip(0, 1)
+    number = np.arange(1, count + 1)
+    triangles = np.stack([np.zeros(count, int), number, number + count], axis=1)
+    points = np.concatenate([uv, np.full((len(uv), 1), -1.0)], axis=1)
+    return {"points": points.tolist(), "uv": uv.tolist(), "triangles": triangles.tolist()}
+
+
+def test_heaps_of_triangles_are_refused_before_anything_is_looked_up():
+    """The same triangle 3,000 times; thin ones that cross; small ones in a corner."""
+    once = {"points": [[-1, -1, -1], [1, -1, -1], [-1, 1, -1]], "uv": [[0, 0], [1, 0], [0, 1]]}
+    heaps = [once | {"triangles": [[0, 1, 2]] * 3000}, heap(6000), heap(6000, 1e-3, 0.25)]
+    for values in heaps:
+        with pytest.raises(PresetError, match="too many triangles overlap in the UV square, at most 2048"):
+            load_preset(changed(**values))
+    load_preset(changed(**once | {"triangles": [[0, 1, 2]] * 2000}))
+    away = once | {"uv": [[0, 0], [1, 0], [0, 1]] + [[5, 5]] * 3, "points": once["points"] * 2}
+    away["triangles"] = [[0, 1, 2]] + [[3, 4, 5]] * 10_001
+    with pytest.raises(PresetError, match="10001 triangles meet at one point, at most 10000"):
+        load_preset(changed(**away))
+
+
+def test_no_look_up_tests_more_triangles_than_is_said():
+    """Random triangles: the most of a place, counted one by one in float64, are in the bins' longest list."""
+    generator = np.random.default_rng(4)
+    for count, size in ((40, 1.0), (300, 0.2), (2000, 0.05)):
+        uv = generator.random((count, 1, 2)) + size * generator.normal(size=(count, 3, 2))
+        chart = UVChart(uv, np.arange(3 * count).reshape(-1, 3))
+        place = generator.random((200, 2))
+        sides = np.roll(uv, -1, axis=1) - uv
+        away = place[:, None, None] - uv
+        turn = sides[..., 0] * away[..., 1] - sides[..., 1] * away[..., 0]
+        inside = (turn >= 0).all(axis=2) | (turn <= 0).all(axis=2)
+        most = inside.sum(axis=1).max()
+        assert most <= chart.most_overlaps
+        assert chart.mean_overlaps <= chart.most_overlaps
 
 
 def test_a_point_with_two_places_in_the_map_stands_twice_in_a_file(shown):
