@@ -234,19 +234,22 @@ class Beam:
             whole |= ((low == -self.half) & (high == self.half)).all(axis=0)
             share *= np.float32(4 / np.pi)
         number = np.atleast_1d(sample)
-        place = (low + high) / 2 + side * np.where(
-            whole, self.disc.take(number, 1), self.square.take(number, 1)
-        )
-        share[whole] *= np.float32(np.pi / 4)
+        square, disc = self.square.take(number, axis=1), self.disc.take(number, axis=1)
+        place = (low + high) / 2 + side * (square + (disc - square) * whole)
+        share *= 1 + (np.float32(np.pi / 4) - 1) * whole
         if self.ellipse:
             share *= whole | (np.sum((place / self.half) ** 2, axis=0) <= 1)
-        off_axis = place - here
-        flat = np.sum(off_axis**2, axis=0)
-        distance = np.sqrt(np.maximum(flat + depth**2, TINY))
+        place -= here
+        flat = np.sum(place**2, axis=0)
+        squared = np.maximum(flat + depth**2, TINY)
+        distance = np.sqrt(squared)
         passed = np.maximum(self.tangent - np.sqrt(flat) / np.maximum(depth, TINY), 0) * self.factor
-        direction = self.axes[:, :2] @ off_axis + self.axes[:, 2:] * depth
+        # NumPy is quicker at this than at the product of matrices.
+        direction = sum(
+            axis[:, None] * along for axis, along in zip(self.axes.T, (*place, depth), strict=True)
+        )
         direction /= distance
-        return Incidence(direction, share * passed * depth / distance**3, distance)
+        return Incidence(direction, share * passed * depth / (squared * distance), distance)
 
     def of_sphere(
         self, position: Single, sample: int | IndexArray, squared_radius: np.float32
