@@ -16,6 +16,14 @@ SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 NEAR_SHARE = 0.25
 # The far surface lies this much farther off than the farthest thing.
 FAR_MARGIN = 1.25
+# From the middle of a scene the volume reaches at least so far, as a share of the scene's diagonal.
+INSIDE_SHARE = 0.5
+# The near surface is at most so far off, as a share of the farthest thing, unless all things are farther.
+LEAST_SHARE = 0.01
+# A preset whose far surface is more than so many times farther off than the scene's end is made smaller.
+OVERSIZE = 10.0
+# Its far diagonal stays at least so many times that of the scene: parallel projectors see no more.
+ACROSS = 2.0
 # Without a viewport the camera looks from here, as Blender's own first view does.
 DEFAULT_DIRECTION = Vector((0.8, -1.0, 0.55)).normalized()
 DEFAULT_MARGIN = 1.1
@@ -113,7 +121,8 @@ def camera_like_view(context, aspect: float):
 def camera_seeing(box: Box, aspect: float):
     """Camera data and world matrix from which the whole box is seen."""
     data = bpy.data.cameras.new("Flexible Camera")
-    radius = max(float(np.linalg.norm(box.size)) / 2, data.clip_start)
+    # A point has no size: it is seen as a cube of Blender's usual size is.
+    radius = float(np.linalg.norm(box.size)) / 2 or math.sqrt(3.0)
     half_width = data.sensor_width / (2 * data.lens) * min(1.0, aspect)
     narrower = math.atan(min(half_width, half_width / aspect))
     distance = DEFAULT_MARGIN * radius / math.sin(narrower)
@@ -122,18 +131,22 @@ def camera_seeing(box: Box, aspect: float):
 
 
 def fit_depth(data, matrix, box: Box):
-    """Set the clip range so that near and far surface hold the box between them.
+    """Set the clip range so that near and far surface hold what the camera has of the box before it.
 
-    Returns the matrix, moved back for an orthographic camera that stands inside.
+    From inside the box, and where the camera looks away from it, the far surface is about as far off as
+    the box is large. Returns the matrix, moved back for an orthographic camera that stands inside.
     """
     depths = -_through(matrix.inverted(), box.corners)[:, 2]
+    size = float(np.linalg.norm(box.size))
+    least = min(data.clip_start, LEAST_SHARE * max(float(depths.max()), size))
     if data.type == "ORTHO":
         # Parallel projectors see the same from any distance.
-        back = max(0.0, NEAR_SHARE * float(np.ptp(depths)) + data.clip_start - float(depths.min()))
+        back = max(0.0, NEAR_SHARE * float(np.ptp(depths)) + least - float(depths.min()))
         matrix = matrix @ Matrix.Translation((0.0, 0.0, back))
         depths = depths + back
-    data.clip_start = max(data.clip_start, NEAR_SHARE * float(depths.min()))
-    data.clip_end = max(FAR_MARGIN * float(depths.max()), data.clip_start / NEAR_SHARE)
+    data.clip_start = max(least, NEAR_SHARE * float(depths.min()))
+    farthest = max(float(depths.max()), INSIDE_SHARE * size)
+    data.clip_end = max(FAR_MARGIN * farthest, data.clip_start / NEAR_SHARE)
     return matrix
 
 
@@ -161,15 +174,24 @@ def around_subject(subject, box: Box):
 
 
 def reaching_scale(volume, matrix, box: Box) -> float:
-    """How much a preset's volume (camera space) must grow for its far surface to lie behind the box.
+    """By how much a preset's volume (camera space) must grow for its far surface to lie behind the box.
 
-    At least 1: a volume that reaches farther than the scene is left as it is.
+    Below 1 only for a box that is tiny beside the volume, whose near surface might lie behind it; the far
+    surface then stays larger than the box. Any other volume that reaches farther is left as it is.
     """
     ends = np.array([0.0, 0.5, 1.0])
     u, v = (grid.ravel() for grid in np.meshgrid(ends, ends))
-    reach = np.linalg.norm(volume.surfaces[-1].evaluate(u, v).position, axis=0).min()
-    farthest = np.linalg.norm(_through(matrix.inverted_safe(), box.corners), axis=1).max()
-    return max(1.0, FAR_MARGIN * float(farthest) / float(reach)) if reach > 0 else 1.0
+    far = volume.surfaces[-1].evaluate(u, v).position
+    reach = float(np.linalg.norm(far, axis=0).min())
+    farthest = float(np.linalg.norm(_through(matrix.inverted_safe(), box.corners), axis=1).max())
+    if not (reach > 0 and farthest > 0):
+        return 1.0
+    wanted = FAR_MARGIN * farthest / reach
+    if wanted >= 1.0 or reach <= OVERSIZE * farthest:
+        return max(wanted, 1.0)
+    extent = float(np.linalg.norm(np.ptp(far, axis=1)))
+    across = ACROSS * float(np.linalg.norm(box.size)) / extent if extent > 0 else 1.0
+    return min(max(wanted, across), 1.0)
 
 
 def surface_place(camera, depsgraph, kind: str, index: int):

@@ -7,7 +7,7 @@ from ..operators.presets import FOLDER
 from ..scfpf_addon.bridge.camera_preset import own_picture
 
 # How much larger than an icon they are drawn.
-SCALE = 2.4
+SCALE = 3.6
 
 _loaded = []
 
@@ -37,14 +37,22 @@ def _icon(name: str, path) -> int:
 def draw_entries(layout, operator: str, items, picture=thumbnail) -> None:
     """Presets (identifier, name, description): each its picture, and an operator that takes the identifier.
 
-    picture: the icon's number by identifier. One column: in menus rows and grids do not stand below
-    one another.
+    picture: the icon's number by identifier. All pictures come first, then all names, of the same heights:
+    a menu makes a new column of whatever begins farther right than the item before it.
     """
-    for preset, name, _description in items:
-        icon = picture(preset)
+    icons = [picture(preset) for preset, _name, _description in items]
+    row = layout.row()
+    pictures = row.column()
+    for icon in icons if any(icons) else ():
         if icon:
-            layout.template_icon(icon_value=icon, scale=SCALE)
-        layout.operator(operator, text=name).preset = preset
+            pictures.template_icon(icon_value=icon, scale=SCALE)
+        else:
+            pictures.label()
+    names = row.column()
+    for icon, (preset, name, _description) in zip(icons, items, strict=True):
+        entry = names.column()
+        entry.scale_y = SCALE if icon else 1.0
+        entry.operator(operator, text=name).preset = preset
 
 
 def register():

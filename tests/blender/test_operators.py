@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 KINDS = ("POINT", "PLANE", "PATCH", "DISC", "CYLINDER", "CONE", "SPHERE", "GRID", "UV_MESH", "NURBS")
 
@@ -113,6 +113,48 @@ def test_orthographic_view_from_inside_the_scene_is_moved_back():
     for corner in bpy.data.objects["Cube"].bound_box:
         depth = -(camera.matrix_world.inverted() @ (Vector(corner) * 50)).z
         assert camera.data.clip_start < depth < camera.data.clip_end
+
+
+@pytest.mark.parametrize("size", [0.05, 30.0, 3000.0])
+def test_new_camera_inside_a_scene_reaches_through_it(size):
+    """A street of eight cubes about the viewport's eye."""
+    with viewport():
+        eye = bpy.context.region_data.view_matrix.inverted()
+    for number in range(8):
+        place = Matrix.Translation((0.2 * size, 0, (number / 7 - 0.5) * size))
+        add_cube().matrix_world = eye @ place @ Matrix.Scale(0.05 * size, 4)
+    with viewport():
+        camera = add_camera()
+    assert 0.55 * size < camera.data.clip_end < 3 * size
+    assert camera.data.clip_start < 0.03 * size
+
+
+def test_new_camera_that_looks_away_has_a_volume_of_the_scene_size():
+    with viewport():
+        eye = bpy.context.region_data.view_matrix.inverted()
+    add_cube().matrix_world = eye @ Matrix.Translation((0, 0, 50)) @ Matrix.Scale(20, 4)
+    with viewport():
+        camera = add_camera()
+    assert 10 < camera.data.clip_end < 100
+
+
+@pytest.mark.parametrize("size", [0.05, 2.0, 30.0, 3000.0])
+def test_presets_in_a_scene_hold_its_middle(addon, size):
+    """Whatever its size; from where a new camera sees all of it, and none is lost before the near surface."""
+    placement = addon("operators.placement")
+    preset_module = addon("operators.presets")
+    invert = addon("scfpf_addon.projection.inverse").invert
+    box = placement.Box(np.full(3, -size / 2), np.full(3, size / 2))
+    _, matrix = placement.camera_seeing(box, 16 / 9)
+    for identifier in ("perspective", "mirror_ball", "orthographic", "oblique", "telephoto", "linear_twist"):
+        volume = preset_module.shipped_preset(identifier).fitted(16 / 9).volume()
+        scale = placement.reaching_scale(volume, matrix, box)
+        seen = np.array(matrix.inverted(), np.float64)[:3, 3:] / scale
+        found = invert(volume, seen)
+        assert found.found.all(), (identifier, scale)
+        if identifier == "orthographic" and size <= 2.0:
+            corners = placement._through(matrix.inverted(), box.corners).T / scale
+            assert invert(volume, corners).found.all()
 
 
 def test_new_camera_through_a_camera_view_takes_its_lens():

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panels and menus, drawn into a layout that records: what they name exists, and both places agree."""
 
+import types
+
 import bpy
+import numpy as np
 import pytest
 
 SECTIONS = ("", "_preview", "_cycles", "_surfaces", "_projectors", "_mappings", "_quality", "_display")
@@ -366,3 +369,37 @@ def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):
     assert shown[shown.index("blend_factor") :][:3] == ["blend_factor", "first", "second"]
     assert any("To the preset Orthographic" in str(entry) for entry in record)
     assert any("scfpf.blend_update" in str(entry) for entry in record)
+
+
+class Column:
+    """A layout that notes what is put into it: (item, height in rows)."""
+
+    def __init__(self, items):
+        self.items, self.scale_y = items, 1.0
+
+    def row(self):
+        return Column(self.items)
+
+    column = row
+
+    def template_icon(self, icon_value, scale):
+        self.items.append(("picture", scale))
+
+    def operator(self, _operator, text):
+        self.items.append(("name", self.scale_y))
+        return types.SimpleNamespace()
+
+
+def test_preset_menus_fit_a_small_screen(addon):
+    """All pictures stand in one column, all names in the next, as high: a menu drifts aside otherwise."""
+    for _group, entries in addon("operators.presets").preset_groups():
+        items = []
+        addon("panels.thumbnails").draw_entries(
+            Column(items), "scfpf.preset_apply", entries, lambda _preset: 1
+        )
+        what, heights = zip(*items, strict=True)
+        assert what == ("picture",) * len(entries) + ("name",) * len(entries)
+        pictures, names = np.split(np.array(heights), 2)
+        assert (pictures == names).all() and pictures.min() >= 1.5 * 2.4
+        # A row is 20 pixels high, and 2 pixels are between two; the title and the borders are two rows.
+        assert (20 * pictures + 2).sum() + 40 < 1000 - 200
