@@ -30,8 +30,23 @@ STAND_INS = {
     "HOLDOUT": "TRANSPARENT",
     "EEVEE_SPECULAR": "DIFFUSE",
 }
-# What a Principled BSDF has besides that is not shown when it is switched on.
-UNSHOWN = ("Subsurface Weight", "Coat Weight", "Sheen Weight", "Anisotropic", "Thin Film Thickness")
+# Inputs of shaders that are not shown, and the value at which they do nothing.
+UNSHOWN = {
+    "BSDF_PRINCIPLED": {
+        "Anisotropic": 0.0,
+        "Coat Weight": 0.0,
+        "Diffuse Roughness": 0.0,
+        "Sheen Weight": 0.0,
+        "Specular Tint": 1.0,
+        "Subsurface Weight": 0.0,
+        "Thin Film Thickness": 0.0,
+        "Thin Wall": 0.0,
+    },
+    "BSDF_DIFFUSE": {"Roughness": 0.0},
+    "BSDF_GLASS": {"Roughness": 0.0, "Thin Film Thickness": 0.0},
+    "BSDF_GLOSSY": {"Anisotropy": 0.0},
+    "BSDF_REFRACTION": {"Roughness": 0.0},
+}
 # What an unsupported colour or number is.
 GREY = 0.5
 # What a shader without a colour is.
@@ -127,11 +142,23 @@ class GraphReader:
         if kind is None:
             kind = STAND_INS.get(node.type, "DIFFUSE")
             self.note(node)
-        if node.type == "BSDF_PRINCIPLED":
-            for name in UNSHOWN:
-                if name in node.inputs and not self.builder.is_always(inputs.value(name), 0.0):
-                    self.note(node, f": {name}")
-        self.builder.closures.append(Closure(kind, weight, CLOSURE_INPUTS[kind](inputs)))
+        for name, nothing in UNSHOWN.get(node.type, {}).items():
+            if name in node.inputs and not self.builder.is_always(inputs.color(name), nothing):
+                self.note(node, f": {name}")
+        closure = Closure(kind, weight, CLOSURE_INPUTS[kind](inputs))
+        self._note_clear(node, closure)
+        self.builder.closures.append(closure)
+
+    def _note_clear(self, node, closure: Closure) -> None:
+        """Note the shadow of a surface that is seen through, and glass that is not clear."""
+        always, given = self.builder.is_always, closure.inputs
+        if closure.kind == "TRANSPARENT":
+            self.note(node, ", whose shadow is opaque")
+        elif closure.kind == "PRINCIPLED":
+            if not always(given["alpha"], 1.0):
+                self.note(node, ": Alpha, whose shadow is opaque")
+            if not always(given["transmission"], 0.0) and not always(given["roughness"], 0.0):
+                self.note(node, ": Roughness of what is behind it")
 
     def value(self, socket, groups: tuple, wanted: str) -> Ref | None:
         """What feeds an input socket, as a socket of type ``wanted`` has it; None where nothing is linked."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from ..shading.materials.graph import MaterialGraph
 from ..shading.scene import Materials
 from . import versions
 from .read_graph import read_graph
-from .shader_nodes import color_input, output_shaders, value_input
+from .shader_nodes import color_input, output_shaders, resolve, value_input
 
 # Reflectance at normal incidence of the default specular level ½ at IOR 1.5.
 DEFAULT_F0 = 0.04
@@ -67,7 +68,7 @@ class MaterialTable:
         if not versions.uses_nodes(material):
             return
         reading = read_graph(material.node_tree)
-        for note in reading.notes:
+        for note in (*reading.notes, *_unshown(material.node_tree)):
             self._notes.setdefault(note, []).append(material.name)
         if reading.graph is None:
             self._odd.append(material.name)
@@ -91,6 +92,14 @@ class MaterialTable:
         if self._odd:
             lines.append(f"Shown in viewport colors, as they have no surface: {listing(self._odd)}")
         return tuple(lines)
+
+
+def _unshown(tree) -> Iterator[str]:
+    """What a material's active output shows in Cycles besides its surface."""
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
+    for name in ("Displacement", "Volume") if output else ():
+        if resolve(output.inputs[name])[0].is_output:
+            yield f"{output.bl_label}: {name}"
 
 
 def listing(names: list[str], most: int = 3) -> str:

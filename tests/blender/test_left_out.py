@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of a scene is not read: hidden, excluded, broken, without faces, too much; and what is said of it."""
+"""What of a scene is not read: hidden, excluded, broken, without faces, too much; and what is said of it.
+
+What of a material is shown otherwise than by Cycles.
+"""
 
 import math
 
 import bpy
 import numpy as np
 import pytest
+from shown_materials import add, emit, new_material, show, wavy_sheet
 from small_scenes import corners, cube_mesh, link, shown, triangle_mesh, triangles_of
 
 BRIDGE = "scfpf_addon.bridge."
@@ -117,3 +121,61 @@ def test_too_many_instances_are_one_clear_error(addon, monkeypatch):
         link("Cube", mesh)
     with pytest.raises(module.SceneError, match="108 triangles"):
         module.read_scene(bpy.context.evaluated_depsgraph_get())
+
+
+def output_of(tree):
+    return next(node for node in tree.nodes if node.type == "OUTPUT_MATERIAL")
+
+
+def displaced(tree):
+    show(tree, add(tree, "ShaderNodeBsdfDiffuse").outputs[0])
+    node = add(tree, "ShaderNodeDisplacement", Height=add(tree, "ShaderNodeTexNoise").outputs[0])
+    tree.links.new(node.outputs[0], output_of(tree).inputs["Displacement"])
+
+
+def absorbing(tree):
+    show(tree, add(tree, "ShaderNodeBsdfGlass", Roughness=0.0).outputs[0])
+    volume = add(tree, "ShaderNodeVolumeAbsorption")
+    tree.links.new(volume.outputs[0], output_of(tree).inputs["Volume"])
+
+
+def lone(kind, **inputs):
+    return lambda tree: show(tree, add(tree, f"ShaderNodeBsdf{kind}", **inputs).outputs[0])
+
+
+LEFT_OUT = {
+    "Material Output: Displacement": displaced,
+    "Material Output: Volume": absorbing,
+    "Principled BSDF: Diffuse Roughness": lone("Principled", Diffuse_Roughness=0.5),
+    "Principled BSDF: Anisotropic": lone("Principled", Anisotropic=0.5),
+    "Principled BSDF: Specular Tint": lone("Principled", Specular_Tint=(1, 0.5, 0.5)),
+    "Principled BSDF: Alpha, whose shadow is opaque": lone("Principled", Alpha=0.5),
+    "Principled BSDF: Roughness of what is behind it": lone("Principled", Transmission_Weight=1.0),
+    "Diffuse BSDF: Roughness": lone("Diffuse", Roughness=0.5),
+    "Glossy BSDF: Anisotropy": lone("Glossy", Anisotropy=0.5),
+    "Glass BSDF: Roughness": lone("Glass", Roughness=0.5),
+    "Refraction BSDF: Roughness": lone("Refraction", Roughness=0.5),
+    "Transparent BSDF, whose shadow is opaque": lone("Transparent"),
+}
+
+
+def test_what_a_surface_is_shown_without_is_named(read):
+    """Nothing is named of shaders that are shown as they are."""
+    plain = {"principled": lone("Principled"), "glossy": lone("Glossy"), "glass": lone("Glass", Roughness=0)}
+    sheet = wavy_sheet()
+    for name, make in {**plain, **LEFT_OUT}.items():
+        sheet.data.materials.append(new_material(name))
+        make(sheet.data.materials[-1].node_tree)
+    lines = [f"Not shown as it is: {note} (in {note})" for note in LEFT_OUT]
+    assert sorted(read().warnings) == sorted(lines)
+
+
+def test_vertex_groups_as_attributes_are_named(read):
+    sheet = wavy_sheet()
+    for name in ("Asked for", "Other"):
+        sheet.vertex_groups.new(name=name).add([0, 1], 1.0, "REPLACE")
+    sheet.data.materials.append(new_material())
+    tree = sheet.data.materials[0].node_tree
+    emit(tree, add(tree, "ShaderNodeAttribute", {"attribute_name": "Asked for"}).outputs[0])
+    (line,) = read().warnings
+    assert line.startswith("Vertex groups") and line.endswith(": Asked for")

@@ -316,17 +316,6 @@ def test_what_is_not_supported_is_listed_once_and_never_black(read):
     assert len(scene.warnings) == 3
 
 
-def test_vertex_groups_as_attributes_are_named(read):
-    sheet = wavy_sheet()
-    for name in ("Asked for", "Other"):
-        sheet.vertex_groups.new(name=name).add([0, 1], 1.0, "REPLACE")
-    sheet.data.materials.append(new_material())
-    tree = sheet.data.materials[0].node_tree
-    emit(tree, add(tree, "ShaderNodeAttribute", {"attribute_name": "Asked for"}).outputs[0])
-    (line,) = read().warnings
-    assert line.startswith("Vertex groups") and line.endswith(": Asked for")
-
-
 def test_unsupported_nodes_are_grey_in_the_picture(tmp_path):
     makers = {"texture": lambda tree: emit(tree, add(tree, "ShaderNodeTexVoronoi").outputs["Color"])}
     scene, _ = contact_sheet(makers)
