@@ -3,6 +3,8 @@
 
 import bpy
 
+from ..scfpf_addon.bridge.read_projection import read_projection
+from ..scfpf_addon.bridge.render_job import picture_aspect, reason
 from ..scfpf_addon.scanline.preview import show, switch_off, switch_on
 from ..scfpf_addon.scanline.preview_data import is_flat, preview_of
 from ..scfpf_addon.scanline.preview_viewports import viewports_of
@@ -37,8 +39,15 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             source = switch_on(context, camera)
         except BAD_INPUT as error:
             return refused(self, error)
-        if is_flat(source, context.evaluated_depsgraph_get()):
-            self.report({"WARNING"}, FLAT)
+        depsgraph = context.evaluated_depsgraph_get()
+        try:
+            read_projection(camera, depsgraph, picture_aspect(context.scene))
+        except BAD_INPUT as error:
+            # The preview stays: it follows once the volume is mended.
+            self.report({"WARNING"}, reason(error))
+        else:
+            if is_flat(source, depsgraph):
+                self.report({"WARNING"}, FLAT)
         if bpy.app.background:
             self.report(
                 {"INFO"}, "The live preview is ready: open the file in a Blender with a window to see it"

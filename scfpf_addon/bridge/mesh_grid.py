@@ -66,6 +66,15 @@ def grid_points(evaluated_object):
     return points[_grid_order(name, len(points), corners, uv.reshape(-1, 2).astype(np.float64))]
 
 
+def require_finite(name: str, points) -> None:
+    """Raise SurfaceError for vertices, an array of any shape, that are NaN, infinite or too far out."""
+    if not (np.abs(points) <= LARGEST_LENGTH).all():
+        raise SurfaceError(
+            f"'{name}' has vertices that are not finite or farther out than {LARGEST_LENGTH:g}: "
+            "look for the modifier or shape key that moves them there"
+        )
+
+
 def uv_layer(mesh):
     """The UV map that a mesh renders with, or None.
 

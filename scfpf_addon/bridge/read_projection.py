@@ -16,7 +16,7 @@ from ..projection.surfaces import ControlSurface, Grid
 from ..projection.volume import Projection, ViewingVolume
 from . import lattice_object, nurbs_object
 from .mapping_edits import MappingError
-from .mesh_grid import SurfaceError, grid_points
+from .mesh_grid import SurfaceError, grid_points, require_finite
 from .missing import absent_text, missing_text
 from .read_mappings import read_mappings
 from .surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
@@ -29,6 +29,12 @@ FLAT_SHARE = 1e-7
 # Blender makes an infinite location the largest float32; squares of coordinates
 # beyond this (Blender units) overflow float32.
 LARGEST_COORDINATE = 1e18
+
+# Projectors that are shorter than this share of the volume's extent have no length: float32 vertices
+# cannot tell their ends apart.
+COINCIDENT = 1e-7
+# Projectors along each side of the picture that are looked at for that.
+SAMPLES = 5
 
 
 class ProjectionError(ValueError):
@@ -70,13 +76,38 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
         mappings = read_mappings(camera, depsgraph)
     except MappingError as error:
         raise ProjectionError(str(error)) from error
-    return Projection(
+    projection = Projection(
         _volume(camera.name, surfaces, settings),
         seen_through(mappings, reparameterisation(settings.reparameterisation)),
         tuple(settings.u_range),
         tuple(settings.v_range),
         aspect,
     )
+    if not _has_length(projection):
+        raise ProjectionError(
+            f"All control surfaces of '{camera.name}' lie in one place, so that no projector has a length: "
+            f"{_way_out([slot.object for slot in slots])}"
+        )
+    return projection
+
+
+def _has_length(projection: Projection) -> bool:
+    """Whether the control points of any of some projectors differ; True where no sampled one exists."""
+    (u0, u1), (v0, v1) = projection.u_range, projection.v_range
+    v, u = (axis.ravel() for axis in np.meshgrid(*[(np.arange(SAMPLES) + 0.5) / SAMPLES] * 2))
+    points, valid = projection.volume.projectors(u0 + (u1 - u0) * u, v0 + (v1 - v0) * v)
+    points = points[..., valid]
+    if points.size == 0:
+        return True
+    return bool(np.ptp(points, axis=0).max() > COINCIDENT * np.ptp(points, axis=(0, 2)).max())
+
+
+def _way_out(surfaces) -> str:
+    """The advice for control surfaces that lie in one place."""
+    twice = next((one for number, one in enumerate(surfaces) if one in surfaces[:number]), None)
+    if twice is None:
+        return "move one of them"
+    return f"'{twice.name}' is on the list twice, choose another object once"
 
 
 class PlacedLattice(NamedTuple):
@@ -152,7 +183,9 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
         if kind == lattice_object.KIND:
             return PlacedLattice(lattice_object.read_lattice(evaluated), matrix)
         if kind in MESH_KINDS:
-            return _of_mesh(grid_points(evaluated), kind, matrix)
+            points = grid_points(evaluated)
+            require_finite(name, points)
+            return _of_mesh(points, kind, matrix)
         if kind != "POINT" and is_reshaped(evaluated, depsgraph.mode):
             return read_reshaped(evaluated, matrix)
         parameters = surface_parameters(evaluated)

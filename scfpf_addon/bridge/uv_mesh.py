@@ -9,7 +9,7 @@ from ..projection.preset_values import LARGEST_LENGTH
 from ..projection.surfaces import ControlSurface, Grid
 from ..projection.uv_chart import UVChart
 from ..projection.uv_mesh import UVMesh
-from .mesh_grid import UV_LAYER, SurfaceError, grid_points, uv_layer
+from .mesh_grid import UV_LAYER, SurfaceError, grid_points, require_finite, uv_layer
 
 
 def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
@@ -24,11 +24,7 @@ def read_uv_mesh(evaluated_object, matrix) -> UVMesh:
         points, triangles, uv = _arrays(name, mesh)
     finally:
         evaluated_object.to_mesh_clear()
-    if not (np.abs(points) <= LARGEST_LENGTH).all():
-        raise SurfaceError(
-            f"'{name}' has vertices that are not finite or farther out than {LARGEST_LENGTH:g}: "
-            "look for the modifier or shape key that moves them there"
-        )
+    require_finite(name, points)
     if not np.isfinite(uv).all():
         raise SurfaceError(f"The UV map of '{name}' is not finite: unwrap it again (U in Edit Mode)")
     chart = UVChart(uv, triangles)
@@ -85,7 +81,10 @@ def read_reshaped(evaluated_object, matrix) -> ControlSurface:
     Raises SurfaceError as ``read_uv_mesh`` does.
     """
     points = _grid_or_none(evaluated_object)
-    return read_uv_mesh(evaluated_object, matrix) if points is None else Grid(points, matrix=matrix)
+    if points is None:
+        return read_uv_mesh(evaluated_object, matrix)
+    require_finite(evaluated_object.name, points)
+    return Grid(points, matrix=matrix)
 
 
 def mesh_kind(surface) -> str:

@@ -423,3 +423,22 @@ def test_what_the_artist_puts_into_the_preview_stays(camera, data):
     assert members(source) == set()
     toggle(camera)
     assert bpy.context.scene.collection.objects.get("Guest") is not None
+
+
+@pytest.mark.usefixtures("light_nodes")
+def test_a_broken_volume_is_said_by_the_preview_and_the_rig(camera, data, capfd):
+    """The preview stays, and follows once the volume is mended; the rig is refused."""
+    add_cube()
+    slots = camera.scfpf.surfaces
+    far = slots[1].object
+    slots[1].object = slots[0].object
+    assert toggle(camera) == {"FINISHED"}
+    assert "lie in one place" in capfd.readouterr().out
+    assert data.preview_of(camera, bpy.context.scene) is not None
+    with pytest.raises(RuntimeError, match=r"lie in one place.*is on the list twice"):
+        bpy.ops.scfpf.cycles_rig()
+    assert "lie in one place" in capfd.readouterr().out
+    slots[1].object = far
+    toggle(camera)
+    assert toggle(camera) == {"FINISHED"}
+    assert "lie in one place" not in capfd.readouterr().out

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The projection that is read is the one that is there now, whatever hides its surfaces."""
 
+import importlib
 import itertools
+import sys
 
 import bpy
 import numpy as np
@@ -354,6 +356,43 @@ def broken_by_modifier(bridge, camera, near, far):
     far.modifiers.new("Decimate", "DECIMATE").ratio = 0.5
 
 
+def as_grid(far, place, value):
+    """A regular grid one of whose coordinates is no number, or infinite."""
+    far.modifiers.clear()
+    far.scfpf_surface.kind = "GRID"
+    points = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 1.0], [0.0]), axis=-1)[:, :, 0]
+    write_grid = importlib.import_module(f"{bridge_package()}.mesh_grid").write_grid
+    write_grid(far.data, points)
+    far.data.vertices[place].co.y = value
+    far.data.update()
+
+
+def bridge_package():
+    return next(name for name in sys.modules if name.endswith("scfpf_addon.bridge"))
+
+
+def grid_vertex_no_number(bridge, camera, near, far):
+    as_grid(far, 2, float("nan"))
+
+
+def grid_vertex_infinite(bridge, camera, near, far):
+    as_grid(far, 5, float("-inf"))
+
+
+def reshaped_vertex_no_number(bridge, camera, near, far):
+    far.modifiers.new("Cast", "CAST").factor = 1e30
+
+
+def near_is_far(bridge, camera, near, far):
+    camera.scfpf.surfaces[1].object = near
+
+
+def equal_planes(bridge, camera, near, far):
+    twin = near.copy()
+    bpy.context.scene.collection.objects.link(twin)
+    camera.scfpf.surfaces[1].object = twin
+
+
 def empty_range(bridge, camera, near, far):
     camera.scfpf.v_range = 0.5, 0.5
 
@@ -382,6 +421,11 @@ def empty_range(bridge, camera, near, far):
         (no_grid, "'Far' has no vertices"),
         (broken_by_modifier, "'Far' is no regular grid|'Far' has a seam"),
         (empty_range, "V range of 'Camera' is empty"),
+        (grid_vertex_no_number, "'Far' has vertices that are not finite"),
+        (grid_vertex_infinite, "'Far' has vertices that are not finite"),
+        (reshaped_vertex_no_number, "'Far' has vertices that are not finite"),
+        (near_is_far, "All control surfaces of 'Camera' lie in one place.*'Near' is on the list twice"),
+        (equal_planes, "All control surfaces of 'Camera' lie in one place.*move one of them"),
     ],
 )
 def test_bad_input_is_named(bridge, reading, camera, damage, message):

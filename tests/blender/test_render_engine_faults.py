@@ -35,6 +35,26 @@ def not_a_number(scene):
     scene.camera.rotation_euler.x = float("nan")
 
 
+def vertex_not_a_number(scene):
+    """A driver that divides by 0, a damaged file."""
+    surface = scene.camera.scfpf.surfaces[0].object
+    surface.modifiers.clear()
+    surface.scfpf_surface.kind = "GRID"
+    mesh = bpy.data.meshes.new("Grid")
+    corners = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, float("nan"), 0)]
+    mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
+    uv = mesh.uv_layers.new(name="UVMap").uv
+    for corner, place in zip(uv, ((0, 0), (1, 0), (1, 1), (0, 1)), strict=True):
+        corner.vector = place
+    surface.data = mesh
+
+
+def near_is_far(scene):
+    surfaces = scene.camera.scfpf.surfaces
+    for slot in surfaces[1:]:
+        slot.object = surfaces[0].object
+
+
 def no_camera(scene):
     scene.camera = None
 
@@ -54,6 +74,8 @@ FAULTS = {
     deleted_surface: "empty",
     zero_size_surface: "no size",
     not_a_number: "not finite",
+    vertex_not_a_number: "vertices that are not finite",
+    near_is_far: "lie in one place",
     no_camera: "camera",
     panoramic_camera: "neither a perspective nor an orthographic",
     ordinary_without_size: "scale of 0",
