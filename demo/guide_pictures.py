@@ -114,7 +114,7 @@ def planet(driver):
     region = driver.region("VIEW_3D")
     x, y = region.x + region.width // 3, region.y + region.height // 2
     yield from menu(driver, "VIEW3D_MT_camera_add", (x, y))
-    save(driver, "tutorial-menu.jpg", (x - 220, y - 190, 860, 420))
+    save(driver, "tutorial-menu.jpg", (x - 300, y - 190, 860, 420))
     driver.key("ESC")
     yield DRAW
     driver.add_camera("mirror_ball")

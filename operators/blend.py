@@ -88,12 +88,12 @@ def _preset_before(context, camera, preset):
 
 
 def _done(camera) -> str:
-    return f"'{camera.name}' is the scene's camera now: its Blend goes from one picture to the other"
+    return f"'{camera.name}' is the scene camera: its Blend goes from one picture to the other"
 
 
 class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
-    """Make a flexible camera between two selected ones: its Blend, which can be animated, goes from the other
-    one's picture to that of the active one, and beyond both"""
+    """Make a flexible camera between two selected ones. Its Blend, which can be animated, goes from the
+    other one's picture to that of the active one, and beyond both"""
 
     bl_idname = "scfpf.camera_blend"
     bl_label = "Blend Cameras"
@@ -103,7 +103,7 @@ class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
         if not poll_flexible_camera(cls, context):
             return False
         if len(_chosen(context)) != 1:
-            cls.poll_message_set("Select two flexible cameras: the active one is what the blend comes to")
+            cls.poll_message_set("Select two flexible cameras: the blend ends at the active one")
             return False
         return True
 
@@ -137,7 +137,7 @@ class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
     bl_idname = "scfpf.camera_blend_preset"
     bl_label = "Blend with Preset"
 
-    preset: EnumProperty(name="Preset", description="The projection that the blend comes to", items=_items)
+    preset: EnumProperty(name="Preset", description="The projection at which the blend ends", items=_items)
 
     def edit(self, context, camera):
         preset = shipped_preset(self.preset)
@@ -148,8 +148,8 @@ class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
-    """Let the blend go between the two pictures as they are now: what was changed on either camera since, the
-    resolution too, is taken up. Keyframes of Blend stay; edits of the blend's own surfaces are lost"""
+    """Update the blend to changes of its two cameras and of the resolution. Keyframes of Blend stay; edits
+    of the blend's own surfaces are lost"""
 
     bl_idname = "scfpf.blend_update"
     bl_label = "Update Blend"
@@ -159,7 +159,7 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
         if not poll_flexible_camera(cls, context):
             return False
         if not knows_its_ends(flexible_camera_of(context)):
-            cls.poll_message_set("This camera does not know what it goes between: make it by Blend Cameras")
+            cls.poll_message_set("This camera is not a blend: make one with Blend Cameras")
             return False
         return True
 
@@ -174,7 +174,7 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
         else:
             if ends.preset not in {stem for stem, _name, _text in preset_items()}:
                 raise BlendError(
-                    f"There is no preset '{ends.preset}': choose a camera that the blend comes to"
+                    f"There is no preset '{ends.preset}': choose a camera at which the blend ends"
                 )
             preset = shipped_preset(ends.preset)
             second, name = _preset_before(context, first, preset), preset.name
@@ -189,7 +189,7 @@ def _end(context, camera, end):
     if lost := absent_text(end, context.scene, "choose another camera"):
         raise BlendError(lost)
     if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:
-        raise BlendError(f"'{end.name}' is no flexible camera to blend with: choose another one")
+        raise BlendError(f"'{end.name}' is not a flexible camera: choose another one")
     return end
 
 

@@ -35,7 +35,7 @@ class SCFPF_OT_cycles_rig(bpy.types.Operator):
 
 
 class SCFPF_OT_cycles_rig_update(bpy.types.Operator):
-    """Choose the chords anew, for all frames of an animated volume"""
+    """Choose new chords, for all frames of an animated volume"""
 
     bl_idname = "scfpf.cycles_rig_update"
     bl_label = "Update Chords"
@@ -57,7 +57,8 @@ class SCFPF_OT_cycles_rig_update(bpy.types.Operator):
 
 
 class SCFPF_OT_cycles_passes(bpy.types.Operator):
-    """Give the compositor passes of t, depth along the projectors, and (u, v, t); again to remove them"""
+    """Give the compositor passes of t, depth along the projectors, and (u, v, t); press again to remove
+    them"""
 
     bl_idname = "scfpf.cycles_passes"
     bl_label = "t, Depth, (u, v, t) Passes"
@@ -77,7 +78,7 @@ class SCFPF_OT_cycles_passes(bpy.types.Operator):
 
 
 class SCFPF_OT_cycles_render(bpy.types.Operator):
-    """Render through the Cycles rig, whatever camera the viewport under the mouse looks through"""
+    """Render through the Cycles rig, also if the viewport under the mouse looks through another camera"""
 
     bl_idname = "scfpf.cycles_render"
     bl_label = "Render through the Rig"

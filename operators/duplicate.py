@@ -24,7 +24,7 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         originals = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
         if not camera.visible_get():
-            raise FlexibleCameraError(f"'{camera.name}' is hidden: show it first")
+            raise FlexibleCameraError(f"'{camera.name}' is hidden: show it in the Outliner first")
         for obj in context.selected_objects:
             obj.select_set(False)
         for obj in originals:

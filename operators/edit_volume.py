@@ -9,7 +9,8 @@ from .tool import Tool
 
 
 class SCFPF_OT_edit_volume(Tool, bpy.types.Operator):
-    """Show this camera's control surfaces in front of the scene and let them be clicked, or end that"""
+    """Show this camera's control surfaces in front of the scene and make them selectable; press again to
+    end that"""
 
     bl_idname = "scfpf.edit_volume"
     bl_label = "Edit Volume"

@@ -39,7 +39,8 @@ def _description(title: str, found) -> str:
 
 
 class SCFPF_OT_find_in_image(bpy.types.Operator):
-    """Find what is selected in the picture: marks it there, and draws the projector through its middle"""
+    """Find the selected objects in the picture: mark them there, and draw the projector through their
+    middle"""
 
     bl_idname = "scfpf.find_in_image"
     bl_label = "Find in Picture"
@@ -51,7 +52,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
             cls.poll_message_set("A render is running: wait for it, or press Esc to cancel it")
             return False
         if not _wanted(context):
-            cls.poll_message_set("Select the object that is to be found in the picture")
+            cls.poll_message_set("Select the objects to find in the picture")
             return False
         return True
 

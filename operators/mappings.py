@@ -39,7 +39,9 @@ class SCFPF_OT_mapping_add(Tool, bpy.types.Operator):
     bl_idname = "scfpf.mapping_add"
     bl_label = "Add Image Mapping"
 
-    kind: EnumProperty(name="Kind", description="How places of the picture are moved", items=MAPPING_KINDS)
+    kind: EnumProperty(
+        name="Kind", description="How the mapping moves positions in the picture", items=MAPPING_KINDS
+    )
 
     @classmethod
     def description(cls, _context, properties):
@@ -69,7 +71,7 @@ class SCFPF_OT_mapping_move(Tool, bpy.types.Operator):
 
     direction: EnumProperty(
         name="Direction",
-        description="Where the mapping goes in the stack",
+        description="Direction in the stack",
         items=(("UP", "Up", "Nearer to the picture"), ("DOWN", "Down", "Nearer to the volume")),
     )
 
@@ -92,7 +94,7 @@ class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
         grid = active_mapping(camera).grid
         if grid is None or grid.name not in context.view_layer.objects:
             raise MappingError(
-                "The grid is not in this view layer: choose another mesh, or add the mapping anew"
+                "The grid is not in this view layer: choose another mesh, or add a new mapping"
             )
         for obj in context.selected_objects:
             obj.select_set(False)
@@ -107,7 +109,7 @@ class SCFPF_OT_mapping_place(PictureClick, bpy.types.Operator):
     bl_idname = "scfpf.mapping_place"
     bl_label = "Place on Picture"
     bl_options = {"REGISTER", "UNDO"}
-    cursor, hint = "CROSSHAIR", "Click where the mapping's center is to be"
+    cursor, hint = "CROSSHAIR", "Click to place the mapping's center"
 
     poll = classmethod(_poll_mapping)
 
@@ -117,18 +119,18 @@ class SCFPF_OT_mapping_place(PictureClick, bpy.types.Operator):
 
 
 class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):
-    """Write what the mappings do into an image, as an ST map of the render's resolution for compositing
-    programs; save it as OpenEXR from the Image Editor"""
+    """Write the mappings into an image: an ST map of the render's resolution for compositing programs. Save
+    it as OpenEXR from the Image Editor"""
 
     bl_idname = "scfpf.st_map_write"
     bl_label = "Write ST Map"
 
     content: EnumProperty(
-        name="Content", description="What the map says of each pixel", items=CONTENTS, default="MAPPINGS"
+        name="Content", description="Content of each pixel of the map", items=CONTENTS, default="MAPPINGS"
     )
     inverse: BoolProperty(
         name="Inverse",
-        description="Write where each place of the plain picture is seen, to take the mappings out again",
+        description="Write the inverse map, which removes the mappings from a picture",
         default=False,
     )
 

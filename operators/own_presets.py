@@ -53,7 +53,7 @@ def _kept(preset, replace: bool) -> str:
     try:
         camera_preset.store_picture(preset, path)
     except PresetError as error:
-        return f"{message}, without a picture: {error}"
+        return f"{message}, without a thumbnail: {error}"
     return message
 
 
@@ -62,9 +62,9 @@ class _SavesVolume(Tool):
 
     bl_options = {"REGISTER"}
 
-    name: StringProperty(name="Name", description="What the preset is called in menus", maxlen=63)
+    name: StringProperty(name="Name", description="Name of the preset in menus", maxlen=63)
     description: StringProperty(
-        name="Description", description="What the projection shows; the tooltip in the menu", maxlen=1000
+        name="Description", description="Description of the projection: the tooltip in the menu", maxlen=1000
     )
 
     def invoke(self, context, event):
@@ -123,7 +123,7 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
 
 
 class SCFPF_OT_preset_import(bpy.types.Operator):
-    """Take a preset file (JSON) into the list of your own; it is data only, and checked"""
+    """Add a preset file (JSON) to your own presets. It is checked, and is data only"""
 
     bl_idname = "scfpf.preset_import"
     bl_label = "Import Projection Preset"

@@ -5,9 +5,9 @@ from bpy.props import FloatProperty
 
 from ..scfpf_addon.bridge.result_image import result_image
 
-NO_PICTURE = "Open the picture in an Image Editor of this window first (Show Picture), then click in it"
+NO_PICTURE = "No Image Editor of this window shows the picture: press Show Picture, then click in it"
 # Clicks elsewhere go on to Blender meanwhile: anything may have been removed, undone or started.
-NO_MORE = "What the click was for is not there any more: choose it again, then click"
+NO_MORE = "The camera or the mapping was removed: select it again, then click"
 
 
 def picture_regions(window) -> list:

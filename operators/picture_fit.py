@@ -9,8 +9,7 @@ from .tool import Tool
 
 
 class SCFPF_OT_volume_fit_picture(Tool, bpy.types.Operator):
-    """Stretch the volume to the shape of the picture that the resolution gives, so that nothing in it
-    looks stretched"""
+    """Fit the volume to the aspect of the resolution, so that nothing in the picture looks stretched"""
 
     bl_idname = "scfpf.volume_fit_picture"
     bl_label = "Fit to Resolution"

@@ -18,7 +18,7 @@ FLAT = (
 
 
 class SCFPF_OT_preview_toggle(bpy.types.Operator):
-    """Show what the flexible camera sees in a second viewport, live; again to remove it"""
+    """Show the flexible camera's picture live in a second viewport; press again to remove it"""
 
     bl_idname = "scfpf.preview_toggle"
     bl_label = "Live Preview"

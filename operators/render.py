@@ -134,7 +134,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         finally:
             render_job.stop()
         if frame is None:
-            self.report({"INFO"}, "Render canceled: the old picture is as it was")
+            self.report({"INFO"}, "Render canceled: the previous picture is unchanged")
             return {"CANCELLED"}
         try:
             show_progress(frame.pixels)
@@ -239,7 +239,9 @@ class SCFPF_OT_result_show(bpy.types.Operator):
             editors[0].image = result_image()
             return {"FINISHED"}
         if bpy.app.background:
-            self.report({"ERROR"}, "Blender runs without windows: there is nothing to show the picture in")
+            self.report(
+                {"ERROR"}, "Blender runs in the background: open the file in a window to see the picture"
+            )
             return {"CANCELLED"}
         bpy.ops.wm.window_new()
         area = context.window_manager.windows[-1].screen.areas[0]

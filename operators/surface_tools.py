@@ -33,25 +33,25 @@ def _off(change: float, what: str, kept: float = CHANGED_SHARE) -> str | None:
     """The line that says how far something new is off, None where it is not."""
     if change <= kept:
         return None
-    return f"The {what} is off by up to {100 * change:.2g} % of the size: more points are nearer"
+    return f"The {what} is off by up to {100 * change:.2g} % of the size: use more points to reduce that"
 
 
 class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
-    """Make the active control surface a mesh grid of the same shape, to be edited point by point"""
+    """Make the active control surface a mesh grid of the same shape, for editing point by point"""
 
     bl_idname = "scfpf.surface_to_grid"
     bl_label = "Convert to Grid"
 
     columns: IntProperty(
         name="Columns",
-        description="Faces along u; 0: as many as keep the picture to within the pixel error",
+        description="Faces along u; 0 chooses enough to stay within the pixel error",
         default=0,
         min=0,
         max=1024,
     )
     rows: IntProperty(
         name="Rows",
-        description="Faces along v; 0: as many as keep the picture to within the pixel error",
+        description="Faces along v; 0 chooses enough to stay within the pixel error",
         default=0,
         min=0,
         max=1024,
@@ -73,24 +73,26 @@ class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
-    """Make the active control surface a smooth surface patch of the same shape, modifiers applied, to be
-    edited by a few control points"""
+    """Make the active control surface a smooth surface patch of the same shape, modifiers applied, for
+    editing by a few control points"""
 
     bl_idname = "scfpf.surface_to_patch"
     bl_label = "Convert to Surface Patch"
 
     columns: IntProperty(
         name="Columns",
-        description="Control points along u, 4 at least; 0 in either: as many as keep the picture to within "
-        "the pixel error. A grid keeps its own",
+        description="Control points along u, at least 4; 0 in either direction chooses enough to stay "
+        "within the "
+        "pixel error. A grid keeps its own number",
         default=0,
         min=0,
         max=64,
     )
     rows: IntProperty(
         name="Rows",
-        description="Control points along v, 4 at least; 0 in either: as many as keep the picture to within "
-        "the pixel error. A grid keeps its own",
+        description="Control points along v, at least 4; 0 in either direction chooses enough to stay "
+        "within the "
+        "pixel error. A grid keeps its own number",
         default=0,
         min=0,
         max=64,
@@ -118,7 +120,10 @@ class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):
     bl_label = "Subdivide Control Surface"
 
     direction: EnumProperty(
-        name="Direction", description="Where to put more control points", items=DIRECTIONS, default="BOTH"
+        name="Direction",
+        description="Directions that get more control points",
+        items=DIRECTIONS,
+        default="BOTH",
     )
 
     poll = classmethod(poll_slot)
@@ -132,7 +137,7 @@ class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):
 
 class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
     """Make the active control surface a grid of the same shape whose points are evenly spaced along their
-    lines, so that what was crowded in the picture is no longer"""
+    lines, which spreads crowded parts of the picture"""
 
     bl_idname = "scfpf.surface_equalise"
     bl_label = "Equalize by Arc Length"
@@ -157,7 +162,7 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
         )
         if left <= EVEN:
             return None
-        return f"Both directions cannot be quite even: steps still differ by up to {100 * left:.2g} %"
+        return f"One direction alone can be even: steps still differ by up to {100 * left:.2g} %"
 
 
 class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
@@ -185,8 +190,8 @@ class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
-    """Replace the whole volume by one lattice of the same shape at this frame, to be pulled about point by
-    point; the projectors then run as the lattice's interpolation has it"""
+    """Replace the whole volume by one lattice of the same shape at this frame, for editing point by point.
+    The projectors then follow the lattice's interpolation"""
 
     bl_idname = "scfpf.volume_to_lattice"
     bl_label = "Convert Volume to Lattice"
@@ -196,12 +201,12 @@ class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
     points_w: IntProperty(name="W", description="Layers from near to far", default=4, min=2, max=64)
     interpolation: EnumProperty(
         name="Interpolation",
-        description="How the lattice goes from point to point",
+        description="Interpolation between the points of the lattice",
         items=(
-            ("LINEAR", "Linear", "Straight pieces: exact for straight projectors between flat surfaces"),
-            ("CARDINAL", "Cardinal", "Smooth, through the points, rather tight"),
-            ("CATMULL_ROM", "Catmull-Rom", "Smooth, through the points"),
-            ("BSPLINE", "B-Spline", "Smoothest, beside the points"),
+            ("LINEAR", "Linear", "Straight pieces, exact for straight projectors between flat surfaces"),
+            ("CARDINAL", "Cardinal", "Smooth and tight curves through the points"),
+            ("CATMULL_ROM", "Catmull-Rom", "Smooth curves through the points"),
+            ("BSPLINE", "B-Spline", "The smoothest curves, which pass beside the points"),
         ),
         default="LINEAR",
     )

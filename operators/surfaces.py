@@ -76,7 +76,7 @@ class SCFPF_OT_surface_attach(bpy.types.Operator):
         if not poll_flexible_camera(cls, context):
             return False
         if not _candidates(context):
-            cls.poll_message_set("Select the object that is to become a control surface as well")
+            cls.poll_message_set("Select an object to use as a control surface too")
             return False
         return True
 
@@ -124,7 +124,7 @@ class SCFPF_OT_surface_move(Tool, bpy.types.Operator):
 
     direction: EnumProperty(
         name="Direction",
-        description="Where to move the control surface in the list",
+        description="Direction in the list",
         items=(
             ("UP", "Up", "Towards the near end of the volume"),
             ("DOWN", "Down", "Towards the far end of the volume"),

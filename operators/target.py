@@ -48,7 +48,7 @@ def flexible_camera_of(context):
 def poll_scene(cls, context) -> bool:
     """A poll for operators that change the scene's own settings."""
     if not context.scene.is_editable:
-        cls.poll_message_set("The scene is linked from another file")
+        cls.poll_message_set("The scene is linked from another file: make it local first")
         return False
     return True
 
@@ -109,7 +109,7 @@ def chosen_camera(context, name: str):
     camera = bpy.data.objects.get(name) if name else render_camera(context)
     if camera is None:
         if name:
-            raise RenderError(f'There is no object "{name}" to look through')
+            raise RenderError(f'There is no object "{name}" to look through: choose a flexible camera')
         raise RenderError(missing_text(context.scene.camera) or NO_CAMERA)
     if camera.type != "CAMERA" or not camera.scfpf.enabled:
         raise RenderError(f"{camera.name} is not a flexible camera: switch on Flexible Projection for it")

@@ -34,6 +34,6 @@ def poll_two(cls, context):
         return False
     slots = flexible_camera_of(context).scfpf.surfaces
     if len(slots) < 2 and not is_lattice_volume(slots):
-        cls.poll_message_set("The volume needs two control surfaces at least")
+        cls.poll_message_set("The volume needs at least two control surfaces: add one with +")
         return False
     return True

@@ -14,17 +14,15 @@ from .tool import Tool, poll_two
 
 
 class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
-    """Insert one more control surface and leave the volume as it is at this frame.
-
-    Of polylines all others stay; otherwise the inner ones are replaced and lose their animation"""
+    """Insert a control surface without changing the volume at this frame. With polylines the others stay;
+    otherwise the inner ones are replaced and lose their animation"""
 
     bl_idname = "scfpf.surface_insert"
     bl_label = "Insert Control Surface"
 
     resolution: IntProperty(
         name="Resolution",
-        description="Faces along u and v of a new surface between surfaces of different kinds, "
-        "which only a grid can be",
+        description="Faces along u and v of the new grid, if its neighbors are of different kinds",
         default=64,
         min=1,
         max=512,
@@ -42,7 +40,10 @@ class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
         )
         if exact:
             return None
-        return f"Between surfaces of different kinds now lies a grid of {self.resolution} × {self.resolution}"
+        return (
+            f"Its neighbors are of different kinds: the new surface is a grid of {self.resolution} × "
+            f"{self.resolution}"
+        )
 
 
 class SCFPF_OT_surface_duplicate(Tool, bpy.types.Operator):
@@ -95,8 +96,8 @@ class SCFPF_OT_volume_mirror(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_snap_to_view(Tool, bpy.types.Operator):
-    """Put the near surface into the 3D viewport's view, of the same size: a plane fills the view, a round
-    surface comes to stand about the eye"""
+    """Move the near surface into the 3D viewport's view with its size: a plane fills the view, a round
+    surface surrounds the viewpoint"""
 
     bl_idname = "scfpf.surface_snap_to_view"
     bl_label = "Near Surface to View"
@@ -106,7 +107,7 @@ class SCFPF_OT_surface_snap_to_view(Tool, bpy.types.Operator):
         if not poll_slot(cls, context):
             return False
         if context.area is None or context.area.type != "VIEW_3D" or context.region_data is None:
-            cls.poll_message_set("Use this in a 3D viewport")
+            cls.poll_message_set("This works in a 3D viewport only: press it in the sidebar")
             return False
         return True
 
@@ -127,8 +128,8 @@ class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
     bl_idname = "scfpf.surface_align"
     bl_label = "Align to Active Object"
 
-    location: BoolProperty(name="Location", description="Take the object's place", default=True)
-    rotation: BoolProperty(name="Rotation", description="Take the object's rotation", default=True)
+    location: BoolProperty(name="Location", description="Copy the object's location", default=True)
+    rotation: BoolProperty(name="Rotation", description="Copy the object's rotation", default=True)
 
     @classmethod
     def poll(cls, context):
@@ -137,7 +138,7 @@ class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
         settings = flexible_camera_of(context).scfpf
         target = context.object
         if target in (None, settings.surfaces[settings.active_surface].object, settings.id_data):
-            cls.poll_message_set("Make the object active to which the control surface is to be aligned")
+            cls.poll_message_set("Make the object to align to the active one")
             return False
         return True
 
@@ -148,7 +149,7 @@ class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_volume_single_user(Tool, bpy.types.Operator):
-    """Give this camera control surfaces and meshes that no other camera or object uses"""
+    """Give this camera control surfaces and meshes of its own, which no other camera or object uses"""
 
     bl_idname = "scfpf.volume_single_user"
     bl_label = "Make Surfaces Single-User"
@@ -157,7 +158,7 @@ class SCFPF_OT_volume_single_user(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         copied = volume_edits.make_single_user(camera)
-        return f"{copied} copied" if copied else "Nothing was shared"
+        return f"{copied} copied" if copied else "No control surface was shared"
 
 
 class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
@@ -173,14 +174,14 @@ class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
         if not any(
             obj.type in SHAPES and obj.scfpf_surface.kind == "NONE" for obj in context.selected_objects
         ):
-            cls.poll_message_set("Select the objects that the volume is to hold")
+            cls.poll_message_set("Select the objects to fit the volume around")
             return False
         return True
 
     def edit(self, context, camera):
         box = scene_box(context, selected_only=True)
         if box is None:
-            raise FlexibleCameraError("What is selected is hidden from pictures: select visible objects")
+            raise FlexibleCameraError("The selected objects are disabled in renders: select others")
         aspect = picture_aspect(context.scene)
         volume_edits.fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
 

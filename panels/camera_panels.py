@@ -77,7 +77,7 @@ def draw_caster_fault(layout) -> None:
     if fault:
         column = layout.column(align=True)
         column.alert = True
-        draw_text(column, f"No pictures: {fault}", "ERROR")
+        draw_text(column, f"Rendering is off: {fault}", "ERROR")
         draw_text(column, "Editing, the live preview and Cycles work without it.", "BLANK1")
 
 

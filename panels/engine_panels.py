@@ -64,7 +64,7 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
         row.active = camera.scfpf.enabled
         row.prop(camera.scfpf, "pixel_error")
         if not camera.scfpf.enabled:
-            layout.label(text="An ordinary camera: its own view is rendered", icon="INFO")
+            layout.label(text="An ordinary camera: F12 renders its view", icon="INFO")
 
 
 class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
@@ -89,7 +89,7 @@ class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
         column.prop(options, "adaptive_least")
         camera = camera_behind(context.scene.camera)
         if options.use_adaptive and camera and camera.scfpf.samples <= options.adaptive_least:
-            layout.label(text="Raise Samples: all pixels get Min Samples anyway", icon="INFO")
+            layout.label(text="No effect: raise Samples above Min Samples", icon="INFO")
 
 
 class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
@@ -112,7 +112,7 @@ class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
         layout.prop(scene.scfpf_sampling, "motion_steps")
         camera = camera_behind(scene.camera)
         if camera and camera.scfpf.samples < scene.scfpf_sampling.motion_steps:
-            layout.label(text="Raise Samples: there are fewer than steps", icon="INFO")
+            layout.label(text="Fewer samples than steps: raise Samples", icon="INFO")
 
 
 class SCFPF_PT_engine_light_paths(_EnginePanel, bpy.types.Panel):

@@ -88,7 +88,7 @@ def _draw_mapping(layout, mapping) -> None:
     elif mapping.kind == "ST_MAP":
         column.template_ID(mapping, "image", open="image.open")
         if mapping.image is not None and not mapping.image.is_float:
-            column.label(text="Eight bits a color are coarse", icon="ERROR")
+            column.label(text="8 bits are coarse: use a float image", icon="ERROR")
     elif mapping.kind == "GRID":
         row = column.row(align=True)
         row.prop(mapping, "grid")

@@ -22,8 +22,7 @@ class SCFPF_BlendEnds(bpy.types.PropertyGroup):
 
     first: PointerProperty(
         name="From",
-        description="The flexible camera whose picture the blend starts from at 0; "
-        "another one counts from the next Update Blend",
+        description="The flexible camera at Blend 0. Press Update Blend after choosing another one",
         type=bpy.types.Object,
         poll=_may_be_end,
         update=_changed,
@@ -31,8 +30,9 @@ class SCFPF_BlendEnds(bpy.types.PropertyGroup):
     )
     second: PointerProperty(
         name="To",
-        description="The flexible camera whose picture the blend comes to at 1, in place of a preset if it "
-        "came to one; another one counts from the next Update Blend",
+        description="The flexible camera at Blend 1, instead of a preset. Press Update Blend after "
+        "choosing another "
+        "one",
         type=bpy.types.Object,
         poll=_may_be_end,
         update=_changed,
@@ -40,8 +40,7 @@ class SCFPF_BlendEnds(bpy.types.PropertyGroup):
     )
     preset: StringProperty(
         name="Preset",
-        description="The preset that the blend comes to at 1 while no camera is chosen for it, "
-        "by the name of its file",
+        description="File name of the preset at Blend 1, if no camera is chosen",
         update=_changed,
         override=OVERRIDABLE,
     )

@@ -136,7 +136,7 @@ def own_file(stem: str) -> pathlib.Path:
     """An own preset by the name of its file without its ending. Raises PresetError if there is none."""
     found = next((path for path in own_files() if path.stem == stem), None)
     if found is None:
-        raise PresetError(f"There is no preset '{stem}' of your own: it may have been removed")
+        raise PresetError(f"There is no preset '{stem}' of your own: choose another one")
     return found
 
 

@@ -29,7 +29,7 @@ LINE_KINDS = {
     "use_material": MATERIAL,
     "use_crease": CREASE,
 }
-PIXELS = "in pixels of the picture at 100 %: its share of the picture is the same at any percentage"
+PIXELS = "in pixels at 100 % resolution: other percentages scale it"
 
 
 def _changed(owner, context):
@@ -76,17 +76,15 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         "Drawn Style", "Draw the picture: lines, flat shades and paper. Other passes stay as they are", False
     )
     use_lines: _switch("Lines", "Draw lines where surfaces end, bend or change", True)
-    use_silhouette: _switch(
-        "Silhouettes", "Where a surface hides what is behind it, the background included", True
-    )
-    use_object: _switch("Objects", "Where one object ends and another one begins, also where they meet", True)
+    use_silhouette: _switch("Silhouettes", "Edges in front of other surfaces or of the background", True)
+    use_object: _switch("Objects", "Borders between objects, also where they touch", True)
     use_contour: _switch(
         "Contours",
-        "Where projectors graze a surface that is shaded smooth, at right angles to its shading normal",
+        "Lines along which projectors graze a smooth-shaded surface",
         True,
     )
-    use_material: _switch("Materials", "Where one material ends and another one begins", False)
-    use_crease: _switch("Creases", "Where a surface has an edge, see Crease Angle", True)
+    use_material: _switch("Materials", "Borders between materials", False)
+    use_crease: _switch("Creases", "Edges sharper than Crease Angle", True)
     line_width: _number(
         "Outline Width",
         f"Width of silhouettes and of objects' edges, {PIXELS}",
@@ -105,7 +103,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         soft_max=10.0,
         step=10,
     )
-    line_color: _color("Line Color", "What lines are drawn with", (0.0, 0.0, 0.0))
+    line_color: _color("Line Color", "Color of the lines", (0.0, 0.0, 0.0))
     crease_angle: _number(
         "Crease Angle",
         "The angle between two faces, whatever their shading, from which the edge between them is drawn",
@@ -116,8 +114,8 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     depth_jump: _number(
         "Depth Jump",
-        "How far one surface must be behind another one for a silhouette, in widths of a pixel there. "
-        "Surfaces that are only steep have none",
+        "Least distance between two surfaces for a silhouette, in widths of a pixel there. Steep surfaces"
+        " alone have none",
         2.0,
         0.0,
         1000.0,
@@ -126,16 +124,16 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     fill: EnumProperty(
         name="Fill",
-        description="What is between the lines",
+        description="Fill between the lines",
         items=(
-            ("RENDERED", "Rendered", "The picture as it is without Drawn Style"),
+            ("RENDERED", "Rendered", "The picture as rendered without Drawn Style"),
             (
                 "TOON",
                 "Steps of Light",
-                "The materials' colors, in a few steps darker where less light is",
+                "The materials' colors, darker in a few steps where less light arrives",
             ),
             ("FLAT", "Flat Colors", "The materials' colors, without light and shadow"),
-            ("PAPER", "Paper", "Nothing but paper"),
+            ("PAPER", "Paper", "Paper only"),
         ),
         default="TOON",
         override=OVERRIDE,
@@ -143,7 +141,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     steps: IntProperty(
         name="Steps",
-        description="How many shades there are from the darkest one to full light",
+        description="Number of shades from the darkest one to full light",
         default=3,
         min=2,
         soft_max=8,
@@ -153,7 +151,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     softness: _number(
         "Softness",
-        "How much of a step it takes to go over into the next; 0 is a sharp edge, 1 leaves no even parts",
+        "Width of the transition between steps: 0 is a sharp edge, 1 leaves no even parts",
         0.0,
         0.0,
         1.0,
@@ -161,7 +159,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     darkest: _number(
         "Darkest",
-        "How much of its color a material keeps where no light falls",
+        "Share of its color that a material keeps where no light falls",
         0.3,
         0.0,
         1.0,
@@ -169,7 +167,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     exposure: _number(
         "Exposure",
-        "Makes light count more or less for steps of light and for strokes, in stops",
+        "Brighten or darken the light for steps and strokes, in stops",
         0.0,
         -10.0,
         10.0,
@@ -184,7 +182,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         description="Strokes over the fill",
         items=(
             ("NONE", "None", "No strokes"),
-            ("DEPTH", "Equal t", "Lines where t is the same: cuts through the viewing volume, which show it"),
+            ("DEPTH", "Equal t", "Lines of equal t: cuts through the viewing volume"),
             ("TONE", "Tone", "Strokes where there is less light, in up to three layers"),
         ),
         default="NONE",
@@ -194,10 +192,10 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     hatch_width: _number(
         "Stroke Width", f"Width of strokes, {PIXELS}", 1.0, 0.1, WIDEST, soft_max=6.0, step=10
     )
-    hatch_color: _color("Stroke Color", "What strokes are drawn with", (0.0, 0.0, 0.0))
+    hatch_color: _color("Stroke Color", "Color of the strokes", (0.0, 0.0, 0.0))
     hatch_count: IntProperty(
         name="Steps of t",
-        description="How many parts lines of equal t cut the volume into, from the near to the far surface",
+        description="Number of parts into which lines of equal t cut the volume",
         default=64,
         min=2,
         soft_max=256,
@@ -210,14 +208,14 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
     hatch_angle: _number(
         "Angle",
-        "Of the strokes, from the horizontal",
+        "Angle of the strokes from the horizontal",
         math.radians(45),
         math.radians(-180),
         math.radians(180),
         subtype="ANGLE",
     )
     use_cross: _switch(
-        "Cross-Hatching", "Strokes across the others for darker tones; otherwise strokes between them", True
+        "Cross-Hatching", "Draw strokes for darker tones across the others instead of between them", True
     )
     use_paper: _switch(
         "Paper",
@@ -227,8 +225,9 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     paper_color: _color("Paper Color", "The color of the paper", (1.0, 1.0, 1.0))
     detail: IntProperty(
         name="Detail",
-        description="Places along each side of a pixel between which lines are sought: what is finer may be "
-        "missed. A place takes about as long as a sample",
+        description="Places along each side of a pixel at which lines are searched: more find finer "
+        "lines. Each place"
+        " takes about as long as a sample",
         default=2,
         min=1,
         max=4,

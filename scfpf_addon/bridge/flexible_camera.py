@@ -52,7 +52,7 @@ def make_flexible(camera) -> None:
 
 def _require_camera(camera) -> None:
     if camera.type != "CAMERA":
-        raise FlexibleCameraError(f"'{camera.name}' is no camera: select a camera object")
+        raise FlexibleCameraError(f"'{camera.name}' is not a camera: select a camera object")
     if not camera.is_editable:
         raise FlexibleCameraError(
             f"'{camera.name}' is linked from another file: make a library override of it first"

@@ -122,7 +122,9 @@ def read_lattice(evaluated) -> Lattice:
     """An evaluated Lattice object in its own space. Raises SurfaceError when it has no size or no volume."""
     name, data = evaluated.name, evaluated.data
     if evaluated.type != "LATTICE":
-        raise SurfaceError(f"'{name}' is of type {evaluated.type.title()}, no lattice: choose another kind")
+        raise SurfaceError(
+            f"'{name}' is of type {evaluated.type.title()}, not a lattice: choose another kind"
+        )
     for axis in AXES[:2]:
         if getattr(data, f"points_{axis}") < 2:
             raise SurfaceError(f"'{name}' has one point along {axis.upper()}: give it two or more")

@@ -22,20 +22,23 @@ OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 NUMBER = {"override": OVERRIDABLE}
 
 MAPPING_KINDS = (
-    ("RADIAL_CURVE", "Radial Curve", "A curve from the distance in the picture to the distance that is seen"),
-    ("LENS", "Magic Lens", "A round part of the picture is magnified; the rest stays"),
+    ("RADIAL_CURVE", "Radial Curve", "A curve from the distance in the picture to the distance to look up"),
+    ("LENS", "Magic Lens", "Magnify a round part of the picture"),
     (
         "DISTORTION",
         "Lens Distortion",
-        "What a photographic lens does: Brown's polynomial over a second one (the division model, OpenCV's)",
+        (
+            "Distort as a photographic lens: Brown's polynomial over a second one (the division model, "
+            "OpenCV's)"
+        ),
     ),
-    ("ST_MAP", "ST Map", "An image whose red and green say which place of the picture is seen at each pixel"),
+    ("ST_MAP", "ST Map", "An image whose red and green are the position to look up at each pixel"),
     (
         "GRID",
         "Deformed Grid",
-        "A flat mesh over the picture, whose vertices say what is seen where they were",
+        "A flat mesh over the picture whose moved vertices are the positions to look up",
     ),
-    ("DISPLAY", "Curved Display", "What a curved screen must show so that its viewer sees a flat picture"),
+    ("DISPLAY", "Curved Display", "Correct for a curved screen, so that its viewer sees a flat picture"),
 )
 
 
@@ -68,18 +71,18 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     """One mapping of the image. Change the order through ``mapping_edits``, which takes animation along."""
 
     name: StringProperty(
-        name="Name", description="What this mapping is called in the list", update=_changed, **NUMBER
+        name="Name", description="Name of the mapping in the list", update=_changed, **NUMBER
     )
     enabled: BoolProperty(
         name="Enabled",
-        description="Whether the mapping acts on the picture",
+        description="Let the mapping act on the picture",
         default=True,
         update=_changed,
         **NUMBER,
     )
     kind: EnumProperty(
         name="Kind",
-        description="How places of the picture are moved",
+        description="How the mapping moves positions in the picture",
         items=MAPPING_KINDS,
         default="LENS",
         options=set(),
@@ -88,8 +91,9 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     )
     influence: FloatProperty(
         name="Influence",
-        description="How much of their way places are moved: 0 leaves the picture, above 1 exaggerates, "
-        "below 0 does the opposite",
+        description="Strength of the mapping: 0 has no effect, 1 is the full effect, more exaggerates it, "
+        "less than 0"
+        " reverses it",
         default=1.0,
         min=INFLUENCE.low,
         max=INFLUENCE.high,
@@ -100,14 +104,14 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     )
     backwards: BoolProperty(
         name="Backwards",
-        description="Use the mapping the other way round: take a distortion out instead of putting it in",
+        description="Use the inverse mapping: remove a distortion instead of adding it",
         default=False,
         update=_changed,
         **NUMBER,
     )
     centre: FloatVectorProperty(
         name="Center",
-        description="The middle of the mapping, as shares of the picture from its lower left",
+        description="Center of the mapping, as shares of the picture from its lower left",
         size=2,
         default=(0.5, 0.5),
         min=PLACE.low,
@@ -121,8 +125,9 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     )
     radius: FloatProperty(
         name="Radius",
-        description="Of the lens, or the distance that counts as 1 in the polynomials, "
-        "in halves of the picture's shorter side",
+        description="Radius of the lens, or unit of distance of the polynomials, in halves of the "
+        "picture's shorter "
+        "side",
         default=0.5,
         min=RADIUS.low,
         max=RADIUS.high,
@@ -134,7 +139,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     )
     magnification: FloatProperty(
         name="Magnification",
-        description="How many times larger the lens shows its middle; below 1 smaller",
+        description="Magnification in the middle of the lens: below 1 it shrinks",
         default=2.0,
         min=KINDS["LENS"]["magnification"].low,
         max=KINDS["LENS"]["magnification"].high,
@@ -145,7 +150,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     )
     falloff: FloatProperty(
         name="Falloff",
-        description="The outer share of the lens, in which the magnification goes over into what is around",
+        description="Outer share of the lens, in which the magnification fades out",
         default=0.5,
         min=0.0,
         max=1.0,
@@ -214,16 +219,18 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     )
     image: PointerProperty(
         name="Image",
-        description="The ST map: red is the place to the right and green the place up that is seen, "
-        "from 0 to 1; where alpha is 0 nothing is seen",
+        description="The ST map: red and green are the horizontal and vertical position to look up, from "
+        "0 to 1. "
+        "Where alpha is 0 the picture is empty",
         type=bpy.types.Image,
         update=_changed,
         **NUMBER,
     )
     grid: PointerProperty(
         name="Grid",
-        description="A mesh whose UV map is a regular grid over the picture; a vertex's own X and Y, "
-        "from 0 to 1, say which place is seen there",
+        description="A mesh whose UV map is a regular grid over the picture. X and Y of its vertices, "
+        "from 0 to 1, "
+        "are the positions to look up there",
         type=bpy.types.Object,
         poll=_may_be_grid,
         update=_grid_changed,

@@ -99,7 +99,7 @@ def _grid_order(name: str, count: int, corners, uv):
     columns, rows = (int((np.diff(np.sort(axis)) > UV_LINE_GAP).sum()) + 1 for axis in of_vertex.T)
     if min(rows, columns) < 2 or rows * columns != count:
         raise SurfaceError(
-            f"'{name}' is no regular grid: its UV map has {columns} × {rows} places for {count} vertices; "
+            f"'{name}' is not a regular grid: its UV map has {columns} × {rows} places for {count} vertices; "
             "make it a UV Mesh"
         )
     place = of_vertex * (columns - 1, rows - 1)

@@ -48,7 +48,7 @@ def view_camera(chosen, render):
     camera = camera_behind(chosen)
     if camera != chosen and render.use_multiview and render.views_format == "MULTIVIEW":
         raise MultiViewError(
-            f"The views find no cameras of their own while '{camera.name}' renders with Cycles: "
+            f"The views have no cameras of their own while '{camera.name}' renders with Cycles: "
             "switch Render with Cycles off"
         )
     return camera
@@ -71,7 +71,10 @@ def eye_place(camera, eye: Eye) -> Array:
 def unseen_settings(camera, eye: Eye) -> str:
     """Return the warning about a stereo setting of an evaluated camera that is left out, "" without one."""
     if eye and camera.data.stereo.use_spherical_stereo and camera.data.type in SPHERICAL_TYPES:
-        return f"Spherical stereo of '{camera.name}' is left out: both eyes stay where they are all around"
+        return (
+            f"Spherical stereo of '{camera.name}' is left out: choose Parallel for a volume that looks "
+            "all around"
+        )
     return ""
 
 

@@ -135,7 +135,7 @@ def own_patch(surface) -> NurbsPatch:
     try:
         return NurbsPatch(_points(spline), *_axes(spline))
     except ValueError as error:
-        raise SurfaceError(f"'{surface.name}' is no surface: {error}") from error
+        raise SurfaceError(f"'{surface.name}' is not a valid surface: {error}") from error
 
 
 def replace_net(surface, patch: NurbsPatch) -> None:
@@ -220,7 +220,8 @@ def read_patch(evaluated, mode: str) -> ControlSurface:
         patch = NurbsPatch(points, *_axes(spline))
     except ValueError as error:
         raise SurfaceError(
-            f"'{name}' is no surface: {error}; change its Active Spline settings or its points in Edit Mode"
+            f"'{name}' is not a valid surface: {error}; change its Active Spline settings or its points "
+            f"in Edit Mode"
         ) from error
     if not _is_deformed(evaluated, mode):
         return patch

@@ -34,7 +34,7 @@ def frustum(camera, scene) -> tuple[End, End]:
     """
     if camera.type != "CAMERA":
         lost = missing_text(camera.original)
-        raise FrustumError(lost or f"'{camera.name}' is no camera: choose one in the Scene properties")
+        raise FrustumError(lost or f"'{camera.name}' is not a camera: choose one in the Scene properties")
     lens = camera.data
     if lens.type not in {"PERSP", "ORTHO"}:
         raise FrustumError(

@@ -28,7 +28,8 @@ def fit_to_picture(camera, depsgraph, aspect: float) -> None:
     settings = camera.scfpf
     if settings.fit == "NONE":
         raise FlexibleCameraError(
-            f"The volume of '{camera.name}' does not depend on the picture's shape, or was not made for one"
+            f"The volume of '{camera.name}' does not depend on the picture's shape: choose Width or "
+            f"Height for Fit first"
         )
     stretch = aspect / settings.fitted_aspect
     factors = (stretch, 1.0) if settings.fit == "WIDTH" else (1.0, 1 / stretch)

@@ -116,7 +116,7 @@ class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
     )
     weight: FloatProperty(
         name="Weight",
-        description="How strongly NURBS projectors are drawn to this surface, compared with the others",
+        description="Pull of this surface on NURBS projectors, compared with the others",
         default=1.0,
         min=SMALLEST_WEIGHT,
         soft_min=0.01,
@@ -179,8 +179,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     edit_volume: BoolProperty(
         name="Edit Volume",
-        description="Show the control surfaces in front of the scene and let them be clicked; "
-        "otherwise they are out of the way",
+        description="Show the control surfaces in front of the scene and make them selectable",
         default=False,
         options=set(),
         update=_edit_volume_changed,
@@ -239,8 +238,9 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     blend_factor: FloatProperty(
         name="Blend",
-        description="Of a camera made by Blend Cameras: 0 is the first one's picture, 1 the second's; "
-        "less and more go on beyond them",
+        description="Blend between two cameras: 0 is the first one's picture, 1 the second's; other "
+        "values go beyond "
+        "them",
         default=0.0,
         min=SMALLEST_BLEND,
         max=LARGEST_BLEND,
@@ -254,14 +254,15 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     blend_ends: PointerProperty(
         name="Blend Ends",
-        description="The cameras or the preset between which this camera was made as a blend",
+        description="The two ends of a blend",
         type=SCFPF_BlendEnds,
         override=OVERRIDABLE,
     )
     pixel_error: FloatProperty(
         name="Pixel Error",
-        description="How far, in pixels, a curved projector may be off: smaller is slower, 1 is for drafts, "
-        "0 is exact and takes more memory",
+        description="Largest error of a curved projector, in pixels: smaller is slower, 1 is for drafts, "
+        "0 is exact "
+        "and needs more memory",
         default=0.1,
         min=0.0,
         soft_max=1.0,
@@ -273,7 +274,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     samples: IntProperty(
         name="Samples",
-        description="Projectors per pixel, averaged against jagged edges",
+        description="Projectors per pixel: more give smoother edges",
         default=4,
         min=1,
         soft_max=16,
@@ -283,7 +284,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     show_projectors: BoolProperty(
         name="Show Projectors",
-        description="Draw the control surfaces and a choice of projectors in the 3D viewport",
+        description="Draw the control surfaces and some projectors in the 3D viewport",
         default=True,
         options=set(),
         update=_changed,
@@ -291,7 +292,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     projector_count: IntProperty(
         name="Projectors Drawn",
-        description="How many projectors are drawn along each direction of the picture",
+        description="Number of projectors drawn across and up the picture",
         default=5,
         min=2,
         soft_max=21,
@@ -310,7 +311,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     iso_surfaces: IntProperty(
         name="Iso-Surfaces",
-        description="How many surfaces of equal t are drawn between the near and the far surface",
+        description="Number of surfaces of equal t drawn between the near and the far surface",
         default=0,
         min=0,
         soft_max=9,
@@ -339,7 +340,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     pick: FloatVectorProperty(
         name="Picked Position",
-        description="What was picked: shares of the picture's width and height from its lower left",
+        description="Picked position, as shares of the picture's width and height from its lower left",
         size=2,
         default=(0.5, 0.5),
         min=0.0,
@@ -350,7 +351,8 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     pick_t: FloatProperty(
         name="Picked t",
-        description="Where the picked projector met the scene: 0 near surface, 1 far one, -1 met nothing",
+        description="t at which the picked projector meets the scene: 0 near surface, 1 far one, -1 for "
+        "nothing",
         default=-1.0,
         min=-1.0,
         max=1.0,
@@ -360,7 +362,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     pick_distance: FloatProperty(
         name="Picked Distance",
-        description="Length of the picked projector from the near surface to what it met",
+        description="Length of the picked projector from the near surface to the object that it meets",
         default=0.0,
         min=0.0,
         subtype="DISTANCE",
@@ -378,7 +380,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     show_found: BoolProperty(
         name="Show Found Object",
-        description="Mark in the picture where the object is that was found in it last",
+        description="Mark the object that was found last in the picture",
         default=False,
         options=set(),
         update=_changed,
@@ -386,7 +388,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     found_box: FloatVectorProperty(
         name="Found Object's Box",
-        description="Left, lower, right and upper border of what was found, as shares of the picture",
+        description="Left, lower, right and upper border of the found object, as shares of the picture",
         size=4,
         default=(0.0, 0.0, 1.0, 1.0),
         min=0.0,
@@ -397,7 +399,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     found_object: StringProperty(
         name="Found Object",
-        description="What was looked for in the picture, and how much of it is to be seen",
+        description="Name of the object that was searched for, and how much of it is visible",
         default="",
         options=set(),
         update=_changed,
@@ -405,7 +407,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     fit: EnumProperty(
         name="Fit",
-        description="What changes of the volume when it is fitted to a picture of another shape",
+        description="Side of the volume that changes when it is fitted to another resolution",
         items=(
             ("NONE", "None", "The volume does not depend on the picture's shape"),
             ("WIDTH", "Width", "The width along the camera's X axis; the height stays"),

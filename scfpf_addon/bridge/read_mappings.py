@@ -142,7 +142,7 @@ def _curve_points(mapping) -> np.ndarray:
     """The entries of a curve widget's table, (K, 2)."""
     node = curve_node(mapping.curve)
     if node is None:
-        raise MappingError(f"The radial curve '{mapping.name}' has no curve: choose its kind once more")
+        raise MappingError(f"The radial curve '{mapping.name}' has no curve: choose its kind again")
     widget = node.mapping
     widget.initialize()
     radii = np.linspace(0.0, max(widget.clip_max_x, widget.curves[0].points[-1].location[0]), CURVE_STEPS + 1)
@@ -204,7 +204,8 @@ def _read_image(image) -> STMap:
     width, height = image.size
     if min(width, height) < 2 or image.channels < 2:
         raise MappingError(
-            f"'{image.name}' is no ST map: it needs a picture of at least 2 × 2 pixels with red and green; "
+            f"'{image.name}' is not an ST map: it needs a picture of at least 2 × 2 pixels with red and "
+            f"green; "
             "if its file was moved, find it with File > External Data"
         )
     pixels = np.empty(width * height * image.channels, np.float32)

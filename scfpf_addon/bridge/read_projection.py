@@ -48,7 +48,7 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
     of the picture, > 0. Raises ProjectionError.
     """
     if camera.type != "CAMERA":
-        raise ProjectionError(f"'{camera.name}' is no camera")
+        raise ProjectionError(f"'{camera.name}' is not a camera: select one")
     if not (math.isfinite(aspect) and aspect > 0):
         raise ProjectionError("The picture has no size: set its resolution in Output Properties")
     settings = camera.evaluated_get(depsgraph).scfpf
@@ -166,7 +166,7 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
         raise ProjectionError(f"'{name}' is a lattice: set its kind to {lattice_object.TITLE}")
     if kind == "NONE":
         raise ProjectionError(
-            f"'{name}' is no control surface: choose its kind, or remove it from the camera's list"
+            f"'{name}' is not a control surface: choose its kind, or remove it from the camera's list"
         )
     if not (keeps_evaluated(camera, surface, depsgraph) or _is_visible(surface, depsgraph)):
         raise ProjectionError(
@@ -193,7 +193,9 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
         raise ProjectionError(str(error)) from error
     for key, value in parameters.items():
         if not math.isfinite(value):
-            raise ProjectionError(f"The {key.replace('_', ' ')} of '{name}' is no finite number")
+            raise ProjectionError(
+                f"The {key.replace('_', ' ')} of '{name}' is not finite: check its animation and drivers"
+            )
     return surface_from_parameters(kind, parameters, None, matrix)
 
 

@@ -102,7 +102,10 @@ def read_scene(
     world_color, world, world_warnings = read_world(depsgraph.scene_eval, depsgraph.view_layer_eval)
     if not (np.abs(world_color) <= LARGEST_COORDINATE).all():
         world_color = np.zeros(3)
-        world_warnings = (*world_warnings, "The world's light is not finite and is left out")
+        world_warnings = (
+            *world_warnings,
+            "The world's light is left out, as it is not finite: check the world's nodes",
+        )
     made = Scene(
         geometry,
         reader.materials.materials(),

@@ -13,8 +13,8 @@ from .read_graph import read_graph
 from .shader_nodes import output_shaders
 
 DARK = (
-    "Nothing lights the scene, as things that glow light no others here: add a lamp or a world, or use "
-    "Cycles through the rig of the Cycles panel"
+    "Nothing lights the scene, as glowing materials light no other objects here: add a light or a world, "
+    "or use Cycles through the rig of the Cycles panel"
 )
 
 

@@ -73,7 +73,9 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             self._fail(reason(error))
         except Exception as error:  # What leaves here Blender prints and takes for success.
             traceback.print_exc()
-            self._fail(f"SCFPF has failed, the console says where ({type(error).__name__}: {error})")
+            self._fail(
+                f"SCFPF failed: look at the system console for the place ({type(error).__name__}: {error})"
+            )
 
     def view_update(self, context, depsgraph):
         """A viewport in Rendered shading: the scene has changed."""

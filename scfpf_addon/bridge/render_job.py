@@ -61,7 +61,10 @@ RENDER_ERRORS = (
 
 def reason(error: BaseException) -> str:
     """What to say of one of RENDER_ERRORS: Python may raise a MemoryError without a word."""
-    return str(error) or "There is not enough memory for this picture"
+    return (
+        str(error)
+        or "There is not enough memory for this picture: lower the resolution, or close other programs"
+    )
 
 
 @dataclass(frozen=True)
@@ -129,7 +132,7 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     inputs = with_render_depsgraph(scene, view_layer, read, with_time=True)
     if not scene.render.use_multiview:
         return inputs
-    warning = f"This is the one view of '{camera.name}' itself: F12 with SCFPF renders all views of the scene"
+    warning = f"This is one view, that of '{camera.name}': press F12 with SCFPF for all views of the scene"
     return replace(inputs, scene=replace(inputs.scene, warnings=(*inputs.scene.warnings, warning)))
 
 

@@ -124,15 +124,16 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     )
     use_pass_shadow_catcher: BoolProperty(
         name="Shadow Catcher",
-        description="What shadows leave of the light on shadow catchers, white elsewhere: multiply footage "
-        "by it and put the picture over that. The picture itself then has no shadows on catchers",
+        description="Light that shadows leave on shadow catchers, white elsewhere: multiply footage by it "
+        "and put the"
+        " picture over that. The picture itself then has no shadows on catchers",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},
     )
     use_pass_parameters: BoolProperty(
         name="Projector Parameters",
-        description="Where in the viewing volume each pixel's hit lies: u, v and t, 0 where nothing is hit",
+        description="Position of each pixel's hit in the viewing volume: u, v and t, 0 where nothing is hit",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},
@@ -154,16 +155,16 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     )
     use_pass_chord_count: BoolProperty(
         name="Chord Count",
-        description="Into how many straight chords each pixel's projector is cut up to its hit: where "
-        "the picture costs time",
+        description="Number of straight chords of each pixel's projector up to its hit: more take longer",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},
     )
     use_pass_chord_error: BoolProperty(
         name="Chord Error",
-        description="How far, in pixels, the chord that found a pixel's hit is from the curve there: how far "
-        "a silhouette may be displaced. 0 for straight projectors",
+        description="Distance in pixels between chord and curve at each pixel's hit: silhouettes are "
+        "displaced by "
+        "less. 0 for straight projectors",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},

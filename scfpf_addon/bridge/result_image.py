@@ -40,7 +40,7 @@ FILE_FORMATS = {
 
 # Bytes a pixel that a WebP takes at most, with room to spare. Blender 5.2 crashes where it finds no room.
 WEBP_BYTES = 5
-CUT_OFF = "the file is not whole, as on a full disk; free some space, or write to another disk"
+CUT_OFF = "the file is incomplete, as on a full disk: free some space, or write to another disk"
 
 
 class ResultError(ValueError):

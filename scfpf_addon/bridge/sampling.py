@@ -23,9 +23,9 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
 
     pixel_filter: EnumProperty(
         name="Pixel Filter",
-        description="How samples about a pixel's center make its color",
+        description="Weights of the samples around a pixel's center",
         items=(
-            ("BOX", "Box", "All of the pixel counts the same"),
+            ("BOX", "Box", "Equal weights all over the pixel"),
             ("GAUSSIAN", "Gaussian", "Soft; width as the scene's filter size"),
             (
                 "BLACKMAN_HARRIS",
@@ -38,7 +38,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     )
     pattern: EnumProperty(
         name="Pattern",
-        description="Where the samples of neighboring pixels lie. Adaptive sampling scrambles them always",
+        description="Placement of the samples of neighboring pixels. Adaptive Sampling always scrambles them",
         items=(
             ("SAME", "Same in All Pixels", "No noise: edges in as many steps as there are samples"),
             ("SCRAMBLED", "Scrambled", "Sobol points, in another order in each pixel: fine noise, no steps"),
@@ -65,7 +65,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     )
     adaptive_least: IntProperty(
         name="Min Samples",
-        description="Samples that every pixel gets. What all of them miss is not found",
+        description="Samples that every pixel gets. Details that all of them miss are lost",
         default=8,
         min=2,
         soft_max=64,
@@ -74,8 +74,9 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
     )
     motion_steps: IntProperty(
         name="Motion Steps",
-        description="How often the scene is read while the shutter is open: moving objects are shown at "
-        "so many places, and if anything moves the scene is in memory so often",
+        description="Number of times at which the scene is read while the shutter is open. If anything "
+        "moves, each is"
+        " kept in memory",
         default=8,
         min=2,
         soft_max=32,

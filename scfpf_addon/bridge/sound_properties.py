@@ -23,9 +23,8 @@ def settle_file() -> None:
         if obj.type == "CAMERA" and obj.scfpf.enabled:
             names += settle(obj.scfpf)
             if names:
-                obj.scfpf.report = (
-                    f"Set back on loading, as the file had nonsense there: {', '.join(dict.fromkeys(names))}"
-                )
+                listed = ", ".join(dict.fromkeys(names))
+                obj.scfpf.report = f"Reset on loading, as the values in the file were invalid: {listed}"
     for scene in bpy.data.scenes:
         if scene.is_editable:
             for group in (scene.scfpf_sampling, scene.scfpf_drawn):

@@ -12,8 +12,8 @@ from .packing import pack
 
 IMAGE_NAME = "SCFPF ST Map"
 CONTENTS = (
-    ("MAPPINGS", "Mappings", "The place of the plain picture that is seen there: what the stack alone does"),
-    ("PARAMETERS", "U and V", "The parameters u and v that are seen there: the mapping and the ranges too"),
+    ("MAPPINGS", "Mappings", "Position in the picture without mappings that each pixel shows"),
+    ("PARAMETERS", "U and V", "Parameters u and v that each pixel shows, with the mapping and the ranges"),
 )
 
 

@@ -115,7 +115,7 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, shar
         raise FlexibleCameraError(f"'{surface.name}' is a grid already")
     if kind not in {*PARAMETRIC_KINDS, "PATCH", "UV_MESH", nurbs_object.KIND}:
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be converted: a grid comes of any kind but a lattice"
+            f"'{surface.name}' cannot become a grid: choose a surface that is not a lattice"
         )
     if kind == nurbs_object.KIND:
         shape = _evaluated_shape(camera, surface, depsgraph)
@@ -202,7 +202,7 @@ def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, sha
         raise FlexibleCameraError(f"'{surface.name}' is a {nurbs_object.TITLE} already")
     if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS:
         raise FlexibleCameraError(
-            f"'{surface.name}' cannot be converted: a surface patch comes of any kind but a lattice"
+            f"'{surface.name}' cannot become a surface patch: choose a surface that is not a lattice"
         )
     shape = _evaluated_shape(camera, surface, depsgraph)
     _require_one_island(surface, shape)
@@ -259,7 +259,9 @@ def equalise(camera, depsgraph, index: int, columns: int, rows: int, along_u: bo
     if kind == lattice_object.KIND or kind not in {*PARAMETRIC_KINDS, *MESH_KINDS, nurbs_object.KIND}:
         raise FlexibleCameraError(f"'{surface.name}' cannot be equalized: choose another control surface")
     if kind == "POINT":
-        raise FlexibleCameraError(f"'{surface.name}' is a point: there is nothing to space")
+        raise FlexibleCameraError(
+            f"'{surface.name}' is a point, which has no steps: choose another control surface"
+        )
     if kind == nurbs_object.KIND:
         shape = _evaluated_shape(camera, surface, depsgraph)
     else:
@@ -287,7 +289,7 @@ def convert_to_lattice(
         w, v, u = np.meshgrid(*(np.linspace(0.0, 1.0, count) for count in counts), indexing="ij")
         controls = volume.controls(u.ravel(), v.ravel())
         if not controls.valid.all():
-            raise EditingError("A control surface has holes, which no lattice can have: fill them first")
+            raise EditingError("A control surface has holes, which a lattice cannot have: fill them first")
         place = volume.evaluate_controls(controls, 1.0 - w.ravel()).position
         return (u.ravel(), v.ravel(), 1.0 - w.ravel()), place
 

@@ -93,9 +93,7 @@ def _latitude(label: str, default: float, description: str) -> Input:
 
 # Multiples of 8 by default: the mesh has edges, which can be clicked, where lines of the volume are drawn.
 def _resolution(u: int, v: int) -> tuple[Input, Input]:
-    text = (
-        "Faces of the drawn mesh along {}; the picture uses the exact surface until a further modifier acts"
-    )
+    text = "Faces of the displayed mesh along {}; pictures use the exact surface unless another modifier acts"
     return (
         Input("Resolution U", u, LEAST_FACES, MOST_FACES, description=text.format("u")),
         Input("Resolution V", v, LEAST_FACES, MOST_FACES, description=text.format("v")),

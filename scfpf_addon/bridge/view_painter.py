@@ -86,7 +86,9 @@ class ViewPainter:
                 self._show(None, reason(error))
             except Exception as error:  # A thread has nowhere to raise.
                 traceback.print_exc()
-                self._show(None, f"SCFPF has failed, the console says where ({type(error).__name__})")
+                self._show(
+                    None, f"SCFPF failed: look at the system console for the place ({type(error).__name__})"
+                )
 
     def _given_up(self) -> bool:
         return self._stopped or self._wanted is not None

@@ -324,7 +324,7 @@ def _children(camera) -> list:
     for surface in surfaces:
         if surface.parent != camera or surface.parent_type != "OBJECT":
             raise FlexibleCameraError(
-                f"'{surface.name}' is no child of '{camera.name}': parent it to the camera (Ctrl-P) first"
+                f"'{surface.name}' is not a child of '{camera.name}': parent it to the camera (Ctrl-P) first"
             )
     return surfaces
 

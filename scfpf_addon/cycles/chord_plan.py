@@ -108,7 +108,7 @@ def plan_chords(
     sampled = [_sample(p, size) for p in alike]
     curves = Curves(*(np.concatenate(parts, axis=2) for parts in zip(*(c for c, _ in sampled), strict=True)))
     if curves.points.shape[2] == 0:
-        raise PlanError("No projector of the volume is finite: look at its control surfaces")
+        raise PlanError("No projector of the volume is finite: check the transforms of its control surfaces")
     missing = 1.0 - float(np.mean([np.mean(present) for _, present in sampled]))
     breaks, shifts, error = _breaks(spans, curves, CHORD_SHARE * pixel_error)
     cells, between = _cells(alike, size, breaks, (1.0 - CHORD_SHARE) * pixel_error, lines)

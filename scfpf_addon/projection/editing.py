@@ -21,7 +21,7 @@ Axis = Literal["U", "V"]
 SAME_SHARE = 1e-5
 # The most cells along one direction of a grid that holds two grids' lines at once.
 MOST_CELLS = 512
-HOLES = "A control surface has holes, which no grid can have: fill them first"
+HOLES = "A control surface has holes, which a grid cannot have: fill them first"
 
 
 class EditingError(ValueError):

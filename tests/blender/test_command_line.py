@@ -159,7 +159,7 @@ def test_a_full_disk_is_a_line_and_a_code(addon, run, blend, tmp_path, capsys, m
     monkeypatch.setattr(module, "is_whole_picture", lambda _path: False)
     assert run("render", blend, "-o", output) == 1
     captured = capsys.readouterr()
-    assert "the file is not whole" in captured.err and captured.err.count("\n") == 1
+    assert "the file is incomplete" in captured.err and captured.err.count("\n") == 1
     assert "32×18" not in captured.out
     assert output.read_bytes() == b"an earlier picture"
 

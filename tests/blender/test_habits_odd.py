@@ -244,7 +244,7 @@ def test_a_mesh_as_the_scenes_camera_is_refused_in_words():
     scene = bpy.context.scene
     scene.camera, scene.render.engine = bpy.context.object, "SCFPF"
     scene.render.resolution_x = scene.render.resolution_y = 8
-    with pytest.raises(RuntimeError, match="'Cube' is no camera: choose one"):
+    with pytest.raises(RuntimeError, match="'Cube' is not a camera: choose one"):
         bpy.ops.render.render()
 
 

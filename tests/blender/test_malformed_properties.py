@@ -113,7 +113,7 @@ def test_what_is_set_back_is_named_on_the_camera(tmp_path):
     settings = bpy.data.objects[name].scfpf
     assert (settings.samples, settings.basis, tuple(settings.u_range)) == (4, "BEZIER", (0.0, 1.0))
     assert settings.surfaces[0].object is None and settings.pixel_error == 0.25
-    assert settings.report.startswith("Set back on loading")
+    assert settings.report.startswith("Reset on loading")
     for title in ("Samples", "Projectors", "U Range", "Control Surface"):
         assert title in settings.report
     with pytest.raises(RuntimeError, match=r"Control surface 1 of .* is empty"):

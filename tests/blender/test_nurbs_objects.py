@@ -104,7 +104,7 @@ def test_the_patch_is_what_blender_draws(nodes, objects, order):
         spline.use_endpoint_v, spline.use_bezier_v, spline.use_cyclic_v = other
         spline.order_u, spline.order_v = order, 3 if other[0] else 2
         if drawn(surface) is None:
-            with pytest.raises(nodes.SurfaceError, match="'S' is no surface: along u"):
+            with pytest.raises(nodes.SurfaceError, match="'S' is not a valid surface: along u"):
                 objects.read_patch(evaluated(surface), "VIEWPORT")
             continue
         patch = objects.read_patch(evaluated(surface), "VIEWPORT")
@@ -293,7 +293,7 @@ def test_more_than_one_patch_is_refused(nodes, objects):
         objects.read_patch(evaluated(surface), "VIEWPORT")
     curve = surface.data.splines.new("NURBS")
     curve.points.add(5)
-    with pytest.raises(nodes.SurfaceError, match="'S' is no surface: along v"):
+    with pytest.raises(nodes.SurfaceError, match="'S' is not a valid surface: along v"):
         objects.read_patch(evaluated(surface), "VIEWPORT")
 
 

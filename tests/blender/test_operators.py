@@ -309,7 +309,7 @@ def test_attach_takes_a_mesh_and_refuses_the_rest():
     bpy.context.selected_objects[0].select_set(False)
     for obj in bpy.context.selected_objects:
         obj.select_set(obj == camera)
-    assert "Select the object" in poll_message(bpy.ops.scfpf.surface_attach)
+    assert "Select an object" in poll_message(bpy.ops.scfpf.surface_attach)
 
 
 def test_surface_operators_without_surfaces_or_with_a_deleted_one():

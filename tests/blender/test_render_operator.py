@@ -119,7 +119,7 @@ def test_show_without_a_picture_or_a_window_says_why(camera):
     with pytest.raises(RuntimeError, match="no picture yet"):
         bpy.ops.scfpf.result_show()
     render()
-    with pytest.raises(RuntimeError, match="without windows"):
+    with pytest.raises(RuntimeError, match="in the background"):
         bpy.ops.scfpf.result_show()
 
 

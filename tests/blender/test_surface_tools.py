@@ -386,8 +386,8 @@ def test_what_cannot_be_converted_is_said(addon, camera_with):
     assert last(camera).type == "SURFACE" and len(camera.scfpf.surfaces) == 2
     camera = camera_with("LATTICE")
     for operator, text in (
-        (bpy.ops.scfpf.surface_to_grid, "cannot be converted"),
-        (bpy.ops.scfpf.surface_to_patch, "cannot be converted"),
+        (bpy.ops.scfpf.surface_to_grid, "cannot become a grid"),
+        (bpy.ops.scfpf.surface_to_patch, "cannot become a surface patch"),
         (bpy.ops.scfpf.surface_subdivide, "is a lattice"),
         (bpy.ops.scfpf.surface_equalise, "cannot be equalized"),
         (bpy.ops.scfpf.surface_insert, "more points along W"),

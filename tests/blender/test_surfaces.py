@@ -277,7 +277,7 @@ def break_collapse(mesh):
         (break_seam, "seam"),
         (break_spacing, "evenly spaced"),
         (break_scale, "evenly spaced"),
-        (break_collapse, "no regular grid"),
+        (break_collapse, "not a regular grid"),
     ],
 )
 def test_what_is_no_grid_is_named(nodes, damage, message):

@@ -266,7 +266,7 @@ def test_snap_needs_a_viewport():
 def test_surface_is_aligned_to_the_active_object(addon):
     camera = camera_with(addon, ("PLANE", at(z=-1), {}, None), ("PLANE", at(z=-9), {}, None))
     bpy.context.scene.camera = camera
-    assert "Make the object active" in poll_message(bpy.ops.scfpf.surface_align)
+    assert "Make the object to align to" in poll_message(bpy.ops.scfpf.surface_align)
     cube = add_cube((4, 5, 6))
     cube.rotation_euler, cube.scale = (0.1, 0.2, 0.3), (7, 7, 7)
     surface = surfaces(camera)[1]
@@ -339,7 +339,7 @@ def test_framing_moves_every_surface_alike(addon, read):
     matrix = addon("scfpf_addon.projection.editing").framing(**amounts)
     assert_same(positions(before.transformed(matrix)), positions(read(camera)))
     surfaces(camera)[1].parent = None
-    with pytest.raises(RuntimeError, match="'Cylinder' is no child"):
+    with pytest.raises(RuntimeError, match="'Cylinder' is not a child"):
         bpy.ops.scfpf.volume_frame(pan=0.1)
 
 
@@ -466,7 +466,7 @@ def test_undo_and_redo_of_every_tool(read):
 def test_a_mesh_that_is_no_surface_is_not_converted(addon):
     camera = camera_with(addon, ("PLANE", at(z=-1), {}, None))
     surfaces(camera)[0].scfpf_surface.kind = "NONE"
-    with pytest.raises(RuntimeError, match="cannot be converted"):
+    with pytest.raises(RuntimeError, match="cannot become"):
         bpy.ops.scfpf.surface_to_grid()
     surfaces(camera)[0].scfpf_surface.kind = "PATCH"
     surfaces(camera)[0].shape_key_add(name="Basis")

@@ -203,7 +203,7 @@ def rendered(driver):
     space.region_3d.view_perspective = "PERSP"
     yield from painted()
     driver.shot("free")
-    assert driver.region_pixels().std() > 10, "a view that is no camera's is empty"
+    assert driver.region_pixels().std() > 10, "a view that is not a camera's is empty"
     space.shading.type = "SOLID"
     yield DRAW
     driver.shot("solid")
