@@ -41,6 +41,8 @@ from .volume_object import sync_volume_object
 MAXIMUM_PIXELS = 2**28
 BYTES_PER_PIXEL = 48
 
+NO_THREAD = "The system starts no more threads: close other programs, or restart Blender, and render again"
+
 
 class RenderError(ValueError):
     """What was asked for cannot be rendered; the message says what to do."""
@@ -303,8 +305,11 @@ class RenderJob:
         return self._tiles
 
     def start(self) -> None:
-        """Begin; returns at once."""
-        self._thread.start()
+        """Begin; returns at once. Raises RenderError if the system starts no thread."""
+        try:
+            self._thread.start()
+        except RuntimeError as error:
+            raise RenderError(NO_THREAD) from error
 
     @property
     def progress(self) -> float:
@@ -355,9 +360,10 @@ def start(inputs: RenderInputs, with_tiles: bool = False, keep: bool = False) ->
     global _current
     if current() is not None:
         raise RenderError("A render is already running: wait for it, or press Esc to cancel it")
-    _current = RenderJob(inputs, with_tiles, _kept if keep else None, keep)
-    _current.start()
-    return _current
+    job = RenderJob(inputs, with_tiles, _kept if keep else None, keep)
+    job.start()
+    _current = job
+    return job
 
 
 def current() -> RenderJob | None:

@@ -12,7 +12,7 @@ from ..shading.frame import render_frame
 from ..shading.settings import Border
 from ..shading.typing import Single
 from .kept_scene import KeptScene
-from .render_job import RENDER_ERRORS, RenderInputs, reason
+from .render_job import NO_THREAD, RENDER_ERRORS, RenderInputs, reason
 
 # The first picture has squares of this many pixels, the next ones are finer.
 COARSE_STEPS = (8, 2)
@@ -63,8 +63,14 @@ class ViewPainter:
         with self._lock:
             self._wanted = commission
             if self._thread is None and not self._stopped:
-                self._thread = threading.Thread(target=self._run, name="SCFPF viewport")
-                self._thread.start()
+                thread = threading.Thread(target=self._run, name="SCFPF viewport")
+                try:
+                    thread.start()
+                except RuntimeError:
+                    self._wanted = None
+                    self._show(None, NO_THREAD)
+                else:
+                    self._thread = thread
 
     def stop(self) -> None:
         """Give up for good and wait for the thread."""

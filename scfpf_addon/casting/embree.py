@@ -10,9 +10,11 @@ where it is not found embreex copies as ever.
 from __future__ import annotations
 
 import ctypes
+import re
 import sys
 from ctypes import c_int, c_size_t, c_uint, c_void_p
 from functools import cache
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import Any
 
@@ -50,8 +52,33 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "rtcGetDeviceError": (c_int, c_void_p),
 }
 
+# Names of files with machine code: Linux, macOS, Windows.
+LIBRARY = re.compile(r"\.(so|dylib|pyd|dll)(\.|$)")
+
 # A number that embreex's ``is_committed`` does not have by chance.
 MARK = 0x5CF9F1
+
+
+def cut_off_library(package: str) -> str:
+    """Which binary file of an installed package is shorter than its RECORD says, and by how much; else ''.
+
+    Loading such a library, as an interrupted download or a full disk leaves it, ends the whole program.
+    Nothing is said of a package without a RECORD, nor of one that is not installed.
+    """
+    try:
+        files = distribution(package).files or []
+    except PackageNotFoundError:
+        return ""
+    for file in files:
+        if file.size is None or not LIBRARY.search(file.name):
+            continue
+        try:
+            size = Path(str(file.locate())).stat().st_size
+        except OSError as error:
+            return f"{file.name}: {error.strerror or error}"
+        if size < file.size:
+            return f"{file.name} has {size:,} of {file.size:,} bytes"
+    return ""
 
 
 class SceneObject(ctypes.Structure):

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from queue import Empty, SimpleQueue
+from threading import Thread
 from typing import TypeVar
 
 Result = TypeVar("Result")
@@ -33,13 +34,75 @@ def portions(count: int) -> list[slice]:
     return [slice(start, min(start + AT_ONCE, count)) for start in range(0, count, AT_ONCE)]
 
 
+def started(work: Callable[[], None], count: int) -> list[Thread]:
+    """Threads that do ``work``, ``count`` of them or as many as the system starts: perhaps none."""
+    threads: list[Thread] = []
+    for _ in range(count):
+        thread = Thread(target=work, name="SCFPF work")
+        try:
+            thread.start()
+        except RuntimeError:  # "can't start new thread"
+            break
+        threads.append(thread)
+    return threads
+
+
 def in_threads(work: Callable[[slice], Result], parts: list[slice], threads: int = 0) -> list[Result]:
     """What ``work`` makes of each part, in their order, made in threads (0: all cores) that have ended.
 
     Each part must be written by its own work alone. What ``work`` raises is raised here; NumPy's
-    errstate of the caller does not reach it.
+    errstate of the caller does not reach it. The caller's thread works where no other can be started.
     """
     if len(parts) < WORTH_THREADS:
         return [work(some) for some in parts]
-    with ThreadPoolExecutor(thread_count(threads)) as pool:
-        return list(pool.map(work, parts))
+    waiting: SimpleQueue[tuple[int, slice]] = SimpleQueue()
+    for item in enumerate(parts):
+        waiting.put(item)
+    results: dict[int, Result] = {}
+    errors: list[BaseException] = []
+
+    def work_off() -> None:
+        while not errors:
+            try:
+                number, some = waiting.get_nowait()
+            except Empty:
+                return
+            try:
+                results[number] = work(some)
+            except BaseException as error:  # A thread has nowhere to raise.
+                errors.append(error)
+
+    running = started(work_off, min(thread_count(threads), len(parts)))
+    if not running:
+        work_off()
+    for thread in running:
+        thread.join()
+    if errors:
+        raise errors[0]
+    return [results[number] for number in range(len(parts))]
+
+
+def beside(work: Callable[[], None], other: Callable[[], Result]) -> Result:
+    """What ``other`` returns, while a thread does ``work``; one after the other where none can be started.
+
+    What either raises is raised here, once both have ended.
+    """
+    errors: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            work()
+        except BaseException as error:  # A thread has nowhere to raise.
+            errors.append(error)
+
+    running = started(run, 1)
+    if not running:
+        run()
+    try:
+        result = other()
+    finally:
+        for thread in running:
+            thread.join()
+    if errors:
+        raise errors[0]
+    return result

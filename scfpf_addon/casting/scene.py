@@ -9,8 +9,8 @@ what a hit is, is computed from the float64 triangles.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from functools import cache
 from importlib.metadata import version
@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 from ..projection.median import median
 from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
-from .embree import mesh_in_embree
+from .embree import cut_off_library, mesh_in_embree
 from .geometry import renumbered
 from .memory import shortage
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
-from .portions import in_threads, portions
+from .portions import beside, in_threads, portions
 from .prism_scene import PrismScene
 from .prisms import BYTES_PER_TRIANGLE, Prisms
 from .quads import Quads
@@ -71,8 +71,10 @@ class NothingToCastAt(CastError):
 
 
 def _load_embreex() -> tuple[Any, Any]:
-    """The embreex modules for scenes and meshes; CastError if missing, not loadable or too old."""
+    """The embreex modules for scenes and meshes; CastError if missing, damaged, not loadable or too old."""
     remedy = REMEDY.format(".".join(map(str, EMBREEX_MINIMUM)))
+    if "embreex" not in sys.modules and (damage := cut_off_library("embreex")):
+        raise CastError(f"the ray caster embreex is damaged ({damage}): {remedy}")
     try:
         from embreex import mesh_construction, rtcore_scene
 
@@ -194,10 +196,7 @@ class CastScene:
             self._put_into_embree()
         else:
             # Embree's threads do not need the interpreter, which NumPy holds for much of its work.
-            with ThreadPoolExecutor(1) as pool:
-                built = pool.submit(self._put_into_embree)
-                self._beyond = self._placed_beyond(*beyond())
-                built.result()
+            self._beyond = beside(self._put_into_embree, lambda: self._placed_beyond(*beyond()))
         self._prisms: PrismScene | None = None
         self._occupancy: Occupancy | None = None
         self._lock = Lock()

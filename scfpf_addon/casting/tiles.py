@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from queue import Empty, SimpleQueue
 from threading import Event
 from typing import TypeVar
 
-from .portions import thread_count
+from .portions import started, thread_count
 from .scene import CastError
 from .stopping import watching
 
@@ -74,26 +73,46 @@ def run_tiles(
     stop = Event()
     jobs = [TileJob(rows, stop) for rows in tiles]
     height = sum(rows.stop - rows.start for rows in tiles)
-    with ThreadPoolExecutor(thread_count(threads)) as pool:
-        pending = {pool.submit(_watched, work, job): job for job in jobs}
-        # ``concurrent.futures.wait`` would look at all futures whenever one ends.
-        ended: SimpleQueue[Future[Result]] = SimpleQueue()
-        for future in pending:
-            future.add_done_callback(ended.put)
-        try:
-            while pending:
-                if cancelled and cancelled():
-                    return False
-                for future in _taken(ended, POLL_SECONDS):
-                    job = pending.pop(future)
-                    finished(job.rows, future.result())
-                    job.done = 1.0
-                if progress:
-                    progress(sum(job.done * (job.rows.stop - job.rows.start) for job in jobs) / height)
-        finally:
-            stop.set()
-            for future in pending:
-                future.cancel()
+    waiting: SimpleQueue[TileJob] = SimpleQueue()
+    for job in jobs:
+        waiting.put(job)
+    # The result of each, or what its work raised.
+    ended: SimpleQueue[tuple[TileJob, list[Result], BaseException | None]] = SimpleQueue()
+
+    def work_off(most: int = len(jobs)) -> None:
+        for _ in range(most):
+            try:
+                job = waiting.get_nowait()
+            except Empty:
+                return
+            if stop.is_set():
+                return
+            try:
+                with watching(stop):
+                    ended.put((job, [work(job)], None))
+            except BaseException as error:  # A thread has nowhere to raise.
+                ended.put((job, [], error))
+
+    running = started(work_off, min(thread_count(threads), len(jobs)))
+    left = len(jobs)
+    try:
+        while left:
+            if cancelled and cancelled():
+                return False
+            if not running:
+                work_off(1)
+            for job, made, error in _taken(ended, POLL_SECONDS):
+                if error is not None:
+                    raise error
+                finished(job.rows, made[0])
+                job.done = 1.0
+                left -= 1
+            if progress:
+                progress(sum(job.done * (job.rows.stop - job.rows.start) for job in jobs) / height)
+    finally:
+        stop.set()
+        for thread in running:
+            thread.join()
     return True
 
 
@@ -105,9 +124,3 @@ def _taken(queue: SimpleQueue[Result], seconds: float) -> Iterator[Result]:
             yield queue.get_nowait()
     except Empty:
         return
-
-
-def _watched(work: Callable[[TileJob], Result], job: TileJob) -> Result:
-    """The work of a tile, which ends amid its rays when it is to stop."""
-    with watching(job.stop):
-        return work(job)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """``blender -c scfpf``: what it writes, and one line on stderr for all that goes wrong."""
 
+import threading
+
 import bpy
 import numpy as np
 import pytest
@@ -168,3 +170,19 @@ def test_a_place_that_cannot_be_written_is_said_before_the_render(addon, run, bl
     monkeypatch.setattr(addon("scfpf_addon.bridge.command_line"), "prepare", None)  # no render begins
     assert run("render", blend, "-o", blend.parent / f"{300 * 'x'}.png") == 1
     assert "annot write" in capsys.readouterr().err
+
+
+def test_a_thread_that_cannot_start_is_a_line_and_a_code(run, blend, tmp_path, capsys, monkeypatch):
+    def refused(_thread):
+        raise RuntimeError("can't start new thread")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", refused)
+        assert run("render", blend, "-o", tmp_path / "out.png") == 1
+    error = capsys.readouterr().err
+    assert error.startswith("scfpf: The system starts no more threads") and error.count("\n") == 1
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", refused)
+        with pytest.raises(RuntimeError, match="starts no more threads"):
+            bpy.ops.scfpf.render()
+    assert bpy.ops.scfpf.render() == {"FINISHED"}, "the next one is whole"

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rendered shading without a window: what a viewport asks for, and what its thread paints."""
 
+import threading
 import time
 from types import SimpleNamespace
 
@@ -155,3 +156,33 @@ def test_a_closed_viewport_ends_its_thread(addon, module, engine_scene):
     assert not painter.busy
     painter.ask(module.read_commission(context, depsgraph, scene))
     assert not painter.busy
+
+
+def test_a_thread_that_cannot_start_is_said_in_the_viewport(
+    addon, module, painter, engine_scene, monkeypatch
+):
+    def refused(_thread):
+        raise RuntimeError("can't start new thread")
+
+    context, depsgraph = viewport(engine_scene)
+    scene = addon("scfpf_addon.bridge.read_scene").read_scene(depsgraph)
+    before = painter.number
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", refused)
+        painter.ask(module.read_commission(context, depsgraph, scene))
+    assert "starts no more threads" in painter.message and painter.number > before and not painter.busy
+    painter.ask(module.read_commission(context, depsgraph, scene))
+    while painter.busy:
+        time.sleep(0.01)
+    assert painter.painting.is_final and not painter.message
+
+
+def test_a_picture_without_threads_of_its_own_is_the_same(engine_scene, monkeypatch):
+    """F12 in a system that starts no more threads."""
+    before = f12(engine_scene)[COMBINED]
+
+    def refused(_thread):
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refused)
+    assert np.array_equal(f12(engine_scene)[COMBINED], before)

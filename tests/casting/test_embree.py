@@ -2,6 +2,10 @@
 """Meshes handed to Embree by its own interface are those that embreex makes."""
 
 import ctypes
+import subprocess
+import sys
+from importlib.metadata import distribution
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -87,3 +91,54 @@ def test_an_embree_of_the_program_itself_comes_first(monkeypatch):
     assert embree._library.__wrapped__(module) is program
     del program.rtcCommitScene
     assert embree._library.__wrapped__(module) is None
+
+
+@pytest.fixture
+def installed(tmp_path):
+    """embreex as it is installed, in a folder of its own; its files are links."""
+    real = distribution("embreex")
+    for file in real.files:
+        place = tmp_path / str(file)
+        if "__pycache__" not in place.parts and file.parts[0] != "..":
+            place.parent.mkdir(parents=True, exist_ok=True)
+            place.symlink_to(real.locate_file(file).resolve())
+    return tmp_path
+
+
+LOAD = """
+import sys
+sys.path.insert(0, sys.argv[1])
+sys.path.append(sys.argv[2])
+from scfpf_addon.casting.scene import CastError, _load_embreex
+try:
+    print("loaded", _load_embreex()[0].__file__)
+except CastError as error:
+    print(error)
+"""
+
+
+def loaded(folder):
+    """What a program says that loads embreex from a folder."""
+    root = Path(__file__).resolve().parents[2]
+    done = subprocess.run([sys.executable, "-c", LOAD, folder, root], capture_output=True, text=True)
+    assert done.returncode == 0, f"the program has ended itself: {done.stderr}"
+    return done.stdout
+
+
+def test_a_library_that_is_cut_off_is_said_and_not_loaded(installed):
+    """The system ends a program that loads one: a disk was full, or a download ended early."""
+    assert embree.cut_off_library("embreex") == ""
+    library = next(path for path in installed.rglob("*embree4*") if path.is_file())
+    start = library.read_bytes()[: 1 << 20]
+    library.unlink()
+    library.write_bytes(start)
+    said = loaded(installed)
+    assert said.startswith("the ray caster embreex is damaged") and f"{library.name} has 1,048,576 of" in said
+    library.unlink()
+    assert "No such file" in loaded(installed)
+
+
+def test_a_package_without_a_record_is_not_looked_at(installed):
+    """Some systems' own packages have none."""
+    next(installed.glob("*.dist-info/RECORD")).unlink()
+    assert loaded(installed).startswith("loaded")
