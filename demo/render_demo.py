@@ -23,6 +23,8 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULE = "bl_ext.checkout.scfpf"
+# What F12 renders with; a new file has EEVEE, which ignores volumes.
+ENGINE = "SCFPF"
 OPENING_SCENE = "around_the_car"
 # The 3D viewport as the file opens: what it turns about, from how far and at which angles (degrees).
 VIEW_CENTRE, VIEW_DISTANCE, VIEW_ANGLES, VIEW_END = (0.0, -2.5, 0.8), 24.0, (46.0, 0.0, -16.0), 1000.0
@@ -121,6 +123,7 @@ def add_shot(scene, text: str, shot: Shot, samples: Sampling = QUICK):
     flexible_camera = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.flexible_camera")
     preset = presets.load_preset(text)
     scene.name = preset.name
+    scene.render.engine = ENGINE
     scene.render.resolution_x, scene.render.resolution_y = shot.size
     scene.render.resolution_percentage = 100
     collection = bpy.data.collections.new(f"{preset.name} camera")

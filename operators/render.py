@@ -11,25 +11,13 @@ from ..scfpf_addon.bridge import render_job
 from ..scfpf_addon.bridge.result_image import discard_progress, keep_result, result_image, show_progress
 from ..scfpf_addon.bridge.result_undo import only_in_memory, stamp_result
 from .errors import BAD_INPUT, refused
+from .picture_place import image_editors, place_for_picture
 from .target import chosen_camera, object_by_uid, take_up_edits
 
 # Seconds between two looks at the running job.
 TICK = 0.2
 # Seconds between two looks at the picture in the making: handing one of 4K to Blender takes a tenth.
 PICTURE_TICK = 0.5
-
-
-def image_editors(window_manager) -> list:
-    """The image spaces that may show a picture: those that show ours or nothing first."""
-    spaces = [
-        area.spaces.active
-        for window in window_manager.windows
-        for area in window.screen.areas
-        if area.ui_type == "IMAGE_EDITOR"
-    ]
-    free = [space for space in spaces if space.ui_mode == "VIEW" and not space.use_image_pin]
-    ours = [space for space in spaces if space.image is not None and space.image == result_image()]
-    return ours + [space for space in free if space.image is None] + free
 
 
 def redraw_interface(window_manager) -> None:
@@ -55,6 +43,8 @@ class SCFPF_OT_render(bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
+    _may_open = False
+
     @classmethod
     def poll(cls, _context):
         if render_job.current() is not None:
@@ -76,6 +66,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         self._workspaces = set()
         self._picture_time = time.monotonic()
         self._is_picture_shown = False
+        self._may_open = True
         window_manager = context.window_manager
         self._timer = window_manager.event_timer_add(TICK, window=context.window)
         window_manager.modal_handler_add(self)
@@ -90,6 +81,8 @@ class SCFPF_OT_render(bpy.types.Operator):
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if self._job.running:
+            # Not in invoke, which a button of the editor may have called that gives way.
+            self._open_place(context)
             self._show_progress(context)
             self._show_picture(context)
             return {"PASS_THROUGH"}
@@ -151,6 +144,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         camera = object_by_uid(self._camera_uid)
         if camera is not None and camera.is_editable:
             camera.scfpf.report, camera.scfpf.statistics = outcome, statistics
+        self._open_place(context)
         editors = image_editors(context.window_manager)
         if editors:
             editors[0].image = image
@@ -175,6 +169,16 @@ class SCFPF_OT_render(bpy.types.Operator):
         context.workspace.status_text_set(text)
         self._workspaces.add(context.workspace.name)
         redraw_interface(context.window_manager)
+
+    def _open_place(self, context):
+        """Let an Image Editor be where F12 would open one, once, and Esc cancel in its window too."""
+        if not self._may_open:
+            return
+        self._may_open = False
+        place = place_for_picture(context)
+        if place is not None and place != context.window:
+            with context.temp_override(window=place):
+                bpy.ops.scfpf.render_escape("INVOKE_DEFAULT")
 
     def _show_picture(self, context):
         """The tiles so far, where no other image has to give way: cancelling leaves everything as it was."""
@@ -219,8 +223,36 @@ class SCFPF_OT_render_cancel(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class SCFPF_OT_render_escape(bpy.types.Operator):
+    """Let Esc in the window that shows the render cancel it"""
+
+    bl_idname = "scfpf.render_escape"
+    bl_label = "Cancel Render by Esc"
+    bl_options = {"INTERNAL"}
+
+    poll = SCFPF_OT_render_cancel.poll
+
+    def invoke(self, context, _event):
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        job = render_job.current()
+        if job is None:
+            self.cancel(context)
+            return {"FINISHED", "PASS_THROUGH"}
+        if event.type == "ESC" and event.value == "PRESS" and not job.cancelled:
+            job.cancel()
+            return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+
+
 class SCFPF_OT_result_show(bpy.types.Operator):
-    """Show the last picture: in an open Image Editor, or else in a window of its own"""
+    """Show the last picture: in an open Image Editor, or else where F12 would show its own"""
 
     bl_idname = "scfpf.result_show"
     bl_label = "Show Picture"
@@ -234,24 +266,24 @@ class SCFPF_OT_result_show(bpy.types.Operator):
         return True
 
     def execute(self, context):
-        editors = image_editors(context.window_manager)
-        if editors:
-            editors[0].image = result_image()
-            return {"FINISHED"}
         if bpy.app.background:
             self.report(
                 {"ERROR"}, "Blender runs in the background: open the file in a window to see the picture"
             )
             return {"CANCELLED"}
-        bpy.ops.wm.window_new()
-        area = context.window_manager.windows[-1].screen.areas[0]
-        area.ui_type = "IMAGE_EDITOR"
-        area.spaces.active.image = result_image()
+        place_for_picture(context)
+        editors = image_editors(context.window_manager)
+        if not editors:
+            bpy.ops.wm.window_new()
+            area = context.window_manager.windows[-1].screen.areas[0]
+            area.ui_type = "IMAGE_EDITOR"
+            editors = [area.spaces.active]
+        editors[0].image = result_image()
         return {"FINISHED"}
 
 
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
-    (SCFPF_OT_render, SCFPF_OT_render_cancel, SCFPF_OT_result_show)
+    (SCFPF_OT_render, SCFPF_OT_render_cancel, SCFPF_OT_render_escape, SCFPF_OT_result_show)
 )
 
 

@@ -5,7 +5,8 @@ import bpy
 
 from ..scfpf_addon.bridge.render_engine import ENGINE
 from ..scfpf_addon.bridge.rig_mark import camera_behind
-from .camera_panels import draw_caster_fault
+from ..scfpf_addon.cycles.engine_choice import ignored_camera
+from .camera_panels import draw_caster_fault, draw_ignored
 
 # Blender's panels that every engine may show come with BLENDER_RENDER; these would promise what is not there,
 # or are the bare siblings of those below.
@@ -323,13 +324,25 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
 )
 
 
+def draw_engine(self, context):
+    """Below the choice of the render engine."""
+    camera = ignored_camera(context.scene)
+    if camera is not None:
+        column = self.layout.column()
+        # The button of the Cycles rig is for this camera, whichever object is active.
+        column.context_pointer_set("object", camera)
+        draw_ignored(column, context.scene)
+
+
 def register():
     _register_classes()
+    bpy.types.RENDER_PT_context.append(draw_engine)
     for panel in _blenders_panels():
         panel.COMPAT_ENGINES.add(ENGINE)
 
 
 def unregister():
+    bpy.types.RENDER_PT_context.remove(draw_engine)
     for panel in _blenders_panels():
         panel.COMPAT_ENGINES.discard(ENGINE)
     _unregister_classes()

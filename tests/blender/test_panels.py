@@ -236,6 +236,7 @@ def test_progress_replaces_the_button_while_a_render_runs(addon, camera):
 
 def test_what_is_missing_is_said(camera):
     main = bpy.types.SCFPF_PT_view
+    bpy.context.scene.render.engine = "SCFPF"
     assert texts(drawn(main)) == camera.name
     bpy.data.objects.remove(camera.scfpf.surfaces[0].object)
     assert "deleted" in texts(drawn(main))

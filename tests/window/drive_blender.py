@@ -93,6 +93,8 @@ def run(driver, scenarios, output):
         started = time.monotonic()
         faulthandler.dump_traceback_later(LIMIT, exit=True)
         bpy.ops.wm.read_homefile(use_factory_startup=False, use_splash=False)
+        # A render that opens nothing; a scenario that is about what it opens chooses another.
+        bpy.context.preferences.view.render_display_type = "NONE"
         yield DRAW
         try:
             yield from scenario(driver)
