@@ -26,7 +26,7 @@ def _origins(objects):
 
 
 def _description(title: str, found) -> str:
-    """What was found, in a few short parts."""
+    """The found object and its visibility, in a few short parts."""
     left, low, right, high = found.box
     parts = [title, f"{right - left:.1%} × {high - low:.1%} of the picture".replace("%", " %")]
     if found.shown < 1:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which camera an operator or a panel is about."""
+"""The camera that an operator or a panel works on."""
 
 import bpy
 
@@ -97,7 +97,7 @@ def _poll_flexible(cls, context) -> bool:
 
 
 def render_camera(context):
-    """What Render means when no camera is named: the scene's if flexible, else the active one, or None."""
+    """The camera of Render if none is named: the scene's if flexible, else the active one, or None."""
     camera = camera_behind(context.scene.camera)
     if camera is not None and camera.scfpf.enabled:
         return camera

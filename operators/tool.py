@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the tools for volumes and surfaces share."""
+"""The common base of the tools for volumes and surfaces."""
 
 from ..scfpf_addon.bridge.read_projection import is_lattice_volume
 from .errors import BAD_INPUT, refused

@@ -32,7 +32,7 @@ ABSENT = {
 
 
 def problems(scene, camera) -> list[str]:
-    """What keeps a flexible camera from making a picture, in a few words each."""
+    """Reasons why a flexible camera cannot render, in a few words each."""
     slots = camera.scfpf.surfaces
     found = []
     if len(slots) < 2 and not is_lattice_volume(slots):

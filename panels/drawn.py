@@ -31,7 +31,7 @@ def draw_style(layout, scene) -> None:
 
 
 def draw_fill(layout, options) -> None:
-    """What is between lines, and behind everything."""
+    """The fill between the lines, and the paper behind everything."""
     layout.prop(options, "fill")
     column = layout.column()
     if options.fill == "TOON":
@@ -50,7 +50,7 @@ def draw_fill(layout, options) -> None:
 
 
 def draw_lines(layout, options) -> None:
-    """Which lines there are, and their look."""
+    """The lines to draw, and their look."""
     layout.active = options.use_lines
     column = layout.column(heading="Draw", align=True)
     for name in LINE_KINDS:

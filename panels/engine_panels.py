@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the Properties editor shows while the render engine is SCFPF: its own panels, and Blender's."""
+"""Panels of the Properties editor for the render engine SCFPF: its own, and Blender's."""
 
 import bpy
 
@@ -69,7 +69,7 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
-    """Where samples are taken; the Render button follows it too"""
+    """Placement of samples; the Render button uses it too"""
 
     bl_label = "Pattern and Adaptive Sampling"
     bl_parent_id = "SCFPF_PT_engine_camera"
@@ -94,7 +94,7 @@ class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
-    """What moves while the shutter is open: objects, lights, cameras and control surfaces"""
+    """Blur of objects, lights, cameras and control surfaces that move while the shutter is open"""
 
     bl_label = "Motion Blur"
     bl_context = "render"
@@ -117,7 +117,7 @@ class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_light_paths(_EnginePanel, bpy.types.Panel):
-    """How often mirrors, glass and what is transparent send light on; the scene's settings for Cycles"""
+    """Limits of reflections, refractions and transparency: the scene's settings for Cycles"""
 
     bl_label = "Light Paths"
     bl_context = "render"
@@ -140,7 +140,7 @@ class SCFPF_PT_engine_light_paths(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
-    """What the picture shows where nothing is"""
+    """The pixel filter, and the background of the picture"""
 
     bl_label = "Film"
     bl_context = "render"
@@ -162,7 +162,7 @@ class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
-    """How many cores a render takes; its pixels do not depend on that"""
+    """Number of threads, which does not change the picture, and memory"""
 
     bl_label = "Performance"
     bl_context = "render"
@@ -181,7 +181,7 @@ class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
-    """Which passes F12 makes beside the picture"""
+    """Passes that F12 makes beside the picture"""
 
     bl_label = "Passes"
     bl_context = "view_layer"
@@ -224,7 +224,7 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_filter(_EnginePanel, bpy.types.Panel):
-    """What the view layer leaves out, and what takes the place of its materials and its world"""
+    """Parts of the scene that the view layer leaves out, and overrides of its material and world"""
 
     bl_label = "Filter and Override"
     bl_context = "view_layer"
@@ -246,7 +246,7 @@ class SCFPF_PT_engine_filter(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_beam(_EnginePanel, bpy.types.Panel):
-    """How wide the light of an area lamp's points spreads"""
+    """Spread of an area light's light"""
 
     bl_label = "Beam Shape"
     bl_parent_id = "DATA_PT_EEVEE_light"
@@ -265,7 +265,7 @@ class SCFPF_PT_engine_beam(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
-    """Which rays meet this object, or which light a lamp gives"""
+    """Kinds of rays that meet this object, or kinds of light that a light gives"""
 
     bl_label = "Ray Visibility"
     bl_parent_id = "OBJECT_PT_visibility"
@@ -291,7 +291,7 @@ class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
 
 
 class SCFPF_PT_engine_world_visibility(_EnginePanel, bpy.types.Panel):
-    """Whether projectors see the world where they meet nothing"""
+    """Visibility of the world to projectors that meet nothing"""
 
     bl_label = "Ray Visibility"
     bl_context = "world"

@@ -10,7 +10,7 @@ from .camera_panels import _DataTab, _Sidebar, _Subsection, draw_text
 
 # Differences from an image by Render, a line each.
 DIFFERENCES = (
-    "Solid or Material Preview, no lamps",
+    "Solid or Material Preview, no lights",
     "Rendered shading: press Render",
     "Highlights follow the camera's axis",
     "Shows hidden objects that render",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a camera made by Blend Cameras goes between, so that it can be brought up to date."""
+"""The two ends of a camera made by Blend Cameras, from which it can be updated."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What F12 and the Render button do before a picture is made: they build, and show it coarsely."""
+"""Preparation of F12 and the Render button: the scene for casting, and a coarse picture."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Built(NamedTuple):
 
 
 def build(inputs, kept: KeptScene | None, keep: bool) -> Built:
-    """What projectors are cast at.
+    """The scene that projectors are cast at.
 
     inputs: RenderInputs. keep: with persistent data all of the scene is built, and kept for the next picture:
     a camera that moves would ask for another part of it. kept: of the picture before.

@@ -116,7 +116,7 @@ def _short(key: str, value: float) -> float:
 
 
 def own_folder(create: bool = False) -> pathlib.Path:
-    """Where an artist's own presets are: in the extension's folder for user files. Raises PresetError."""
+    """The folder of an artist's own presets: the extension's folder for user files. Raises PresetError."""
     try:
         return pathlib.Path(bpy.utils.extension_path_user(PACKAGE, path=FOLDER_NAME, create=create))
     except (OSError, ValueError) as error:

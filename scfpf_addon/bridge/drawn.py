@@ -70,7 +70,7 @@ def _number(name, description, default, low, high, **options):
 
 
 class SCFPF_Drawn(bpy.types.PropertyGroup):
-    """How the SCFPF engine and the Render button draw pictures; passes besides Combined stay as they are."""
+    """Settings of drawn pictures of the SCFPF engine and the Render button; only Combined follows them."""
 
     use_drawn: _switch(
         "Drawn Style", "Draw the picture: lines, flat shades and paper. Other passes stay as they are", False
@@ -237,7 +237,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
 
 
 def drawn_of(scene, width: int) -> Drawn | None:
-    """How an evaluated scene's pictures of a width in pixels are drawn, None if they are not."""
+    """The drawing settings of an evaluated scene for a width in pixels, or None if Drawn Style is off."""
     options = scene.scfpf_drawn
     if not options.use_drawn:
         return None

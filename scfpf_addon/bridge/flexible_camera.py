@@ -36,7 +36,7 @@ SMALLEST_CLIP_SHARE = 1e-4
 
 
 class FlexibleCameraError(ValueError):
-    """What was asked for cannot be done with this camera or object."""
+    """An operation is not possible with this camera or object."""
 
 
 def make_flexible(camera) -> None:

@@ -10,7 +10,7 @@ LINK_MENU = "Object > Link/Transfer Data > Link Objects to Scene"
 
 
 def missing_text(obj) -> str:
-    """What to do about an object whose file is gone or lacks it; empty for any other."""
+    """The remedy for an object whose file is gone or lacks it; empty for any other object."""
     if obj is None or not obj.is_missing:
         return ""
     linked = obj.override_library.reference if obj.override_library else obj
@@ -22,7 +22,7 @@ def missing_text(obj) -> str:
 
 
 def absence(obj, scene) -> str:
-    """Where an object is that a scene does not have, in two or three words; empty if the scene has it."""
+    """The whereabouts of an object that a scene does not have, in two or three words; empty if it has it."""
     if holds(scene.objects, obj):
         return ""
     if not obj.users_collection:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What an ordinary camera sees: its frustum, as two planes."""
+"""The frustum of an ordinary camera, as two planes."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from .read_graph import read_graph
 from .shader_nodes import color_input, output_shaders, value_input
 
 # What is said of a lamp with a picture, a pattern or a falloff of its own.
-UNEVEN = "nodes that make a lamp's light differ by direction or distance, which is even instead"
+UNEVEN = "nodes that vary a light by direction or distance: it is even instead"
 
 
 def read_light(lamp, matrix: Array, tint: Array | None = None) -> Light | None:

@@ -127,7 +127,7 @@ def is_lattice_volume(slots) -> bool:
 
 
 def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> ViewingVolume:
-    """What was read of the slots as a volume: a lattice alone, or all control surfaces on end."""
+    """The volume of the surfaces that were read: one lattice, or all control surfaces in order."""
     first = read[0]
     if len(read) == 1 and isinstance(first, PlacedLattice):
         if len(first.lattice.moved) < 2:

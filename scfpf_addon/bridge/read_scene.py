@@ -54,7 +54,7 @@ class SceneError(ValueError):
 
 @dataclass(frozen=True)
 class Instances:
-    """Where meshes stand.
+    """The transforms of the meshes.
 
     mesh: (N,) number of each instance's mesh. look: (N,) number of its look.
     matrix: (N, 4, 4) float64. look_object: (L,) object number of each look.

@@ -45,7 +45,7 @@ NO_THREAD = "The system starts no more threads: close other programs, or restart
 
 
 class RenderError(ValueError):
-    """What was asked for cannot be rendered; the message says what to do."""
+    """A render is not possible; the message has the remedy."""
 
 
 # All that ``prepare`` and a job's ``result`` raise for bad input; anything else is a bug.
@@ -62,7 +62,7 @@ RENDER_ERRORS = (
 
 
 def reason(error: BaseException) -> str:
-    """What to say of one of RENDER_ERRORS: Python may raise a MemoryError without a word."""
+    """The message of one of RENDER_ERRORS: Python may raise a MemoryError without a text."""
     return (
         str(error)
         or "There is not enough memory for this picture: lower the resolution, or close other programs"
@@ -313,7 +313,7 @@ class RenderJob:
 
     @property
     def progress(self) -> float:
-        """How much of the picture is done, 0 to 1."""
+        """The share of the picture that is done, 0 to 1."""
         return self._progress
 
     @property

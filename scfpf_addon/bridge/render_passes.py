@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which passes a view layer has: one list for Blender, the compositor, the files and the renderer."""
+"""The passes of a view layer: one list for Blender, the compositor, the files and the renderer."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
 
     use_pass_diffuse: BoolProperty(
         name="Diffuse",
-        description="Light scattered by surfaces, with their color: of lamps and of the world. Diffuse, "
+        description="Light scattered by surfaces, with their color: from lights and the world. Diffuse, "
         "Specular, Emission and Environment add up to the picture",
         default=False,
         update=_switched,
@@ -117,7 +117,7 @@ class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     )
     use_pass_specular: BoolProperty(
         name="Specular",
-        description="Highlights of lamps, and all that is seen in mirrors and through glass",
+        description="Highlights of lights, and all that is seen in mirrors and through glass",
         default=False,
         update=_switched,
         override={"LIBRARY_OVERRIDABLE"},

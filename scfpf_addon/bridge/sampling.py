@@ -19,7 +19,7 @@ def _changed(owner, context):
 
 
 class SCFPF_Sampling(bpy.types.PropertyGroup):
-    """How the SCFPF engine and the Render button take samples, besides their number."""
+    """Sampling settings of the SCFPF engine and the Render button, besides the number of samples."""
 
     pixel_filter: EnumProperty(
         name="Pixel Filter",
@@ -86,7 +86,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
 
 
 def sampling_of(scene) -> dict[str, object]:
-    """What of ``FrameSettings`` an evaluated scene says of samples and of the film."""
+    """The part of ``FrameSettings`` that an evaluated scene's sampling and film settings give."""
     options = scene.scfpf_sampling
     adaptive = Adaptive(options.adaptive_threshold, options.adaptive_least) if options.use_adaptive else None
     return {

@@ -59,7 +59,7 @@ def volume_facts(camera) -> tuple:
 
 
 def members(settings) -> list:
-    """What a camera's volume object takes: its surfaces, and the grids of its image mappings."""
+    """The objects that a camera's volume object takes: its surfaces, and the grids of its image mappings."""
     # A longer list is no volume; taking its thousands would hold Blender up.
     surfaces = [slot.object for slot in settings.surfaces[:MAXIMUM_SURFACES]]
     return surfaces + [m.grid for m in settings.mappings if m.kind == "GRID" and m.grid is not None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many chords a whole picture's projectors need in Cycles, where they end, and how fine their sheets are.
+"""The chords of a picture's projectors in Cycles: their number, their ends, the resolution of their sheets.
 
 A ray runs along a chord until a sheet turns it into the next. All projectors share the sheets,
 so there is one list of breaks in t for the picture, planned as the caster plans a tile.

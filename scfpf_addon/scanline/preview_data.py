@@ -244,7 +244,7 @@ def let_go(source) -> None:
 
 
 def left_out(source, depsgraph) -> dict[str, int]:
-    """What a preview has left out, as ``remap_counts`` has it."""
+    """The counts of the faces and samples that a preview has left out, as in ``remap_counts``."""
     counts = [remap_nodes.remap_counts(picture.evaluated_get(depsgraph)) for picture in pictures_of(source)]
     # Faces are each picture's own, the volume's folds are the same in all of them.
     return {

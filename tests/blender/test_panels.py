@@ -119,7 +119,7 @@ def test_both_places_draw_the_same(camera, section):
 def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, addon, monkeypatch):
     section = bpy.types.SCFPF_PT_view_preview
     differences = texts(drawn(section))
-    assert "no lamps" in differences and "Rendered" in differences and "hidden" in differences
+    assert "no lights" in differences and "Rendered" in differences and "hidden" in differences
     assert "hair" in differences and "linked to objects" in differences
     bpy.ops.scfpf.preview_toggle()
     remap_nodes = addon("scfpf_addon.scanline.remap_nodes")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender shows of our classes is spelled as Blender's own interface."""
+"""The interface texts of our classes are spelled as Blender's own."""
 
 import bpy
 
