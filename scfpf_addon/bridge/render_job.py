@@ -32,7 +32,7 @@ from .read_motion import read_moments, read_neighbours
 from .read_projection import ProjectionError, read_projection
 from .read_scene import SceneError, read_scene
 from .render_depsgraph import RenderDepsgraphError, with_render_depsgraph
-from .render_passes import crypto_names
+from .render_passes import crypto_names, passes_of_clear_things
 from .sampling import sampling_of
 from .volume_object import sync_volume_object
 
@@ -168,15 +168,14 @@ def read_inputs(
     projection = read_view(camera, depsgraph, aspect, eye)
     plane = None if options.enabled else depth_plane(eye_place(evaluated, eye))
     lens, lens_warning = read_lens(evaluated, projection, depsgraph, eye)
-    warnings = tuple(filter(None, (lens_warning, unseen_settings(evaluated, eye))))
     if scene is None:
         scene = with_images(
             read_scene(depsgraph, may_be_empty, "UV" in passes, stopped),
             projection,
             transparent=render.film_transparent,
         )
-    if warnings:
-        scene = replace(scene, warnings=(*scene.warnings, *warnings))
+    others = lens_warning, unseen_settings(evaluated, eye), passes_of_clear_things(scene, passes)
+    scene = replace(scene, warnings=(*scene.warnings, *filter(None, others)))
     marks = {}
     if any(name.startswith("CRYPTO") for name in passes):
         marks = {kind: identifiers(names) for kind, names in crypto_names(scene).items()}

@@ -10,8 +10,10 @@ import bpy
 from bpy.props import BoolProperty, PointerProperty
 
 from ..shading.cryptomatte import MOST_LAYERS, manifest, name_hash
+from ..shading.light_passes import LIGHT_PASSES
 from ..shading.passes import CRYPTO_PASS
 from . import versions
+from .read_materials import listing
 
 # As Cycles calls them.
 CRYPTO_NAMES = {"OBJECT": "CryptoObject", "MATERIAL": "CryptoMaterial"}
@@ -78,6 +80,18 @@ def crypto_names(scene) -> dict[str, list[str]]:
         "OBJECT": [plain.get(name, name) for name in scene.geometry.object_names],
         "MATERIAL": list(scene.material_names),
     }
+
+
+def passes_of_clear_things(scene, passes: tuple[str, ...]) -> str:
+    """Return the warning about data passes of a ``shading.scene.Scene`` with things that are seen through.
+
+    passes: names of ``shading.passes.PASSES``. "" where none shows such things.
+    """
+    clear = [number for number, graph in scene.materials.graphs.items() if graph.lets_through]
+    if not clear or all(name in LIGHT_PASSES for name in passes):
+        return ""
+    names = listing([scene.material_names[number] for number in clear])
+    return f"Data passes show things that are seen through as if they were not: {names}"
 
 
 def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:

@@ -7,6 +7,7 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from engine_pictures import f12
 from mathutils import Vector
+from shown_materials import add, new_material, show
 
 FARTHEST = 1e10
 FLOAT32 = 2e-6
@@ -65,6 +66,19 @@ def test_passes_switched_off_are_not_there(engine_scene):
     for name in ("z", "position", "normal"):
         setattr(view_layer, f"use_pass_{name}", False)
     assert set(f12(engine_scene)) == {"ViewLayer.Combined"}
+
+
+def test_data_passes_of_things_that_are_seen_through_are_named(addon, view):
+    prepare = addon("scfpf_addon.bridge.render_job").read_inputs
+    material = new_material("Leaf")
+    shader = add(material.node_tree, "ShaderNodeBsdfPrincipled", Alpha=0.5)
+    show(material.node_tree, shader.outputs[0])
+    bpy.data.objects["Cube"].data.materials.append(material)
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    for passes, count in ((("DIFFUSE",), 0), (("DIFFUSE", "DEPTH"), 1), (("CRYPTO_OBJECT_0",), 1)):
+        warnings = prepare(depsgraph, view.camera, (16, 9), passes=passes).scene.warnings
+        named = [line for line in warnings if line.startswith("Data passes") and line.endswith(": Leaf")]
+        assert len(named) == count
 
 
 def test_compositor_has_a_socket_for_each_pass(view):

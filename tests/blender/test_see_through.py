@@ -99,6 +99,41 @@ def test_what_alpha_cuts_away_altogether_shows_what_is_behind(film, tmp_path):
     assert ours[..., 3].max() == (not film)
 
 
+def leaf(is_cut):
+    """A material of an image with alpha, which a node cuts at a half, or as soft as it is."""
+    image = bpy.data.images.new("Leaf", 16, 16, alpha=True)
+    y, x = np.mgrid[-1:1:16j, -1:1:16j]
+    pixels = np.stack([x + 1, y + 1, 0.6 + 0 * x, 1.6 - 2 * np.hypot(x, y)], -1).clip(0, 1)
+    image.pixels.foreach_set(pixels.astype(np.float32).ravel())
+    image.pack()
+    material = new_material("Leaf")
+    tree = material.node_tree
+    node = add(tree, "ShaderNodeTexImage", {"image": image})
+    alpha = node.outputs["Alpha"]
+    if is_cut:
+        alpha = add(tree, "ShaderNodeMath", {"operation": "GREATER_THAN"}, _0=alpha, _1=0.5).outputs[0]
+    inputs = {"Base_Color": node.outputs["Color"], "Alpha": alpha, "Roughness": 0.6}
+    show(tree, add(tree, "ShaderNodeBsdfPrincipled", **inputs).outputs[0])
+    return material
+
+
+@pytest.mark.parametrize("is_cut", [True, False])
+def test_leaves_on_cards_are_as_in_cycles(is_cut, tmp_path):
+    """In the sun and before a mirror; shadows are another matter."""
+    plane(checker(), (0, 0, -1), 4)
+    plane(shader("Glossy", Color=(0.9, 0.9, 0.9), Roughness=0.0), (0, 1.1, 0.2), 2.4, (1.4, 0, 0))
+    cards, generator = leaf(is_cut), np.random.default_rng(3)
+    for _ in range(12):
+        plane(cards, generator.uniform(-0.8, 0.8, 3), 0.7, generator.uniform(-1, 1, 3))
+        bpy.context.object.visible_shadow = False
+    sun()
+    bpy.context.scene.cycles.diffuse_bounces = 0
+    ours, cycles = compare(tmp_path)
+    off = np.abs(ours - cycles).max(axis=2) > STEP
+    print(off.mean(), np.abs(ours.mean(axis=(0, 1)) - cycles.mean(axis=(0, 1))).max())
+    assert_like(ours, cycles)
+
+
 def test_transparent_surfaces_end_at_the_limit_of_the_light_paths(tmp_path):
     plane(checker(), (0, 0, -1), 4)
     clear = shader("Transparent", Color=(0.9, 0.95, 1.0))

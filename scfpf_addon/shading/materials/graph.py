@@ -64,8 +64,20 @@ class MaterialGraph:
 
     def is_always_black(self, ref: Ref) -> bool:
         """Whether an output is the constant 0."""
+        return self._is_always(ref, 0.0)
+
+    @property
+    def lets_through(self) -> bool:
+        """Whether light may go straight through."""
+        return any(
+            each.kind == "TRANSPARENT"
+            or (each.kind == "PRINCIPLED" and not self._is_always(each.inputs["alpha"], 1.0))
+            for each in self.closures
+        )
+
+    def _is_always(self, ref: Ref, value: float) -> bool:
         operation = self.operations[ref.operation]
-        return operation.kind == "CONSTANT" and not np.any(operation.settings["value"])
+        return operation.kind == "CONSTANT" and bool(np.all(operation.settings["value"] == value))
 
 
 def registers(graph: MaterialGraph, place: Place, table: Mapping[str, Evaluator]) -> list[tuple[Array, ...]]:
