@@ -78,7 +78,7 @@ def test_a_plane_against_the_sun_is_as_in_cycles(addon, tmp_path, metallic, roug
 
 @pytest.mark.parametrize("shadow", [True, False])
 def test_flat_faces_in_a_sun_are_as_in_cycles(addon, tmp_path, shadow):
-    """Four of five faces of a monkey lie in no plane. The engine's quick ways are taken."""
+    """Nine tenths of the faces of a monkey lie in no plane. The engine takes its fast paths."""
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_monkey_add()
     dull = material(0, 1)
