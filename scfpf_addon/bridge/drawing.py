@@ -28,6 +28,7 @@ LINE_WIDTHS = {
     "SURFACE": 1.0,
     "PROJECTOR": 1.5,
     "FOLD": 2.0,
+    "FOLDED": 1.0,
     "FAR": 2.5,
     "SAFE": 1.5,
     "FRAME": 2.5,
@@ -38,8 +39,6 @@ LINE_WIDTHS = {
 POINT_SHADER = "POINT_UNIFORM_COLOR"
 # Pixels across the dot where the picked projector meets the scene.
 DOT_SIZE = 10.0
-# Drawn in front of the scene in the Edit Volume mode, as Blender draws the surfaces' own wires then.
-IN_FRONT = {"SURFACE", "FAR", "SAFE", "FRAME"}
 # What draw_volume takes to be behind the lines: the 3D viewport of Blender's dark theme.
 DARK_BACKGROUND = (0.24, 0.24, 0.24)
 # Lines come nearer to the viewer by as much as this many pixels are wide at their distance, so that
@@ -116,7 +115,7 @@ class Drawings:
         key = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name, camera.session_uid)
         drawing = self._drawings.get(key)
         # Asked every time: what decides them is no news to the depsgraph's handlers.
-        asked = safe_areas(camera.data, depsgraph.scene), selected_surfaces(camera)
+        asked = safe_areas(camera.data, depsgraph.scene), wired_surfaces(camera)
         if drawing is not None and (drawing.edits, drawing.aspect, drawing.asked) == (
             self.edits,
             aspect,
@@ -176,13 +175,20 @@ def safe_areas(lens, scene) -> tuple[tuple[float, float], ...]:
     return tuple(tuple(margin) for margin in shown if any(margin))
 
 
-def selected_surfaces(camera) -> tuple[int, ...]:
-    """Surfaces selected in the Edit Volume mode: our lines would hide the colour that Blender gives them."""
+def wired_surfaces(camera) -> tuple[int, ...]:
+    """Surfaces whose own wires Blender draws in the Edit Volume mode, for the mouse to click on.
+
+    A second grid of ours would run through these, and hide the color of selected ones.
+    """
     settings = camera.scfpf
     if not settings.edit_volume:
         return ()
-    slots = enumerate(settings.surfaces)
-    return tuple(i for i, slot in slots if slot.object is not None and slot.object.select_get())
+    return tuple(
+        number
+        for number, slot in enumerate(settings.surfaces)
+        if slot.object is not None
+        and (slot.object.select_get() or (slot.object.display_type == "WIRE" and slot.object.visible_get()))
+    )
 
 
 def _is_drawn(candidate) -> bool:
@@ -203,15 +209,15 @@ def draw_volume(
 
     depsgraph: evaluated. aspect: width / height of the picture. width_scale:
     multiplies the line widths, in pixels. background: the display colour behind the
-    lines, which chooses theirs. Hides behind what the depth buffer holds; draws
-    nothing while the volume cannot be read.
+    lines, which chooses theirs. Hides behind what the depth buffer holds, but in the Edit Volume mode, in
+    which Blender draws the surfaces' own wires in front too; draws nothing while the volume cannot be read.
     """
     drawing = drawings.drawing(camera, depsgraph, aspect)
     if not drawing.batches:
         return
     colors = line_colors(background)
     shader = gpu.shader.from_builtin(SHADER)
-    in_front = IN_FRONT if camera.scfpf.edit_volume else ()
+    depth_test = "NONE" if camera.scfpf.edit_volume else "LESS_EQUAL"
     gpu.state.depth_mask_set(False)
     gpu.state.blend_set("ALPHA")
     shader.bind()
@@ -222,12 +228,11 @@ def draw_volume(
         gpu.matrix.load_matrix(_nearer(projection, size[1]) @ gpu.matrix.get_model_view_matrix())
         projection[2] -= 2 * NEARER_DEPTH * projection[3]
         gpu.matrix.load_projection_matrix(projection)
+        gpu.state.depth_test_set(depth_test)
         for role, batch in drawing.batches.items():
-            gpu.state.depth_test_set("NONE" if role in in_front else "LESS_EQUAL")
             shader.uniform_float("lineWidth", LINE_WIDTHS[role] * width_scale)
             shader.uniform_float("color", colors[role])
             batch.draw(shader)
-        gpu.state.depth_test_set("LESS_EQUAL")
         if drawing.dot is not None:
             gpu.state.point_size_set(DOT_SIZE * width_scale)
             shader = gpu.shader.from_builtin(POINT_SHADER)

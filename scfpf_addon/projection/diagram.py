@@ -19,13 +19,21 @@ from .folds import find_folds, folded_pieces
 from .line_colors import Role
 from .marks import direction_arrows, far_rim, iso_lines, safe_area
 from .segments import Segments, image_rim, joined, ranged, segments
-from .surfaces import Plane
+from .surfaces import ControlSurface, Plane
 from .typing import Array, BoolArray, IndexArray
-from .volume import ControlSample, Projection, ViewingVolume
+from .volume import Projection, ViewingVolume
 
 # Cells along u and along v between the lines of a surface. A flat one needs few, and it often fills the view:
 # a camera that is added looks as the viewport does.
 SURFACE_CELLS, PLANE_CELLS = 8, 4
+# Cells of a surface that leaves the net of the others, half-way between its lines, by more than this share of
+# a cell's size. A sphere leaves it by 0.2.
+BENT_CELLS, LEAVES_LINES = 16, 0.25
+# Places along each side of a cell of drawn projectors at which bends between them are looked for, and how far
+# the controls must be from where the drawn ones have them, as a share of a cell: a full turn has 0.4.
+BETWEEN, LEAVES_PROJECTORS = 4, 0.5
+# Those that leave as far as the farthest one but for this share are drawn with it: symmetric ones.
+AS_FAR = 1e-3
 # A drawn projector leaves its curve by at most this share of its control polygon's length.
 BEND_TOLERANCE = 1e-3
 # More chords than this in one span cannot be told apart on a screen.
@@ -36,6 +44,8 @@ BEND_SAMPLES = np.linspace(0.0, 1.0, 9)
 BEND_ALONG = 0.25
 # Pieces along t in which a projector is looked at for folds, and drawn where it has one.
 FOLD_PIECES = 48
+# How far beside a drawn projector folds are looked for, as a share of the u and v ranges.
+BESIDE = 1e-4
 # Halvings that find the rim of what an image shows: to float32's 2^-24 of the image, as it is drawn.
 RIM_STEPS = 24
 
@@ -72,10 +82,10 @@ def surface_lines(
 
     Over the u and v ranges, lines + 1 in each direction with the borders among
     them, each of ``resolution`` segments. lines: None for as many as the
-    kind needs. A point surface has none.
+    surface needs. A point surface has none.
     """
     if lines is None:
-        lines = PLANE_CELLS if isinstance(projection.volume.surfaces[index], Plane) else SURFACE_CELLS
+        lines = _lines_needed(projection, index)
     across = np.linspace(0.0, 1.0, lines + 1)
     along = np.linspace(0.0, 1.0, resolution + 1)
     fixed, moving = np.meshgrid(across, along, indexing="ij")
@@ -88,28 +98,77 @@ def surface_lines(
     return joined(families)
 
 
+def _lines_needed(projection: Projection, index: int) -> int:
+    """How many cells along u and v show the bends of a surface."""
+    surface = projection.volume.surfaces[index]
+    if isinstance(surface, Plane):
+        return PLANE_CELLS
+    left = _left_between(projection, surface, (SURFACE_CELLS, SURFACE_CELLS), BENT_CELLS // SURFACE_CELLS)
+    return BENT_CELLS if left.max(initial=0.0) > LEAVES_LINES else SURFACE_CELLS
+
+
+def _left_between(
+    projection: Projection, surface: ControlSurface, cells: tuple[int, int], parts: int
+) -> Array:
+    """How far a surface is, between a net of cells (along u, along v), from the bilinear net's faces.
+
+    At ``parts`` places along each side of a cell: (V · parts + 1, U · parts + 1), in mean sizes of a cell; 0
+    beside holes and in cells that lead from tile to tile.
+    """
+    steps = [np.linspace(0.0, 1.0, parts * count + 1) for count in cells]
+    x, y = np.meshgrid(*steps)
+    sample = surface.evaluate(*ranged(projection, x.ravel(), y.ravel()))
+    points = np.where(sample.valid, sample.position, np.nan).reshape(3, *x.shape)
+    known = points[:, np.isfinite(points[0])]
+    size = float(np.linalg.norm(np.ptp(known, axis=1))) / max(cells) if known.size else 0.0
+    if size == 0.0:
+        return np.zeros(x.shape)
+    share = np.arange(parts) / parts
+
+    def filled(values: Array) -> Array:
+        """Every value of the last axis, and what lies between it and the next."""
+        between = values[..., :-1, None] * (1.0 - share) + values[..., 1:, None] * share
+        return np.concatenate([between.reshape(*values.shape[:-1], -1), values[..., -1:]], axis=-1)
+
+    tile = sample.tile.reshape(x.shape).astype(np.float64)
+    flat = np.stack([*points, tile])
+    net = filled(np.swapaxes(filled(flat[:, ::parts, ::parts]), 1, 2)).swapaxes(1, 2)
+    away = np.linalg.norm(points - net[:3], axis=0)
+    found: Array = np.where(net[3] == tile, np.nan_to_num(away / size), 0.0)
+    return found
+
+
 def projector_lines(
     projection: Projection, count_u: int, count_v: int, chords: int | None = None
 ) -> Segments:
     """A sampling of the volume's projectors: count_u × count_v of them, evenly over the u and v ranges.
 
-    The borders are among them when a count is 2 or more. chords: segments in
+    The borders are among them when a count is 2 or more, and so are projectors between them that bend
+    otherwise. chords: segments in
     each span of a projector; None: as many as the bend of each needs, one for straight ones.
     """
-    controls = _even_controls(projection, count_u, count_v)
+    controls = projection.volume.controls(*ranged(projection, *_drawn_places(projection, count_u, count_v)))
     return _curves(projection.volume, controls.points, controls.valid, chords)
 
 
-def parted_projector_lines(projection: Projection, count_u: int, count_v: int) -> tuple[Segments, Segments]:
-    """``projector_lines`` in two parts: the pieces in order, and those where the volume is folded."""
+def parted_projector_lines(
+    projection: Projection, count_u: int, count_v: int
+) -> tuple[Segments, Segments, Segments]:
+    """``projector_lines`` in two parts, the pieces in order and the folded ones; dashes all over folds."""
     volume, folds = projection.volume, find_folds(projection)
-    controls = _even_controls(projection, count_u, count_v)
+    places = _drawn_places(projection, count_u, count_v)
+    controls = volume.controls(*ranged(projection, *places))
     ends = np.union1d(np.linspace(0.0, 1.0, FOLD_PIECES + 1), volume.spans.breaks)
     middles = (ends[1:] + ends[:-1]) / 2
-    folded = folded_pieces(volume, controls, middles, folds.orientation)
+    # The lines of a control grid may run here, where derivatives are those of one side: all sides count.
+    beside = volume.controls(*ranged(projection, *_beside(*places)))
+    folded = (
+        folded_pieces(volume, beside, middles, folds.orientation).reshape(4, -1, len(middles)).any(axis=0)
+    )
+    dashes = segments(folds.dashes, np.ones(folds.dashes.shape[1:], bool))
     mixed = folded.any(axis=1)
     if not mixed.any():
-        return _curves(volume, controls.points, controls.valid), joined([])
+        return _curves(volume, controls.points, controls.valid), joined([]), dashes
     whole = _curves(volume, controls.points[..., ~mixed], controls.valid[~mixed])
     weights, _ = volume.spans.weights(ends)
     curves = np.moveaxis(controls.points[..., mixed], 0, -1) @ weights
@@ -118,7 +177,7 @@ def parted_projector_lines(projection: Projection, count_u: int, count_v: int) -
         pairs = np.stack([curves[..., :-1], curves[..., 1:]], axis=-1)[:, kept]
         valid = np.repeat(controls.valid[mixed, None], kept.shape[1], axis=1)[kept]
         parts.append(segments(pairs, np.stack([valid, valid], axis=1)))
-    return joined([whole, parts[0]]), parts[1]
+    return joined([whole, parts[0]]), parts[1], dashes
 
 
 def picked_line(projection: Projection, x: float, y: float) -> Segments:
@@ -136,9 +195,28 @@ def projector_point(projection: Projection, x: float, y: float, t: float) -> Seg
     return single
 
 
-def _even_controls(projection: Projection, count_u: int, count_v: int) -> ControlSample:
-    x, y = np.meshgrid(_even(count_u), _even(count_v))
-    return projection.volume.controls(*ranged(projection, x.ravel(), y.ravel()))
+def _drawn_places(projection: Projection, count_u: int, count_v: int) -> tuple[Array, Array]:
+    """Shares x, y of the u and v ranges at which projectors are drawn: even ones, and bends between them."""
+    x, y = (a.ravel() for a in np.meshgrid(_even(count_u), _even(count_v)))
+    if min(count_u, count_v) < 2:
+        return x, y
+    cells = count_u - 1, count_v - 1
+    left = np.max([_left_between(projection, s, cells, BETWEEN) for s in projection.volume.surfaces], axis=0)
+    # Of each cell, without its last row and column, the places that leave the net farthest.
+    blocks = left[:-1, :-1].reshape(cells[1], BETWEEN, cells[0], BETWEEN)
+    most = np.maximum((1.0 - AS_FAR) * blocks.max(axis=(1, 3), keepdims=True), LEAVES_PROJECTORS)
+    rows, columns = np.nonzero((blocks >= most).reshape(BETWEEN * cells[1], BETWEEN * cells[0]))
+    return (
+        np.concatenate([x, columns / (BETWEEN * cells[0])]),
+        np.concatenate([y, rows / (BETWEEN * cells[1])]),
+    )
+
+
+def _beside(x: Array, y: Array) -> tuple[Array, Array]:
+    """Shares near x, y (N,), inside the borders: all of them on each of the four sides in turn."""
+    steps = np.array([[-BESIDE, -BESIDE, BESIDE, BESIDE], [-BESIDE, BESIDE, -BESIDE, BESIDE]])
+    around = np.clip(np.stack([x, y])[:, None] + steps[..., None], BESIDE, 1.0 - BESIDE)
+    return around[0].ravel(), around[1].ravel()
 
 
 def _curves(volume: ViewingVolume, controls: Array, valid: BoolArray, chords: int | None = None) -> Segments:
@@ -206,14 +284,15 @@ def diagram(projection: Projection, options: DiagramOptions) -> dict[Role, Segme
     """All the lines of a volume by their role; later roles are drawn over earlier ones."""
     counts = options.count_u, options.count_v
     if options.folds:
-        projectors, folded = parted_projector_lines(projection, *counts)
+        projectors, folded, dashes = parted_projector_lines(projection, *counts)
     else:
-        projectors, folded = projector_lines(projection, *counts), joined([])
+        projectors, folded, dashes = projector_lines(projection, *counts), joined([]), joined([])
     along_u, along_v = direction_arrows(projection)
     indices = [i for i in range(len(projection.volume.surfaces)) if i not in options.without]
     return {
         "ISO": joined([iso_lines(projection, t) for t in options.iso]),
         "SURFACE": joined([surface_lines(projection, index) for index in indices]),
+        "FOLDED": dashes,
         "PROJECTOR": projectors,
         "FOLD": folded,
         "FAR": far_rim(projection),

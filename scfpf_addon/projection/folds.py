@@ -20,6 +20,11 @@ from .volume import ControlSample, Projection, ViewingVolume, VolumeSample, dete
 # A fold is looked for at this many positions along each side of the image and along t.
 # Even, so that none of them is the image's centre.
 FOLD_GRID = 16
+# The positions are this share nearer to the middle than the cells' middles. Lines of a control grid would
+# meet those, and derivatives there are those of one side: a symmetric fold would be found lopsided.
+INWARDS = 1.0 - 1.0 / 997.0
+# Of the way through a cell along t, the share that a dash in ``Folds.dashes`` covers, and its points.
+DASH, DASH_POINTS = 0.6, 3
 # A determinant below this share of the product of its columns' lengths has no sign worth
 # trusting: the columns are parallel to within rounding.
 PARALLEL = 1e-9
@@ -35,12 +40,14 @@ class Folds:
     share: of the shown volume, in image × t, that is folded, in [0, 0.5]. orientation:
     the sign of det[Qu Qv Qt] in the rest, -1 or 1, 0 if it vanishes everywhere.
     mirrored: whether the picture is that of a mirror outside the folds.
-    positions: (3, F) float64, the samples in the folds, as Q.
+    positions: (3, F) float64, the samples in the folds, as Q. dashes: (3, F, 3), short pieces of the
+    projectors through them, for drawing.
     """
 
     share: float
     orientation: int
     positions: Array
+    dashes: Array
     mirrored: bool = False
 
     def __bool__(self) -> bool:
@@ -52,7 +59,7 @@ def find_folds(projection: Projection) -> Folds:
 
     Looked for on a coarse grid, so that a fold smaller than a cell may be missed.
     """
-    middle = (np.arange(FOLD_GRID) + 0.5) / FOLD_GRID
+    middle = 0.5 + INWARDS * ((np.arange(FOLD_GRID) + 0.5) / FOLD_GRID - 0.5)
     x, y = (a.ravel() for a in np.meshgrid(middle, middle, indexing="ij"))
     image = projection.parameters(x, y)
     (ux, uy), (vx, vy) = image.jacobian
@@ -63,13 +70,25 @@ def find_folds(projection: Projection) -> Folds:
     signs = orientations(projection.volume, part, middle) * turn[shown, None]
     certain = np.count_nonzero(signs)
     if not certain:
-        return Folds(0.0, 0, np.zeros((3, 0)))
+        return Folds(0.0, 0, np.zeros((3, 0)), np.zeros((3, 0, DASH_POINTS)))
     majority = 1 if signs.sum() > 0 else -1
     folded = signs == -majority
-    positions = _evaluate(projection.volume, part, middle).position.reshape(3, *signs.shape)
     # Back from the image to u and v: the commoner handedness of the image map.
     handedness = 1 if turn[shown].sum() >= 0 else -1
-    return Folds(float(folded.sum() / certain), majority * handedness, positions[:, folded], majority > 0)
+    reach = np.linspace(-DASH / 2, DASH / 2, DASH_POINTS) / FOLD_GRID
+    dashes = _dashes(projection.volume, part, folded, middle[:, None] + reach)
+    share = float(folded.sum() / certain)
+    return Folds(share, majority * handedness, dashes[..., DASH_POINTS // 2].copy(), dashes, majority > 0)
+
+
+def _dashes(volume: ViewingVolume, controls: ControlSample, chosen: BoolArray, t: Array) -> Array:
+    """(3, F, K): Q on the chosen (N, T) of N projectors at t, (T, K)."""
+    if not chosen.any():
+        return np.zeros((3, 0, t.shape[1]))
+    weights, _ = volume.spans.weights(t.ravel())
+    points = (np.moveaxis(controls.points, 0, -1) @ weights).reshape(3, *chosen.shape, t.shape[1])
+    found: Array = points[:, chosen]
+    return found
 
 
 def orientations(

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias
 
-# ISO: a surface of equal t. FOLD: a projector where the volume is inside out. FAR: the rim of the
-# far surface. SAFE: safe areas of the image. FRAME: the image on the near surface. U, V: where u and
-# v grow. PICK: the projector that was asked for.
-Role: TypeAlias = Literal["ISO", "SURFACE", "PROJECTOR", "FOLD", "FAR", "SAFE", "FRAME", "U", "V", "PICK"]
+# ISO: a surface of equal t. FOLDED: dashes all over where the volume is inside out. FOLD: a projector there.
+# FAR: the rim of the far surface. SAFE: safe areas of the image. FRAME: the image on the near surface. U, V:
+# where u and v grow. PICK: the projector that was asked for.
+Role: TypeAlias = Literal[
+    "ISO", "SURFACE", "FOLDED", "PROJECTOR", "FOLD", "FAR", "SAFE", "FRAME", "U", "V", "PICK"
+]
 Color: TypeAlias = tuple[float, float, float, float]
 
 # Display colours (sRGB), red green blue alpha, for dark and for light backgrounds. Blender's
@@ -16,6 +18,7 @@ Color: TypeAlias = tuple[float, float, float, float]
 BRIGHT: dict[Role, Color] = {
     "ISO": (0.48, 0.78, 0.50, 1.0),
     "SURFACE": (0.20, 0.78, 0.30, 1.0),
+    "FOLDED": (0.94, 0.44, 0.42, 1.0),
     "PROJECTOR": (0.36, 0.62, 1.00, 1.0),
     "FOLD": (1.00, 0.42, 0.38, 1.0),
     "FAR": (0.10, 0.85, 0.55, 1.0),
@@ -28,6 +31,7 @@ BRIGHT: dict[Role, Color] = {
 DARK: dict[Role, Color] = {
     "ISO": (0.14, 0.36, 0.16, 1.0),
     "SURFACE": (0.02, 0.38, 0.08, 1.0),
+    "FOLDED": (0.64, 0.06, 0.06, 1.0),
     "PROJECTOR": (0.08, 0.22, 0.80, 1.0),
     "FOLD": (0.70, 0.03, 0.03, 1.0),
     "FAR": (0.00, 0.35, 0.22, 1.0),

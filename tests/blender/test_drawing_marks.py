@@ -65,12 +65,12 @@ def view():
     return placed.inverted(), Matrix(((2.2, 0, 0, 0), (0, 2.2, 0, 0), (0, 0, -1.0, -0.2), (0, 0, -1, 0)))
 
 
-def shoot(drawing, camera, view, background=DARK):
-    """The volume over a background, (SIZE, SIZE, 3), row 0 at the bottom."""
+def shoot(drawing, camera, view, background=DARK, depth=1.0):
+    """The volume over a background at a depth, (SIZE, SIZE, 3), row 0 at the bottom."""
     offscreen = gpu.types.GPUOffScreen(SIZE, SIZE, format="RGBA8")
     with offscreen.bind():
         framebuffer = gpu.state.active_framebuffer_get()
-        framebuffer.clear(color=(*background, 1.0), depth=1.0)
+        framebuffer.clear(color=(*background, 1.0), depth=depth)
         with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
             gpu.matrix.load_matrix(view[0])
             gpu.matrix.load_projection_matrix(view[1])
@@ -237,15 +237,27 @@ def test_safe_areas_are_drawn_and_follow_their_settings_without_an_edit_of_the_v
     assert roles(drawing, camera) == ALWAYS
 
 
-def test_a_selected_surface_keeps_the_colour_that_blender_gives_it(drawing, camera):
-    near = camera.scfpf.surfaces[0].object
+def test_a_surface_that_blender_draws_as_a_wire_has_no_second_grid(drawing, camera):
+    near, *others = (slot.object for slot in camera.scfpf.surfaces)
     near.select_set(True)
-    assert drawing.selected_surfaces(camera) == ()
+    assert drawing.wired_surfaces(camera) == () and "SURFACE" in roles(drawing, camera)
     camera.scfpf.edit_volume = True
     bpy.context.view_layer.update()
-    near.select_set(True)
-    assert drawing.selected_surfaces(camera) == (0,)
-    assert roles(drawing, camera) == ALWAYS
-    for slot in camera.scfpf.surfaces:
-        slot.object.select_set(True)
+    assert {surface.display_type for surface in (near, *others)} == {"WIRE"}
     assert roles(drawing, camera) == ALWAYS - {"SURFACE"}
+    # The color of a selected one is that of its outline, whatever it is drawn as.
+    near.select_set(True)
+    near.display_type = others[0].display_type = "TEXTURED"
+    others[1].hide_set(True)
+    assert drawing.wired_surfaces(camera) == (0,)
+    assert roles(drawing, camera) == ALWAYS
+
+
+def test_edit_volume_draws_projectors_in_front_too(drawing, addon, camera, view):
+    blue = addon("scfpf_addon.projection.line_colors").BRIGHT["PROJECTOR"]
+    free = is_like(shoot(drawing, camera, view), blue).sum()
+    wall = shoot(drawing, camera, view, depth=0.0)
+    assert free > 300 and not is_like(wall, blue).any()
+    camera.scfpf.edit_volume = True
+    bpy.context.view_layer.update()
+    assert is_like(shoot(drawing, camera, view, depth=0.0), blue).sum() > 0.7 * free

@@ -57,7 +57,7 @@ def test_every_role_has_a_colour_and_lines_are_float32_segments():
     assert list(lines) == list(BRIGHT)
     for role, segments in lines.items():
         assert segments.dtype == np.float32 and segments.shape[1:] == (2, 3)
-        assert len(segments) or role == "FOLD"
+        assert len(segments) or role in {"FOLD", "FOLDED"}
         # The GPU reads them as they lie in memory.
         assert segments.flags.c_contiguous
 
@@ -212,3 +212,25 @@ def test_lines_lie_on_a_sphere():
     assert np.allclose(np.linalg.norm(lines - [0, 0, -1], axis=2), 3.0, atol=1e-5)
     ends = projector_lines(projection, 4, 4)[:, 1]
     assert np.allclose(np.linalg.norm(ends - [0, 0, -1], axis=1), 3.0, atol=1e-5)
+
+
+def bumpy(height, *places):
+    """A flat grid of 64 × 64 cells with bumps as wide as an eighth of it at (u, v), before a plane."""
+    u, v = np.meshgrid(*[np.linspace(0.0, 1.0, 65)] * 2)
+    z = sum(height * np.exp(-((u - a) ** 2 + (v - b) ** 2) / 0.04**2) for a, b in places)
+    far = Grid(np.stack([u - 0.5, v - 0.5, z], axis=-1), matrix=placed(-5))
+    return Projection(ViewingVolume((Plane(matrix=placed(-1)), far)))
+
+
+def test_bends_between_the_drawn_projectors_are_drawn():
+    """A bump that none of 5 × 5 projectors and 8 × 8 lines meets gets one of each; symmetric ones alike."""
+    flat = bumpy(0.0, (0.5, 0.5))
+    assert len(projector_lines(flat, 5, 5)) == 25
+    for places in (((0.375, 0.625),), ((0.1875, 0.4375), (0.8125, 0.4375))):
+        bent = bumpy(0.6, *places)
+        ends = projector_lines(bent, 5, 5)[:, 1].astype(np.float64)
+        assert len(ends) == 25 + len(places)
+        assert np.allclose(ends[:25], projector_lines(flat, 5, 5)[:, 1], atol=0.02)
+        assert ends[25:, 2].min() > -5 + 0.5
+        assert sorted(map(tuple, (ends[25:, :2] + 0.5).round(4))) == sorted(places)
+        assert len(surface_lines(bent, 1)) > 1.5 * len(surface_lines(flat, 1))

@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from scfpf_addon.projection.bezier import bernstein
-from scfpf_addon.projection.diagram import FOLD_PIECES, parted_projector_lines, projector_lines
+from scfpf_addon.projection.diagram import (
+    FOLD_PIECES,
+    DiagramOptions,
+    diagram,
+    parted_projector_lines,
+    projector_lines,
+)
 from scfpf_addon.projection.folds import (
     FOLD_GRID,
     determinant_controls,
@@ -131,7 +137,7 @@ def test_a_fold_of_a_grid_is_where_its_columns_run_back():
 @pytest.mark.parametrize("basis", ["BEZIER", "POLYLINE"])
 def test_drawn_pieces_of_projectors_part_where_the_height_changes_its_sign(basis):
     projection = planes((1, 1), (1, 1), (1, -0.5), basis=basis)
-    good, folded = parted_projector_lines(projection, 3, 2)
+    good, folded, _ = parted_projector_lines(projection, 3, 2)
     t = np.linspace(0, 1, 20001)
     height = np.array([1, 1, -0.5]) @ projection.volume.spans.weights(t)[0]
     crossing = 2 * t[np.argmax(height < 0)]
@@ -148,8 +154,9 @@ def test_drawn_pieces_of_projectors_part_where_the_height_changes_its_sign(basis
 
 def test_without_folds_the_lines_are_those_of_projector_lines():
     projection = planes((1, 1), (3, 2), (4, 4))
-    good, folded = parted_projector_lines(projection, 4, 3)
+    good, folded, dashes = parted_projector_lines(projection, 4, 3)
     assert np.array_equal(good, projector_lines(projection, 4, 3)) and folded.shape == (0, 2, 3)
+    assert dashes.shape == (0, 2, 3)
 
 
 WEIGHTS = (1.0, 4.0, 0.5, 2.0, 1.0, 3.0)
@@ -232,3 +239,38 @@ def test_a_volume_in_a_mirror_has_a_mirrored_picture(path, flip):
     found = find_folds(read_preset(path).projection(1.5).transformed(np.diag([*map(float, flip), 1.0])))
     assert found.share == 0
     assert found.mirrored == (np.prod(flip) < 0)
+
+
+def wavy(columns, folds_at, width):
+    """Two grids far apart whose columns run back in narrow strips about some places of u alone."""
+    u = np.linspace(0.0, 1.0, columns + 1)
+    x = u - sum(4 * (u - at) * np.exp(-(((u - at) / width) ** 2)) for at in folds_at)
+    v = np.array([0.0, 0.5, 1.0])
+    points = np.stack(np.broadcast_arrays(x - 0.5, v[:, None] - 0.5, -1.0), axis=-1)
+    near = Grid(points, matrix=placed(0))
+    return Projection(ViewingVolume((near, replace(near, matrix=placed(-5)))))
+
+
+@pytest.mark.parametrize("columns", [32, 40, 64])
+def test_folds_between_the_drawn_projectors_are_drawn(columns):
+    """No drawn projector is folded; dashes are where the columns run back, as many as the report has."""
+    projection = wavy(columns, (0.16,), 0.05)
+    folds = find_folds(projection)
+    lines = diagram(projection, DiagramOptions(5, 5))
+    assert 0.01 < folds.share < 0.2 and not len(lines["FOLD"])
+    dashes = lines["FOLDED"].astype(np.float64)
+    assert len(dashes) == 2 * round(folds.share * FOLD_GRID**3)
+    x = projection.volume.surfaces[0].points[0, :, 0]
+    back = [(low, high) for low, high in zip(x[1:], x[:-1], strict=True) if low < high]
+    inside = [any(low - 1e-6 <= one <= high + 1e-6 for low, high in back) for one in dashes[..., 0].ravel()]
+    assert all(inside)
+
+
+@pytest.mark.parametrize("columns", [16, 32])
+def test_a_symmetric_fold_is_drawn_symmetric(columns):
+    """One column is folded at either side, which ends at a projector and, of 32, where the report looks."""
+    middle = 0.25 - 0.5 / columns
+    lines = diagram(wavy(columns, (middle, 1.0 - middle), 0.48 / columns), DiagramOptions(5, 5))
+    for role in ("FOLD", "FOLDED"):
+        found = np.sort(lines[role][..., 0].astype(np.float64).ravel())
+        assert len(found) and found == pytest.approx(-found[::-1], abs=1e-6), role

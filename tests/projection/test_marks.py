@@ -141,7 +141,13 @@ def test_a_safe_area_of_a_polar_image_goes_through_the_mapping_and_stops_at_its_
 
 def test_options_leave_out_what_is_not_asked_for():
     lines = diagram(quadratic(), DiagramOptions(3, 3, folds=False))
-    assert [role for role, segments in lines.items() if not len(segments)] == ["ISO", "FOLD", "SAFE", "PICK"]
+    assert [role for role, segments in lines.items() if not len(segments)] == [
+        "ISO",
+        "FOLDED",
+        "FOLD",
+        "SAFE",
+        "PICK",
+    ]
 
 
 def test_lines_of_surfaces_are_left_out_at_will():
