@@ -107,7 +107,7 @@ def _way_out(surfaces) -> str:
     twice = next((one for number, one in enumerate(surfaces) if one in surfaces[:number]), None)
     if twice is None:
         return "move one of them"
-    return f"'{twice.name}' is on the list twice, choose another object once"
+    return f"'{twice.name}' is on the list twice: choose another object in one place"
 
 
 class PlacedLattice(NamedTuple):
