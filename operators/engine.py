@@ -8,7 +8,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..scfpf_addon.bridge.render_engine import ENGINE
-from ..scfpf_addon.cycles.engine_choice import ignored_text
+from ..scfpf_addon.cycles.engine_choice import f12_warning
 from .target import poll_scene
 
 # Seconds between two looks for a warning that waits, and until it is reported.
@@ -69,7 +69,7 @@ class SCFPF_OT_engine_warn(bpy.types.Operator):
 
 @persistent
 def _render_begins(scene, *_) -> None:
-    message = ignored_text(scene)
+    message = f12_warning(scene)
     if not message:
         return
     if bpy.app.background:

@@ -9,6 +9,9 @@ from ..bridge.render_engine import ENGINE
 from ..bridge.rig_mark import camera_behind
 from .rig_data import CYCLES, rig_of
 
+# What F12 through a rig makes of a stereoscopic scene.
+ALIKE = "Cycles renders all views alike: render with SCFPF, or switch off Stereoscopy"
+
 
 def engine_name(scene) -> str:
     """The name of a scene's render engine as the interface shows it."""
@@ -16,22 +19,25 @@ def engine_name(scene) -> str:
     return bpy.types.UILayout.enum_item_name(render, "engine", render.engine) or render.engine
 
 
+def _is_rigged(scene) -> bool:
+    """Whether F12 renders a scene with Cycles through its rig."""
+    rig = rig_of(scene)
+    return scene.render.engine == CYCLES and rig is not None and rig.scfpf_rig.view_camera == scene.camera
+
+
 def ignored_camera(scene):
     """The flexible camera that is a scene's camera while its render engine ignores the volume; else None."""
     camera = camera_behind(scene.camera)
     if camera is None or not camera.scfpf.enabled or scene.render.engine == ENGINE:
         return None
-    rig = rig_of(scene)
-    if scene.render.engine == CYCLES and rig is not None and rig.scfpf_rig.view_camera == scene.camera:
-        return None
-    return camera
+    return None if _is_rigged(scene) else camera
 
 
-def ignored_text(scene) -> str:
-    """The message about ``ignored_camera``, "" if there is none."""
+def f12_warning(scene) -> str:
+    """The message about what F12 leaves out of a scene's flexible camera: its volume, or its eyes; or ""."""
     camera = ignored_camera(scene)
     if camera is None:
-        return ""
+        return ALIKE if scene.render.use_multiview and _is_rigged(scene) else ""
     return (
         f"{engine_name(scene)} ignores the volume of '{camera.name}': choose SCFPF as render engine, "
         "or press Render with Cycles in the camera's panel"

@@ -22,6 +22,7 @@ from ..scanline.picture_table import picture_signature
 from ..scanline.table_object import grid_cells, is_made
 from . import disturbed_materials, hidden_surfaces, passes, portal_nodes
 from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
+from .engine_choice import ALIKE
 from .rig_data import (
     CYCLES,
     NO_CYCLES,
@@ -204,7 +205,7 @@ def cautions(scene, view_layer, rig) -> list[str]:
     if scene.camera != settings.view_camera:
         found.append("The scene has another camera: make the rig's the scene camera again")
     if scene.render.use_multiview:
-        found.append("Cycles renders all views alike: render with SCFPF, or switch off Stereoscopy")
+        found.append(ALIKE)
     if view_layer.material_override is not None:
         found.append("The material override stops the rays: clear it in View Layer Properties")
     if cycles.transparent_max_bounces < settings.chords + 2:

@@ -30,7 +30,7 @@ def set_engine(scene, engine):
 
 @pytest.fixture
 def text(addon):
-    return addon("scfpf_addon.cycles.engine_choice").ignored_text
+    return addon("scfpf_addon.cycles.engine_choice").f12_warning
 
 
 @pytest.mark.parametrize("engine", OTHERS)

@@ -203,7 +203,7 @@ def test_render_button_says_that_it_makes_one_view(stereo_scene, capfd):
     assert "all views" not in capfd.readouterr().out
 
 
-def test_rig_gives_every_view_the_same_and_says_so(stereo_scene, addon):
+def test_rig_gives_every_view_the_same_and_says_so(stereo_scene, addon, capfd):
     """Cycles renders the camera between the eyes twice, rather than past the rig's screen."""
     scene = stereo_scene
     make_flexible(scene)
@@ -212,6 +212,7 @@ def test_rig_gives_every_view_the_same_and_says_so(stereo_scene, addon):
     cautions = addon("scfpf_addon.cycles.rig").cautions
     assert any("renders all views alike" in text for text in cautions(scene, bpy.context.view_layer, rig))
     both = cycles_positions(scene)
+    assert "SCFPF: warning: Cycles renders all views alike" in capfd.readouterr().err
     scene.render.use_multiview = False
     alone = f12(scene)[POSITION]
     assert np.ptp(alone) > 1.0
