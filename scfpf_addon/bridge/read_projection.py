@@ -13,6 +13,7 @@ from ..projection.lattice_volume import Lattice
 from ..projection.preset import MAXIMUM_SURFACES, surface_from_parameters
 from ..projection.reparameterisation import reparameterisation
 from ..projection.surfaces import ControlSurface, Grid
+from ..projection.uv_mesh import UVMesh
 from ..projection.volume import Projection, ViewingVolume
 from . import lattice_object, nurbs_object
 from .mapping_edits import MappingError
@@ -33,8 +34,8 @@ LARGEST_COORDINATE = 1e18
 # Projectors that are shorter than this share of the volume's extent have no length: float32 vertices
 # cannot tell their ends apart.
 COINCIDENT = 1e-7
-# Projectors along each side of the picture that are looked at for that.
-SAMPLES = 5
+# Projectors along each side of the picture that are looked at for that, and where none of these exists.
+SAMPLES, MORE_SAMPLES = 5, 64
 
 
 class ProjectionError(ValueError):
@@ -83,7 +84,13 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
         tuple(settings.v_range),
         aspect,
     )
-    if not _has_length(projection):
+    points = _some_projectors(projection)
+    if points.shape[2] == 0:
+        raise ProjectionError(
+            f"'{camera.name}' has no projector: the UV maps of its control surfaces and the ranges of U and "
+            "V have no place in common; move islands in the UV Editor, or widen the ranges"
+        )
+    if np.ptp(points, axis=0).max() <= COINCIDENT * np.ptp(points, axis=(0, 2)).max():
         raise ProjectionError(
             f"All control surfaces of '{camera.name}' lie in one place, so that no projector has a length: "
             f"{_way_out([slot.object for slot in slots])}"
@@ -91,15 +98,22 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
     return projection
 
 
-def _has_length(projection: Projection) -> bool:
-    """Whether the control points of any of some projectors differ; True where no sampled one exists."""
+def _some_projectors(projection: Projection):
+    """The control points, (surfaces, 3, N), of some projectors of the picture; N is 0 where none is found.
+
+    UV meshes may have holes: where few places show none, many are looked at, and the middles of triangles.
+    """
     (u0, u1), (v0, v1) = projection.u_range, projection.v_range
-    v, u = (axis.ravel() for axis in np.meshgrid(*[(np.arange(SAMPLES) + 0.5) / SAMPLES] * 2))
-    points, valid = projection.volume.projectors(u0 + (u1 - u0) * u, v0 + (v1 - v0) * v)
-    points = points[..., valid]
-    if points.size == 0:
-        return True
-    return bool(np.ptp(points, axis=0).max() > COINCIDENT * np.ptp(points, axis=(0, 2)).max())
+    for count in (SAMPLES, MORE_SAMPLES):
+        v, u = (axis.ravel() for axis in np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2))
+        points, valid = projection.volume.projectors(u0 + (u1 - u0) * u, v0 + (v1 - v0) * v)
+        if valid.any():
+            return points[..., valid]
+    charts = [surface.chart for surface in projection.volume.surfaces if isinstance(surface, UVMesh)]
+    middles = np.concatenate([np.zeros((0, 2)), *(chart.uv[chart.used].mean(axis=1) for chart in charts)])
+    u, v = middles[((middles >= (u0, v0)) & (middles <= (u1, v1))).all(axis=1)].T
+    points, valid = projection.volume.projectors(u, v)
+    return points[..., valid]
 
 
 def _way_out(surfaces) -> str:

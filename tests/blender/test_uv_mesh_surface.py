@@ -295,3 +295,32 @@ def test_what_cannot_be_read_is_named(bridge, reading, camera, damage, message):
     obj.data.update()
     with pytest.raises(reading.ProjectionError, match=message):
         far_surface(reading, camera)
+
+
+def test_maps_without_a_common_place_are_said_and_a_small_one_is_found(bridge, reading, camera):
+    """Left and right halves of the square have no projector; a triangle that no sample meets has some."""
+    near, far = sheet(), sheet()
+    far.location.z = -3.0
+    for obj in (near, far):
+        bridge.attach_surface(camera, obj)
+    while len(camera.scfpf.surfaces) > 2:
+        camera.scfpf.surfaces.remove(0)
+
+    def squeeze(obj, scale, start):
+        for corner, place in zip(obj.data.uv_layers[0].uv, maps[obj.name], strict=True):
+            corner.vector = np.array(place) * scale + start
+        obj.data.update()
+        bpy.context.view_layer.update()
+
+    maps = {obj.name: [tuple(corner.vector) for corner in obj.data.uv_layers[0].uv] for obj in (near, far)}
+    squeeze(near, (0.45, 1.0), (0.0, 0.0))
+    squeeze(far, (0.45, 1.0), (0.55, 0.0))
+    with pytest.raises(reading.ProjectionError, match="'Camera' has no projector: the UV maps"):
+        far_surface(reading, camera)
+    squeeze(near, (1.0, 1.0), (0.0, 0.0))
+    far_surface(reading, camera)
+    squeeze(far, (0.003, 0.003), (0.501, 0.501))
+    far_surface(reading, camera)
+    camera.scfpf.u_range = 0.6, 0.9
+    with pytest.raises(reading.ProjectionError, match="widen the ranges"):
+        far_surface(reading, camera)
