@@ -181,7 +181,7 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
         own, blend = _blend(context, first, second, camera)
         _give(context, camera, blend)
         approximate_lens(camera, own)
-        return f"'{camera.name}' goes from '{first.name}' to '{name}' as they are now"
+        return f"'{camera.name}' goes from '{first.name}' to '{name}' as they are at present"
 
 
 def _end(context, camera, end):

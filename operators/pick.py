@@ -65,7 +65,7 @@ class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
         except BAD_INPUT as error:
             return refused(self, error)
         if found is None:
-            self.report({"WARNING"}, "The picture shows nothing there: no projector goes through it")
+            self.report({"WARNING"}, "No projector goes through that place of the picture: click elsewhere")
             return {"CANCELLED"}
         settings = object_by_uid(uid).scfpf
         store_pick(settings, self.x, self.y, found)

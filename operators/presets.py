@@ -76,8 +76,8 @@ class PresetOperator:
 
     fit: BoolProperty(
         name="Fit to Scene",
-        description="Let the volume reach beyond the scene. A preset made around a subject moves the camera, "
-        "so that its subject is what is selected, or else the whole scene",
+        description="Make the volume reach beyond the scene. A preset made around a subject moves the camera "
+        "so that it surrounds the selected objects, or else the whole scene",
         default=True,
     )
 
@@ -92,7 +92,7 @@ class PresetOperator:
             use_preset(context, camera_of(context), preset, self.fit)
         except BAD_INPUT as error:
             return refused(self, error)
-        self.report({"INFO"}, f"The camera now has the volume of the preset {preset.name}")
+        self.report({"INFO"}, f"The camera has the volume of the preset {preset.name}")
         return {"FINISHED"}
 
 

@@ -102,7 +102,7 @@ def _oddities(image, data: ImageData) -> Iterable[str]:
         yield "Shown as the frame that Blender has loaded: "
     space = image.colorspace_settings.name
     if not (image.is_float or space == "sRGB" or space in LINEAR_SPACES):
-        yield f"The color space {space} is taken for sRGB: "
+        yield f"The color space {space} is read as sRGB: "
     if image.alpha_mode == "PREMUL" and not image.is_float and _has_alpha(image) and _is_file(image):
         # Blender divides by alpha as it loads them. A color that is as bright may have been brighter.
         color, alpha = data.pixels[:, :, :3], data.pixels[:, :, 3:].astype(np.uint16)

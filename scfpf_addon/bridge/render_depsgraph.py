@@ -57,13 +57,15 @@ def with_render_depsgraph(
         scene.render.engine = ENGINE
         _bake(scene, view_layer, target)
     except RuntimeError as error:
-        raise RenderDepsgraphError(f"Blender cannot evaluate the scene now: {error}") from error
+        raise RenderDepsgraphError(f"Blender cannot evaluate the scene: {error}") from error
     finally:
         scene.render.engine = engine
         bpy.utils.unregister_class(SceneReader)
         bpy.data.meshes.remove(target.data)
     if not outcome:
-        raise RenderDepsgraphError("Blender cannot evaluate the scene now: is a bake or a render running?")
+        raise RenderDepsgraphError(
+            "Blender cannot evaluate the scene: wait for the bake or the render that is running"
+        )
     result, error = outcome[0]
     if error is not None:
         raise error

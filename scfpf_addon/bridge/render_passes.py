@@ -91,7 +91,7 @@ def passes_of_clear_things(scene, passes: tuple[str, ...]) -> str:
     if not clear or all(name in LIGHT_PASSES for name in passes):
         return ""
     names = listing([scene.material_names[number] for number in clear])
-    return f"Data passes show things that are seen through as if they were not: {names}"
+    return f"Data passes treat transparent objects as opaque: {names}"
 
 
 def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:

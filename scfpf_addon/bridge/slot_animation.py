@@ -32,7 +32,7 @@ def require_own_items(settings, *names: str) -> None:
 
 def _refuse(settings) -> NoReturn:
     raise SlotError(
-        f"'{settings.id_data.name}' is a library override: what its list has from the other file can be "
+        f"'{settings.id_data.name}' is a library override: surfaces and mappings from its file can be "
         "neither moved nor removed here; make the camera local (Object > Relations > Make Local), or edit "
         "that file"
     )

@@ -95,7 +95,9 @@ def _evaluated_shape(camera, surface, depsgraph) -> ControlSurface:
     """A surface in its own space as evaluated, modifiers included."""
     read = read_surface(surface, camera, depsgraph)
     if isinstance(read, PlacedLattice):
-        raise FlexibleCameraError(f"'{surface.name}' is a lattice, which stands for several control surfaces")
+        raise FlexibleCameraError(
+            f"'{surface.name}' is a lattice, which is several control surfaces: choose another one"
+        )
     world = np.array(surface.evaluated_get(depsgraph).matrix_world, np.float64)
     return read.transformed(np.linalg.inv(world))
 

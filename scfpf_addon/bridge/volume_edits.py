@@ -192,7 +192,7 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
         if kind not in PARAMETRIC_KINDS:
             if kind not in MESH_KINDS:
                 raise FlexibleCameraError(
-                    f"'{surface.name}' cannot be mirrored: take another kind of control surface first"
+                    f"'{surface.name}' cannot be mirrored: choose another kind of control surface first"
                 )
             if surface.data.uv_layers.active is None:
                 raise FlexibleCameraError(f"'{surface.name}' has no UV map: unwrap it as a regular grid")

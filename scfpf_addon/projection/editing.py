@@ -122,8 +122,8 @@ def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
         shares = [0.5] * (count - 1)
     else:
         raise EditingError(
-            "B-spline and NURBS projectors of more than four surfaces cannot take one more and leave the "
-            "volume as it is: change the projectors' shape first"
+            "B-spline and NURBS projectors of more than four surfaces change with each new one: "
+            "choose another Shape of the projectors first"
         )
     if volume.basis != "NURBS":
         return Insertion(1, count - 2, _blends(surfaces, shares, cells), None)

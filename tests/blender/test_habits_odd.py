@@ -289,7 +289,7 @@ def test_what_an_override_has_from_its_file_stays_until_it_is_local(addon, camer
         ("camera_from_camera", {}),
         ("volume_to_lattice", {}),
     ):
-        with pytest.raises(RuntimeError, match="is a library override: what its list has"):
+        with pytest.raises(RuntimeError, match="is a library override: surfaces and mappings"):
             getattr(bpy.ops.scfpf, name)(**options)
         assert [slot.object for slot in slots] == before and len(bpy.data.objects) == count, name
     camera.scfpf.active_surface = 1
