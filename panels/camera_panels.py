@@ -335,6 +335,14 @@ class _DataTab:
         return obj is not None and obj.type == "CAMERA" and obj.data == context.camera
 
 
+def _lens_note(panel, context):
+    """Say in Blender's own panel Lens what the lens of a flexible camera is for."""
+    if _DataTab.poll(context) and context.object.scfpf.enabled:
+        column = panel.layout.column(align=True)
+        column.label(text="Pictures show the volume.", icon="INFO")
+        column.label(text="This lens only comes near it.", icon="BLANK1")
+
+
 class _Sidebar:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -402,7 +410,7 @@ class SCFPF_PT_view_display(_DisplaySection, _Sidebar, bpy.types.Panel):
     bl_parent_id = "SCFPF_PT_view"
 
 
-register, unregister = bpy.utils.register_classes_factory(
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
         SCFPF_PT_data,
         SCFPF_PT_data_statistics,
@@ -420,3 +428,13 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_PT_view_display,
     )
 )
+
+
+def register():
+    _register_classes()
+    bpy.types.DATA_PT_lens.prepend(_lens_note)
+
+
+def unregister():
+    bpy.types.DATA_PT_lens.remove(_lens_note)
+    _unregister_classes()

@@ -13,6 +13,7 @@ from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.uv_mesh import UVMesh
 from ..projection.volume import Projection
 from . import edit_volume, lattice_object, nurbs_object, surface_nodes
+from .camera_frame import size_frame
 from .mapping_edits import MAPPINGS, clear_mappings, grids_of, write_mappings
 from .ordinary_camera import FrustumError, frustum
 from .rig_mark import is_rig_part
@@ -201,7 +202,7 @@ def clear_surfaces(camera) -> None:
 
 
 def surfaces_edited(camera) -> None:
-    """Called by the properties when ``enabled`` or a surface pointer was edited."""
+    """Called by the properties when a surface pointer was edited."""
     if camera.is_evaluated or camera.type != "CAMERA" or not camera.is_editable:
         return
     for slot in camera.scfpf.surfaces:
@@ -210,6 +211,13 @@ def surfaces_edited(camera) -> None:
     edit_volume.obey(camera)
     if camera.scfpf.enabled or camera.scfpf.volume_object:
         sync_volume_object(camera)
+
+
+def flexibility_edited(camera) -> None:
+    """Called by the property ``enabled`` when it was edited."""
+    surfaces_edited(camera)
+    if not camera.is_evaluated and camera.type == "CAMERA" and camera.is_editable:
+        size_frame(camera)
 
 
 def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
@@ -301,7 +309,9 @@ def approximate_lens(camera, projection: Projection) -> None:
     )
     x, z = (far - near)[[0, 2]]
     # The sum of small turns does not wrap at half a circle, as the angle between the borders would.
-    turn = np.arctan2(x[:-1] * z[1:] - x[1:] * z[:-1], x[1:] * x[:-1] + z[1:] * z[:-1]).sum()
+    steps = np.arctan2(x[:-1] * z[1:] - x[1:] * z[:-1], x[1:] * x[:-1] + z[1:] * z[:-1])
+    # Beside a round picture the volume goes on, and its projectors turn any way.
+    turn = steps[middle.mask[1:] & middle.mask[:-1]].sum()
     if turn < NARROWEST_LENS:
         lens.type = "ORTHO"
         width = sum(np.linalg.norm(end[:, -1] - end[:, 0]) for end in (near, far)) / 2
@@ -314,6 +324,7 @@ def approximate_lens(camera, projection: Projection) -> None:
     distance = np.linalg.norm(projection.volume.evaluate(all_over.u, all_over.v, t).position, axis=0)
     lens.clip_end = distance.max()
     lens.clip_start = max(distance.min(), lens.clip_end * SMALLEST_CLIP_SHARE)
+    size_frame(camera)
 
 
 def volume_from_camera(camera, scene) -> None:

@@ -75,8 +75,13 @@ def _changed(owner, context):
 
 
 def _volume_changed(owner, context):
-    """The volume object follows an edit of ``enabled`` or of a surface pointer."""
+    """The volume object follows an edit of a surface pointer."""
     flexible_camera.surfaces_edited(owner.id_data)
+
+
+def _enabled_changed(settings, context):
+    """The volume object follows, and Blender's own frame of the camera."""
+    flexible_camera.flexibility_edited(settings.id_data)
 
 
 def _edit_volume_changed(settings, context):
@@ -159,7 +164,18 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         description="Render through a viewing volume modeled with control surfaces",
         default=False,
         options=set(),
-        update=_volume_changed,
+        update=_enabled_changed,
+        override=OVERRIDABLE,
+    )
+    frame_sizes: FloatVectorProperty(
+        name="Frame Sizes",
+        description="Display size of the camera before it was flexible, and the one it got then; 0 is none",
+        size=2,
+        default=(0.0, 0.0),
+        min=0.0,
+        max=1000.0,
+        options={"HIDDEN"},
+        update=_changed,
         override=OVERRIDABLE,
     )
     surfaces: CollectionProperty(

@@ -386,6 +386,38 @@ def test_the_ordinary_lens_approximates_the_volume(bridge, presets, camera):
     assert camera.data.type == "PERSP" and np.degrees(camera.data.angle_x) == pytest.approx(150, rel=1e-4)
 
 
+def test_a_mirror_ball_has_a_wide_lens(bridge, presets, camera):
+    """Beside the round picture, which is as high as this one, projectors are not counted."""
+    (path,) = (path for path in shipped(presets) if path.stem == "mirror_ball")
+    bridge.apply_preset(camera, presets.load_preset(path.read_text(encoding="utf-8")), 16 / 9)
+    assert camera.data.type == "PERSP" and np.degrees(camera.data.angle_x) == pytest.approx(150, rel=1e-4)
+
+
+def test_blenders_own_frame_is_small_while_a_camera_is_flexible(bridge, presets, camera):
+    def frame_height():
+        corners = np.array(camera.data.view_frame(scene=bpy.context.scene))
+        return float(np.ptp(corners[:, 1]) * camera.data.display_size / 2)
+
+    camera.data.display_size, camera.data.clip_end = 3.0, 8.0
+    bridge.volume_from_camera(camera, bpy.context.scene)
+    assert camera.data.display_size == pytest.approx(8 / 64) and frame_height() < 0.1
+    preset = presets.load_preset(plain("P", *planes((2, 1), (20, 100))))
+    bridge.apply_preset(camera, preset, 1.5)
+    assert camera.data.display_size == pytest.approx(camera.data.clip_end / 64)
+    camera.scfpf.enabled = False
+    assert camera.data.display_size == 3.0
+    # An artist's own size, and camera data that another object has, stay.
+    camera.scfpf.enabled = True
+    camera.data.display_size = 2.0
+    bridge.apply_preset(camera, preset, 1.5)
+    assert camera.data.display_size == 2.0
+    camera.scfpf.enabled = False
+    assert camera.data.display_size == 2.0
+    other = bpy.data.objects.new("Other", camera.data)
+    camera.scfpf.enabled = True
+    assert camera.data == other.data and camera.data.display_size == 2.0
+
+
 def test_shared_camera_data_is_left_alone(bridge, presets, camera):
     twin = bpy.data.objects.new("Twin", camera.data)
     camera.data.lens = 77

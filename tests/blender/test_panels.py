@@ -166,7 +166,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
         record = drawn(getattr(bpy.types, f"SCFPF_PT_data{section}"))
         names |= {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_CameraSettings"}
     hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object"}
-    hidden |= {"report", "statistics"}
+    hidden |= {"report", "statistics", "frame_sizes"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
     hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden
@@ -404,3 +404,21 @@ def test_preset_menus_fit_a_small_screen(addon):
         assert (pictures == names).all() and pictures.min() >= 1.5 * 2.4
         # A row is 20 pixels high, and 2 pixels are between two; the title and the borders are two rows.
         assert (20 * pictures + 2).sum() + 40 < 1000 - 200
+
+
+def test_blenders_panel_of_the_lens_says_what_it_is_for(addon):
+    """In that of a flexible camera alone, and not in that of other camera data that is pinned."""
+    bpy.ops.object.camera_add()
+    camera = bpy.context.object
+    pinned = bpy.data.cameras.new("Pinned")
+
+    def said(data):
+        record = []
+        context = types.SimpleNamespace(object=camera, camera=data)
+        panel = types.SimpleNamespace(layout=RecordingLayout(record))
+        addon("panels.camera_panels")._lens_note(panel, context)
+        return [entry for entry in record if entry[0] == "label"]
+
+    assert not said(camera.data)
+    bpy.ops.scfpf.camera_from_camera()
+    assert "Pictures show the volume." in str(said(camera.data)) and not said(pinned)
