@@ -66,6 +66,18 @@ def screen(driver):
     return np.frombuffer(done.stdout, np.uint8).reshape(high, wide, 3).astype(np.int16)
 
 
+def still(driver):
+    """Generator: wait until the whole window does not change; returns its picture as ``screen`` does."""
+    yield 2 * DRAW
+    before = screen(driver)
+    while True:
+        yield DRAW
+        now = screen(driver)
+        if np.array_equal(now, before):
+            return now
+        before = now
+
+
 def popped_up(driver, before, name, least=60):
     """A picture of what has come up over the whole window since ``before``."""
     changed = np.abs(screen(driver) - before).max(axis=2) > 3
@@ -202,8 +214,7 @@ def panels_and_menus(driver):
             setattr(owner, name, True)
     region = driver.region("VIEW_3D")
     x, y = region.x + region.width // 2, region.y + region.height - 60
-    yield DRAW
-    before = screen(driver)
+    before = yield from still(driver)
     shown = {name: f"SCFPF_PT_view_{name}" for name in PANELS}
     shown |= {f"engine-{name}": f"SCFPF_PT_engine_{name}" for name in ENGINE_PANELS}
     for name, identifier in shown.items():
