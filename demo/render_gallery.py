@@ -45,7 +45,7 @@ same view.
 """
 QUALITY = 85
 
-CYCLES_TEXT = """The same volumes, path-traced by Cycles in a stock Blender: *Render with Cycles* sends its
+CYCLES_TEXT = """The same volumes, path-traced by Cycles in a stock Blender: *Set Up Cycles* sends its
 rays along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
 
 

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Cycles rig's panel: the switch, what the chords cost, and what stands in the way."""
 
+import textwrap
+
 import bpy
 
+from ..scfpf_addon.cycles.asked_prices import price
+from ..scfpf_addon.cycles.planning import Price, price_of_rig
 from ..scfpf_addon.cycles.rig import cautions
 from ..scfpf_addon.cycles.rig_data import rig_of
-from .camera_panels import _DataTab, _Sidebar, _Subsection, draw_text
+from .camera_panels import LINE, _DataTab, _Sidebar, _Subsection, draw_text
 
 # What passes and settings do otherwise than with an ordinary camera, a line each.
 DIFFERENCES = (
@@ -14,13 +18,23 @@ DIFFERENCES = (
 )
 
 
-def facts(settings) -> list[str]:
+def facts(price: Price) -> list[str]:
     """What a rig costs, a line each."""
-    count = f"{settings.chords} chord{'s' * (settings.chords != 1)}"
+    count = f"{price.chords} chord{'s' * (price.chords != 1)}"
     return [
-        f"{count}, off by {settings.error:.2g} px",
-        f"About {settings.cost:.1f} × an ordinary camera",
+        f"{count}, off by {price.error:.2g} px",
+        f"A ray passes up to {price.portals} portals",
+        f"{price.vertices:,} vertices, about {price.memory / 1e6:,.0f} MB",
+        f"About {price.cost:.1f} × an ordinary camera",
     ]
+
+
+def expected(camera, scene) -> list[str]:
+    """What a rig that is not there yet would cost."""
+    found = price(camera, scene)
+    if found is None:
+        return ["Working out what it costs ..."]
+    return textwrap.wrap(found, LINE) if isinstance(found, str) else facts(found)
 
 
 class _CyclesSection(_Subsection):
@@ -33,7 +47,8 @@ class _CyclesSection(_Subsection):
         rig = rig_of(context.scene)
         is_on = rig is not None and rig.scfpf_rig.camera == camera
         row = layout.row(align=True)
-        row.operator("scfpf.cycles_rig", icon="SHADING_RENDERED", depress=is_on)
+        text = "Remove Cycles Setup" if is_on else "Set Up Cycles"
+        row.operator("scfpf.cycles_rig", text=text, icon="X" if is_on else "SHADING_RENDERED")
         if is_on:
             row.operator("scfpf.cycles_rig_update", text="", icon="FILE_REFRESH")
             layout.operator(
@@ -45,7 +60,8 @@ class _CyclesSection(_Subsection):
         column = layout.column(align=True)
         column.scale_y = 0.8
         column.active = False
-        for text in (*facts(rig.scfpf_rig), *DIFFERENCES) if is_on else DIFFERENCES:
+        lines = facts(price_of_rig(rig)) if is_on else expected(camera, context.scene)
+        for text in (*lines, *DIFFERENCES):
             column.label(text=text)
 
 

@@ -49,7 +49,7 @@ def view_camera(chosen, render):
     if camera != chosen and render.use_multiview and render.views_format == "MULTIVIEW":
         raise MultiViewError(
             f"The views have no cameras of their own while '{camera.name}' renders with Cycles: "
-            "switch Render with Cycles off"
+            "press Remove Cycles Setup"
         )
     return camera
 

@@ -42,7 +42,7 @@ STEPS = 64
 # Cells across and up a sheet: at least, and at most.
 FEWEST_CELLS, MOST_CELLS = 8, 256
 
-# Vertices of all sheets together, at most: some 500 MB in Blender and Cycles.
+# Vertices of all sheets together, at most: some 800 MB in Blender and Cycles.
 MOST_VERTICES = 1_500_000
 
 # Cells of a sheet that are looked at, across and up.
@@ -81,7 +81,12 @@ class ChordPlan:
     @property
     def cost(self) -> float:
         """Rendering time as a multiple of a plain camera's, in a simple scene: less in others."""
-        return 1.0 + COST_RIG + COST_CHORD * self.count
+        return rendering_cost(self.count)
+
+
+def rendering_cost(chords: int) -> float:
+    """Rendering time as a multiple of a plain camera's, in a simple scene: less in others."""
+    return 1.0 + COST_RIG + COST_CHORD * chords
 
 
 class PlanError(ValueError):

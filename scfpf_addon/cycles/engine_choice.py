@@ -40,5 +40,5 @@ def f12_warning(scene) -> str:
         return ALIKE if scene.render.use_multiview and _is_rigged(scene) else ""
     return (
         f"{engine_name(scene)} ignores the volume of '{camera.name}': choose SCFPF as render engine, "
-        "or press Render with Cycles in the camera's panel"
+        "or press Set Up Cycles in the camera's panel"
     )

@@ -12,23 +12,20 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..bridge import versions
-from ..bridge.read_projection import ProjectionError, read_projection
-from ..bridge.render_job import RenderError, picture_aspect, picture_size
-from ..bridge.rig_mark import has_other_animation
+from ..bridge.read_projection import ProjectionError
+from ..bridge.render_job import RenderError, picture_size
 from ..bridge.slot_animation import curve_collections
-from ..bridge.volume_object import sync_volume_object
 from ..projection.volume import Projection
-from ..scanline.picture_table import picture_signature
-from ..scanline.table_object import grid_cells, is_made
-from . import disturbed_materials, hidden_surfaces, passes, portal_nodes
-from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error, plan_chords
+from ..scanline.table_object import is_made
+from . import asked_prices, disturbed_materials, hidden_surfaces, passes, portal_nodes
+from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
 from .engine_choice import ALIKE
+from .planning import chords_of, look, planned
 from .rig_data import (
     CYCLES,
     NO_CYCLES,
     RigError,
     adopt,
-    check,
     check_surfaces,
     has_cycles,
     has_old_nodes,
@@ -47,10 +44,6 @@ from .rig_data import (
 from .sheets import crosses_itself, has_no_area, picture_places
 from .smoke import smoke_around
 
-# Frames of an animated volume that its chords are planned for.
-FRAMES = 9
-# Places across and up the picture at which a change of the volume is noticed.
-NOTICED = 7
 # Places at which a volume is looked at for crossing itself.
 CROSSING = 9
 # The rig of a volume that stands still is made smaller again when this share of its chords is enough.
@@ -65,16 +58,14 @@ STALE = "The animated volume has changed: press Update Chords"
 _seen: dict[int, tuple] = {}
 
 
-def switch_on(context, camera):
+def switch_on(context, camera, plan: tuple[ChordPlan, bool] | None = None):
     """Make the rig of a camera in the context's scene; returns its collection.
 
-    A rig that the scene has of another camera goes. Raises RigError, or what the projection's reader raises;
-    nothing is left behind then.
+    A rig that the scene has of another camera goes. plan: of ``Planning``, made here if not given.
+    Raises RigError, or what the projection's reader raises; nothing is left behind then.
     """
     scene = context.scene
-    check(scene, camera)
-    sync_volume_object(camera)
-    chords, animated = _plan(context, camera)
+    chords, animated = planned(context, camera) if plan is None else plan
     present = rig_of(scene)
     if present is not None:
         switch_off(present)
@@ -86,9 +77,9 @@ def switch_on(context, camera):
     return rig
 
 
-def update(context, rig) -> None:
-    """Plan the chords of a rig anew, for all frames. Raises as switch_on does; the rig stays then."""
-    chords, animated = _plan(context, rig.scfpf_rig.camera)
+def update(context, rig, plan: tuple[ChordPlan, bool] | None = None) -> None:
+    """Plan a rig anew, for all frames. Takes and raises as switch_on; the rig stays then."""
+    chords, animated = planned(context, rig.scfpf_rig.camera) if plan is None else plan
     update_nodes(rig)
     renew_materials(rig)
     rig.scfpf_rig.animated = animated
@@ -137,59 +128,6 @@ def _look_through(scene, camera, on: bool) -> None:
                 space.camera = camera
             elif not on and space.use_local_camera and space.camera == camera:
                 space.use_local_camera = False
-
-
-def _plan(context, camera) -> tuple[ChordPlan, bool]:
-    """The chords for all frames that are looked at, and whether the volume is animated."""
-    scene = context.scene
-    check_surfaces(camera)
-    try:
-        size, aspect = picture_size(scene), picture_aspect(scene)
-        present = read_projection(camera, context.evaluated_depsgraph_get(), aspect)
-        projections = [present]
-        if _may_move(camera):
-            projections += _other_frames(context, camera, aspect)
-        chords = plan_chords(projections, size, camera.scfpf.pixel_error, _lines(camera))
-    except PlanError as error:
-        raise RigError(str(error)) from error
-    return chords, len(projections) > 1
-
-
-def _lines(camera) -> tuple[int, int]:
-    return grid_cells([slot.object for slot in camera.scfpf.surfaces])
-
-
-def _may_move(camera) -> bool:
-    """Whether anything of the volume may be animated."""
-    pending = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
-    seen = set()
-    while pending:
-        obj = pending.pop()
-        if obj in seen:
-            continue
-        seen.add(obj)
-        keys = getattr(obj.data, "shape_keys", None)
-        if any(owner is not None and has_other_animation(owner) for owner in (obj, obj.data, keys)):
-            return True
-        if len(obj.constraints) or any(m.type != "NODES" for m in obj.modifiers):
-            return True
-        if obj.parent is not None:
-            pending.append(obj.parent)
-    return False
-
-
-def _other_frames(context, camera, aspect: float) -> list[Projection]:
-    """The projections at frames all over the scene's range, as far as they can be read."""
-    scene = context.scene
-    frame, subframe = scene.frame_current, scene.frame_subframe
-    projections = []
-    try:
-        for number in np.unique(np.linspace(scene.frame_start, scene.frame_end, FRAMES).round().astype(int)):
-            scene.frame_set(int(number))
-            projections.append(read_projection(camera, context.evaluated_depsgraph_get(), aspect))
-    finally:
-        scene.frame_set(frame, subframe=subframe)
-    return projections
 
 
 def cautions(scene, view_layer, rig) -> list[str]:
@@ -281,7 +219,7 @@ def _follow(rig, depsgraph) -> None:
         require_cycles(settings.scene)
         if not is_made(settings.table):  # after a step of undo
             update_nodes(rig)
-        projection, now = _look(rig, depsgraph)
+        projection, now = look(settings.camera, settings.scene, depsgraph)
         if seen == now and not settings.problem:
             return
         structure_changed = (seen is not None and seen[0] != now[0]) or has_old_nodes(rig)
@@ -300,7 +238,7 @@ def _follow(rig, depsgraph) -> None:
 def _settle(rig, projection: Projection, structure_changed: bool) -> str:
     """Make the chords of a rig enough for a volume, and not far too many; returns what cannot be done."""
     settings = rig.scfpf_rig
-    chords = plan_of(rig, projection)
+    chords = chords_of(settings.camera, settings.scene, [projection])
     _note_crossing(rig, projection, chords)
     breaks, shifts = present_chords(rig)
     size = picture_size(settings.scene)
@@ -315,36 +253,12 @@ def _settle(rig, projection: Projection, structure_changed: bool) -> str:
     return ""
 
 
-def _look(rig, depsgraph) -> tuple[Projection, tuple]:
-    """The projection as it is, and what tells it from another: what nodes do not follow, and the rest."""
-    settings = rig.scfpf_rig
-    camera, own = settings.camera, settings.camera.scfpf
-    check_surfaces(camera)
-    projection = read_projection(camera, depsgraph, picture_aspect(settings.scene))
-    surfaces = tuple(
-        (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
-    )
-    picture = picture_signature(camera, settings.scene)
-    focus = camera.data.dof.focus_object
-    structure = (surfaces, own.basis, own.reparameterisation, picture, focus and focus.session_uid)
-    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
-    points = projection.projectors(x, y).points.astype(np.float32).tobytes()
-    return projection, (structure, points, picture_size(settings.scene), own.pixel_error)
-
-
 def _note(rig, depsgraph, chords: ChordPlan) -> None:
-    projection, now = _look(rig, depsgraph)
+    projection, now = look(rig.scfpf_rig.camera, rig.scfpf_rig.scene, depsgraph)
     _seen[rig.session_uid] = now
     _note_crossing(rig, projection, chords)
     _note_smoke(rig, depsgraph, projection)
     _note_materials(rig)
-
-
-def plan_of(rig, projection: Projection) -> ChordPlan:
-    """A plan for a projection as a rig's settings ask for it."""
-    camera = rig.scfpf_rig.camera
-    size = picture_size(rig.scfpf_rig.scene)
-    return plan_chords([projection], size, camera.scfpf.pixel_error, _lines(camera))
 
 
 def _note_smoke(rig, depsgraph, projection: Projection) -> None:
@@ -384,6 +298,7 @@ def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
 
 @persistent
 def _scene_updated(scene, depsgraph) -> None:
+    asked_prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         tend(scene, depsgraph)
         versions.settle_view_layers()
@@ -391,6 +306,7 @@ def _scene_updated(scene, depsgraph) -> None:
 
 @persistent
 def _frame_changed(scene, depsgraph) -> None:
+    asked_prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         tend(scene, depsgraph, may_remove=False)
         versions.settle_view_layers()
@@ -406,12 +322,14 @@ def _history_changes(*_) -> None:
 def _history_changed(*_) -> None:
     _seen.clear()
     hidden_surfaces.forget()
+    asked_prices.changed()
 
 
 @persistent
 def _file_loaded(*_) -> None:
     _seen.clear()
     hidden_surfaces.forget()
+    asked_prices.forget()
 
 
 @persistent
@@ -441,5 +359,6 @@ def register():
 
 
 def unregister():
+    asked_prices.unregister()
     for name, function in HANDLERS.items():
         getattr(bpy.app.handlers, name).remove(function)

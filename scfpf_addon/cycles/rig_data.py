@@ -20,7 +20,7 @@ from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
 from ..scanline.field_nodes import BUILD, BUILD_KEY
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
-from ..scanline.table_object import follow_property, table_object
+from ..scanline.table_object import follow_property, table_group_of, table_object
 from ..scanline.table_object import let_go as let_table_go
 from . import lens_nodes, pass_nodes, passes, portal_nodes
 from .chord_plan import ChordPlan
@@ -112,6 +112,20 @@ def check_surfaces(camera) -> None:
             f"'{camera.name}' has {count or 'no'} control surface{'s' * (count != 1)}: a volume needs at "
             f"least two and may have {MAXIMUM_SURFACES}; add one in the camera's properties or load a preset"
         )
+
+
+def build_groups(camera) -> list[str]:
+    """Build the node groups of a camera's rig, which takes long; returns the names of those that are new."""
+    before = {group.name for group in bpy.data.node_groups}
+    table_group_of(camera)
+    portal_nodes.portal_group()
+    return [group.name for group in bpy.data.node_groups if group.name not in before]
+
+
+def remove_groups(names: list[str]) -> None:
+    """Remove those of ``build_groups`` that nothing uses."""
+    groups = (bpy.data.node_groups.get(name) for name in names)
+    remove_unused_groups([group for group in groups if group is not None])
 
 
 def make_rig(scene, camera, chords: ChordPlan):

@@ -103,6 +103,12 @@ def portals(
     )
 
 
+def vertex_count(count: int, cells: tuple[int, int], polar: bool) -> int:
+    """The number of vertices that ``portals`` makes for a number of chords."""
+    padding = 1 if polar else 3
+    return (count + 1) * (cells[0] + padding) * (cells[1] + padding) + SURROUND_CORNERS
+
+
 def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[Array, Array, IndexArray]:
     """x and y of a sheet's vertices, row by row, and its triangles."""
     lines = [np.arange(count + 1) / count for count in cells]

@@ -41,8 +41,7 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
         camera[key] = table
     settings = camera.scfpf
     surfaces = [slot.object for slot in settings.surfaces]
-    weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
-    group = table_group(settings.basis, len(surfaces), weights)
+    group = table_group_of(camera)
     modifier = table.modifiers.get(MODIFIER) or table.modifiers.new(MODIFIER, "NODES")
     modifier.show_viewport = modifier.show_render = True
     if modifier.node_group != group:
@@ -75,6 +74,13 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
     modifier.node_group = group
     table.update_tag()
     return table
+
+
+def table_group_of(camera):
+    """The node group that computes a camera's table, built if need be."""
+    settings = camera.scfpf
+    weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
+    return table_group(settings.basis, len(settings.surfaces), weights)
 
 
 def let_go(table) -> None:

@@ -145,7 +145,7 @@ def test_undo_and_redo(camera, rig_of):
     bpy.ops.ed.undo_push(message="Before")
     before = everything()
     bpy.ops.scfpf.cycles_rig()
-    bpy.ops.ed.undo_push(message="Render with Cycles")
+    bpy.ops.ed.undo_push(message="Set Up Cycles")
     bpy.ops.ed.undo()
     assert rig_of() is None and everything() == before
     assert bpy.context.scene.camera == bpy.data.objects["Camera"]
@@ -315,6 +315,33 @@ def test_without_enough_surfaces_it_says_so(camera):
     with pytest.raises(RuntimeError, match="needs at least two"):
         switch(camera)
     assert everything() == before and bpy.context.scene.camera == camera
+
+
+@pytest.mark.parametrize("steps", [1, 4, 10])
+def test_planning_that_is_given_up_leaves_nothing(addon, camera, steps):
+    """While frames are read, and when the node groups are built; a camera that goes meanwhile is named."""
+    planning = addon("scfpf_addon.cycles.planning")
+    scene = bpy.context.scene
+    camera.scfpf.surfaces[1].object.keyframe_insert("location", frame=1)
+    # Not the groups that other tests have left.
+    bpy.data.batch_remove([group for group in bpy.data.node_groups if group.name.startswith("SCFPF Portals")])
+    scene.frame_set(3, subframe=0.25)
+    bpy.context.view_layer.update()
+    before, frames, told = everything(), set(), []
+    plan = planning.Planning(bpy.context, camera)
+    for number in range(steps):
+        told.append((plan.progress, plan.text))
+        assert plan.step(bpy.context) == (number < 9)
+        frames.add(scene.frame_current)
+    assert told == sorted(told, key=lambda each: each[0]) and told[0] == (0.0, "frame 1 of 9")
+    assert len(frames) > 1 or steps == 1
+    plan.give_up()
+    assert everything() == before
+    assert (scene.frame_current, scene.frame_subframe) == (3, 0.25)
+    plan = planning.Planning(bpy.context, camera)
+    bpy.data.objects.remove(camera)
+    with pytest.raises(ValueError, match="was deleted meanwhile"):
+        plan.step(bpy.context)
 
 
 def test_film_and_border(camera, tmp_path):

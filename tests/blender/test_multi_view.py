@@ -224,5 +224,5 @@ def test_rig_and_views_with_cameras_of_their_own_are_refused(stereo_scene):
     make_flexible(scene)
     assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
     scene.render.engine, scene.render.views_format = "SCFPF", "MULTIVIEW"
-    with pytest.raises(RuntimeError, match="switch Render with Cycles off"):
+    with pytest.raises(RuntimeError, match="press Remove Cycles Setup"):
         bpy.ops.render.render()

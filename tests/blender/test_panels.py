@@ -348,13 +348,26 @@ def test_shared_surfaces_are_said_and_a_button_parts_them(camera):
     assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))
 
 
-def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(camera):
+def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(addon, camera):
     section = bpy.types.SCFPF_PT_view_cycles
-    assert "chord" not in texts(drawn(section)) and "t and depth instead" in texts(drawn(section))
+    told = texts(drawn(section))
+    assert "chord" not in told and "t and depth instead" in told
     bpy.ops.scfpf.preset_apply(preset="nonlinear_twist")
+    bpy.context.view_layer.update()
+    prices, depsgraph = addon("scfpf_addon.cycles.asked_prices"), bpy.context.evaluated_depsgraph_get()
+    assert prices.price(camera, bpy.context.scene) is None, "drawing a panel works nothing out"
+    known = prices.work_out(camera, bpy.context.scene, depsgraph)
+    before = [entry[1] for entry in drawn(section) if entry[0] == "label"]
+    assert any("vertices, about" in line for line in before)
     bpy.ops.scfpf.cycles_rig()
     told = texts(drawn(section))
     assert " chords, off by 0.0" in told and "× an ordinary camera" in told
+    # The price that is shown before is that of the rig.
+    rig = addon("scfpf_addon.cycles.rig_data").rig_of(bpy.context.scene)
+    there = addon("scfpf_addon.cycles.planning").price_of_rig(rig)
+    assert known == there._replace(error=known.error)
+    assert there.error == pytest.approx(known.error, rel=1e-6)
+    assert not [line for line in before if line not in told]
     assert ("operator", "render.render") in drawn(section)
     assert ("operator", "scfpf.cycles_passes") in drawn(section)
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.cycles.chord_plan import FEWEST_CELLS, ROUND_CELLS, PlanError, chord_error, plan_chords
-from scfpf_addon.cycles.sheets import crosses_itself, has_no_area, portals
+from scfpf_addon.cycles.sheets import crosses_itself, has_no_area, portals, vertex_count
 from scfpf_addon.projection.inverse import invert
 from scfpf_addon.projection.preset import read_preset
 from scfpf_addon.projection.reparameterisation import Polar
@@ -98,6 +98,7 @@ def test_sheets_cover_the_picture_once(polar):
     breaks = np.linspace(0, 1, 4)
     cells = (ROUND_CELLS, ROUND_CELLS)
     arrays = portals(breaks, np.zeros(4), cells, SIZE, polar)
+    assert arrays.places.shape[1] == vertex_count(3, cells, polar)
     triangles = arrays.triangles[~arrays.surround]
     number = arrays.places[2][triangles]
     assert (number == number[:, :1]).all()

@@ -2,6 +2,7 @@
 """The Cycles rig in a window: the button, F12, a farm without the add-on; nothing seen of it nor left."""
 
 import subprocess
+import sys
 import time
 
 import bpy
@@ -10,6 +11,8 @@ from driver import DRAW, PATIENCE, build_scene, differing
 
 # Pixels that may differ where nothing has changed: a cursor, a flicker of text.
 HARDLY = 100
+# Rows at the bottom of a viewport where the panel of the last operator comes and goes.
+HUD = 60
 KINDS = ("objects", "meshes", "cameras", "materials", "collections", "node_groups", "actions", "scenes")
 FRAMES = (1, 10)
 
@@ -60,12 +63,47 @@ def rendered(path):
 def steady(driver):
     """Generator: wait until the viewport has come to rest; its pixels."""
     end = time.monotonic() + PATIENCE
-    pixels = driver.region_pixels()
+    pixels = driver.region_pixels()[HUD:]
     while True:
         yield DRAW
-        before, pixels = pixels, driver.region_pixels()
+        before, pixels = pixels, driver.region_pixels()[HUD:]
         if differing(before, pixels) == 0 or time.monotonic() > end:
             return pixels
+
+
+def rig_of(scene):
+    """The collection of a scene's rig, or None."""
+    found = (c for c in bpy.data.collections if c.scfpf_rig.is_rig and c.scfpf_rig.scene == scene)
+    return next(found, None)
+
+
+def price_module():
+    """The module that knows the price."""
+    return next(m for name, m in sys.modules.items() if name.endswith(".cycles.asked_prices"))
+
+
+def price(driver):
+    """The price in the panel before the rig is made, progress while it is, and Esc."""
+    scene = prepare(driver)
+    camera, frame = scene.camera, scene.frame_current
+    before = counts()
+    # The first look asks for the price, which panels that stay open are drawn anew for.
+    for _ in range(2):
+        with driver.override():
+            bpy.ops.wm.call_panel(name="SCFPF_PT_view_cycles")
+        yield 2 * DRAW
+        driver.shot("price")
+        driver.key("ESC")
+        yield DRAW
+    answers = price_module().price(camera, scene)
+    assert answers.chords > 1 and answers.portals == answers.chords + 1, answers
+    with driver.override():
+        assert bpy.ops.scfpf.cycles_rig("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    driver.key("ESC")
+    yield DRAW
+    driver.shot("canceled")
+    assert rig_of(scene) is None and scene.camera == camera and scene.frame_current == frame
+    assert counts() == before, (before, counts())
 
 
 def rig(driver):
@@ -76,7 +114,11 @@ def rig(driver):
     yield DRAW
     before, looked = counts(), (yield from steady(driver))
     with driver.override():
-        assert bpy.ops.scfpf.cycles_rig("INVOKE_DEFAULT") == {"FINISHED"}
+        assert bpy.ops.scfpf.cycles_rig("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    end = time.monotonic() + PATIENCE
+    while rig_of(scene) is None:
+        assert time.monotonic() < end, "the rig is not made"
+        yield 0.1
     yield DRAW
     assert scene.camera != camera and scene.render.engine == "CYCLES"
     changed = differing(looked, (yield from steady(driver)))
@@ -117,4 +159,4 @@ def farm_render(blend):
     return subprocess.Popen(command)
 
 
-SCENARIOS = (rig,)
+SCENARIOS = (price, rig)
