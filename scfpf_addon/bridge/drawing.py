@@ -187,7 +187,9 @@ def wired_surfaces(camera) -> tuple[int, ...]:
         number
         for number, slot in enumerate(settings.surfaces)
         if slot.object is not None
-        and (slot.object.select_get() or (slot.object.display_type == "WIRE" and slot.object.visible_get()))
+        and (slot.object.select_get() or slot.object.display_type == "WIRE")
+        and slot.object.display_type != "BOUNDS"
+        and slot.object.visible_get()
     )
 
 

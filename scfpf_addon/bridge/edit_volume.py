@@ -3,12 +3,15 @@
 
 The mode is ``Object.scfpf.edit_volume``; what it does is in the surfaces' own switches, so that undo,
 files and Blender's selection need nothing of ours. Out of the mode a surface that Blender draws as a wire is
-drawn as its box: the many black edges would run through our lines.
+drawn as its box: the many black edges would run through our lines. A dense mesh stays one in the mode.
 """
 
 from __future__ import annotations
 
 import bpy
+
+# Meshes of more faces stay boxes in the mode too: in a whole view, lines are a dozen pixels apart then.
+MOST_WIRED = 1024
 
 
 class EditVolumeError(ValueError):
@@ -64,9 +67,15 @@ def _set(surface, hide_select: bool, in_front: bool) -> None:
     if surface.show_in_front != in_front:
         surface.show_in_front = in_front
     # A mesh of the artist's own that is drawn otherwise stays so.
-    before, after = ("WIRE", "BOUNDS") if hide_select else ("BOUNDS", "WIRE")
+    as_box = hide_select or (in_front and _is_dense(surface))
+    before, after = ("WIRE", "BOUNDS") if as_box else ("BOUNDS", "WIRE")
     if surface.display_type == before:
         surface.display_type = after
+
+
+def _is_dense(surface) -> bool:
+    """Whether a surface's wires would cover it all with black."""
+    return surface.type == "MESH" and len(surface.data.polygons) > MOST_WIRED
 
 
 def _surfaces(camera) -> list:

@@ -40,7 +40,7 @@ def test_new_surfaces_obey_the_mode_and_a_removed_one_is_an_ordinary_object_agai
     assert camera.scfpf.edit_volume and all(map(is_free, surfaces(camera)))
     bpy.ops.scfpf.surface_add(kind="GRID")
     bpy.ops.scfpf.surface_duplicate()
-    bpy.ops.scfpf.surface_insert()
+    bpy.ops.scfpf.surface_insert(resolution=16)
     assert all(map(is_free, surfaces(camera)))
     bpy.ops.scfpf.preset_apply(preset="angular_fisheye")
     assert all(map(is_free, surfaces(camera)))
@@ -216,3 +216,19 @@ def test_surfaces_of_a_deleted_camera_stay_free_when_later_steps_are_undone():
     bpy.ops.ed.redo()
     bpy.context.view_layer.update()
     assert not any(bpy.data.objects[name].hide_select for name in names)
+
+
+def test_a_dense_mesh_stays_a_box_which_can_be_clicked():
+    """Its wires would be a black sheet before the scene; an ordinary object again, it is a wire as ever."""
+    camera = add_camera()
+    camera.scfpf.active_surface = 1
+    assert bpy.ops.scfpf.surface_to_grid(columns=64, rows=64) == {"FINISHED"}
+    coarse, dense = surfaces(camera)
+    bpy.ops.scfpf.edit_volume()
+    assert is_free(coarse) and not dense.hide_select and dense.show_in_front
+    assert dense.display_type == "BOUNDS"
+    bpy.ops.scfpf.edit_volume()
+    assert is_away(coarse) and is_away(dense)
+    dense.parent = None
+    assert bpy.ops.scfpf.surface_remove() == {"FINISHED"}
+    assert dense.display_type == "WIRE" and not dense.hide_select
