@@ -21,14 +21,14 @@ class _Planned:
         """The camera to plan for, or None where nothing is to be planned."""
         raise NotImplementedError
 
-    def finish(self, context, plan):
+    def finish(self, context, camera, plan):
         """Do what the plan is for; plan: as Planning.plan returns it, None without a camera."""
         raise NotImplementedError
 
     def execute(self, context):
         try:
             camera = self.planned_camera(context)
-            return self.finish(context, None if camera is None else planned(context, camera))
+            return self.finish(context, camera, None if camera is None else planned(context, camera))
         except BAD_INPUT as error:
             return refused(self, error)
 
@@ -60,7 +60,9 @@ class _Planned:
                 self._show_progress(context)
                 return {"RUNNING_MODAL"}
             self._show_progress(context)
-            outcome = self.finish(context, self._planning.plan(context))
+            # The button's own camera, which a modal operator's context does not have any more.
+            camera = self._planning.camera(context)
+            outcome = self.finish(context, camera, self._planning.plan(context))
         except BAD_INPUT as error:
             self._planning.give_up()
             self._leave(context)
@@ -100,8 +102,7 @@ class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
         camera, rig = camera_of(context), rig_of(context.scene)
         return None if rig is not None and rig.scfpf_rig.camera == camera else camera
 
-    def finish(self, context, plan):
-        camera = camera_of(context)
+    def finish(self, context, camera, plan):
         if plan is None:
             rigs.switch_off(rig_of(context.scene))
             return {"FINISHED"}
@@ -129,7 +130,7 @@ class SCFPF_OT_cycles_rig_update(_Planned, bpy.types.Operator):
     def planned_camera(self, context):
         return rig_of(context.scene).scfpf_rig.camera
 
-    def finish(self, context, plan):
+    def finish(self, context, _camera, plan):
         rigs.update(context, rig_of(context.scene), plan)
         return {"FINISHED"}
 

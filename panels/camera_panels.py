@@ -16,6 +16,7 @@ from ..scfpf_addon.bridge.surface_scale import is_scaled, whole_scale, world_siz
 from ..scfpf_addon.bridge.volume_upkeep import sharers
 from ..scfpf_addon.casting.scene import caster_fault
 from ..scfpf_addon.cycles.engine_choice import engine_name, ignored_camera
+from ..scfpf_addon.cycles.rig_data import rig_of
 from ..scfpf_addon.projection.editing import EditingError
 from .blend import draw_blend
 from .mapping_stack import draw_stack
@@ -57,19 +58,21 @@ def draw_render(layout, context, camera) -> None:
     for problem in problems(context.scene, camera):
         layout.label(text=problem, icon="ERROR")
     if ignored_camera(context.scene) == camera:
-        draw_ignored(layout, context.scene)
+        draw_ignored(layout, context.scene, camera)
     if context.scene.render.use_multiview:
         layout.label(text="One view: F12 renders all", icon="INFO")
     draw_caster_fault(layout)
     draw_parts(layout, camera.scfpf.report)
 
 
-def draw_ignored(layout, scene) -> None:
-    """A line and two buttons while F12 ignores the flexible camera."""
+def draw_ignored(layout, scene, camera) -> None:
+    """A line and buttons while F12 ignores the flexible camera: for a rig only where there is none."""
     column = layout.column(align=True)
     column.label(text=f"F12 ({engine_name(scene)}) ignores the volume", icon="ERROR")
     column.operator("scfpf.engine_use", icon="RENDER_STILL")
-    column.operator("scfpf.cycles_rig", icon="SHADING_RENDERED")
+    rig = rig_of(scene)
+    if rig is None or rig.scfpf_rig.camera != camera:
+        column.operator("scfpf.cycles_rig", icon="SHADING_RENDERED")
 
 
 def draw_parts(layout, text: str) -> None:

@@ -331,7 +331,7 @@ def draw_engine(self, context):
         column = self.layout.column()
         # The button of the Cycles rig is for this camera, whichever object is active.
         column.context_pointer_set("object", camera)
-        draw_ignored(column, context.scene)
+        draw_ignored(column, context.scene, camera)
 
 
 def register():

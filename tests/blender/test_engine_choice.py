@@ -55,6 +55,8 @@ def test_ordinary_cameras_and_rigs_are_not_warned_of(scene, text):
     assert not text(scene)
     scene.render.engine = "BLENDER_WORKBENCH"
     assert text(scene)
+    # The button would remove the rig.
+    assert ("operator", "scfpf.cycles_rig") not in drawn(bpy.types.SCFPF_PT_view)
     scene.render.engine = "CYCLES"
     assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
     assert text(scene)
