@@ -5,10 +5,18 @@ Imports stand inside the functions: pytest imports this file from the checkout's
 """
 
 
+def _types():
+    from .scfpf_addon import bridge, cycles, scanline
+
+    return (*bridge.TYPES, *scanline.TYPES, *cycles.types())
+
+
 def register():
     from . import operators, panels
     from .scfpf_addon import bridge, cycles, scanline
+    from .scfpf_addon.bridge import switching
 
+    switching.register_types(_types())
     bridge.register()
     scanline.register()
     cycles.register()
@@ -19,9 +27,11 @@ def register():
 def unregister():
     from . import operators, panels
     from .scfpf_addon import bridge, cycles, scanline
+    from .scfpf_addon.bridge import switching
 
     panels.unregister()
     operators.unregister()
     cycles.unregister()
     scanline.unregister()
     bridge.unregister()
+    switching.unregister_types(_types())

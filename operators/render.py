@@ -19,6 +19,9 @@ TICK = 0.2
 # Seconds between two looks at the picture in the making: handing one of 4K to Blender takes a tenth.
 PICTURE_TICK = 0.5
 
+# The running operator: Blender drops it without a call when the extension is disabled.
+_running: list = []
+
 
 def redraw_interface(window_manager) -> None:
     """Draw the panels again, not the views beside them."""
@@ -70,6 +73,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         window_manager = context.window_manager
         self._timer = window_manager.event_timer_add(TICK, window=context.window)
         window_manager.modal_handler_add(self)
+        _running.append(self)
         self._show_progress(context)
         return {"RUNNING_MODAL"}
 
@@ -96,7 +100,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         return outcome
 
     def cancel(self, context):
-        """Blender ends the operator: its window closes, another file is opened, or Blender quits."""
+        """Its window closes, another file is opened, Blender quits or the extension is disabled."""
         render_job.stop()
         self._leave(context)
         if self._is_picture_shown:
@@ -197,6 +201,7 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def _leave(self, context):
         """Take back what invoke put up."""
+        _running.clear()
         context.window_manager.event_timer_remove(self._timer)
         for name in self._workspaces:
             workspace = bpy.data.workspaces.get(name)
@@ -300,6 +305,8 @@ def register():
 
 def unregister():
     bpy.app.handlers.load_post.remove(_file_loaded)
+    for operator in list(_running):
+        operator.cancel(bpy.context)
     # Before the classes go: their thread may still be at work.
     render_job.forget()
     _unregister_classes()

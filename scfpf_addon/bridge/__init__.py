@@ -20,21 +20,16 @@ from . import (
     volume_upkeep,
 )
 
-# Registered in this order, unregistered in the reverse.
+# What files and Blender's render job need: see ``switching``.
+TYPES = (blend_properties, mapping_properties, properties, sampling, drawn, render_passes, render_engine)
+# Registered in this order after the types, unregistered in the reverse before them.
 MODULES = (
-    blend_properties,
-    mapping_properties,
-    properties,
-    sampling,
-    drawn,
     sound_properties,  # before all that looks at a file that was loaded
     read_mappings,
     volume_upkeep,
     drawing,
     image_marks,
     result_undo,
-    render_passes,
-    render_engine,
     command_line,
 )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import threading
 import time
 import traceback
 
@@ -31,6 +32,10 @@ from .render_viewport import ViewportRender, stop_all
 ENGINE = "SCFPF"
 # Seconds from the beginning of a job in a window until a failure is sure to end it.
 SETTLE_SECONDS = 0.5
+GIVEN_UP = "SCFPF was disabled during the render: enable it and render again"
+
+# Set while the add-on is disabled and a job of this engine ends.
+_given_up = threading.Event()
 
 
 class SCFPF_RenderEngine(bpy.types.RenderEngine):
@@ -69,6 +74,8 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
                     self.active_view_set(delivery.view)
                     # Held by no name here: what the volume cannot meet is freed once the rest is built.
                     self._make(self._read(depsgraph, delivery, said), delivery)
+            if _given_up.is_set():
+                self._fail(GIVEN_UP)
         except RENDER_ERRORS as error:
             self._fail(reason(error))
         except Exception as error:  # What leaves here Blender prints and takes for success.
@@ -109,18 +116,18 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             border=render_border(self.render, *size),
             passes=delivery.sources,
             may_be_empty=True,
-            stopped=self.test_break,
+            stopped=lambda: _is_over(self),
             eye=eye,
         )
         # Of a scene that was read in part they would be wrong.
-        for warning in () if self.test_break() else inputs.scene.warnings:
+        for warning in () if _is_over(self) else inputs.scene.warnings:
             if warning not in said:
                 self.report({"WARNING"}, warning)
         said.update(inputs.scene.warnings)
-        return with_motion(depsgraph, camera, inputs, self.frame_set, self.test_break, eye)
+        return with_motion(depsgraph, camera, inputs, self.frame_set, lambda: _is_over(self), eye)
 
     def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:
-        if self.test_break():
+        if _is_over(self):
             return
         delivery.begin(inputs)
         self.update_stats("", BUILDING)
@@ -131,7 +138,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         self.kept_scenes = {**kept, delivery.layer: built.kept} if keep else {}
         inputs, cast_scene = built.inputs, built.cast_scene
         if not bpy.app.background:
-            coarse = coarse_picture(inputs, cast_scene, self.test_break)
+            coarse = coarse_picture(inputs, cast_scene, lambda: _is_over(self))
             if coarse is not None:
                 delivery.show(coarse)
         frame = render_frame(
@@ -140,7 +147,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             inputs.settings,
             cast_scene,
             progress=delivery.progress,
-            cancelled=self.test_break,
+            cancelled=lambda: _is_over(self),
             on_tile=delivery.add,
             moments=inputs.moments,
             keep=False,
@@ -175,6 +182,21 @@ def render_border(render, width: int, height: int) -> Border | None:
         for axis in ("x", "y")
     )
     return Border(left, bottom, right, top)
+
+
+def give_up() -> None:
+    """Have the job that renders with this engine end; it reports an error, so that no file is written."""
+    _given_up.set()
+
+
+def go_on() -> None:
+    """Let renders go on after ``give_up``."""
+    _given_up.clear()
+
+
+def _is_over(engine) -> bool:
+    """Whether a render is to end before its time."""
+    return _given_up.is_set() or engine.test_break()
 
 
 def _leave():

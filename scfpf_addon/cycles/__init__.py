@@ -5,15 +5,20 @@ Imports stand inside the functions: what is pure in here is used, and tested, wi
 """
 
 
-def register():
-    from . import rig, rig_properties
+def types():
+    """What files and Blender's render job need: see ``bridge.switching``."""
+    from . import rig_properties
 
-    for module in (rig_properties, rig):
-        module.register()
+    return (rig_properties,)
+
+
+def register():
+    from . import rig
+
+    rig.register()
 
 
 def unregister():
-    from . import rig, rig_properties
+    from . import rig
 
-    for module in (rig, rig_properties):
-        module.unregister()
+    rig.unregister()

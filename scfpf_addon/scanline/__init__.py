@@ -3,15 +3,13 @@
 
 from . import preview, preview_properties
 
-# Registered in this order, unregistered in the reverse.
-MODULES = (preview_properties, preview)
+# What files and Blender's render job need: see ``bridge.switching``.
+TYPES = (preview_properties,)
 
 
 def register():
-    for module in MODULES:
-        module.register()
+    preview.register()
 
 
 def unregister():
-    for module in reversed(MODULES):
-        module.unregister()
+    preview.unregister()
