@@ -56,17 +56,17 @@ def switch_on(context, camera):
     """
     scene, view_layer = context.scene, context.view_layer
     source = make_preview(scene, view_layer, camera)
-    view_layer.update()
-    _follow_members(source, view_layer, view_layer.depsgraph)
-    _seen_cameras[source.session_uid] = _camera_signature(camera, source.scfpf_preview.scene)
-    _known.add(source.session_uid)
-    if context.window is not None and not bpy.app.background:
-        try:
+    try:
+        view_layer.update()
+        _follow_members(source, view_layer, view_layer.depsgraph)
+        _seen_cameras[source.session_uid] = _camera_signature(camera, source.scfpf_preview.scene)
+        _known.add(source.session_uid)
+        if context.window is not None and not bpy.app.background:
             preview_viewports.hide_from_others(source)
             show(context, source)
-        except preview_viewports.ViewportError:
-            _remove(source)
-            raise
+    except Exception:
+        _remove(source)
+        raise
     return source
 
 

@@ -82,16 +82,20 @@ def open_viewport(context, source) -> None:
     """
     if bpy.app.background:
         raise ViewportError("Blender runs in the background: there is no window to show the preview in")
-    window, area = _roomiest(context, source.scfpf_preview.scene)
-    if area is None or area.width < 2 * NARROWEST * context.preferences.system.ui_scale:
-        window, area = _open_window(window, area)
-    else:
-        area = _split(window, area)
+    window, beside = _roomiest(context, source.scfpf_preview.scene)
+    area = None
     try:
+        if beside is not None and beside.width >= 2 * NARROWEST * context.preferences.system.ui_scale:
+            area = _split(window, beside)
+        if area is None:
+            window, area = _open_window(window, beside)
         show_preview(window, area, source)
-    except RuntimeError as error:
-        close_viewport(window, area)
-        raise ViewportError(f"No viewport can show the preview: {error}") from error
+    except Exception as error:  # Whatever it is, the artist's screen becomes as it was.
+        if area is not None:
+            close_viewport(window, area)
+        if isinstance(error, RuntimeError):
+            raise ViewportError(f"No viewport can show the preview: {error}") from error
+        raise
 
 
 def _roomiest(context, scene) -> tuple:
@@ -114,10 +118,11 @@ def _region(area):
 
 
 def _split(window, area):
+    """The right half of an area as one of its own; None if Blender does not split it."""
     before = {other.as_pointer() for other in window.screen.areas}
     with bpy.context.temp_override(window=window, area=area, region=_region(area)):
         bpy.ops.screen.area_split(direction="VERTICAL", factor=SPLIT_FACTOR)
-    return next(other for other in window.screen.areas if other.as_pointer() not in before)
+    return next((other for other in window.screen.areas if other.as_pointer() not in before), None)
 
 
 def _open_window(window, area) -> tuple:
@@ -156,8 +161,9 @@ def _set_look(space) -> None:
     space.show_gizmo = False
     bars = ("show_region_ui", "show_region_toolbar", "show_region_tool_header", "show_region_asset_shelf")
     for name in bars:
-        # Blender would animate the vanishing of what is hidden already, and might leave it open.
-        if getattr(space, name):
+        # Blender would animate the vanishing of what is hidden already, and might leave it open. What the
+        # mode does not have is read-only: the asset shelf, once Sculpt Mode was left.
+        if getattr(space, name) and not space.is_property_readonly(name):
             setattr(space, name, False)
     space.show_object_viewport_mesh = True
     space.use_render_border = False

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview beside the artist's work: other workspaces, edit and sculpt mode, heavy objects."""
 
+import sys
+
 import bpy
 import numpy as np
 from driver import DRAW, build_scene
@@ -99,6 +101,57 @@ def preview_in_other_modes(driver):
     assert not [obj.name for obj in bpy.data.objects if "Preview" in obj.name]
 
 
+def preview_after_every_mode(driver):
+    """It is switched on after each mode; where its viewport cannot be prepared none stays open."""
+    build_scene()
+    driver.add_camera()
+    bpy.ops.mesh.primitive_uv_sphere_add(location=(0, -3, 2))
+    ball = bpy.context.object
+    bpy.ops.object.grease_pencil_add(type="STROKE")
+    strokes = bpy.context.object
+    yield DRAW
+    meshes = ("SCULPT", "WEIGHT_PAINT", "TEXTURE_PAINT", "VERTEX_PAINT", "EDIT")
+    drawings = ("PAINT_GREASE_PENCIL", "SCULPT_GREASE_PENCIL", "WEIGHT_GREASE_PENCIL", "EDIT")
+    for obj, modes in ((ball, meshes), (strokes, drawings)):
+        for mode in modes:
+            bpy.context.view_layer.objects.active = obj
+            with driver.override():
+                bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode=mode)
+            yield SETTLE
+            with driver.override():
+                bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode="OBJECT")
+            toggle(driver)
+            yield from until_shown(driver, 1)
+            driver.shot(mode)
+            for group in bpy.data.node_groups:
+                group.use_fake_user = True  # they would be built anew, which takes seconds
+            toggle(driver)
+            yield from until_shown(driver, 0)
+    preview, viewport = (
+        next(module for name, module in sys.modules.items() if name.endswith(f"scanline.{wanted}"))
+        for wanted in ("preview", "preview_viewports")
+    )
+    kept, camera = viewport.show_alone, bpy.context.scene.camera
+    try:
+        for error in (AttributeError("read-only"), RuntimeError("refused")):
+
+            def fail(*_, error=error):
+                raise error
+
+            viewport.show_alone = fail
+            try:
+                with driver.override():
+                    preview.switch_on(bpy.context, camera)
+            except (AttributeError, viewport.ViewportError) as said:
+                assert str(error) in str(said)
+            else:
+                raise AssertionError("a viewport that cannot be prepared is not refused")
+            yield from until_shown(driver, 0)
+            assert not [obj.name for obj in bpy.data.objects if "Preview" in obj.name]
+    finally:
+        viewport.show_alone = kept
+
+
 def stroke(driver, area):
     """Generator: draw with the brush across the middle of a viewport, the button held for some events."""
     x, y = area.x + area.width // 2, area.y + area.height // 2
@@ -148,4 +201,4 @@ def preview_follows_sculpting(driver):
         bpy.ops.object.mode_set("EXEC_DEFAULT", True, mode="OBJECT")
 
 
-SCENARIOS = (preview_sleeps, preview_in_other_modes, preview_follows_sculpting)
+SCENARIOS = (preview_sleeps, preview_in_other_modes, preview_after_every_mode, preview_follows_sculpting)
