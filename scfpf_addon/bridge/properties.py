@@ -74,6 +74,10 @@ def _changed(owner, context):
     """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
 
 
+# Of properties that no panel shows.
+MARK = {"options": {"HIDDEN"}, "update": _changed, "override": OVERRIDABLE}
+
+
 def _volume_changed(owner, context):
     """The volume object follows an edit of a surface pointer."""
     flexible_camera.surfaces_edited(owner.id_data)
@@ -149,10 +153,17 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
     is_volume: BoolProperty(
         name="Volume Object",
         description="This object keeps the control surfaces of its parent camera evaluated",
-        default=False,
-        options={"HIDDEN"},
-        update=_changed,
-        override=OVERRIDABLE,
+        **MARK,
+    )
+    is_made: BoolProperty(
+        name="Made for a Camera",
+        description="This control surface was made for a flexible camera and is deleted with it",
+        **MARK,
+    )
+    hidden_in: StringProperty(
+        name="Hidden With Camera In",
+        description="The view layers, one a line, in which this control surface is hidden with its camera",
+        **MARK,
     )
 
 
@@ -174,9 +185,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=(0.0, 0.0),
         min=0.0,
         max=1000.0,
-        options={"HIDDEN"},
-        update=_changed,
-        override=OVERRIDABLE,
+        **MARK,
     )
     surfaces: CollectionProperty(
         name="Control Surfaces",

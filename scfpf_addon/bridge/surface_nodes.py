@@ -309,6 +309,7 @@ def new_surface(name: str, kind: str, parameters: dict | None = None, points=Non
         data = bpy.data.meshes.new(name)
     surface = bpy.data.objects.new(name, data)
     surface.scfpf_surface.kind = kind  # its update callback adds the node group
+    surface.scfpf_surface.is_made = True
     surface.display_type = "WIRE"
     surface.hide_render = True
     try:

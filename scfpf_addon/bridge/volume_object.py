@@ -120,10 +120,12 @@ def sync_volume_object(camera):
         volume.parent = camera
     _link_volume(volume, camera)
     surfaces = members(settings)
-    group = _volume_group(len(surfaces))
     modifier = _node_modifier(volume)
     if modifier is None:
         modifier = volume.modifiers.new("SCFPF Volume", "NODES")
+    # The present one, whatever the artist calls it.
+    present = modifier.node_group
+    group = present if _is_volume_group(present, len(surfaces)) else _volume_group(len(surfaces))
     # Hidden or disabled, it would evaluate nothing. Eye-hidden it still does.
     for owner, switch, value in (
         (volume, "hide_viewport", False),
@@ -145,6 +147,33 @@ def sync_volume_object(camera):
     modifier.node_group = group
     volume.update_tag()
     return volume
+
+
+def let_go(camera) -> int:
+    """Take from a camera and its volume object all pointers that handlers may have set.
+
+    Call it before a step of undo or redo; ``take_back`` and ``sync_volume_object`` set them again.
+    Returns the session id of the volume object, 0 if the camera has none or cannot be edited.
+    """
+    volume = camera.scfpf.volume_object
+    if volume is None or not (camera.is_editable and volume.is_editable):
+        return 0
+    modifier = _node_modifier(volume)
+    if modifier is not None:
+        volume.modifiers.remove(modifier)
+    if volume.parent == camera:
+        volume.parent = None
+    camera.scfpf.volume_object = None
+    return volume.session_uid
+
+
+def take_back(camera, volume) -> None:
+    """Give a camera the volume object that ``let_go`` has taken, unless undo has given it one."""
+    if camera.scfpf.volume_object is not None:
+        return
+    camera.scfpf.volume_object = volume
+    if volume.parent is None:
+        volume.parent = camera
 
 
 def _new_volume_object(camera):
@@ -217,6 +246,11 @@ def keeps_evaluated(camera, surface, depsgraph) -> bool:
     )
 
 
+def _is_volume_group(group, count: int) -> bool:
+    """Whether a node group, or None, can be that of a volume of ``count`` surfaces."""
+    return group is not None and group.bl_idname == "GeometryNodeTree" and len(_object_inputs(group)) == count
+
+
 def _volume_group(count: int):
     """The node group of a volume of ``count`` surfaces: Object Info of each, no geometry.
 
@@ -224,7 +258,7 @@ def _volume_group(count: int):
     """
     name = f"SCFPF Volume {count}"
     existing = bpy.data.node_groups.get((name, None))
-    if existing and existing.bl_idname == "GeometryNodeTree" and len(_object_inputs(existing)) == count:
+    if _is_volume_group(existing, count):
         return existing
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     tree.is_modifier = True

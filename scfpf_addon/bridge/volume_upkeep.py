@@ -19,7 +19,15 @@ from bpy.app.handlers import persistent
 from . import versions
 from .camera_index import CameraIndex
 from .edit_volume import release
-from .volume_object import delete_volume_object, members, sync_volume_object, volume_facts
+from .surface_following import FollowingSurfaces, hide_with_cameras, show_again
+from .volume_object import (
+    delete_volume_object,
+    let_go,
+    members,
+    sync_volume_object,
+    take_back,
+    volume_facts,
+)
 
 
 class _Upkeep:
@@ -30,6 +38,9 @@ class _Upkeep:
         self.file: tuple = ()
         self.facts: dict[int, tuple] | None = None
         self.listed: set[tuple[int, int]] = set()  # surfaces and their cameras, session ids
+        self.following = FollowingSurfaces()
+        self.mended: set[int] = set()  # cameras whose volume objects were changed since the last undo
+        self.released: dict[int, int] = {}  # their volume objects, while Blender undoes
 
 
 _upkeep = _Upkeep()
@@ -70,17 +81,22 @@ def _put_in_order(cameras, changed) -> None:
     for camera in changed:
         # Not those that were deleted and live on for a pointer.
         if camera.scfpf.enabled and camera.session_uid in shown:
+            before = volume_facts(camera)
             sync_volume_object(camera)
-    owned = {camera.scfpf.volume_object for camera in cameras}
+            if volume_facts(camera) != before:
+                _upkeep.mended.add(camera.session_uid)
+    linked = _session_ids(
+        c.objects for c in (*bpy.data.collections, *(s.collection for s in bpy.data.scenes))
+    )
+    there = [camera for camera in cameras if camera.session_uid in linked]
+    owned = {camera.scfpf.volume_object for camera in there}
     for obj in bpy.data.objects:
         # An override would come back with the library's next reload.
         is_left = obj.scfpf_surface.is_volume and obj not in owned
         if is_left and obj.is_editable and not obj.override_library:
             delete_volume_object(obj)
-    linked = _session_ids(
-        c.objects for c in (*bpy.data.collections, *(s.collection for s in bpy.data.scenes))
-    )
-    _free_surfaces([camera for camera in cameras if camera.session_uid in linked])
+    _upkeep.following.follow(there)
+    _free_surfaces(there)
 
 
 def _camera_objects() -> list:
@@ -144,6 +160,7 @@ def _free_surfaces(cameras) -> None:
         # Being in front may be the artist's own wish, of one that was on no list before.
         if obj.session_uid in lost or (obj.hide_select and obj not in listed):
             release(obj)
+            show_again(obj)
 
 
 def _file_facts() -> tuple:
@@ -157,14 +174,16 @@ def _file_facts() -> tuple:
 
 
 @persistent
-def _evaluated(_scene, depsgraph):
+def _evaluated(scene, depsgraph):
     # A render job reads the file from another thread.
     if depsgraph.mode != "VIEWPORT" or bpy.app.is_job_running("RENDER"):
         return
-    if _upkeep.facts is None:
-        tend()
-        return
-    tend(concerned(depsgraph) | _upkeep.index.in_turn())
+    is_new = _upkeep.facts is None
+    tend(None if is_new else concerned(depsgraph) | _upkeep.index.in_turn())
+    # What hides anything is told as an edit of the scene.
+    if len(_upkeep.index) and (is_new or depsgraph.id_type_updated("SCENE")):
+        hide_with_cameras(scene, scene.view_layers[depsgraph.view_layer.name], _camera_objects())
+        versions.settle_view_layers()
 
 
 @persistent
@@ -176,24 +195,56 @@ def _render_begins(*_):
 
 
 @persistent
-def _undone(*_):
+def _history_changes(*_):
+    """Before undo and redo: let go of what handlers have made, which the next step may not have."""
+    changed = [camera for camera in _camera_objects() if camera.session_uid in _upkeep.mended]
+    _upkeep.released = {camera.session_uid: let_go(camera) for camera in changed}
+    _upkeep.mended.clear()
+
+
+@persistent
+def _redone(*_):
     # Objects may have other names, and pointers have moved. What was removed after the step was stored
     # is there again, though all cameras may be as they were before.
     forget()
+    released, _upkeep.released = _upkeep.released, {}
+    if not released:
+        return
+    objects = {obj.session_uid: obj for obj in bpy.data.objects}
+    for camera, volume in released.items():
+        if camera in objects and volume in objects:
+            take_back(objects[camera], objects[volume])
+
+
+@persistent
+def _undone(*_):
+    _upkeep.following.undone()
+    _redone()
+
+
+@persistent
+def _saving(*_):
+    # A script may delete a camera and save before anything was evaluated.
+    tend()
 
 
 @persistent
 def _loaded(*_):
     # Overrides may have been taken back to what the library has; nothing need be evaluated after a load.
     forget()
+    _upkeep.mended.clear()
+    _upkeep.following.clear()
     tend()
 
 
 HANDLERS = {
     "depsgraph_update_post": _evaluated,
     "render_init": _render_begins,
+    "save_pre": _saving,
+    "undo_pre": _history_changes,
+    "redo_pre": _history_changes,
     "undo_post": _undone,
-    "redo_post": _undone,
+    "redo_post": _redone,
     "load_post": _loaded,
 }
 

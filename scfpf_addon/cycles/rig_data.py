@@ -18,7 +18,7 @@ from ..bridge.rig_mark import RIG_KEY, WIDTH
 from ..bridge.volume_object import holds
 from ..projection.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
-from ..scanline.field_nodes import BUILD, BUILD_KEY
+from ..scanline.field_nodes import is_current
 from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
 from ..scanline.table_object import follow_property, table_group_of, table_object
 from ..scanline.table_object import let_go as let_table_go
@@ -282,7 +282,7 @@ def adopt(rig) -> None:
 
 def has_old_nodes(rig) -> bool:
     """Whether another version of the add-on has made what a rig is computed by."""
-    return rig.scfpf_rig.portals.modifiers[MODIFIER].node_group.get(BUILD_KEY) != BUILD
+    return not is_current(rig.scfpf_rig.portals.modifiers[MODIFIER].node_group)
 
 
 def update_nodes(rig) -> None:
@@ -295,10 +295,11 @@ def update_nodes(rig) -> None:
     settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
     settings.table[RIG_KEY] = settings.camera
     _place(settings.view_camera)
-    group = portal_nodes.portal_group()
     modifier = settings.portals.modifiers[MODIFIER]
-    if modifier.node_group != group:
-        before = modifier.node_group
+    before = modifier.node_group
+    # The present one, whatever the artist calls it.
+    group = before if is_current(before) else portal_nodes.portal_group()
+    if before != group:
         modifier.node_group = group
         follow_scene(modifier, group_input(group, "Aspect"), FOLLOWED["Aspect"], settings.scene)
         lens_nodes.follow_lens(modifier, group, settings.camera, settings.view_camera.data, TO_SCREEN)

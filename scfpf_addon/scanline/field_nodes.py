@@ -13,6 +13,8 @@ from ..bridge.node_builder import NodeBuilder
 # Node groups of an older build in a file are not used any more; raise it with every change of a group.
 BUILD = 8
 BUILD_KEY = "scfpf_build"
+# The name that a node group was made with, by which it is known once the artist has renamed it.
+NAME_KEY = "scfpf_name"
 
 _SYMBOLS = {"ADD": "+", "SUBTRACT": "−", "MULTIPLY": "×", "DIVIDE": "÷", "SCALE": "×"}
 
@@ -238,7 +240,7 @@ class FieldBuilder(NodeBuilder):
 def node_group(
     name: str, description: str, inputs: dict, outputs: dict, build: Callable, modifier: bool = False
 ):
-    """The node group of a name: the file's own if this build made it, else a new one.
+    """The node group of a name: the file's own if this build made it, renamed or not, else a new one.
 
     One that another version of the add-on made stays, under another name, with what uses it.
 
@@ -246,8 +248,11 @@ def node_group(
     socket type. build: (nodes, given values by label) → values by output label.
     """
     existing = bpy.data.node_groups.get((name, None))
-    if existing and existing.bl_idname == "GeometryNodeTree" and existing.get(BUILD_KEY) == BUILD:
+    if existing and existing.bl_idname == "GeometryNodeTree" and is_current(existing):
         return existing
+    renamed = next((group for group in bpy.data.node_groups if _was_called(group, name)), None)
+    if renamed is not None:
+        return renamed
     if existing:
         existing.name = f"{name} (before)"
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
@@ -266,8 +271,17 @@ def node_group(
     made = build(nodes, {label: Value(nodes, source.outputs[label]) for label in inputs})
     nodes.close_frame()
     nodes.node("NodeGroupOutput", "Result", made)
-    tree[BUILD_KEY] = BUILD
+    tree[BUILD_KEY], tree[NAME_KEY] = BUILD, name
     return tree
+
+
+def is_current(group) -> bool:
+    """Whether this build made a node group; not None."""
+    return group is not None and group.get(BUILD_KEY) == BUILD
+
+
+def _was_called(group, name: str) -> bool:
+    return group.library is None and is_current(group) and group.get(NAME_KEY) == name
 
 
 def remove_attributes(nodes: FieldBuilder, geometry, pattern: str) -> Value:

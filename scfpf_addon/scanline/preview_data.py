@@ -292,6 +292,8 @@ def follow_scene(modifier, identifier: str, expression: str, scene) -> None:
     owner, name = versions.modifier_input_property(modifier, identifier)
     driver = owner.driver_add(name).driver
     driver.expression = expression
+    for old in list(driver.variables):
+        driver.variables.remove(old)
     for variable_name, path in _SIZE.items():
         if variable_name in expression:
             variable = driver.variables.new()

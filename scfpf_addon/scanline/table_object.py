@@ -32,13 +32,13 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
     It is linked to no collection: the modifier that reads it keeps it evaluated.
     """
     table = camera.get(key)
-    # A duplicate of the camera points to the other one's.
-    if not isinstance(table, bpy.types.Object) or table.parent != camera:
+    if not isinstance(table, bpy.types.Object) or _is_another_s(table, camera, key):
         name = f"{camera.name} {label}"
         table = bpy.data.objects.new(name, bpy.data.meshes.new(name))
-        table.parent = camera
         table.hide_select = table.hide_render = True
         camera[key] = table
+    if table.parent != camera:
+        table.parent = camera
     settings = camera.scfpf
     surfaces = [slot.object for slot in settings.surfaces]
     group = table_group_of(camera)
@@ -81,6 +81,12 @@ def table_group_of(camera):
     settings = camera.scfpf
     weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
     return table_group(settings.basis, len(settings.surfaces), weights)
+
+
+def _is_another_s(table, camera, key: str) -> bool:
+    """Whether a table is another camera's, of which this one is a duplicate; it may have lost its parent."""
+    parent = table.parent
+    return parent is not None and parent != camera and parent.get(key) == table
 
 
 def let_go(table) -> None:

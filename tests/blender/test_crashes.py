@@ -34,7 +34,21 @@ print("SURVIVED", flush=True)
 
 # Blender 5.2 evaluates once more after a handler that unlinks something, and follows drivers into the
 # other scene, whose view layers it has not brought in step.
+# What a handler swapped after the step was stored, a kept object pointed to once that step was gone back to.
 CASES = {
+    "the volume's node group gets another name, then a thing is moved, undone and redone": """
+bpy.ops.ed.undo_push(message="Add")
+bpy.data.node_groups["SCFPF Volume 2"].name = "Another"
+bpy.ops.ed.undo_push(message="Rename")
+name = cube.name
+for step in range(2):
+    bpy.data.objects[name].location.x += 1.0
+    bpy.ops.ed.undo_push(message="Move")
+    for move in (bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.undo, bpy.ops.ed.redo):
+        move()
+        bpy.context.view_layer.update()
+assert "SCFPF Volume 2" not in bpy.data.node_groups and "Another" in bpy.data.node_groups
+""",
     "a camera is deleted from a linked copy of its scene, which a driver reads": """
 drive(cube, scene)
 bpy.ops.scene.new(type="LINK_COPY")

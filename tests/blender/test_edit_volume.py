@@ -174,6 +174,15 @@ def test_linked_cameras_and_surfaces_refuse_and_overrides_do_not(addon, tmp_path
     assert all(surface.hide_select for surface in surfaces(local))
 
 
+def add_camera_with_meshes_of_the_artist():
+    """A camera whose surfaces are not deleted with it."""
+    camera = add_camera()
+    for surface in surfaces(camera):
+        surface.scfpf_surface.kind = "GRID"
+        surface.scfpf_surface.is_made = False
+    return camera
+
+
 def deleted(*objects):
     activate(*objects)
     bpy.ops.object.delete()
@@ -182,9 +191,9 @@ def deleted(*objects):
 
 @pytest.mark.parametrize("in_mode", [False, True])
 def test_surfaces_of_a_deleted_camera_are_ordinary_objects_again(in_mode):
-    first = add_camera()
+    first = add_camera_with_meshes_of_the_artist()
     kept = surfaces(first)
-    second = add_camera()
+    second = add_camera_with_meshes_of_the_artist()
     others = surfaces(second)
     second.scfpf.surfaces.add().object = kept[0]
     first.scfpf.edit_volume = in_mode
@@ -199,7 +208,7 @@ def test_surfaces_of_a_deleted_camera_are_ordinary_objects_again(in_mode):
 
 
 def test_surfaces_of_a_deleted_camera_stay_free_when_later_steps_are_undone():
-    camera = add_camera()
+    camera = add_camera_with_meshes_of_the_artist()
     names = [surface.name for surface in surfaces(camera)]
     bpy.context.view_layer.update()
     bpy.ops.ed.undo_push(message="Before")

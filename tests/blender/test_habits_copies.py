@@ -297,9 +297,11 @@ def test_purge_leaves_a_camera_whole(shown):
 
 
 @pytest.mark.parametrize("how", ["X", "Outliner"])
-def test_deleting_the_camera_leaves_the_surfaces_and_no_volume_object(shown, how):
+def test_deleting_the_camera_leaves_an_artist_s_surfaces_and_no_volume_object(shown, how):
     camera = add_camera()
     kept = surfaces(camera)
+    for surface in kept:
+        surface.scfpf_surface.kind, surface.scfpf_surface.is_made = "GRID", False
     bpy.context.view_layer.update()
     if how == "X":
         select(camera)

@@ -6,9 +6,14 @@ memory when it goes back: what that then pointed to was freed, and Blender crash
 """
 
 import os
+import pathlib
 import sys
 
 import bpy
+
+sys.path.append(str(pathlib.Path(__file__).parent))
+
+from stored_edit import dangling
 
 
 def _operator(name: str):
@@ -31,6 +36,19 @@ def _select(obj):
     bpy.context.view_layer.objects.active = obj
 
 
+def _rename_groups(_camera):
+    for group in list(bpy.data.node_groups):
+        group.name = f"Renamed {group.name}"
+
+
+def _free_tables(camera):
+    """What handlers do of it must not make them new ones, which a later step of undo takes away."""
+    for obj in bpy.data.objects:
+        if obj.parent == camera and TABLE in obj.modifiers:
+            obj.parent = None
+    camera.scfpf.basis = "B_SPLINE"
+
+
 def _select_surface(camera):
     _select(camera.scfpf.surfaces[0].object)
 
@@ -47,6 +65,8 @@ EDITS = {
         lambda camera: setattr(camera.scfpf.surfaces[0].object.scfpf_surface, "kind", "SPHERE"),
     ),
     "another surface": (None, _another_surface),
+    "other names of node groups": (None, _rename_groups),
+    "tables without a parent": (None, _free_tables),
     "a surface more": (_select, "scfpf.surface_add"),
     "a thing more": (None, "mesh.primitive_cube_add"),
     "a surface's copy": (_select_surface, "object.duplicate"),
@@ -91,6 +111,15 @@ def _facts(name: str):
     return tables, members, rigs, listed
 
 
+@bpy.app.handlers.persistent
+def _look(*_):
+    """Right after Blender has gone back, before anything follows a pointer."""
+    lost = dangling()
+    if lost:
+        print(f"These point to what is gone: {lost}", file=sys.stderr, flush=True)
+        os._exit(1)
+
+
 def main() -> None:
     """All edits one after the other: preview and rig take seconds to make."""
     bpy.context.preferences.extensions.repos.new(
@@ -98,6 +127,8 @@ def main() -> None:
     )
     assert bpy.ops.preferences.addon_enable(module="bl_ext.checkout.scfpf") == {"FINISHED"}
     bpy.utils.register_class(SCFPF_OT_test_edit)
+    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
+        handlers.insert(0, _look)
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     bpy.context.scene.render.resolution_percentage = 10
     bpy.ops.scfpf.camera_add(preset="curved_convergence")
