@@ -139,6 +139,32 @@ def test_hidden_surfaces_in_histories_and_files(addon, camera, wall, rig_of, tmp
     assert bpy.data.objects[name].animation_data.drivers[0].driver.expression == "1"
 
 
+def test_linked_surfaces_are_named_and_overrides_of_them_are_hidden(addon, camera, wall, rig_of, tmp_path):
+    """Data that is linked from another file stays as it is."""
+    path, scene = str(tmp_path / "library.blend"), bpy.context.scene
+    bpy.data.libraries.write(path, {wall})
+    with bpy.data.libraries.load(path, link=True) as (there, here):
+        here.objects = there.objects
+    linked = here.objects[0]
+    scene.collection.objects.link(linked)
+    override = linked.override_create()
+    scene.collection.objects.link(override)
+    override.name = "Override"
+    before = rays_of(override)
+    switch(camera)
+    other = bpy.data.objects["Other"]
+    for surface in (linked, override):
+        other.scfpf.surfaces.add().object = surface
+    bpy.context.view_layer.update()
+    assert linked.animation_data is None and not any(rays_of(override))
+    found = addon("scfpf_addon.cycles.rig").cautions(scene, bpy.context.view_layer, rig_of())
+    assert [text for text in found if f"'{linked.name}'" in text] and not any(
+        "'Override'" in t for t in found
+    )
+    switch(camera)
+    assert rays_of(override) == before
+
+
 def test_materials_that_the_rig_disturbs_are_named(addon, camera, rig_of):
     """Raycast nodes meet the sheets, in a group as well; camera coordinates are those of the rig's camera."""
     switch(camera)
