@@ -343,7 +343,7 @@ def _lens_note(panel, context):
     if _DataTab.poll(context) and context.object.scfpf.enabled:
         column = panel.layout.column(align=True)
         column.label(text="Pictures show the volume.", icon="INFO")
-        column.label(text="This lens only comes near it.", icon="BLANK1")
+        column.label(text="This lens is an approximation.", icon="BLANK1")
 
 
 class _Sidebar:
