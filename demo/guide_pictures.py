@@ -214,6 +214,8 @@ def panels_and_menus(driver):
             setattr(owner, name, True)
     region = driver.region("VIEW_3D")
     x, y = region.x + region.width // 2, region.y + region.height - 60
+    # The border of the editor under the mouse is lighter.
+    driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
     before = yield from still(driver)
     shown = {name: f"SCFPF_PT_view_{name}" for name in PANELS}
     shown |= {f"engine-{name}": f"SCFPF_PT_engine_{name}" for name in ENGINE_PANELS}
