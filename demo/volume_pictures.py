@@ -30,12 +30,12 @@ SET_UP_SIZE, SET_UP_LENS, SET_UP_MARGIN = (800, 560), 60.0, 1.06
 
 def volume_lines(diagram, projection, projectors: tuple[int, int], reach: float) -> dict[str, Array]:
     """Segments (S, 2, 3) by what they are, out to a reach; diagram is the add-on's module of that name."""
-    straight, folded = diagram.parted_projector_lines(projection, *projectors)
+    straight, folded, dashes = diagram.parted_projector_lines(projection, *projectors)
     count = len(projection.volume.surfaces)
     lines = {
         "SURFACE": np.concatenate([diagram.surface_lines(projection, i) for i in range(count)]),
         "PROJECTOR": straight,
-        "FOLD": folded,
+        "FOLD": np.concatenate([folded, dashes]),
         "RIM": np.concatenate([diagram.surface_lines(projection, i, 1) for i in range(count)]),
     }
     return {role: _within(np.asarray(own, np.float64), reach) for role, own in lines.items()}

@@ -163,6 +163,8 @@ def let_go(camera) -> int:
         volume.modifiers.remove(modifier)
     if volume.parent == camera:
         volume.parent = None
+    for collection in editable_collections(volume):
+        collection.objects.unlink(volume)
     camera.scfpf.volume_object = None
     return volume.session_uid
 

@@ -281,6 +281,9 @@ class ArtistSteps:
             if self.random.random() < 0.5 and bpy.ops.ed.undo.poll():
                 bpy.ops.ed.undo()
             assert bpy.ops.preferences.addon_enable(module=EXTENSION) == {"FINISHED"}
+            # Handlers look at the file with the first edit.
+            bpy.context.scene.update_tag()
+            bpy.context.view_layer.update()
 
     def do_edit_exclude_a_collection(self):
         layers = list(bpy.context.view_layer.layer_collection.children)

@@ -99,6 +99,6 @@ def test_a_hidden_camera_is_refused_and_duplicating_is_undone():
     camera = bpy.data.objects["Flexible Camera"]
     bpy.context.view_layer.objects.active = camera
     camera.hide_set(True)
-    with pytest.raises(RuntimeError, match="show it first"):
+    with pytest.raises(RuntimeError, match="show it in the Outliner first"):
         bpy.ops.scfpf.camera_duplicate()
     assert len(bpy.data.objects) == count

@@ -3,7 +3,7 @@
 
 import bpy
 import pytest
-from stored_edit import stored_edit
+from stored_edit import dangling, stored_edit
 
 CAMERA = "Flexible Camera"
 
@@ -281,3 +281,21 @@ def test_a_deleted_surface_does_not_come_back_with_its_camera(camera):
     run(bpy.ops.mesh.primitive_cone_add)
     undo()
     assert linked() == after
+
+
+def test_a_volume_object_made_between_two_steps_leaves_no_pointer_to_it():
+    """Both steps lack the volume object, so that Blender keeps the scene, which the new one is linked to."""
+    bpy.ops.scfpf.camera_add()
+    bpy.ops.ed.undo_push(message="start")
+    for _ in range(2):
+        stored_edit(lambda: bpy.data.objects.remove(bpy.data.objects[CAMERA].scfpf.volume_object))
+        assert bpy.data.objects[CAMERA].scfpf.volume_object is not None
+    lost = []
+    look = bpy.app.handlers.persistent(lambda *_: lost.extend(dangling()))
+    bpy.app.handlers.undo_post.insert(0, look)
+    try:
+        bpy.ops.ed.undo()
+    finally:
+        bpy.app.handlers.undo_post.remove(look)
+    assert not lost
+    assert bpy.data.objects[CAMERA].scfpf.volume_object.users_collection
