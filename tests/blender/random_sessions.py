@@ -15,7 +15,7 @@ import tempfile
 
 import bpy
 from bpy.app.handlers import persistent
-from random_steps import NAMES, PRESETS, ArtistSteps
+from random_steps import NAMES, PRESETS, ArtistSteps, small_pictures
 from stored_edit import dangling, stored_edit
 from test_panels import drawn
 
@@ -70,8 +70,7 @@ class Session(ArtistSteps):
         ]
         self.operators = sorted(dir(bpy.ops.scfpf))
         scene = bpy.context.scene
-        scene.render.resolution_x, scene.render.resolution_y = 16, 9
-        scene.cycles.samples = 1
+        small_pictures(scene)
         scene.render.filepath = str(self.folder / "frame")
         bpy.ops.mesh.primitive_cube_add(location=(0, 0, -3))
         bpy.ops.mesh.primitive_plane_add(size=20)
@@ -143,6 +142,8 @@ class Session(ArtistSteps):
             return self.note("no operator of ours can be called")
         name = self.random.choice(able)
         self.call(bpy.ops.scfpf, name, self.options(getattr(bpy.ops.scfpf, name)))
+        if name == "tutorial_scene":
+            small_pictures(bpy.context.scene)
         return None
 
     def options(self, operator) -> dict:

@@ -18,6 +18,12 @@ KEPT = {"volume_object", "is_volume", "is_made", "hidden_in", "report", "statist
 NAMES = ("", "Flexible Camera", "no such thing", "ä/ö\\..", "x" * 300)
 
 
+def small_pictures(scene) -> None:
+    """Let a scene render in no time."""
+    scene.render.resolution_x, scene.render.resolution_y = 16, 9
+    scene.cycles.samples = 1
+
+
 class ArtistSteps:
     """The steps. A session adds random, folder, addon, steps, stores, note(), call(), options(), value()."""
 
@@ -200,8 +206,7 @@ class ArtistSteps:
         if len(bpy.data.scenes) < 4:
             kind = self.random.choice(("LINK_COPY", "FULL_COPY", "EMPTY"))
             self.call(bpy.ops.scene, "new", {"type": kind})
-            bpy.context.scene.render.resolution_x, bpy.context.scene.render.resolution_y = 16, 9
-            bpy.context.scene.cycles.samples = 1
+            small_pictures(bpy.context.scene)
 
     def do_another_scene(self):
         scene = self.random.choice(list(bpy.data.scenes))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators that make and edit flexible cameras: what they do, when they are on offer, undo and redo."""
 
+import contextlib
 import json
 
 import bpy
@@ -37,6 +38,17 @@ def viewport():
     area = next(area for area in window.screen.areas if area.type == "VIEW_3D")
     region = next(region for region in area.regions if region.type == "WINDOW")
     return bpy.context.temp_override(window=window, area=area, region=region)
+
+
+@contextlib.contextmanager
+def seen(perspective):
+    """As ``viewport``, in another perspective, which a new file does not always take back."""
+    with viewport():
+        bpy.context.region_data.view_perspective = perspective
+        try:
+            yield
+        finally:
+            bpy.context.region_data.view_perspective = "PERSP"
 
 
 def poll_message(operator, **override):
@@ -107,8 +119,7 @@ def test_new_camera_takes_the_viewport_view(resolution):
 
 def test_orthographic_view_from_inside_the_scene_is_moved_back():
     add_cube((0, 0, 0)).scale = (50, 50, 50)
-    with viewport():
-        bpy.context.region_data.view_perspective = "ORTHO"
+    with seen("ORTHO"):
         camera = add_camera()
     for corner in bpy.data.objects["Cube"].bound_box:
         depth = -(camera.matrix_world.inverted() @ (Vector(corner) * 50)).z
@@ -163,8 +174,7 @@ def test_new_camera_through_a_camera_view_takes_its_lens():
     ordinary = bpy.context.object
     ordinary.data.lens, ordinary.data.shift_x = 85, 0.1
     bpy.context.scene.camera = ordinary
-    with viewport():
-        bpy.context.region_data.view_perspective = "CAMERA"
+    with seen("CAMERA"):
         bpy.context.space_data.camera = ordinary
         camera = add_camera()
     assert camera.data != ordinary.data
