@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a picture is shown: in an Image Editor that is open and free, or else where F12 shows its own."""
+"""The place of a new picture: an Image Editor that is open and free, or else the place that F12 uses."""
 
 import bpy
 

@@ -66,7 +66,7 @@ def draw_render(layout, context, camera) -> None:
 
 
 def draw_ignored(layout, scene, camera) -> None:
-    """A line and buttons while F12 ignores the flexible camera: for a rig only where there is none."""
+    """A line and buttons while F12 ignores the flexible camera; offers a rig if the scene has none."""
     column = layout.column(align=True)
     column.label(text=f"F12 ({engine_name(scene)}) ignores the volume", icon="ERROR")
     column.operator("scfpf.engine_use", icon="RENDER_STILL")

@@ -30,7 +30,7 @@ def facts(price: Price) -> list[str]:
 
 
 def expected(camera, scene) -> list[str]:
-    """What a rig that is not there yet would cost."""
+    """The price of a rig that has not been made."""
     found = price(camera, scene)
     if found is None:
         return ["Working out what it costs ..."]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How often light is sent on and how bright the film is, as Cycles' settings of the scene have it."""
+"""Bounce limits and film exposure, from Cycles' settings of the scene."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def read_bounces(scene) -> LightPaths:
 
 
 def read_exposure(scene) -> float:
-    """What a scene's film multiplies light with; 1 where Cycles is switched off."""
+    """Return the factor of a scene's film exposure, 1 if Cycles is disabled."""
     cycles = getattr(scene, "cycles", None)
     return 1.0 if cycles is None else cycles.film_exposure
 

@@ -180,7 +180,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     )
     frame_sizes: FloatVectorProperty(
         name="Frame Sizes",
-        description="Display size of the camera before it was flexible, and the one it got then; 0 is none",
+        description="Display size of the camera before it was flexible, and the one it got then; 0 if absent",
         size=2,
         default=(0.0, 0.0),
         min=0.0,

@@ -75,7 +75,7 @@ def _turned_to(axis: Array) -> Array:
 
 
 def read_tint(lamp) -> tuple[Array, tuple[str, ...]]:
-    """What an evaluated lamp's nodes make of its light, (3,), and notes on what is not shown of them.
+    """Return the factor (3,) of an evaluated lamp's nodes, and notes on what the engine leaves out of them.
 
     Where they make it differ by direction or place, it is white times the first Emission's constants.
     """
@@ -123,7 +123,7 @@ def _normalization(lamp, size: tuple[float, float]) -> float:
 
 
 def _emission(tree) -> Array:
-    """Colour × strength of the first Emission node, 1 for what is no constant."""
+    """Colour × strength of the first Emission node; an input that is not constant counts as 1."""
     for node, groups in output_shaders(tree):
         if node.type == "EMISSION":
             color = color_input(node, groups, "Color")

@@ -95,7 +95,7 @@ class MaterialTable:
 
 
 def _unshown(tree) -> Iterator[str]:
-    """What a material's active output shows in Cycles besides its surface."""
+    """The parts of a material's active output, besides its surface, that Cycles shows."""
     output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
     for name in ("Displacement", "Volume") if output else ():
         if resolve(output.inputs[name])[0].is_output:

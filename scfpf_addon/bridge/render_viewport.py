@@ -167,7 +167,7 @@ def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
 
 
 def camera_place(camera, depsgraph, region, view, eye: Eye = "") -> Place | None:
-    """Where the frame of a camera is in a viewport that looks through it, None if it has no size.
+    """Return the frame of a camera in a viewport that looks through it, None if it has no size.
 
     eye: by which the viewport looks.
     """

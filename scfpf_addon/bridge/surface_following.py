@@ -28,7 +28,7 @@ class _Deleted(NamedTuple):
 
 
 class FollowingSurfaces:
-    """What is known of surfaces and their cameras between two looks, in session ids."""
+    """Surfaces and their cameras as the last look found them, in session ids."""
 
     def __init__(self) -> None:
         self._own: dict[int, int] = {}
@@ -76,7 +76,7 @@ class FollowingSurfaces:
     def _bring_back(self, surface, camera, is_listed: bool) -> None:
         """Link a surface where it was: a collection that undo left alone has lost it.
 
-        One that the artist has deleted or taken off the list since is none of the deleted camera's any more.
+        A surface that the artist has deleted, or taken off the list, no longer belongs to the deleted camera.
         """
         deleted = self._deleted[surface.session_uid]
         is_back = camera.session_uid not in self._cameras

@@ -24,7 +24,7 @@ from .surface_nodes import (
     surface_parameters,
 )
 
-# Scales this near to 1, as a share, are none: float32 products of rotations are good to about 1e-6, and
+# Scales this near to 1, as a share, count as 1: float32 products of rotations are good to about 1e-6, and
 # in a picture of 16,384 pixels such a share is a sixth of a pixel.
 NO_SCALE = 1e-5
 # A matrix whose axes' cosines exceed this is sheared.

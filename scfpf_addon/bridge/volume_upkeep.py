@@ -196,7 +196,7 @@ def _render_begins(*_):
 
 @persistent
 def _history_changes(*_):
-    """Before undo and redo: let go of what handlers have made, which the next step may not have."""
+    """Release what handlers have made before undo and redo: the next step may lack it."""
     changed = [camera for camera in _camera_objects() if camera.session_uid in _upkeep.mended]
     _upkeep.released = {camera.session_uid: let_go(camera) for camera in changed}
     _upkeep.mended.clear()

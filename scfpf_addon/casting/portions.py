@@ -83,7 +83,7 @@ def in_threads(work: Callable[[slice], Result], parts: list[slice], threads: int
 
 
 def beside(work: Callable[[], None], other: Callable[[], Result]) -> Result:
-    """What ``other`` returns, while a thread does ``work``; one after the other where none can be started.
+    """Return the result of ``other`` while a thread does ``work``; one after the other if no thread starts.
 
     What either raises is raised here, once both have ended.
     """

@@ -6,7 +6,7 @@ Imports stand inside the functions: what is pure in here is used, and tested, wi
 
 
 def types():
-    """What files and Blender's render job need: see ``bridge.switching``."""
+    """Return the types that files and Blender's render job need: see ``bridge.switching``."""
     from . import rig_properties
 
     return (rig_properties,)

@@ -99,7 +99,7 @@ def surface_lines(
 
 
 def _lines_needed(projection: Projection, index: int) -> int:
-    """How many cells along u and v show the bends of a surface."""
+    """Return the number of cells along u and v that shows the bends of a surface."""
     surface = projection.volume.surfaces[index]
     if isinstance(surface, Plane):
         return PLANE_CELLS
@@ -110,7 +110,7 @@ def _lines_needed(projection: Projection, index: int) -> int:
 def _left_between(
     projection: Projection, surface: ControlSurface, cells: tuple[int, int], parts: int
 ) -> Array:
-    """How far a surface is, between a net of cells (along u, along v), from the bilinear net's faces.
+    """Return the distance of a surface, between a net of cells (along u, along v), from its bilinear faces.
 
     At ``parts`` places along each side of a cell: (V · parts + 1, U · parts + 1), in mean sizes of a cell; 0
     beside holes and in cells that lead from tile to tile.

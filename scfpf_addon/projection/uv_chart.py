@@ -147,7 +147,7 @@ class UVChart:
 
     @cached_property
     def _layout(self) -> Layout:
-        """How the used part of the square is cut into bins."""
+        """The bins that the used part of the square is cut into."""
         used = np.flatnonzero(self.used)
         uv = np.clip(self.uv[used], -EDGE_TOLERANCE, 1.0 + EDGE_TOLERANCE)
         if len(used) == 0:
@@ -165,12 +165,12 @@ class UVChart:
 
     @property
     def mean_overlaps(self) -> float:
-        """How many triangles lie in one place of the used part on average; it makes no bins."""
+        """The mean number of triangles in one place of the used part; builds no bins."""
         return self._layout.mean_overlaps
 
     @property
     def most_overlaps(self) -> int:
-        """How many triangles a look-up tests at most."""
+        """The largest number of triangles that a look-up tests."""
         return int(np.diff(self.bins.offsets).max())
 
     @cached_property

@@ -114,7 +114,7 @@ class Lamp:
 
     @cached_property
     def middle(self) -> Single:
-        """Where a round lamp's centre is, (3, 1)."""
+        """The centre of a round lamp, (3, 1)."""
         middle: Single = self.places.mean(axis=1, keepdims=True, dtype=np.float64).astype(np.float32)
         return middle
 
@@ -214,7 +214,7 @@ class Beam:
         )
 
     def of_area(self, position: Single, sample: int | IndexArray) -> Incidence:
-        """What arrives at position (3, N) of an area lamp, in units of its power / π.
+        """Return the light that arrives at position (3, N) from an area lamp, in units of its power / π.
 
         A grid of slats before the lamp lets through the less the more light is inclined (Cycles,
         kernel/light/area.h). Samples are spread over the part of the lamp that is seen through it: a disc
@@ -254,7 +254,7 @@ class Beam:
     def of_sphere(
         self, position: Single, sample: int | IndexArray, squared_radius: np.float32
     ) -> tuple[Incidence, BoolArray]:
-        """What arrives at position (3, N) of a sphere, in units of its intensity, and which are outside it.
+        """Return the light at position (3, N) from a sphere, by its intensity, and which lie outside it.
 
         Samples are spread evenly over the solid angle that it fills (Cycles, kernel/light/point.h);
         from within that is everything.

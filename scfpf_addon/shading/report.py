@@ -62,7 +62,7 @@ class RenderReport:
         return " · ".join(parts)
 
     def statistics(self) -> str:
-        """Rays, chords, error, triangles and memory, separated by " · "; empty if there are none."""
+        """Rays, chords, error, triangles and memory, separated by " · "; empty without any."""
         parts = []
         if self.projectors:
             parts.append(f"{_short(self.rays)} rays")

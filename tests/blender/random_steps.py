@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What artists do with Blender's own means: the steps of ``random_sessions.Session``, one a ``do_`` method.
+"""Edits by Blender's own means: the steps of ``random_sessions.Session``, one a ``do_`` method.
 
 Methods that begin with ``do_edit_`` change something and then store a step of undo, themselves or not.
 """
