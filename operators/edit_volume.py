@@ -20,7 +20,9 @@ class SCFPF_OT_edit_volume(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         settings = camera.scfpf
         set_edit_volume(camera, not settings.edit_volume)
-        if not settings.edit_volume and context.object in [slot.object for slot in settings.surfaces]:
+        # An empty slot is no active object.
+        surfaces = {slot.object for slot in settings.surfaces} - {None}
+        if not settings.edit_volume and context.object in surfaces:
             # What cannot be clicked is no longer selected: the camera takes over, and its panels stay.
             context.object.select_set(False)
             context.view_layer.objects.active = camera

@@ -38,6 +38,7 @@ from .rig_data import (
     require_cycles,
     rig_of,
     rigs,
+    take_back,
     update_nodes,
     write_sheets,
 )
@@ -56,6 +57,8 @@ STALE = "The animated volume has changed: press Update Chords"
 
 # What was seen at the last look, by session_uid of the rig: numbers and bytes only.
 _seen: dict[int, tuple] = {}
+# The tables that rigs were relieved of, while Blender goes to another step of undo: session ids by rig.
+_released: dict[int, int] = {}
 
 
 def switch_on(context, camera, plan: tuple[ChordPlan, bool] | None = None):
@@ -314,13 +317,17 @@ def _frame_changed(scene, depsgraph) -> None:
 
 @persistent
 def _history_changes(*_) -> None:
+    _released.clear()
     for rig in rigs():
-        let_go(rig)
+        _released[rig.session_uid] = let_go(rig)
 
 
 @persistent
 def _history_changed(*_) -> None:
     _seen.clear()
+    for rig in rigs():
+        take_back(rig, _released.get(rig.session_uid, 0))
+    _released.clear()
     hidden_surfaces.forget()
     asked_prices.changed()
 

@@ -317,16 +317,38 @@ def update_nodes(rig) -> None:
     settings.portals.update_tag()
 
 
-def let_go(rig) -> None:
-    """Take from a rig what handlers have it point to, before another step of undo; see ``table_object``."""
+def let_go(rig) -> int:
+    """Take from a rig what handlers have it point to, before another step of undo; see ``table_object``.
+
+    Returns the session id of its table, 0 if it has none that can be taken; for ``take_back``.
+    """
     settings = rig.scfpf_rig
-    if settings.table is not None:
-        let_table_go(settings.table)
+    table, camera, taken = settings.table, settings.camera, 0
+    if table is not None:
+        let_table_go(table)
+        # A handler may have made it: see ``adopt``.
+        if camera is not None and camera.is_editable and camera.get(RIG_TABLE_KEY) == table:
+            taken = table.session_uid
+            del camera[RIG_TABLE_KEY]
+            settings.table = None
     modifier = None if settings.portals is None else settings.portals.modifiers.get(MODIFIER)
     if modifier is not None and modifier.node_group is not None:
         for item in modifier.node_group.interface.items_tree:
             if getattr(item, "socket_type", "") == "NodeSocketObject" and item.in_out == "INPUT":
                 versions.set_modifier_input(modifier, item.identifier, None)
+    return taken
+
+
+def take_back(rig, table: int) -> None:
+    """Give a rig and its camera the table that ``let_go`` has taken, a session id, if undo has left it."""
+    settings = rig.scfpf_rig
+    found = next((obj for obj in bpy.data.objects if obj.session_uid == table), None)
+    if found is None or settings.camera is None or not settings.camera.is_editable:
+        return
+    if settings.table is None:
+        settings.table = found
+    if settings.camera.get(RIG_TABLE_KEY) is None:
+        settings.camera[RIG_TABLE_KEY] = found
 
 
 def write_sheets(rig, chords: ChordPlan) -> None:

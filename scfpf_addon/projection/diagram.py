@@ -39,7 +39,7 @@ BEND_TOLERANCE = 1e-3
 # More chords than this in one span cannot be told apart on a screen.
 MAXIMUM_CHORDS = 128
 # Places in a span of rational projectors at which their bend is measured.
-BEND_SAMPLES = np.linspace(0.0, 1.0, 9)
+BEND_SAMPLES = np.linspace(0.0, 1.0, 33)
 # The bend along a projector counts by this share: it only shifts chord ends, but where the curve turns back.
 BEND_ALONG = 0.25
 # Pieces along t in which a projector is looked at for folds, and drawn where it has one.

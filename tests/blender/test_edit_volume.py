@@ -241,3 +241,14 @@ def test_a_dense_mesh_stays_a_box_which_can_be_clicked():
     dense.parent = None
     assert bpy.ops.scfpf.surface_remove() == {"FINISHED"}
     assert dense.display_type == "WIRE" and not dense.hide_select
+
+
+def test_the_mode_ends_without_an_active_object_and_with_an_empty_slot():
+    bpy.ops.scfpf.camera_add()
+    camera = bpy.context.object
+    bpy.context.scene.camera = camera
+    assert bpy.ops.scfpf.edit_volume() == {"FINISHED"}
+    camera.scfpf.surfaces[0].object = None
+    bpy.context.view_layer.objects.active = None
+    assert bpy.ops.scfpf.edit_volume() == {"FINISHED"}
+    assert not camera.scfpf.edit_volume
