@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where F12 ignores a flexible camera, everything says so and offers the switch."""
+"""Panels and reports say that F12 ignores a flexible camera, and offer the switch."""
 
 from types import SimpleNamespace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of a scene is not read: hidden, excluded, broken, without faces, too much; and what is said of it.
+"""The parts of a scene that are not read (hidden, broken, without faces, too many), and the warnings.
 
 What of a material is shown otherwise than by Cycles.
 """

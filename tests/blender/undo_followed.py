@@ -42,7 +42,7 @@ def _rename_groups(_camera):
 
 
 def _free_tables(camera):
-    """What handlers do of it must not make them new ones, which a later step of undo takes away."""
+    """Tables without a parent: handlers must not make new ones, which a later step of undo removes."""
     for obj in bpy.data.objects:
         if obj.parent == camera and TABLE in obj.modifiers:
             obj.parent = None

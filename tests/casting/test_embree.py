@@ -118,7 +118,7 @@ except CastError as error:
 
 
 def loaded(folder):
-    """What a program says that loads embreex from a folder."""
+    """The output of a program that loads embreex from a folder."""
     root = Path(__file__).resolve().parents[2]
     done = subprocess.run([sys.executable, "-c", LOAD, folder, root], capture_output=True, text=True)
     assert done.returncode == 0, f"the program has ended itself: {done.stderr}"

@@ -70,7 +70,7 @@ def mean_light(build, light, where=(0, 0, 0), samples=256):
 
 @pytest.mark.parametrize("distance", [0.5, 3.0])
 def test_a_sphere_lights_as_a_point_in_its_middle(build, distance):
-    """Where all of a sphere is above the ground its irradiance is I cos θ/d², and in it I/r²."""
+    """A sphere wholly above the ground has the irradiance I cos θ/d²; inside the sphere it is I/r²."""
     place, radius = np.array((0.6, 0, 0.8)) * distance, 0.35 * distance
     sphere = point(build, place, radius=radius, sphere=True)
     assert mean_light(build, sphere) == pytest.approx(100 / (4 * np.pi) * 0.8 / distance**2 / np.pi, rel=2e-3)
@@ -87,7 +87,7 @@ def test_a_soft_lamp_nearby_is_a_disc_that_faces_the_point(build):
 @pytest.mark.parametrize("ellipse", [False, True])
 @pytest.mark.parametrize("degrees", [0, 1, 20, 60, 120])
 def test_below_a_large_lamp_light_is_that_of_parallel_beams(build, degrees, ellipse):
-    """Where all that a spread lets through is on the lamp, irradiance is power by area, whatever it is."""
+    """If a spread lets through only what is on the lamp, irradiance is power by area for any spread."""
     size, height = (4.0, 5.0), 0.7
     lamp = area(
         build,
