@@ -46,8 +46,6 @@ class SCFPF_OT_render(bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    _may_open = False
-
     @classmethod
     def poll(cls, _context):
         if render_job.current() is not None:
@@ -70,6 +68,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         self._picture_time = time.monotonic()
         self._is_picture_shown = False
         self._may_open = True
+        self._is_opening = False
         window_manager = context.window_manager
         self._timer = window_manager.event_timer_add(TICK, window=context.window)
         window_manager.modal_handler_add(self)
@@ -78,14 +77,18 @@ class SCFPF_OT_render(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
+        if self._is_opening:
+            # Blender sends events while it opens the window for the picture.
+            return {"PASS_THROUGH"}
         if event.type == "ESC" and event.value == "PRESS" and not self._job.cancelled:
             self._job.cancel()
             self._show_progress(context)
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        if self._job.running:
-            # Not in invoke, which a button of the editor may have called that gives way.
+        if self._job.running or self._may_open:
+            # Not in invoke, which a button of the editor may have called that gives way, and not in the
+            # last call: Blender forgets that an operator has finished if it opens a window.
             self._open_place(context)
             self._show_progress(context)
             self._show_picture(context)
@@ -148,7 +151,6 @@ class SCFPF_OT_render(bpy.types.Operator):
         camera = object_by_uid(self._camera_uid)
         if camera is not None and camera.is_editable:
             camera.scfpf.report, camera.scfpf.statistics = outcome, statistics
-        self._open_place(context)
         editors = image_editors(context.window_manager)
         if editors:
             editors[0].image = image
@@ -179,9 +181,16 @@ class SCFPF_OT_render(bpy.types.Operator):
         if not self._may_open:
             return
         self._may_open = False
-        place = place_for_picture(context)
-        if place is not None and place != context.window:
-            with context.temp_override(window=place):
+        self._is_opening = True
+        try:
+            place = place_for_picture(context)
+        finally:
+            self._is_opening = False
+        if place is None or place == context.window:
+            return
+        with context.temp_override(window=place):
+            # A render that is done before the first tick leaves nothing to cancel.
+            if bpy.ops.scfpf.render_escape.poll():
                 bpy.ops.scfpf.render_escape("INVOKE_DEFAULT")
 
     def _show_picture(self, context):
