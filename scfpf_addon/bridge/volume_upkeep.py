@@ -181,8 +181,13 @@ def _evaluated(scene, depsgraph):
     is_new = _upkeep.facts is None
     tend(None if is_new else concerned(depsgraph) | _upkeep.index.in_turn())
     # What hides anything is told as an edit of the scene.
-    if len(_upkeep.index) and (is_new or depsgraph.id_type_updated("SCENE")):
-        hide_with_cameras(scene, scene.view_layers[depsgraph.view_layer.name], _camera_objects())
+    if is_new or depsgraph.id_type_updated("SCENE"):
+        _hide_surfaces(scene, scene.view_layers[depsgraph.view_layer.name])
+
+
+def _hide_surfaces(scene, view_layer) -> None:
+    if len(_upkeep.index):
+        hide_with_cameras(scene, view_layer, _camera_objects())
         versions.settle_view_layers()
 
 
@@ -208,12 +213,13 @@ def _redone(*_):
     # is there again, though all cameras may be as they were before.
     forget()
     released, _upkeep.released = _upkeep.released, {}
-    if not released:
-        return
-    objects = {obj.session_uid: obj for obj in bpy.data.objects}
+    objects = {obj.session_uid: obj for obj in bpy.data.objects} if released else {}
     for camera, volume in released.items():
         if camera in objects and volume in objects:
             take_back(objects[camera], objects[volume])
+    # Blender calls no handler for the evaluation of a scene that the step has brought back.
+    tend()
+    _hide_surfaces(bpy.context.scene, bpy.context.view_layer)
 
 
 @persistent

@@ -239,3 +239,19 @@ def test_a_deleted_camera_s_volume_object_does_not_come_back():
         bpy.context.view_layer.update()
         owned = {obj.scfpf.volume_object for obj in bpy.data.objects if obj.type == "CAMERA"}
         assert {obj for obj in bpy.data.objects if obj.scfpf_surface.is_volume} == owned - {None}
+
+
+def test_a_camera_has_its_volume_object_when_undo_brings_its_scene_back():
+    """It goes after the step was stored; what two steps agree on, like the pointer, Blender leaves alone."""
+    bpy.ops.scene.new(type="EMPTY")
+    bpy.ops.scfpf.camera_add()
+    camera = bpy.context.object.name
+    bpy.ops.ed.undo_push(message="camera")
+    bpy.ops.ed.undo_push(message="once more")
+    bpy.ops.scene.delete("EXEC_DEFAULT", True)
+    bpy.context.view_layer.update()
+    assert bpy.data.objects[camera].scfpf.volume_object is None
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    volume = bpy.context.scene.objects[camera].scfpf.volume_object
+    assert volume.parent.name == camera
+    assert [obj for obj in bpy.context.scene.objects if obj.scfpf_surface.is_volume] == [volume]
