@@ -14,9 +14,9 @@ def _types():
 def register():
     from . import operators, panels
     from .scfpf_addon import bridge, cycles, scanline
-    from .scfpf_addon.bridge import switching
+    from .scfpf_addon.bridge.render import type_registration
 
-    switching.register_types(_types())
+    type_registration.register_types(_types())
     bridge.register()
     scanline.register()
     cycles.register()
@@ -27,11 +27,11 @@ def register():
 def unregister():
     from . import operators, panels
     from .scfpf_addon import bridge, cycles, scanline
-    from .scfpf_addon.bridge import switching
+    from .scfpf_addon.bridge.render import type_registration
 
     panels.unregister()
     operators.unregister()
     cycles.unregister()
     scanline.unregister()
     bridge.unregister()
-    switching.unregister_types(_types())
+    type_registration.unregister_types(_types())

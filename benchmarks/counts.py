@@ -20,14 +20,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.run import lit
 from benchmarks.scenes import SCENES, bent_projection
+from scfpf_addon.casting.common.hits import CastCounts
 from scfpf_addon.casting.frame import cast_frame
-from scfpf_addon.casting.hits import CastCounts
-from scfpf_addon.casting.scene import CastScene
-from scfpf_addon.cycles.chord_plan import plan_chords
-from scfpf_addon.projection.preset import read_preset
-from scfpf_addon.shading.adaptive import Adaptive
+from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.cycles.chords.chord_plan import plan_chords
+from scfpf_addon.projection.presets.preset import read_preset
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.settings import FrameSettings
+from scfpf_addon.shading.sampling.adaptive import Adaptive
+from scfpf_addon.shading.settings.frame_settings import FrameSettings
 
 FILE = Path(__file__).with_suffix(".json")
 PRESETS = Path(__file__).parents[1] / "presets"

@@ -30,8 +30,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.document import check_files, replace_section
 from benchmarks.scenes import SCENES
 from scfpf_addon import bridge
-from scfpf_addon.bridge.flexible_camera import volume_from_camera
-from scfpf_addon.casting.memory import peak_memory
+from scfpf_addon.bridge.camera.flexible_camera import volume_from_camera
+from scfpf_addon.casting.common.memory import peak_memory
 
 TRIANGLES = 1_000_000
 # What is measured: the engine, and how often light bounces in Cycles.

@@ -26,14 +26,12 @@ from benchmarks.document import check_files
 from benchmarks.hard_scenes import AIMS, aimed_curves, cube, sphere
 from benchmarks.scenes import Mesh, bent_projection, boxes, joined, sheet
 from scfpf_addon.casting.cast import cast
-from scfpf_addon.casting.curves import Bundle
-from scfpf_addon.casting.exact import cast_exact
+from scfpf_addon.casting.common.hits import CastCounts, Hits
+from scfpf_addon.casting.curves.projector_batch import Bundle
+from scfpf_addon.casting.exact.exact_cast import cast_exact
 from scfpf_addon.casting.frame import pixel_centres
-from scfpf_addon.casting.hits import CastCounts, Hits
-from scfpf_addon.casting.scene import CastScene
-from scfpf_addon.projection.basis import span_basis
-from scfpf_addon.projection.reparameterisation import Polar, Rectangle
-from scfpf_addon.projection.surfaces import (
+from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.projection.surfaces.surface import (
     BilinearPatch,
     Cone,
     ControlSurface,
@@ -45,7 +43,9 @@ from scfpf_addon.projection.surfaces import (
     SphereSector,
 )
 from scfpf_addon.projection.typing import Array
-from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.projection.volume.basis import span_basis
+from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
+from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 WIDTH, HEIGHT = 96, 54
 

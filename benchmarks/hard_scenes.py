@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.scenes import Mesh, boxes, joined, sheet
-from scfpf_addon.projection.bezier import bernstein
 from scfpf_addon.projection.typing import Array
+from scfpf_addon.projection.volume.bezier import bernstein
 
 
 def welded(mesh: Mesh) -> Mesh:

@@ -25,7 +25,7 @@ from benchmarks.document import check_files, replace_section
 from benchmarks.raw import raw_embree
 from benchmarks.run import Image, raw_rays
 from benchmarks.scenes import SCENES, Mesh, bent_projection
-from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.typing import Array
 
 RUNS = 3

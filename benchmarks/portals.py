@@ -25,9 +25,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.document import check_files
 from scfpf_addon import bridge
-from scfpf_addon.bridge.flexible_camera import volume_from_camera
+from scfpf_addon.bridge.camera.flexible_camera import volume_from_camera
 from scfpf_addon.cycles import rig_properties
-from scfpf_addon.cycles.chord_plan import ChordPlan
+from scfpf_addon.cycles.chords.chord_plan import ChordPlan
 from scfpf_addon.cycles.rig_data import make_rig, write_sheets
 
 CHORDS = (1, 8, 16, 32)

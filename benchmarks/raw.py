@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scfpf_addon.casting.embree import mesh_in_embree
-from scfpf_addon.casting.scene import CastScene, _load_embreex
+from scfpf_addon.casting.scene.cast_scene import CastScene, _load_embreex
+from scfpf_addon.casting.scene.embree_meshes import mesh_in_embree
 
 
 def raw_embree(scene: CastScene) -> Callable[..., NDArray[np.int32]]:

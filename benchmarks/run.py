@@ -28,14 +28,14 @@ from benchmarks.document import check_files
 from benchmarks.raw import raw_embree
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.cast import CastCounts, Hits, cast
+from scfpf_addon.casting.common.geometry import Geometry
 from scfpf_addon.casting.frame import pixel_centres
-from scfpf_addon.casting.geometry import Geometry
-from scfpf_addon.casting.scene import CastScene
+from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.tiles import image_tiles
-from scfpf_addon.projection.volume import Projection
+from scfpf_addon.projection.volume.viewing_volume import Projection
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.scene import Light, Materials, Scene
-from scfpf_addon.shading.settings import FrameSettings
+from scfpf_addon.shading.scene.shading_scene import Light, Materials, Scene
+from scfpf_addon.shading.settings.frame_settings import FrameSettings
 
 THREADS = 2
 PIXEL_ERROR = 0.1

@@ -19,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.scenes import SCENES
 from demo.render_demo import MODULE
-from scfpf_addon.casting.memory import peak_memory
+from scfpf_addon.casting.common.memory import peak_memory
 
 FEW_TRIANGLES = 20_000
 THREADS = 2
@@ -158,7 +158,7 @@ def _linked() -> Callable[[int], None]:
 
 def _drawing(surface: Any) -> Callable[[int], None]:
     """What the lines of all volumes cost when one surface has moved: volumes read, not the GPU's part."""
-    drawing = part("scfpf_addon.bridge.drawing")
+    drawing = part("scfpf_addon.bridge.overlays.viewport_overlay")
 
     drawing.diagram = lambda *_: {}
     drawing.gpu.shader.from_builtin = lambda _name: None
@@ -189,7 +189,7 @@ def _undo_costs(repeats: int) -> list[float]:
 
 def many_cameras(cameras: int, each: int, step: float) -> list[Any]:
     """Flexible cameras side by side, with so many planes each."""
-    flexible_camera = part("scfpf_addon.bridge.flexible_camera")
+    flexible_camera = part("scfpf_addon.bridge.camera.flexible_camera")
     made = []
     for number in range(cameras):
         camera = bpy.data.objects.new(f"Eye {number}", bpy.data.cameras.new(f"Eye {number}"))

@@ -24,10 +24,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.document import check_files
 from benchmarks.scenes import bent_projection
 from scfpf_addon import bridge
-from scfpf_addon.bridge import flexible_camera, versions
-from scfpf_addon.scanline import place_nodes, preview, preview_properties
-from scfpf_addon.scanline.field_nodes import FieldBuilder, node_group
-from scfpf_addon.scanline.remap_nodes import remap_group, table_object
+from scfpf_addon.bridge.blender import versions
+from scfpf_addon.bridge.camera import flexible_camera
+from scfpf_addon.scanline.nodes.field_nodes import FieldBuilder, node_group
+from scfpf_addon.scanline.preview import preview, preview_properties
+from scfpf_addon.scanline.remap import place_nodes
+from scfpf_addon.scanline.remap.remap_nodes import remap_group, table_object
 
 # The goals, in times of the Lattice modifier.
 REMAP_GOAL, WHOLE_GOAL = 3.0, 6.0

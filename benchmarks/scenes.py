@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from scfpf_addon.projection.surfaces import ControlSurface, Plane
-from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.projection.surfaces.surface import ControlSurface, Plane
+from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 Mesh = tuple[NDArray[np.float64], NDArray[np.int32]]
 

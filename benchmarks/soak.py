@@ -18,7 +18,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-TEST = "tests/blender/test_random_sessions.py::test_random_session"
+TEST = "tests/blender/whole/test_random_sessions.py::test_random_session"
 # The most seconds that one session may take.
 LONGEST = 900
 

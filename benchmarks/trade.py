@@ -29,10 +29,10 @@ from benchmarks.raw import raw_embree
 from benchmarks.run import Image, raw_rays
 from benchmarks.scenes import SCENES, Mesh, bent_projection
 from scfpf_addon.casting.cast import CastCounts
-from scfpf_addon.casting.scene import CastScene
-from scfpf_addon.projection.preset import read_preset
+from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.projection.presets.preset import read_preset
 from scfpf_addon.projection.typing import Array
-from scfpf_addon.projection.volume import Projection, ViewingVolume
+from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
 ERRORS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.0)
 BENDS = {"straight": (1, 0), "degree 2, 10°": (2, 10), "degree 2, 60°": (2, 60), "degree 3, 180°": (3, 180)}

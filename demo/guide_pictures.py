@@ -246,8 +246,8 @@ def panels_and_menus(driver):
 def shown_surfaces():
     """An object of every kind of control surface, and its name in the menu, in the menu's order."""
     module = next(name for name in bpy.context.preferences.addons.keys() if name.endswith(".scfpf"))
-    nodes = importlib.import_module(f"{module}.scfpf_addon.bridge.surface_nodes")
-    properties = importlib.import_module(f"{module}.scfpf_addon.bridge.properties")
+    nodes = importlib.import_module(f"{module}.scfpf_addon.bridge.surfaces.surface_nodes")
+    properties = importlib.import_module(f"{module}.scfpf_addon.bridge.settings.camera_properties")
     x, y = np.meshgrid(np.linspace(-1, 1, 8), np.linspace(-0.8, 0.8, 6))
     wave = np.stack([x, y, 0.3 * np.sin(3 * x) * np.cos(2 * y)], 2)
     saddle = np.stack([x[:4, ::2], y[1:5, ::2], 0.9 * x[:4, ::2] * y[1:5, ::2]], 2)

@@ -119,8 +119,8 @@ def add_shot(scene, text: str, shot: Shot, samples: Sampling = QUICK):
     import bpy
     from mathutils import Vector
 
-    presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.preset")
-    flexible_camera = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.flexible_camera")
+    presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.presets.preset")
+    flexible_camera = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.camera.flexible_camera")
     preset = presets.load_preset(text)
     scene.name = preset.name
     scene.render.engine = ENGINE
@@ -148,7 +148,7 @@ def render(scene, path: Path) -> str:
     """Press Render for a scene's camera and write the picture; returns the report's line."""
     import bpy
 
-    results = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.result_image")
+    results = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.render.result_image")
     with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
         if bpy.ops.scfpf.render(camera=scene.camera.name) != {"FINISHED"}:
             sys.exit(f"{scene.name} was not rendered; the lines above say why.")

@@ -147,7 +147,7 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     camera = render_demo.add_shot(scene, text, panel.shot, render_demo.FINE)
     scene.render.resolution_percentage = percentage
     if panel.style:
-        styles = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.drawn_styles")
+        styles = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.settings.stylised_styles")
         styles.apply_style(scene, panel.style)
     files = [stem.with_name(f"{stem.name}-{part}.{end}") for part, end in PARTS.items()]
     raw = files[2].with_suffix(".png")
@@ -156,7 +156,7 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     if stem.name in WITH_CYCLES:
         files.append(stem.with_name(f"{stem.name}-cycles.jpg"))
         render_with_cycles(scene, camera, WITH_CYCLES[stem.name], files[-1])
-    presets = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.projection.preset")
+    presets = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.projection.presets.preset")
     drawn = presets.load_preset(preset_text(panel.preset, {**panel.changed, **panel.drawn}))
     projection = drawn.projection(aspect)
     volume_pictures.draw_diagram(render_demo.MODULE, projection, panel.projectors, panel.reach, files[0])

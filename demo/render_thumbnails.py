@@ -59,8 +59,8 @@ def make(only: str | None) -> None:
     scene.camera = camera
     scene.render.resolution_x, scene.render.resolution_y = SIZE
     scene.render.resolution_percentage = 100
-    presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.preset")
-    flexible = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.flexible_camera")
+    presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.presets.preset")
+    flexible = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.camera.flexible_camera")
     FOLDER.mkdir(exist_ok=True)
     for path in sorted((ROOT / "presets").glob("*.json")):
         if only not in (None, path.stem):

@@ -59,7 +59,7 @@ def draw_diagram(module: str, projection, projectors: tuple[int, int], reach: fl
     from matplotlib import pyplot
     from matplotlib.collections import LineCollection
 
-    diagram = importlib.import_module(f"{module}.scfpf_addon.projection.diagram")
+    diagram = importlib.import_module(f"{module}.scfpf_addon.projection.diagrams.diagram")
     lines = volume_lines(diagram, projection, projectors, reach)
     styles = {"SURFACE": (GREEN, 0.4), "PROJECTOR": (BLUE, 0.7), "FOLD": (RED, 0.7), "RIM": (GREEN, 2.0)}
     figure, panes = pyplot.subplots(1, 2, figsize=DIAGRAM_SIZE, layout="constrained")
@@ -139,7 +139,7 @@ def add_set_up(
 
     projection: in the flexible camera's own space. Returns the ordinary camera.
     """
-    diagram = importlib.import_module(f"{module}.scfpf_addon.projection.diagram")
+    diagram = importlib.import_module(f"{module}.scfpf_addon.projection.diagrams.diagram")
     matrix = np.array(camera.matrix_world, np.float64)
     lines = {
         role: own @ matrix[:3, :3].T + matrix[:3, 3]

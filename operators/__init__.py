@@ -1,28 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the user can do: ``bpy.ops.scfpf``. One module a family."""
 
-from . import (
+from .camera import (
     blend,
     camera,
     cycles,
-    drawn,
     duplicate,
-    edit_volume,
     engine,
-    find,
-    framing,
-    mappings,
     own_presets,
-    pick,
-    picture_fit,
     presets,
     preview,
-    render,
-    surface_tools,
-    surfaces,
+    stylised,
     tutorial,
-    volume_tools,
 )
+from .picture import find, pick, render
+from .volume import edit_volume, framing, image_fit, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
@@ -41,10 +33,10 @@ MODULES = (
     pick,
     find,
     mappings,
-    picture_fit,
+    image_fit,
     preview,
     cycles,
-    drawn,
+    stylised,
     tutorial,
 )
 

@@ -4,12 +4,12 @@
 from . import (
     camera_panels,
     cycles,
-    drawn,
     engine_panels,
     mapping_stack,
     menus,
     own_preset_menus,
     preview,
+    stylised,
     surface_list,
     thumbnails,
 )
@@ -25,7 +25,7 @@ MODULES = (
     preview,
     cycles,
     engine_panels,
-    drawn,
+    stylised,
 )
 
 

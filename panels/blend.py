@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A camera between two others in the panel: its factor, what it goes between, the button that updates it."""
 
-from ..operators.presets import preset_items
-from ..scfpf_addon.bridge.camera_blend import is_blend, knows_its_ends
+from ..operators.camera.presets import preset_items
+from ..scfpf_addon.bridge.camera.camera_blend import is_blend, knows_its_ends
 
 
 def draw_blend(layout, camera) -> None:

@@ -5,19 +5,19 @@ import textwrap
 
 import bpy
 
-from ..operators.pick import pick_readout
-from ..operators.target import camera_of, flexible_camera_of
-from ..scfpf_addon.bridge import render_job
-from ..scfpf_addon.bridge.picture_fit import needs_fit
-from ..scfpf_addon.bridge.read_projection import is_lattice_volume
-from ..scfpf_addon.bridge.result_image import result_image
-from ..scfpf_addon.bridge.surface_nodes import SurfaceError, parameter_properties
-from ..scfpf_addon.bridge.surface_scale import is_scaled, whole_scale, world_sizes
-from ..scfpf_addon.bridge.volume_upkeep import sharers
-from ..scfpf_addon.casting.scene import caster_fault
+from ..operators.common.target import camera_of, flexible_camera_of
+from ..operators.picture.pick import pick_readout
+from ..scfpf_addon.bridge.camera.image_fit import needs_fit
+from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
+from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
+from ..scfpf_addon.bridge.render import render_job
+from ..scfpf_addon.bridge.render.result_image import result_image
+from ..scfpf_addon.bridge.surfaces.surface_nodes import SurfaceError, parameter_properties
+from ..scfpf_addon.bridge.sync.handlers import sharers
+from ..scfpf_addon.casting.scene.cast_scene import caster_fault
 from ..scfpf_addon.cycles.engine_choice import engine_name, ignored_camera
 from ..scfpf_addon.cycles.rig_data import rig_of
-from ..scfpf_addon.projection.editing import EditingError
+from ..scfpf_addon.projection.editing.volume_edits import EditingError
 from .blend import draw_blend
 from .mapping_stack import draw_stack
 from .surface_list import absence_of

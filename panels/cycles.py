@@ -5,8 +5,8 @@ import textwrap
 
 import bpy
 
-from ..scfpf_addon.cycles.asked_prices import price
-from ..scfpf_addon.cycles.planning import Price, price_of_rig
+from ..scfpf_addon.cycles.chord_planning import Price, price_of_rig
+from ..scfpf_addon.cycles.prices import price
 from ..scfpf_addon.cycles.rig import cautions
 from ..scfpf_addon.cycles.rig_data import rig_of
 from .camera_panels import LINE, _DataTab, _Sidebar, _Subsection, draw_text

@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..scfpf_addon.bridge.render_engine import ENGINE
-from ..scfpf_addon.bridge.rig_mark import camera_behind
+from ..scfpf_addon.bridge.blender.rig_mark import camera_behind
+from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.cycles.engine_choice import ignored_camera
 from .camera_panels import draw_caster_fault, draw_ignored
 

@@ -3,9 +3,9 @@
 
 import bpy
 
-from ..operators.mappings import active_mapping
-from ..scfpf_addon.bridge.mapping_edits import curve_node
-from ..scfpf_addon.bridge.mapping_properties import MAPPING_KINDS
+from ..operators.volume.mappings import active_mapping
+from ..scfpf_addon.bridge.mappings.mapping_edits import curve_node
+from ..scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
 
 MAPPING_ICONS = {
     "RADIAL_CURVE": "FCURVE",

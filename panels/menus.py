@@ -3,8 +3,8 @@
 
 import bpy
 
-from ..operators.presets import preset_groups
-from ..operators.surfaces import SURFACE_KINDS
+from ..operators.camera.presets import preset_groups
+from ..operators.volume.surfaces import SURFACE_KINDS
 from .surface_list import KIND_ICONS
 from .thumbnails import draw_entries
 

@@ -3,7 +3,7 @@
 
 import bpy
 
-from ..operators.own_presets import own_presets
+from ..operators.camera.own_presets import own_presets
 from .thumbnails import draw_entries, own_thumbnail
 
 

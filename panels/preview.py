@@ -3,9 +3,9 @@
 
 import bpy
 
-from ..operators.preview import FLAT
-from ..scfpf_addon.scanline.preview_data import is_flat, left_out, preview_of
-from ..scfpf_addon.scanline.preview_viewports import viewports_of
+from ..operators.camera.preview import FLAT
+from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
+from ..scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from .camera_panels import _DataTab, _Sidebar, _Subsection, draw_text
 
 # Differences from an image by Render, a line each.

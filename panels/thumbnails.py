@@ -3,8 +3,8 @@
 
 import bpy.utils.previews
 
-from ..operators.presets import FOLDER
-from ..scfpf_addon.bridge.camera_preset import own_picture
+from ..operators.camera.presets import FOLDER
+from ..scfpf_addon.bridge.camera.camera_preset import own_picture
 
 # How much larger than an icon they are drawn.
 SCALE = 3.6

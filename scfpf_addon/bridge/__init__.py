@@ -3,31 +3,35 @@
 
 from __future__ import annotations
 
-from . import (
+from .mappings import read_mappings
+from .overlays import image_marks, viewport_overlay
+from .render import command_line, render_engine, render_passes, result_undo
+from .settings import (
     blend_properties,
-    command_line,
-    drawing,
-    drawn,
-    image_marks,
+    camera_properties,
     mapping_properties,
-    properties,
-    read_mappings,
-    render_engine,
-    render_passes,
-    result_undo,
     sampling,
-    sound_properties,
-    volume_upkeep,
+    stylised_properties,
+    validation,
 )
+from .sync import handlers
 
-# What files and Blender's render job need: see ``switching``.
-TYPES = (blend_properties, mapping_properties, properties, sampling, drawn, render_passes, render_engine)
+# What files and Blender's render job need: see ``render.type_registration``.
+TYPES = (
+    blend_properties,
+    mapping_properties,
+    camera_properties,
+    sampling,
+    stylised_properties,
+    render_passes,
+    render_engine,
+)
 # Registered in this order after the types, unregistered in the reverse before them.
 MODULES = (
-    sound_properties,  # before all that looks at a file that was loaded
+    validation,  # before all that looks at a file that was loaded
     read_mappings,
-    volume_upkeep,
-    drawing,
+    handlers,
+    viewport_overlay,
     image_marks,
     result_undo,
     command_line,

@@ -8,15 +8,15 @@ import math
 import numpy as np
 
 from ..projection.typing import Array, BoolArray
-from ..projection.volume import Projection
-from .bends import bend_groups
-from .chords import cast_chords, complete
-from .curves import Bundle
-from .exact import cast_exact
-from .hits import CastCounts, Hits
-from .occupancy import boxes_of_blocks, stretches
-from .scene import CastError, CastScene
-from .schedule import corners, plan, sample_curves, scene_reach, split
+from ..projection.volume.viewing_volume import Projection
+from .common.hits import CastCounts, Hits
+from .curves.bends import bend_groups
+from .curves.chords import cast_chords, complete
+from .curves.projector_batch import Bundle
+from .curves.schedule import corners, plan, sample_curves, scene_reach, split
+from .exact.exact_cast import cast_exact
+from .scene.cast_scene import CastError, CastScene
+from .scene.occupancy import boxes_of_blocks, stretches
 from .straight import cast_straight
 
 __all__ = ["CastCounts", "Hits", "cast"]

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..projection.typing import Array, BoolArray
-from ..projection.volume import Projection, image_derivatives
-from .bends import bend_groups
+from ..projection.volume.viewing_volume import Projection, image_derivatives
 from .cast import SMALLEST_ERROR, usable_projectors
-from .curves import Bundle
-from .occupancy import boxes_of_blocks, stretches
-from .scene import CastScene
-from .schedule import Schedule, corners, pixel_lengths, plan, sample_curves, scene_reach
+from .curves.bends import bend_groups
+from .curves.projector_batch import Bundle
+from .curves.schedule import Schedule, corners, pixel_lengths, plan, sample_curves, scene_reach
+from .scene.cast_scene import CastScene
+from .scene.occupancy import boxes_of_blocks, stretches
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from collections.abc import Callable
 import numpy as np
 
 from ..projection.typing import Array
-from ..projection.volume import Projection
+from ..projection.volume.viewing_volume import Projection
 from .cast import cast
-from .hits import CastCounts, Hits
-from .scene import CastScene
+from .common.hits import CastCounts, Hits
+from .scene.cast_scene import CastScene
 from .tiles import TileJob, image_tiles, run_tiles
 
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
-from .hits import CastCounts, Hits
-from .scene import CastScene
+from .common.hits import CastCounts, Hits
+from .scene.cast_scene import CastScene
 
 # Rays run this share past t = 1, so that float32 cannot lose a hit just before
 # it; what the float64 solve then puts past 1 is dropped.

@@ -10,9 +10,9 @@ from queue import Empty, SimpleQueue
 from threading import Event
 from typing import TypeVar
 
-from .portions import started, thread_count
-from .scene import CastError
-from .stopping import watching
+from .common.cancellation import watching
+from .common.parallel import started, thread_count
+from .scene.cast_scene import CastError
 
 Result = TypeVar("Result")
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import bpy
 
-from ..bridge.rig_mark import is_rig_part
+from ..bridge.blender.rig_mark import is_rig_part
 
 # Outputs that depend on the place of the camera, on the length of the ray, or on what it has passed.
 OUTPUTS = {

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import bpy
 
-from ..bridge.render_engine import ENGINE
-from ..bridge.rig_mark import camera_behind
+from ..bridge.blender.rig_mark import camera_behind
+from ..bridge.render.render_engine import ENGINE
 from .rig_data import CYCLES, rig_of
 
 # What F12 through a rig makes of a stereoscopic scene.

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import bpy
 
-from ..bridge.mapping_edits import grids_of
-from ..bridge.rig_mark import HIDDEN_RAYS, HIDING, has_other_animation, is_hiding
-from ..bridge.slot_animation import curve_collections
-from ..bridge.volume_object import holds
-from ..bridge.volume_upkeep import camera_objects
+from ..bridge.blender.rig_mark import HIDDEN_RAYS, HIDING, has_other_animation, is_hiding
+from ..bridge.blender.slot_animation import curve_collections
+from ..bridge.mappings.mapping_edits import grids_of
+from ..bridge.sync.handlers import camera_objects
+from ..bridge.volume.volume_object import holds
 
 # Lattices are not rendered.
 RENDERED = {"MESH", "SURFACE"}

@@ -11,16 +11,18 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..bridge import versions
-from ..bridge.read_projection import ProjectionError
-from ..bridge.render_job import RenderError, picture_size
-from ..bridge.slot_animation import curve_collections
-from ..projection.volume import Projection
-from ..scanline.table_object import is_made
-from . import asked_prices, disturbed_materials, hidden_surfaces, passes, portal_nodes
-from .chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
+from ..bridge.blender import versions
+from ..bridge.blender.slot_animation import curve_collections
+from ..bridge.camera.read_projection import ProjectionError
+from ..bridge.render.render_job import RenderError, picture_size
+from ..projection.volume.viewing_volume import Projection
+from ..scanline.table.table_object import is_made
+from . import aov_passes, disturbed_materials, hidden_surfaces, prices
+from .chord_planning import chords_of, look, planned
+from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
 from .engine_choice import ALIKE
-from .planning import chords_of, look, planned
+from .portals import portal_nodes
+from .portals.sheets import crosses_itself, has_no_area, picture_places
 from .rig_data import (
     CYCLES,
     NO_CYCLES,
@@ -42,7 +44,6 @@ from .rig_data import (
     update_nodes,
     write_sheets,
 )
-from .sheets import crosses_itself, has_no_area, picture_places
 from .smoke import smoke_around
 
 # Places at which a volume is looked at for crossing itself.
@@ -97,7 +98,7 @@ def set_passes(rig, on: bool) -> None:
         raise RigError("Choose Cycles as the render engine: only it has these passes")
     check_surfaces(rig.scfpf_rig.camera)
     rig.scfpf_rig.passes = on
-    (passes.add if on else passes.remove)(rig.scfpf_rig.scene)
+    (aov_passes.add if on else aov_passes.remove)(rig.scfpf_rig.scene)
     update_nodes(rig)
 
 
@@ -301,7 +302,7 @@ def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
 
 @persistent
 def _scene_updated(scene, depsgraph) -> None:
-    asked_prices.changed()
+    prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         tend(scene, depsgraph)
         versions.settle_view_layers()
@@ -309,7 +310,7 @@ def _scene_updated(scene, depsgraph) -> None:
 
 @persistent
 def _frame_changed(scene, depsgraph) -> None:
-    asked_prices.changed()
+    prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
         tend(scene, depsgraph, may_remove=False)
         versions.settle_view_layers()
@@ -329,14 +330,14 @@ def _history_changed(*_) -> None:
         take_back(rig, _released.get(rig.session_uid, 0))
     _released.clear()
     hidden_surfaces.forget()
-    asked_prices.changed()
+    prices.changed()
 
 
 @persistent
 def _file_loaded(*_) -> None:
     _seen.clear()
     hidden_surfaces.forget()
-    asked_prices.forget()
+    prices.forget()
 
 
 @persistent
@@ -366,6 +367,6 @@ def register():
 
 
 def unregister():
-    asked_prices.unregister()
+    prices.unregister()
     for name, function in HANDLERS.items():
         getattr(bpy.app.handlers, name).remove(function)

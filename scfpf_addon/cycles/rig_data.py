@@ -10,23 +10,25 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ..bridge import lattice_object, versions
-from ..bridge.flexible_camera import sync_volume_object
-from ..bridge.missing import absent_text
-from ..bridge.render_job import picture_size
-from ..bridge.rig_mark import RIG_KEY, WIDTH
-from ..bridge.volume_object import holds
-from ..projection.preset import MAXIMUM_SURFACES
+from ..bridge.blender import versions
+from ..bridge.blender.rig_mark import RIG_KEY, WIDTH
+from ..bridge.camera.flexible_camera import sync_volume_object
+from ..bridge.render.render_job import picture_size
+from ..bridge.surfaces import lattice_object
+from ..bridge.volume.missing_objects import absent_text
+from ..bridge.volume.volume_object import holds
+from ..projection.presets.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
-from ..scanline.field_nodes import is_current
-from ..scanline.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
-from ..scanline.table_object import follow_property, table_group_of, table_object
-from ..scanline.table_object import let_go as let_table_go
-from . import lens_nodes, pass_nodes, passes, portal_nodes
-from .chord_plan import ChordPlan
-from .portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN
-from .seen_places import seen_places
-from .sheets import SURROUND_CORNERS, Portals, portals
+from ..scanline.nodes.field_nodes import is_current
+from ..scanline.preview.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
+from ..scanline.table.table_object import follow_property, table_group_of, table_object
+from ..scanline.table.table_object import let_go as let_table_go
+from . import aov_passes
+from .chords.chord_plan import ChordPlan
+from .portals import lens_nodes, pass_nodes, portal_nodes
+from .portals.mapped_places import seen_places
+from .portals.portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN
+from .portals.sheets import SURROUND_CORNERS, Portals, portals
 
 MODIFIER = "SCFPF Portals"
 # The camera's custom property that names the rig's table; the live preview has one of its own.
@@ -413,7 +415,7 @@ def remove_rig(rig) -> None:
     settings = rig.scfpf_rig
     _give_back(rig)
     if settings.scene is not None:
-        passes.remove(settings.scene)
+        aov_passes.remove(settings.scene)
     parts = [p for p in (settings.portals, settings.view_camera, settings.table) if p is not None]
     for guest in set(rig.objects) - set(parts):
         # What the artist has put here stays.

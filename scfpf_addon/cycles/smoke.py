@@ -12,7 +12,7 @@ from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 
 from ..projection.typing import Array
-from ..projection.volume import Projection
+from ..projection.volume.viewing_volume import Projection
 
 # Places across and up the near surface that are looked at.
 PLACES = 3

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview: node groups that invert the viewing volume, Q⁻¹: scene → (x, y, depth)."""
 
-from . import preview, preview_properties
+from .preview import preview, preview_properties
 
 # What files and Blender's render job need: see ``bridge.switching``.
 TYPES = (preview_properties,)

@@ -10,19 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..casting.hits import CastCounts
-from ..casting.memory import peak_memory
-from ..casting.scene import CastScene
-from ..casting.stopping import Stopped, watching
+from ..casting.common.cancellation import Stopped, watching
+from ..casting.common.hits import CastCounts
+from ..casting.common.memory import peak_memory
+from ..casting.scene.cast_scene import CastScene
 from ..casting.tiles import TileJob, image_tiles, run_tiles
-from ..projection.folds import find_folds
-from ..projection.volume import Projection
-from .motion import Moment
-from .passes import empty_passes
+from ..projection.volume.folds import find_folds
+from ..projection.volume.viewing_volume import Projection
+from .passes.data_passes import empty_passes
 from .pipeline import Pipeline, TileCounts
 from .report import RenderReport
-from .scene import Scene
-from .settings import FrameSettings
+from .scene.motion import Moment
+from .scene.shading_scene import Scene
+from .settings.frame_settings import FrameSettings
 from .typing import Single
 
 

@@ -8,9 +8,9 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ..casting.geometry import Geometry
-from ..casting.portions import in_threads, portions
-from ..casting.scene import CastScene
+from ..casting.common.geometry import Geometry
+from ..casting.common.parallel import in_threads, portions
+from ..casting.scene.cast_scene import CastScene
 from .typing import Single
 
 # Corner normals this close to their triangle's, component by component, are no smooth shading:

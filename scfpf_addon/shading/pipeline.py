@@ -10,38 +10,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..casting.behind import Onward
 from ..casting.cast import cast
 from ..casting.chord_map import chord_map
-from ..casting.chords import complete
-from ..casting.curves import Bundle
+from ..casting.common.cancellation import stop_here
+from ..casting.common.geometry import Geometry
+from ..casting.common.hits import CastCounts, Hits
+from ..casting.continuation import Onward
+from ..casting.curves.chords import complete
+from ..casting.curves.projector_batch import Bundle
 from ..casting.frame import pixel_centres
-from ..casting.geometry import Geometry
-from ..casting.hits import CastCounts, Hits
-from ..casting.scene import CastScene
-from ..casting.stopping import stop_here
+from ..casting.scene.cast_scene import CastScene
 from ..casting.tiles import TileJob
 from ..projection.typing import Array, IndexArray
-from ..projection.volume import Projection
-from .adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
-from .drawn.drawing import Drawing
-from .drawn.tones import DrawnShading
+from ..projection.volume.viewing_volume import Projection
+from .fast_paths.fast_path import short_way
+from .fast_paths.suns_alone import SunsAlone
+from .fast_paths.suns_shadowed import SunsShadowed
 from .film import Film
-from .hit_colors import Shading
-from .lens import Lens, through
-from .light_passes import ENVIRONMENT, EXPOSED, LightFilm, LightParts
-from .motion import Moment, moment_of_samples
-from .passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
-from .reach import within_reach
-from .samples import SamplePlaces, row_pixels
-from .scene import Scene
-from .settings import FrameSettings
-from .short_way import short_way
-from .suns_alone import SunsAlone
-from .suns_shadowed import SunsShadowed
+from .lights.ray_visibility import seen_directly
+from .lights.scene_culling import within_reach
+from .passes.data_passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
+from .passes.light_passes import ENVIRONMENT, EXPOSED, LightFilm, LightParts
+from .sampling.adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
+from .sampling.samples import SamplePlaces, row_pixels
+from .scene.depth_of_field import Lens, through
+from .scene.motion import Moment, moment_of_samples
+from .scene.shading_scene import Scene
+from .scene.world import World
+from .settings.frame_settings import FrameSettings
+from .stylised.drawing import Drawing
+from .stylised.tones import DrawnShading
+from .tracing.hit_colors import Shading
 from .typing import Single
-from .visible import seen_directly
-from .world import World
 
 # Pixels whose data passes are made at once, at most: motion vectors take tens of microseconds each, and
 # a render should end soon after it is told to.

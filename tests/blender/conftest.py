@@ -15,8 +15,8 @@ if IS_MODULE:  # inside a Blender, tests/run_in_blender.py has done it before Bl
     os.environ["BLENDER_USER_RESOURCES"] = os.path.join(SCRATCH.name, "profile")
     os.mkdir(os.environ["BLENDER_USER_RESOURCES"])  # Blender passes over a folder that is not there
 
-# For modules that several tests share.
-sys.path.append(os.path.dirname(os.path.abspath(__file__)))
+# For the modules in support/, which several tests share.
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "support"))
 
 import bpy
 import pytest
@@ -76,8 +76,13 @@ def extension():
 
 @pytest.fixture
 def addon():
-    """Import a module of the extension by its path inside it: addon("scfpf_addon.bridge.versions")."""
-    return lambda name: importlib.import_module(f"{MODULE}.{name}")
+    """Import a module by its path in the extension: addon("panels.menus"), addon("casting.cast")."""
+
+    def imported(name):
+        is_interface = name.startswith(("operators.", "panels."))
+        return importlib.import_module(f"{MODULE}.{name}" if is_interface else f"{MODULE}.scfpf_addon.{name}")
+
+    return imported
 
 
 @pytest.fixture(autouse=True)
@@ -89,14 +94,17 @@ def empty_file(extension):
 @pytest.fixture
 def read(addon):
     """Read the scene as the viewport has it."""
-    module = addon("scfpf_addon.bridge.read_scene")
+    module = addon("bridge.scene.read_scene")
     return lambda: module.read_scene(bpy.context.evaluated_depsgraph_get())
 
 
 @pytest.fixture
 def read_render(addon):
     """Read the scene as F12 has it."""
-    scene, depsgraph = addon("scfpf_addon.bridge.read_scene"), addon("scfpf_addon.bridge.render_depsgraph")
+    scene, depsgraph = (
+        addon("bridge.scene.read_scene"),
+        addon("bridge.scene.render_depsgraph"),
+    )
     return lambda: depsgraph.with_render_depsgraph(
         bpy.context.scene, bpy.context.view_layer, scene.read_scene
     )
@@ -157,7 +165,7 @@ def light_nodes(addon, monkeypatch):
         found = bpy.data.objects.get(name)
         return found or bpy.data.objects.new(name, bpy.data.meshes.new(name))
 
-    data = addon("scfpf_addon.scanline.preview_data")
+    data = addon("scanline.preview.preview_data")
     nodes = SimpleNamespace(preview_group=group, table_object=table, is_flat=lambda _table: False)
     monkeypatch.setattr(data, "remap_nodes", nodes)
 

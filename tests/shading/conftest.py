@@ -6,14 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scfpf_addon.casting.geometry import Geometry
-from scfpf_addon.casting.scene import CastScene
-from scfpf_addon.projection.surfaces import Plane
-from scfpf_addon.projection.volume import Projection, ViewingVolume
-from scfpf_addon.shading.light_table import LightTable
-from scfpf_addon.shading.lighting import Lamp, radiance
-from scfpf_addon.shading.scene import Materials, Scene
-from scfpf_addon.shading.surface import SurfaceTable
+from scfpf_addon.casting.common.geometry import Geometry
+from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.projection.surfaces.surface import Plane
+from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
+from scfpf_addon.shading.lights.light_table import LightTable
+from scfpf_addon.shading.lights.lighting import Lamp, radiance
+from scfpf_addon.shading.scene.shading_scene import Materials, Scene
+from scfpf_addon.shading.scene.surface import SurfaceTable
 
 
 def placed(location=(0, 0, 0), shines=(0, 0, -1)):

@@ -167,7 +167,7 @@ def blurred(driver):
 
 def painted():
     """Generator: wait until every viewport shows what it is to show."""
-    module = next(name for name in sys.modules if name.endswith("scfpf_addon.bridge.render_viewport"))
+    module = next(name for name in sys.modules if name.endswith("scfpf_addon.bridge.render.render_viewport"))
     yield DRAW
     end = time.monotonic() + PATIENCE
     while sys.modules[module].is_painting():

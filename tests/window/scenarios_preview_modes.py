@@ -128,7 +128,7 @@ def preview_after_every_mode(driver):
             toggle(driver)
             yield from until_shown(driver, 0)
     preview, viewport = (
-        next(module for name, module in sys.modules.items() if name.endswith(f"scanline.{wanted}"))
+        next(module for name, module in sys.modules.items() if name.endswith(f"scanline.preview.{wanted}"))
         for wanted in ("preview", "preview_viewports")
     )
     kept, camera = viewport.show_alone, bpy.context.scene.camera

@@ -14,12 +14,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
-from ..highlight import SCHLICK_MEAN, mean_reflectance, sent_again
-from ..scene import Materials
-from .graph import MaterialGraph, registers
-from .inputs import fresnel_dielectric
-from .operations import OPERATIONS
-from .place import Place, dot
+from ..nodes.context import Place, dot
+from ..nodes.graph import MaterialGraph, registers
+from ..nodes.inputs import fresnel_dielectric
+from ..nodes.operations import OPERATIONS
+from ..scene.shading_scene import Materials
+from .microfacet import SCHLICK_MEAN, mean_reflectance, sent_again
 
 # Roughness up to which a reflection is followed in full, and from which it is left to lamps' highlights and
 # to the world's even light: of metals, which show nothing else, and of what lies on something diffuse.

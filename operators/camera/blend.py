@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blend two cameras, or a camera and a preset, by one factor that can be animated."""
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty
+
+from ...scfpf_addon.bridge.camera.camera_blend import (
+    give_shapes,
+    has_room,
+    is_blend,
+    knows_its_ends,
+    new_blend_camera,
+    write_shapes,
+)
+from ...scfpf_addon.bridge.camera.flexible_camera import (
+    FlexibleCameraError,
+    approximate_lens,
+    make_flexible,
+    replace_surfaces,
+)
+from ...scfpf_addon.bridge.camera.read_projection import read_projection
+from ...scfpf_addon.bridge.render.render_job import picture_aspect
+from ...scfpf_addon.bridge.volume.missing_objects import absent_text
+from ...scfpf_addon.projection.editing.blending import BlendError, blended
+from ..common.target import flexible_camera_of, poll_flexible_camera
+from ..common.tool import Tool
+from .presets import preset_items, shipped_preset
+
+
+def blend_camera(context, first, second, second_name: str):
+    """A new flexible camera between a camera and a projection in world space; returns it, made active.
+
+    Raises what BAD_INPUT lists; nothing is left behind then.
+    """
+    scene = context.scene
+    own, blend = _blend(context, first, second, first)
+    camera = new_blend_camera(first, f"{first.name} to {second_name}")
+    settings = camera.scfpf
+    settings.blend_ends.first = first
+    settings.pixel_error, settings.samples = first.scfpf.pixel_error, first.scfpf.samples
+    _give(context, camera, blend)
+    make_flexible(camera)
+    approximate_lens(camera, own)
+    for obj in context.selected_objects:
+        obj.select_set(False)
+    camera.select_set(True)
+    context.view_layer.objects.active = camera
+    scene.camera = camera
+    return camera
+
+
+def _blend(context, first, second, camera):
+    """The first camera's projection, and its blend with a projection in world space, in a camera's space."""
+    world = np.array(camera.matrix_world, np.float64)
+    if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
+        raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
+    inward = np.linalg.inv(world)
+    own = read_projection(first, context.evaluated_depsgraph_get(), picture_aspect(context.scene))
+    own = own.transformed(inward)
+    return own, blended(own, second.transformed(inward))
+
+
+def _give(context, camera, blend) -> None:
+    """Make a camera's surfaces those of a blend: the ones that it has where these can be, else others."""
+    if is_blend(camera) and has_room(camera, blend):
+        write_shapes(camera, blend)
+    else:
+        last = len(blend.layers) - 1
+        names = ["Near" if k == 0 else "Far" if k == last else f"Layer {k + 1}" for k in range(last + 1)]
+        replace_surfaces(
+            camera,
+            [
+                (name, "GRID", np.eye(4), None, layer[0])
+                for name, layer in zip(names, blend.layers, strict=True)
+            ],
+        )
+        give_shapes(camera, blend)
+    camera.scfpf.basis = blend.basis
+    camera.scfpf.reparameterisation = "POLAR" if blend.polar else "RECTANGLE"
+    camera.scfpf.fitted_aspect = picture_aspect(context.scene)
+
+
+def _preset_before(context, camera, preset):
+    """A preset's projection as it is where a camera stands, in world space."""
+    world = np.array(camera.matrix_world, np.float64)
+    return preset.projection(picture_aspect(context.scene)).transformed(world)
+
+
+def _done(camera) -> str:
+    return f"'{camera.name}' is the scene camera: its Blend goes from one picture to the other"
+
+
+class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
+    """Make a flexible camera between two selected ones. Its Blend, which can be animated, goes from the
+    other one's picture to that of the active one, and beyond both"""
+
+    bl_idname = "scfpf.camera_blend"
+    bl_label = "Blend Cameras"
+
+    @classmethod
+    def poll(cls, context):
+        if not poll_flexible_camera(cls, context):
+            return False
+        if len(_chosen(context)) != 1:
+            cls.poll_message_set("Select two flexible cameras: the blend ends at the active one")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        (first,) = _chosen(context)
+        aspect = picture_aspect(context.scene)
+        second = read_projection(camera, context.evaluated_depsgraph_get(), aspect)
+        made = blend_camera(context, first, second, camera.name)
+        made.scfpf.blend_ends.second = camera
+        return _done(made)
+
+
+def _chosen(context) -> list:
+    """The selected flexible cameras besides the active one."""
+    active = flexible_camera_of(context)
+    return [
+        obj
+        for obj in context.selected_objects
+        if obj.type == "CAMERA" and obj.scfpf.enabled and obj != active
+    ]
+
+
+def _items(_operator, _context):
+    return preset_items()
+
+
+class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
+    """Make a flexible camera between this one and a preset where it stands: its Blend, which can be animated,
+    goes from this camera's picture to the preset's, and beyond both"""
+
+    bl_idname = "scfpf.camera_blend_preset"
+    bl_label = "Blend with Preset"
+
+    preset: EnumProperty(name="Preset", description="The projection at which the blend ends", items=_items)
+
+    def edit(self, context, camera):
+        preset = shipped_preset(self.preset)
+        second = _preset_before(context, camera, preset)
+        made = blend_camera(context, camera, second, preset.name)
+        made.scfpf.blend_ends.preset = self.preset
+        return _done(made)
+
+
+class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
+    """Update the blend to changes of its two cameras and of the resolution. Keyframes of Blend stay; edits
+    of the blend's own surfaces are lost"""
+
+    bl_idname = "scfpf.blend_update"
+    bl_label = "Update Blend"
+
+    @classmethod
+    def poll(cls, context):
+        if not poll_flexible_camera(cls, context):
+            return False
+        if not knows_its_ends(flexible_camera_of(context)):
+            cls.poll_message_set("This camera is not a blend: make one with Blend Cameras")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        ends = camera.scfpf.blend_ends
+        first = _end(context, camera, ends.first)
+        if ends.second is not None:
+            other = _end(context, camera, ends.second)
+            aspect = picture_aspect(context.scene)
+            second = read_projection(other, context.evaluated_depsgraph_get(), aspect)
+            name = other.name
+        else:
+            if ends.preset not in {stem for stem, _name, _text in preset_items()}:
+                raise BlendError(
+                    f"There is no preset '{ends.preset}': choose a camera at which the blend ends"
+                )
+            preset = shipped_preset(ends.preset)
+            second, name = _preset_before(context, first, preset), preset.name
+        own, blend = _blend(context, first, second, camera)
+        _give(context, camera, blend)
+        approximate_lens(camera, own)
+        return f"'{camera.name}' goes from '{first.name}' to '{name}' as they are at present"
+
+
+def _end(context, camera, end):
+    """One of a blend's cameras, if it can still be read. Raises BlendError."""
+    if lost := absent_text(end, context.scene, "choose another camera"):
+        raise BlendError(lost)
+    if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:
+        raise BlendError(f"'{end.name}' is not a flexible camera: choose another one")
+    return end
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (SCFPF_OT_camera_blend, SCFPF_OT_camera_blend_preset, SCFPF_OT_blend_update)
+)

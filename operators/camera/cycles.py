@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles' path tracing along the projectors of a flexible camera."""
+
+import bpy
+
+from ...scfpf_addon.cycles import rig as rigs
+from ...scfpf_addon.cycles.chord_planning import Planning, planned
+from ...scfpf_addon.cycles.rig_data import rig_of
+from ..common.errors import BAD_INPUT, refused
+from ..common.target import camera_of, poll_flexible_camera
+
+SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"
+# Seconds between two steps: Blender shows the progress and takes the Esc key meanwhile.
+TICK = 0.01
+
+
+class _Planned:
+    """An operator that plans chords, which takes seconds: at once for scripts, step by step in a window."""
+
+    def planned_camera(self, context):
+        """The camera to plan for, or None where nothing is to be planned."""
+        raise NotImplementedError
+
+    def finish(self, context, camera, plan):
+        """Do what the plan is for; plan: as Planning.plan returns it, None without a camera."""
+        raise NotImplementedError
+
+    def execute(self, context):
+        try:
+            camera = self.planned_camera(context)
+            return self.finish(context, camera, None if camera is None else planned(context, camera))
+        except BAD_INPUT as error:
+            return refused(self, error)
+
+    def invoke(self, context, _event):
+        try:
+            camera = self.planned_camera(context)
+            if camera is None or bpy.app.background or context.window is None:
+                return self.execute(context)
+            self._planning = Planning(context, camera)
+        except BAD_INPUT as error:
+            return refused(self, error)
+        window_manager = context.window_manager
+        window_manager.progress_begin(0.0, 1.0)
+        self._timer = window_manager.event_timer_add(TICK, window=context.window)
+        window_manager.modal_handler_add(self)
+        self._show_progress(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS":
+            self._planning.give_up()
+            self._leave(context)
+            self.report({"INFO"}, "Canceled: nothing was changed")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        try:
+            if self._planning.step(context):
+                self._show_progress(context)
+                return {"RUNNING_MODAL"}
+            self._show_progress(context)
+            # The button's own camera, which a modal operator's context does not have any more.
+            camera = self._planning.camera(context)
+            outcome = self.finish(context, camera, self._planning.plan(context))
+        except BAD_INPUT as error:
+            self._planning.give_up()
+            self._leave(context)
+            return refused(self, error)
+        self._leave(context)
+        return outcome
+
+    def cancel(self, context):
+        """Blender ends the operator: its window closes, another file is opened, or Blender quits.
+
+        The scene cannot be evaluated meanwhile. If the file stays the timer restores the frame."""
+        bpy.app.timers.register(self._planning.give_up, first_interval=0.0)
+        self._leave(context)
+
+    def _show_progress(self, context) -> None:
+        context.window_manager.progress_update(self._planning.progress)
+        context.workspace.status_text_set(f"{self.bl_label}: {self._planning.text}    Esc: cancel")
+
+    def _leave(self, context) -> None:
+        context.window_manager.progress_end()
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
+
+
+class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
+    """Set the scene up so that F12 renders what the flexible camera sees with Cycles, or remove that setup.
+
+    Nothing is rendered yet"""
+
+    bl_idname = "scfpf.cycles_rig"
+    bl_label = "Set Up Cycles"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = classmethod(poll_flexible_camera)
+
+    def planned_camera(self, context):
+        camera, rig = camera_of(context), rig_of(context.scene)
+        return None if rig is not None and rig.scfpf_rig.camera == camera else camera
+
+    def finish(self, context, camera, plan):
+        if plan is None:
+            rigs.switch_off(rig_of(context.scene))
+            return {"FINISHED"}
+        rig = rigs.switch_on(context, camera, plan)
+        for caution in rigs.cautions(context.scene, context.view_layer, rig):
+            self.report({"WARNING"}, caution)
+        self.report({"INFO"}, "Press F12: Cycles follows the projectors of " + camera.name)
+        return {"FINISHED"}
+
+
+class SCFPF_OT_cycles_rig_update(_Planned, bpy.types.Operator):
+    """Choose new chords, for all frames of an animated volume"""
+
+    bl_idname = "scfpf.cycles_rig_update"
+    bl_label = "Update Chords"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if rig_of(context.scene) is None:
+            cls.poll_message_set(SET_UP_FIRST)
+            return False
+        return True
+
+    def planned_camera(self, context):
+        return rig_of(context.scene).scfpf_rig.camera
+
+    def finish(self, context, _camera, plan):
+        rigs.update(context, rig_of(context.scene), plan)
+        return {"FINISHED"}
+
+
+class SCFPF_OT_cycles_passes(bpy.types.Operator):
+    """Give the compositor passes of t, depth along the projectors, and (u, v, t); press again to remove
+    them"""
+
+    bl_idname = "scfpf.cycles_passes"
+    bl_label = "t, Depth, (u, v, t) Passes"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = SCFPF_OT_cycles_rig_update.poll
+
+    def execute(self, context):
+        rig = rig_of(context.scene)
+        try:
+            rigs.set_passes(rig, not rig.scfpf_rig.passes)
+        except BAD_INPUT as error:
+            return refused(self, error)
+        if rig.scfpf_rig.passes:
+            self.report({"INFO"}, "Link the outputs of the compositor's node SCFPF Passes")
+        return {"FINISHED"}
+
+
+class SCFPF_OT_cycles_render(bpy.types.Operator):
+    """Render through the Cycles rig, also if the viewport under the mouse looks through another camera"""
+
+    bl_idname = "scfpf.cycles_render"
+    bl_label = "Render through the Rig"
+
+    animation: bpy.props.BoolProperty(
+        name="Animation",
+        description="Render all frames of the scene's range",
+        default=False,
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, context):
+        rig = rig_of(context.scene)
+        if rig is None or rig.scfpf_rig.view_camera != context.scene.camera:
+            cls.poll_message_set(SET_UP_FIRST)
+            return False
+        return True
+
+    def invoke(self, context, _event):
+        bpy.ops.render.render("INVOKE_DEFAULT", animation=self.animation, use_viewport=False)
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SCFPF_OT_cycles_rig,
+    SCFPF_OT_cycles_rig_update,
+    SCFPF_OT_cycles_passes,
+    SCFPF_OT_cycles_render,
+)
+# Blender's own F12 takes the local camera of a viewport that the mouse is over, which is the flexible one.
+KEYS = {False: {}, True: {"ctrl": True}}
+KEYMAP = "Screen"
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+    configuration = bpy.context.window_manager.keyconfigs.addon
+    if configuration is None:  # in the background there are no keys
+        return
+    items = configuration.keymaps.new(name=KEYMAP, space_type="EMPTY").keymap_items
+    for animation, held in KEYS.items():
+        item = items.new(SCFPF_OT_cycles_render.bl_idname, "F12", "PRESS", head=True, **held)
+        item.properties.animation = animation
+
+
+def unregister():
+    configuration = bpy.context.window_manager.keyconfigs.addon
+    keymap = configuration.keymaps.get(KEYMAP) if configuration is not None else None
+    for item in list(keymap.keymap_items) if keymap is not None else ():
+        if item.idname == SCFPF_OT_cycles_render.bl_idname:
+            keymap.keymap_items.remove(item)
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Duplicate a flexible camera with its control surfaces, as Blender duplicates a rig."""
+
+import bpy
+
+from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
+from ...scfpf_addon.bridge.camera.volume_edits import make_single_user
+from ..common.tool import Tool
+
+
+class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
+    """Duplicate the camera together with its control surfaces, and move the copy; Shift-D on the camera
+    alone makes one that shares them"""
+
+    bl_idname = "scfpf.camera_duplicate"
+    bl_label = "Duplicate Flexible Camera"
+
+    def invoke(self, context, _event):
+        done = self.execute(context)
+        if done == {"FINISHED"} and context.area is not None and context.area.type == "VIEW_3D":
+            bpy.ops.transform.translate("INVOKE_DEFAULT")
+        return done
+
+    def edit(self, context, camera):
+        originals = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
+        if not camera.visible_get():
+            raise FlexibleCameraError(f"'{camera.name}' is hidden: show it in the Outliner first")
+        for obj in context.selected_objects:
+            obj.select_set(False)
+        for obj in originals:
+            # What is hidden cannot be selected; ``make_single_user`` copies it.
+            if obj.name in context.view_layer.objects:
+                obj.select_set(True)
+        context.view_layer.objects.active = camera
+        hidden = [obj for obj in originals if obj.hide_select and obj.is_editable]
+        for obj in hidden:
+            obj.hide_select = False
+        bpy.ops.object.duplicate(linked=False)
+        copy = context.view_layer.objects.active
+        for obj in hidden:
+            obj.hide_select = True
+        make_single_user(copy)
+        for obj in context.selected_objects:
+            obj.select_set(obj == copy)
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_camera_duplicate,))

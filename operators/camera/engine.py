@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine for flexible cameras: the switch, and a warning where F12 ignores them."""
+
+import sys
+from collections import deque
+
+import bpy
+from bpy.app.handlers import persistent
+
+from ...scfpf_addon.bridge.render.render_engine import ENGINE
+from ...scfpf_addon.cycles.engine_choice import f12_warning
+from ..common.target import poll_scene
+
+# Seconds between two looks for a warning that waits, and until it is reported.
+LOOK = 0.5
+TICK = 0.1
+
+# Warnings of renders that have begun: handlers run in the thread of the render, reports need the main one.
+_waiting: deque[str] = deque()
+
+
+class SCFPF_OT_engine_use(bpy.types.Operator):
+    """Choose SCFPF as the scene's render engine, so that F12 and animations show the flexible camera"""
+
+    bl_idname = "scfpf.engine_use"
+    bl_label = "Use SCFPF for F12"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return poll_scene(cls, context)
+
+    def execute(self, context):
+        context.scene.render.engine = ENGINE
+        self.report({"INFO"}, "F12 renders through the flexible camera with SCFPF")
+        return {"FINISHED"}
+
+
+class SCFPF_OT_engine_warn(bpy.types.Operator):
+    """Report that the render that has begun ignores the flexible camera"""
+
+    bl_idname = "scfpf.engine_warn"
+    bl_label = "Flexible Camera Ignored"
+    bl_options = {"INTERNAL"}
+
+    message: bpy.props.StringProperty(
+        name="Message", description="The warning to report", options={"SKIP_SAVE"}
+    )
+
+    def execute(self, _context):
+        self.report({"WARNING"}, self.message)
+        return {"FINISHED"}
+
+    def invoke(self, context, _event):
+        # Blender shows the reports of operators that a script calls only if these end later.
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        self.cancel(context)
+        return self.execute(context)
+
+    def cancel(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+
+
+@persistent
+def _render_begins(scene, *_) -> None:
+    message = f12_warning(scene)
+    if not message:
+        return
+    if bpy.app.background:
+        print(f"SCFPF: warning: {message}", file=sys.stderr)
+    else:
+        _waiting.append(message)
+
+
+def _look() -> float:
+    """Report what waits; a timer, in the main thread."""
+    windows = bpy.context.window_manager.windows
+    while _waiting and windows:
+        with bpy.context.temp_override(window=windows[0]):
+            bpy.ops.scfpf.engine_warn("INVOKE_DEFAULT", message=_waiting.popleft())
+    return LOOK
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(
+    (SCFPF_OT_engine_use, SCFPF_OT_engine_warn)
+)
+
+
+def register():
+    _register_classes()
+    bpy.app.handlers.render_init.append(_render_begins)
+    if not bpy.app.background:
+        bpy.app.timers.register(_look, persistent=True)
+
+
+def unregister():
+    if bpy.app.timers.is_registered(_look):
+        bpy.app.timers.unregister(_look)
+    bpy.app.handlers.render_init.remove(_render_begins)
+    _unregister_classes()

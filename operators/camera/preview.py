@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The live preview of a flexible camera."""
+
+import bpy
+
+from ...scfpf_addon.bridge.camera.read_projection import read_projection
+from ...scfpf_addon.bridge.render.render_job import picture_aspect, reason
+from ...scfpf_addon.scanline.preview.preview import show, switch_off, switch_on
+from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
+from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
+from ..common.errors import BAD_INPUT, refused
+from ..common.target import camera_of, poll_flexible_camera_in_any_mode
+
+FLAT = (
+    "The live preview cannot show this volume, which is flat: all its projectors lie in one surface. "
+    "Press Render instead"
+)
+
+
+class SCFPF_OT_preview_toggle(bpy.types.Operator):
+    """Show the flexible camera's picture live in a second viewport; press again to remove it"""
+
+    bl_idname = "scfpf.preview_toggle"
+    bl_label = "Live Preview"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = classmethod(poll_flexible_camera_in_any_mode)
+
+    def execute(self, context):
+        camera = camera_of(context)
+        source = preview_of(camera, context.scene)
+        if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
+            switch_off(source)
+            return {"FINISHED"}
+        if source is not None:
+            # It shows another view layer: it moves to this one.
+            switch_off(source)
+        try:
+            source = switch_on(context, camera)
+        except BAD_INPUT as error:
+            return refused(self, error)
+        depsgraph = context.evaluated_depsgraph_get()
+        try:
+            read_projection(camera, depsgraph, picture_aspect(context.scene))
+        except BAD_INPUT as error:
+            # The preview stays: it follows once the volume is mended.
+            self.report({"WARNING"}, reason(error))
+        else:
+            if is_flat(source, depsgraph):
+                self.report({"WARNING"}, FLAT)
+        if bpy.app.background:
+            self.report(
+                {"INFO"}, "The live preview is ready: open the file in a Blender with a window to see it"
+            )
+        return {"FINISHED"}
+
+
+class SCFPF_OT_preview_show(bpy.types.Operator):
+    """Open the viewport of the live preview again"""
+
+    bl_idname = "scfpf.preview_show"
+    bl_label = "Show Live Preview"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, context):
+        camera = camera_of(context)
+        source = preview_of(camera, context.scene) if camera is not None else None
+        if source is None or context.window is None:
+            cls.poll_message_set("The camera has no live preview")
+            return False
+        if viewports_of(source):
+            cls.poll_message_set("A viewport shows the live preview already")
+            return False
+        return True
+
+    def execute(self, context):
+        try:
+            show(context, preview_of(camera_of(context), context.scene))
+        except BAD_INPUT as error:
+            return refused(self, error)
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_preview_toggle, SCFPF_OT_preview_show))

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The first step of the tutorial: a scene to look at."""
+
+import bpy
+
+from ...scfpf_addon.bridge.render.tutorial_scene import BLOCK_SIZE, BLOCKS, new_tutorial_scene
+from ..common.target import poll_object_mode
+
+
+class SCFPF_OT_tutorial_scene(bpy.types.Operator):
+    """Add a new scene with the towers of the tutorial, and show it in this window"""
+
+    bl_idname = "scfpf.tutorial_scene"
+    bl_label = "Tutorial Scene"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = classmethod(poll_object_mode)
+
+    def execute(self, context):
+        scene = new_tutorial_scene()
+        if context.space_data is not None and context.space_data.type == "VIEW_3D":
+            if context.space_data.local_view is not None:
+                bpy.ops.view3d.localview(frame_selected=False)
+            view = context.space_data.region_3d
+            view.view_perspective = "PERSP"
+            view.view_location, view.view_distance = (0.0, 0.0, 0.0), 1.5 * BLOCKS * BLOCK_SIZE
+        if context.window is not None:
+            context.window.scene = scene
+        self.report(
+            {"INFO"}, f"The scene '{scene.name}' is new: add a flexible camera to it with Add > Camera"
+        )
+        return {"FINISHED"}
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_tutorial_scene,))

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The errors that mean bad input: operators report them in one line; all others are bugs and are raised."""
+
+from ...scfpf_addon.bridge.blender.slot_animation import SlotError
+from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
+from ...scfpf_addon.bridge.mappings.mapping_edits import MappingError
+from ...scfpf_addon.bridge.render.render_job import RENDER_ERRORS, reason
+from ...scfpf_addon.bridge.render.result_image import ResultError
+from ...scfpf_addon.bridge.surfaces.surface_nodes import SurfaceError
+from ...scfpf_addon.bridge.volume.edit_mode import EditVolumeError
+from ...scfpf_addon.cycles.rig_data import RigError
+from ...scfpf_addon.projection.editing.blending import BlendError
+from ...scfpf_addon.projection.editing.volume_edits import EditingError
+from ...scfpf_addon.projection.presets.preset import PresetError
+from ...scfpf_addon.scanline.preview.preview_data import PreviewError
+from ...scfpf_addon.scanline.preview.preview_viewports import ViewportError
+
+BAD_INPUT = (
+    BlendError,
+    EditVolumeError,
+    EditingError,
+    FlexibleCameraError,
+    MappingError,
+    PresetError,
+    PreviewError,
+    ResultError,
+    RigError,
+    SlotError,
+    SurfaceError,
+    ViewportError,
+    *RENDER_ERRORS,
+)
+
+
+def refused(operator, error) -> set[str]:
+    """Report one of BAD_INPUT; what an operator returns then."""
+    operator.report({"ERROR"}, reason(error))
+    return {"CANCELLED"}

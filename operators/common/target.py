@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The camera that an operator or a panel works on."""
+
+import bpy
+
+from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
+from ...scfpf_addon.bridge.render.render_job import RenderError
+from ...scfpf_addon.bridge.volume.missing_objects import missing_text
+
+NO_CAMERA = (
+    "There is no flexible camera to render: add one with Add > Camera > Flexible Camera, or select one"
+)
+
+
+def camera_with_surface(scene, surface):
+    """The camera of ``scene`` that has ``surface`` in its list, or None."""
+    parent = surface.parent
+    candidates = [parent] if parent is not None and parent.type == "CAMERA" else []
+    for camera in candidates + [obj for obj in scene.objects if obj.type == "CAMERA"]:
+        if any(slot.object == surface for slot in camera.scfpf.surfaces):
+            return camera
+    return None
+
+
+def camera_of(context):
+    """The camera object that the user is at work on, flexible or not, or None.
+
+    The active object if it is a camera; the camera whose control surface it is;
+    else the scene's camera.
+    """
+    active = context.object
+    if active is not None:
+        if active.type == "CAMERA":
+            return camera_behind(active)
+        # Asked only of control surfaces: panels come here at every redraw.
+        owner = camera_with_surface(context.scene, active) if active.scfpf_surface.kind != "NONE" else None
+        if owner is not None:
+            return owner
+    return camera_behind(context.scene.camera)
+
+
+def flexible_camera_of(context):
+    """``camera_of`` if it is a flexible camera, else None."""
+    camera = camera_of(context)
+    return camera if camera is not None and camera.scfpf.enabled else None
+
+
+def poll_scene(cls, context) -> bool:
+    """A poll for operators that change the scene's own settings."""
+    if not context.scene.is_editable:
+        cls.poll_message_set("The scene is linked from another file: make it local first")
+        return False
+    return True
+
+
+def poll_object_mode(cls, context) -> bool:
+    """Adding and removing objects needs Object Mode, as everywhere in Blender."""
+    if context.mode != "OBJECT":
+        cls.poll_message_set("Go to Object Mode first")
+        return False
+    return True
+
+
+def poll_camera(cls, context) -> bool:
+    """A poll for operators on a camera that can be edited; says why when not."""
+    return poll_camera_in_any_mode(cls, context) and poll_object_mode(cls, context)
+
+
+def poll_camera_in_any_mode(cls, context) -> bool:
+    """``poll_camera`` for operators that neither add nor remove what the artist is at work on."""
+    camera = camera_of(context)
+    if camera is None:
+        cls.poll_message_set("Select a camera, or add one with Add > Camera > Flexible Camera")
+        return False
+    if not camera.is_editable:
+        cls.poll_message_set("The camera is linked from another file: make a library override of it first")
+        return False
+    return True
+
+
+def poll_flexible_camera(cls, context) -> bool:
+    """``poll_camera`` for operators that need the camera to be flexible."""
+    return _poll_flexible(cls, context) and poll_camera(cls, context)
+
+
+def poll_flexible_camera_in_any_mode(cls, context) -> bool:
+    """``poll_flexible_camera`` for operators that work in every mode."""
+    return _poll_flexible(cls, context) and poll_camera_in_any_mode(cls, context)
+
+
+def _poll_flexible(cls, context) -> bool:
+    camera = camera_of(context)
+    if camera is not None and not camera.scfpf.enabled:
+        cls.poll_message_set("Switch on Flexible Projection for this camera first")
+        return False
+    return True
+
+
+def render_camera(context):
+    """The camera of Render if none is named: the scene's if flexible, else the active one, or None."""
+    camera = camera_behind(context.scene.camera)
+    if camera is not None and camera.scfpf.enabled:
+        return camera
+    return flexible_camera_of(context)
+
+
+def chosen_camera(context, name: str):
+    """The flexible camera of a name, or without one what Render means. Raises RenderError."""
+    camera = bpy.data.objects.get(name) if name else render_camera(context)
+    if camera is None:
+        if name:
+            raise RenderError(f'There is no object "{name}" to look through: choose a flexible camera')
+        raise RenderError(missing_text(context.scene.camera) or NO_CAMERA)
+    if camera.type != "CAMERA" or not camera.scfpf.enabled:
+        raise RenderError(f"{camera.name} is not a flexible camera: switch on Flexible Projection for it")
+    return camera
+
+
+def editable_camera(context, name: str):
+    """``chosen_camera``, if what was found through it can be kept on it. Raises RenderError."""
+    camera = chosen_camera(context, name)
+    if not camera.is_editable:
+        raise RenderError(f"{camera.name} is linked from another file: make a library override of it")
+    return camera
+
+
+def take_up_edits(context) -> None:
+    """Let objects that are in a mode of editing be seen as they are now."""
+    for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
+        edited.update_from_editmode()
+
+
+def object_by_uid(session_uid: int):
+    """The object of this session's number, whatever was renamed, undone or loaded since; None if gone."""
+    return next((obj for obj in bpy.data.objects if obj.session_uid == session_uid), None)

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Find what is selected in the picture: ``pick`` the other way round."""
+
+import bpy
+import numpy as np
+
+from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
+from ...scfpf_addon.bridge.render import render_job
+from ...scfpf_addon.shading.picking.find import find, points_of
+from ...scfpf_addon.shading.picking.pick import pick
+from ..common.errors import BAD_INPUT, refused
+from ..common.target import editable_camera, object_by_uid, take_up_edits
+from .pick import store_pick
+from .render import redraw_interface
+
+
+def _wanted(context) -> list:
+    """The selected objects that are no cameras, surfaces nor volume objects."""
+    own = control_objects()
+    return [o for o in context.selected_objects if o.type != "CAMERA" and o.name_full not in own]
+
+
+def _origins(objects):
+    """The places of objects that have no faces, such as lamps, (3, N)."""
+    return np.array([obj.matrix_world.translation for obj in objects], np.float64).reshape(-1, 3).T
+
+
+def _description(title: str, found) -> str:
+    """The found object and its visibility, in a few short parts."""
+    left, low, right, high = found.box
+    parts = [title, f"{right - left:.1%} × {high - low:.1%} of the picture".replace("%", " %")]
+    if found.shown < 1:
+        parts.append("Partly outside the picture")
+    if found.hidden == 1:
+        parts.append(f"Hidden from the camera behind {found.hider}")
+    elif found.hidden > 0:
+        parts.append(f"Partly hidden behind {found.hider}")
+    return " · ".join(parts)
+
+
+class SCFPF_OT_find_in_image(bpy.types.Operator):
+    """Find the selected objects in the picture: mark them there, and draw the projector through their
+    middle"""
+
+    bl_idname = "scfpf.find_in_image"
+    bl_label = "Find in Picture"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        if render_job.current() is not None:
+            cls.poll_message_set("A render is running: wait for it, or press Esc to cancel it")
+            return False
+        if not _wanted(context):
+            cls.poll_message_set("Select the objects to find in the picture")
+            return False
+        return True
+
+    def execute(self, context):
+        wanted = _wanted(context)
+        names = {obj.name for obj in wanted}
+        title = wanted[0].name if len(wanted) == 1 else f"{len(wanted)} objects"
+        origins = _origins(wanted)
+        try:
+            camera = editable_camera(context, "")
+            take_up_edits(context)
+            uid = camera.session_uid
+            inputs = render_job.prepare(context.scene, context.view_layer, camera)
+            pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
+            points = points_of(inputs.scene, names)
+            points = points if points.size else origins
+            found = find(inputs.projection, inputs.scene, points, names, pixel)
+            centre = None if found is None else pick(inputs.projection, inputs.scene, *found.centre, pixel)
+        except BAD_INPUT as error:
+            return refused(self, error)
+        settings = object_by_uid(uid).scfpf
+        if found is None:
+            settings.show_found = False
+            self.report({"WARNING"}, f"{title} is outside the picture")
+            redraw_interface(context.window_manager)
+            return {"FINISHED"}
+        settings.found_box, settings.found_object = found.box, _description(title, found)
+        settings.show_found = True
+        if centre is not None:
+            store_pick(settings, *found.centre, centre)
+        self.report({"INFO"}, settings.found_object)
+        redraw_interface(context.window_manager)
+        return {"FINISHED"}
+
+
+def _object_menu(menu, _context):
+    menu.layout.separator()
+    menu.layout.operator("scfpf.find_in_image", icon="VIEWZOOM")
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory((SCFPF_OT_find_in_image,))
+
+
+def register():
+    _register_classes()
+    bpy.types.VIEW3D_MT_object.append(_object_menu)
+
+
+def unregister():
+    bpy.types.VIEW3D_MT_object.remove(_object_menu)
+    _unregister_classes()

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The place of a new picture: an Image Editor that is open and free, or else the place that F12 uses."""
+
+import bpy
+
+from ...scfpf_addon.bridge.render.result_image import result_image
+
+
+def image_editors(window_manager) -> list:
+    """The image spaces that may show a picture, as F12 takes them.
+
+    Those that show ours come first, then those that show a render or nothing. An editor that shows another
+    image is somebody's reference.
+    """
+    spaces = [
+        area.spaces.active
+        for window in window_manager.windows
+        for area in window.screen.areas
+        if area.ui_type == "IMAGE_EDITOR"
+    ]
+    free = [space for space in spaces if space.ui_mode == "VIEW" and not space.use_image_pin]
+    ours = [space for space in spaces if space.image is not None and space.image == result_image()]
+    empty = [space for space in free if space.image is None]
+    return ours + empty + [space for space in free if is_render(space.image)]
+
+
+def is_render(image) -> bool:
+    """Whether an image is Blender's own Render Result."""
+    return image is not None and image.type == "RENDER_RESULT"
+
+
+def place_for_picture(context):
+    """Let an Image Editor be free where F12 would show its picture; returns its window.
+
+    One that is free and has a window of its own comes to the front. None if there is none and the preference
+    Render In says to keep the interface. Esc in what is opened goes back to what was before, as after F12.
+    """
+    window_manager = context.window_manager
+    editors = image_editors(window_manager)
+    if editors:
+        shown_in = _window_of(window_manager, editors[0])
+        if shown_in != context.window and shown_in.screen.is_temporary:
+            _view_show(context)
+        return shown_in
+    if context.preferences.view.render_display_type == "NONE":
+        return None
+    # Blender opens the place of its own render: no editor shows that, or it would be free.
+    _view_show(context)
+    opened = image_editors(window_manager)
+    if not opened:
+        return None
+    opened[0].image = result_image()
+    return _window_of(window_manager, opened[0])
+
+
+def _view_show(context) -> None:
+    """Blender's View Render, which opens the place of renders or brings its window to the front."""
+    window = context.window.parent if context.window.screen.is_temporary else context.window
+    area = context.area if context.area in window.screen.areas[:] else max(window.screen.areas, key=_size)
+    with context.temp_override(window=window, area=area):
+        bpy.ops.render.view_show("INVOKE_DEFAULT")
+
+
+def _window_of(window_manager, space):
+    """The window that shows an image space."""
+    return next(
+        window
+        for window in window_manager.windows
+        if any(area.spaces.active == space for area in window.screen.areas)
+    )
+
+
+def _size(area) -> int:
+    return area.width * area.height

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pick in the picture: which projector makes a pixel, and what it meets."""
+
+import bpy
+from bpy.props import StringProperty
+
+from ...scfpf_addon.bridge.render import render_job
+from ...scfpf_addon.bridge.render.result_image import result_image
+from ...scfpf_addon.shading.picking.pick import pick
+from ..common.errors import BAD_INPUT, refused
+from ..common.target import editable_camera, object_by_uid, take_up_edits
+from .image_click import PictureClick
+from .render import redraw_interface
+
+
+def pick_readout(settings) -> list[str]:
+    """What the picked projector of a camera met, in a few short lines."""
+    lines = [f"At x {settings.pick[0]:.4f}, y {settings.pick[1]:.4f} of the picture"]
+    if settings.pick_t < 0:
+        return [*lines, "It meets nothing"]
+    return [
+        *lines,
+        f"Meets {settings.pick_object}",
+        f"At t {settings.pick_t:.5f}, distance {settings.pick_distance:.5g}",
+    ]
+
+
+def store_pick(settings, x: float, y: float, found) -> None:
+    """Put a shading.pick.Pick at a position of the picture into a camera's settings, and show it."""
+    settings.pick = x, y
+    settings.pick_t = -1.0 if found.t is None else found.t
+    settings.pick_object, settings.pick_distance = found.object_name, found.distance
+    settings.show_pick = True
+
+
+class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
+    """Click in the picture: the 3D viewport shows the projector through that pixel and what it meets"""
+
+    bl_idname = "scfpf.pick"
+    bl_label = "Pick Projector"
+    bl_options = {"REGISTER", "UNDO"}
+    hint = "Click in the picture to pick a projector"
+
+    camera: StringProperty(
+        name="Camera",
+        description="Name of the flexible camera; empty for the scene's camera, or else the active one",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, _context):
+        if render_job.current() is not None:
+            cls.poll_message_set("A render is running: wait for it, or press Esc to cancel it")
+            return False
+        return True
+
+    def execute(self, context):
+        try:
+            camera = editable_camera(context, self.camera)
+            take_up_edits(context)
+            uid = camera.session_uid
+            inputs = render_job.prepare(context.scene, context.view_layer, camera)
+            size = 1 / inputs.settings.width, 1 / inputs.settings.height
+            found = pick(inputs.projection, inputs.scene, self.x, self.y, size)
+        except BAD_INPUT as error:
+            return refused(self, error)
+        if found is None:
+            self.report({"WARNING"}, "No projector goes through that place of the picture: click elsewhere")
+            return {"CANCELLED"}
+        settings = object_by_uid(uid).scfpf
+        store_pick(settings, self.x, self.y, found)
+        self.report({"INFO"}, " · ".join(pick_readout(settings)))
+        redraw_interface(context.window_manager)
+        return {"FINISHED"}
+
+
+def _image_header(header, context):
+    """In an Image Editor that shows our picture: the button beside its menus."""
+    image = context.space_data.image
+    if image is not None and image == result_image():
+        header.layout.operator("scfpf.pick", text="", icon="EYEDROPPER")
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory((SCFPF_OT_pick,))
+
+
+def register():
+    _register_classes()
+    bpy.types.IMAGE_HT_header.append(_image_header)
+
+
+def unregister():
+    bpy.types.IMAGE_HT_header.remove(_image_header)
+    _unregister_classes()

@@ -1,0 +1,326 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render a picture through a flexible camera, and show it."""
+
+import time
+
+import bpy
+from bpy.app.handlers import persistent
+from bpy.props import StringProperty
+
+from ...scfpf_addon.bridge.render import render_job
+from ...scfpf_addon.bridge.render.result_image import (
+    discard_progress,
+    keep_result,
+    result_image,
+    show_progress,
+)
+from ...scfpf_addon.bridge.render.result_undo import only_in_memory, stamp_result
+from ..common.errors import BAD_INPUT, refused
+from ..common.target import chosen_camera, object_by_uid, take_up_edits
+from .image_place import image_editors, place_for_picture
+
+# Seconds between two looks at the running job.
+TICK = 0.2
+# Seconds between two looks at the picture in the making: handing one of 4K to Blender takes a tenth.
+PICTURE_TICK = 0.5
+
+# The running operator: Blender drops it without a call when the extension is disabled.
+_running: list = []
+
+
+def redraw_interface(window_manager) -> None:
+    """Draw the panels again, not the views beside them."""
+    for window in window_manager.windows:
+        for area in window.screen.areas:
+            for region in area.regions:
+                is_sidebar = area.type == "VIEW_3D" and region.type == "UI"
+                if is_sidebar or (area.type == "PROPERTIES" and region.type == "WINDOW"):
+                    region.tag_redraw()
+
+
+class SCFPF_OT_render(bpy.types.Operator):
+    """Render a picture through the flexible camera into an image. Esc cancels and keeps the old picture"""
+
+    bl_idname = "scfpf.render"
+    bl_label = "Render Flexible Camera"
+    bl_options = {"REGISTER"}
+
+    camera: StringProperty(
+        name="Camera",
+        description="Name of the flexible camera; empty for the scene's camera, or else the active one",
+        options={"SKIP_SAVE"},
+    )
+
+    @classmethod
+    def poll(cls, _context):
+        if render_job.current() is not None:
+            cls.poll_message_set("A render is already running: Esc cancels it")
+            return False
+        return True
+
+    def execute(self, context):
+        if not self._start(context, with_tiles=False):
+            return {"CANCELLED"}
+        return self._deliver(context)
+
+    def invoke(self, context, _event):
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        if not self._start(context, with_tiles=True):
+            return {"CANCELLED"}
+        self._status = ""
+        self._workspaces = set()
+        self._picture_time = time.monotonic()
+        self._is_picture_shown = False
+        self._may_open = True
+        self._is_opening = False
+        window_manager = context.window_manager
+        self._timer = window_manager.event_timer_add(TICK, window=context.window)
+        window_manager.modal_handler_add(self)
+        _running.append(self)
+        self._show_progress(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if self._is_opening:
+            # Blender sends events while it opens the window for the picture.
+            return {"PASS_THROUGH"}
+        if event.type == "ESC" and event.value == "PRESS" and not self._job.cancelled:
+            self._job.cancel()
+            self._show_progress(context)
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if self._job.running or self._may_open:
+            # Not in invoke, which a button of the editor may have called that gives way, and not in the
+            # last call: Blender forgets that an operator has finished if it opens a window.
+            self._open_place(context)
+            self._show_progress(context)
+            self._show_picture(context)
+            return {"PASS_THROUGH"}
+        self._leave(context)
+        outcome = {"CANCELLED"}
+        try:
+            outcome = self._deliver(context)
+        finally:
+            if self._is_picture_shown and outcome == {"CANCELLED"}:
+                discard_progress()
+        return outcome
+
+    def cancel(self, context):
+        """Its window closes, another file is opened, Blender quits or the extension is disabled."""
+        render_job.stop()
+        self._leave(context)
+        if self._is_picture_shown:
+            discard_progress()
+
+    def _start(self, context, with_tiles: bool) -> bool:
+        """Read the inputs and start the job; False after reporting why it cannot be."""
+        try:
+            camera = chosen_camera(context, self.camera)
+            take_up_edits(context)
+            self._camera_uid = camera.session_uid
+            inputs = render_job.prepare(context.scene, context.view_layer, camera)
+            keep = context.scene.render.use_persistent_data
+            self._job = render_job.start(inputs, with_tiles, keep)
+        except BAD_INPUT as error:
+            refused(self, error)
+            return False
+        for warning in inputs.scene.warnings:
+            self.report({"WARNING"}, warning)
+        return True
+
+    def _deliver(self, context):
+        """Write the finished picture; nothing is touched if it was cancelled or has failed."""
+        try:
+            frame = self._job.result()
+        except BAD_INPUT as error:
+            return refused(self, error)
+        finally:
+            render_job.stop()
+        if frame is None:
+            self.report({"INFO"}, "Render canceled: the previous picture is unchanged")
+            return {"CANCELLED"}
+        try:
+            show_progress(frame.pixels)
+            outcome, statistics = frame.report.outcome(), frame.report.statistics()
+            # Blender has the pixels now; packing takes as much again, and the job holds them too.
+            del frame, self._job
+            warning = keep_result()
+        except BAD_INPUT as error:
+            return refused(self, error)
+        image = result_image()
+        stamp_result(image)
+        if warning:
+            self.report({"WARNING"}, warning)
+        camera = object_by_uid(self._camera_uid)
+        if camera is not None and camera.is_editable:
+            camera.scfpf.report, camera.scfpf.statistics = outcome, statistics
+        editors = image_editors(context.window_manager)
+        if editors:
+            editors[0].image = image
+            self.report({"INFO"}, outcome)
+        else:
+            self.report({"INFO"}, f"{outcome}. Show Picture, the icon beside Render, opens it")
+        # The operator has no UNDO option, whose redo panel would render again at every change.
+        if bpy.ops.ed.undo_push.poll():
+            bpy.ops.ed.undo_push(message="SCFPF Render")
+        return {"FINISHED"}
+
+    def _show_progress(self, context):
+        percent = int(100 * self._job.progress)
+        text = f"SCFPF: rendering, {percent} %    Esc: cancel"
+        if self._job.building:
+            text = "SCFPF: building the acceleration structure, which cannot be canceled"
+        elif self._job.cancelled:
+            text = "SCFPF: canceling"
+        if text == self._status:
+            return
+        self._status = text
+        context.workspace.status_text_set(text)
+        self._workspaces.add(context.workspace.name)
+        redraw_interface(context.window_manager)
+
+    def _open_place(self, context):
+        """Let an Image Editor be where F12 would open one, once, and Esc cancel in its window too."""
+        if not self._may_open:
+            return
+        self._may_open = False
+        self._is_opening = True
+        try:
+            place = place_for_picture(context)
+        finally:
+            self._is_opening = False
+        if place is None or place == context.window:
+            return
+        with context.temp_override(window=place):
+            # A render that is done before the first tick leaves nothing to cancel.
+            if bpy.ops.scfpf.render_escape.poll():
+                bpy.ops.scfpf.render_escape("INVOKE_DEFAULT")
+
+    def _show_picture(self, context):
+        """The tiles so far, where no other image has to give way: cancelling leaves everything as it was."""
+        if time.monotonic() - self._picture_time < PICTURE_TICK or self._job.cancelled:
+            return
+        if not self._is_picture_shown and only_in_memory():
+            return
+        editors = image_editors(context.window_manager)
+        if not editors or editors[0].image not in (None, result_image()):
+            return
+        tiles = self._job.new_tiles()
+        if tiles is not None:
+            editors[0].image = show_progress(tiles)
+            self._is_picture_shown = True
+            self._picture_time = time.monotonic()
+
+    def _leave(self, context):
+        """Take back what invoke put up."""
+        _running.clear()
+        context.window_manager.event_timer_remove(self._timer)
+        for name in self._workspaces:
+            workspace = bpy.data.workspaces.get(name)
+            if workspace is not None:
+                workspace.status_text_set(None)
+        redraw_interface(context.window_manager)
+
+
+class SCFPF_OT_render_cancel(bpy.types.Operator):
+    """Cancel the render; the old picture stays as it was"""
+
+    bl_idname = "scfpf.render_cancel"
+    bl_label = "Cancel Render"
+    bl_options = {"INTERNAL"}
+
+    @classmethod
+    def poll(cls, _context):
+        return render_job.current() is not None
+
+    def execute(self, _context):
+        job = render_job.current()
+        if job is not None:
+            job.cancel()
+        return {"FINISHED"}
+
+
+class SCFPF_OT_render_escape(bpy.types.Operator):
+    """Let Esc in the window that shows the render cancel it"""
+
+    bl_idname = "scfpf.render_escape"
+    bl_label = "Cancel Render by Esc"
+    bl_options = {"INTERNAL"}
+
+    poll = SCFPF_OT_render_cancel.poll
+
+    def invoke(self, context, _event):
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        job = render_job.current()
+        if job is None:
+            self.cancel(context)
+            return {"FINISHED", "PASS_THROUGH"}
+        if event.type == "ESC" and event.value == "PRESS" and not job.cancelled:
+            job.cancel()
+            return {"RUNNING_MODAL"}
+        return {"PASS_THROUGH"}
+
+    def cancel(self, context):
+        context.window_manager.event_timer_remove(self._timer)
+
+
+class SCFPF_OT_result_show(bpy.types.Operator):
+    """Show the last picture: in an open Image Editor, or else where F12 would show its own"""
+
+    bl_idname = "scfpf.result_show"
+    bl_label = "Show Picture"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, _context):
+        if result_image() is None:
+            cls.poll_message_set("There is no picture yet: press Render first")
+            return False
+        return True
+
+    def execute(self, context):
+        if bpy.app.background:
+            self.report(
+                {"ERROR"}, "Blender runs in the background: open the file in a window to see the picture"
+            )
+            return {"CANCELLED"}
+        place_for_picture(context)
+        editors = image_editors(context.window_manager)
+        if not editors:
+            bpy.ops.wm.window_new()
+            area = context.window_manager.windows[-1].screen.areas[0]
+            area.ui_type = "IMAGE_EDITOR"
+            editors = [area.spaces.active]
+        editors[0].image = result_image()
+        return {"FINISHED"}
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(
+    (SCFPF_OT_render, SCFPF_OT_render_cancel, SCFPF_OT_render_escape, SCFPF_OT_result_show)
+)
+
+
+@persistent
+def _file_loaded(*_):
+    # What persistent data keeps is hundreds of MB of the file before.
+    render_job.forget()
+
+
+def register():
+    _register_classes()
+    bpy.app.handlers.load_post.append(_file_loaded)
+
+
+def unregister():
+    bpy.app.handlers.load_post.remove(_file_loaded)
+    for operator in list(_running):
+        operator.cancel(bpy.context)
+    # Before the classes go: their thread may still be at work.
+    render_job.forget()
+    _unregister_classes()

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frame the picture: pan, tilt, roll, dolly and zoom of the whole volume, by values or by dragging."""
+
+import math
+
+import bpy
+from bpy.props import FloatProperty
+from mathutils import Matrix, Vector
+
+from ...scfpf_addon.bridge.camera import volume_edits
+from ...scfpf_addon.projection.editing.volume_edits import framing
+from ..common.errors import BAD_INPUT, refused
+from ..common.target import flexible_camera_of, object_by_uid
+from .surfaces import poll_slot
+
+# What a drag over the whole width of the region does: radians, the logarithm of a factor, and a share of
+# the volume's depth.
+TURN, ZOOM, DOLLY = math.radians(60), 2.0, 1.0
+# One notch of the wheel.
+WHEEL = 1.05
+# The zoom that the properties allow.
+LEAST_ZOOM, MOST_ZOOM = 0.01, 100.0
+# An axis of the camera that is seen this much foreshortened has no side on the screen.
+SEEN = 0.2
+KEYS = (
+    "Move: pan and tilt    Ctrl or wheel: zoom    Shift: dolly    R: roll    "
+    "Enter, click: accept    Esc, right click: restore"
+)
+
+
+class SCFPF_OT_volume_frame(bpy.types.Operator):
+    """Pan, tilt, roll, dolly or zoom the whole volume with the mouse; the camera object stays where it is"""
+
+    bl_idname = "scfpf.volume_frame"
+    bl_label = "Frame Picture"
+    bl_options = {"REGISTER", "UNDO"}
+
+    pan: FloatProperty(name="Pan", description="Turn the volume to the right", subtype="ANGLE")
+    tilt: FloatProperty(name="Tilt", description="Turn the volume upwards", subtype="ANGLE")
+    roll: FloatProperty(name="Roll", description="Turn the volume counterclockwise", subtype="ANGLE")
+    dolly: FloatProperty(name="Dolly", description="Move the volume forwards", subtype="DISTANCE")
+    zoom: FloatProperty(
+        name="Zoom",
+        description="Show less than before, larger; below 1, more",
+        default=1.0,
+        min=LEAST_ZOOM,
+        max=MOST_ZOOM,
+    )
+
+    poll = classmethod(poll_slot)
+
+    def execute(self, context):
+        try:
+            volume_edits.move_volume(flexible_camera_of(context), self._matrix())
+        except BAD_INPUT as error:
+            return refused(self, error)
+        return {"FINISHED"}
+
+    def _matrix(self):
+        return framing(self.pan, self.tilt, self.roll, self.dolly, self.zoom)
+
+    def invoke(self, context, event):
+        camera = flexible_camera_of(context)
+        self.pan = self.tilt = self.roll = self.dolly = 0.0
+        self.zoom = 1.0
+        if self.execute(context) != {"FINISHED"}:
+            return {"CANCELLED"}
+        slots = camera.scfpf.surfaces
+        self._camera = camera.session_uid
+        self._before = {
+            slot.object.session_uid: tuple(map(tuple, slot.object.matrix_parent_inverse)) for slot in slots
+        }
+        view = context.region_data if context.area is not None and context.area.type == "VIEW_3D" else None
+        self._sides = _sides(camera, view)
+        self._reach = context.region.width if context.region is not None else context.window.width
+        centre = context.region if view is not None else None
+        self._centre = (
+            (centre.x + centre.width / 2, centre.y + centre.height / 2)
+            if centre is not None
+            else (context.window.width / 2, context.window.height / 2)
+        )
+        self._distance = max(_depth(camera, slot.object) for slot in slots) or 1.0
+        self._rolling = False
+        self._mouse = event.mouse_x, event.mouse_y
+        context.window_manager.modal_handler_add(self)
+        self._say(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        camera = object_by_uid(self._camera)
+        if camera is None:
+            self._stop(context)
+            return {"CANCELLED"}
+        if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
+            self.cancel(context)
+            return {"CANCELLED"}
+        if event.type in {"LEFTMOUSE", "RET", "NUMPAD_ENTER"} and event.value == "PRESS":
+            self._stop(context)
+            return {"FINISHED"}
+        if event.type == "R" and event.value == "PRESS":
+            self._rolling = not self._rolling
+        elif event.type in {"WHEELUPMOUSE", "WHEELDOWNMOUSE"}:
+            self._zoom_by(WHEEL if event.type == "WHEELUPMOUSE" else 1 / WHEEL)
+        elif event.type == "MOUSEMOVE":
+            self._drag(event)
+        else:
+            return {"PASS_THROUGH"} if event.type.startswith("TIMER") else {"RUNNING_MODAL"}
+        self._restore(camera)
+        volume_edits.move_volume(camera, self._matrix())
+        self._say(context)
+        return {"RUNNING_MODAL"}
+
+    def _drag(self, event):
+        """Take up a movement of the mouse; what it does depends on the keys that are held."""
+        old, self._mouse = self._mouse, (event.mouse_x, event.mouse_y)
+        x, y = ((now - then) / self._reach for now, then in zip(self._mouse, old, strict=True))
+        if self._rolling:
+            a, b = (math.atan2(p[1] - self._centre[1], p[0] - self._centre[0]) for p in (old, self._mouse))
+            # Seen from the front the volume turns the other way.
+            self.roll += self._sides[2] * math.remainder(b - a, math.tau)
+        elif event.ctrl:
+            self._zoom_by(math.exp(ZOOM * (x + y)))
+        elif event.shift:
+            self.dolly += DOLLY * self._distance * (x + y)
+        else:
+            self.pan += TURN * self._sides[0] * x
+            self.tilt += TURN * self._sides[1] * y
+
+    def _zoom_by(self, factor: float):
+        self.zoom = min(max(self.zoom * factor, LEAST_ZOOM), MOST_ZOOM)
+
+    def _restore(self, camera):
+        """Put every surface back to where it was, to the last bit."""
+        for slot in camera.scfpf.surfaces:
+            if slot.object is not None and slot.object.session_uid in self._before:
+                slot.object.matrix_parent_inverse = Matrix(self._before[slot.object.session_uid])
+
+    def _say(self, context):
+        amounts = (
+            f"Pan {math.degrees(self.pan):.1f}°  Tilt {math.degrees(self.tilt):.1f}°  "
+            f"Roll {math.degrees(self.roll):.1f}°  Dolly {self.dolly:.3g}  Zoom {self.zoom:.3f}"
+        )
+        if context.area is not None:
+            context.area.header_text_set(amounts + ("    Rolling" if self._rolling else ""))
+        context.workspace.status_text_set(KEYS)
+
+    def _stop(self, context):
+        if context.area is not None:
+            context.area.header_text_set(None)
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+
+    def cancel(self, context):
+        """Restore the volume; Blender calls this too when the window is closed."""
+        camera = object_by_uid(self._camera)
+        if camera is not None:
+            self._restore(camera)
+        self._stop(context)
+
+
+def _depth(camera, surface) -> float:
+    """The depth in camera space of the farthest corner of a surface."""
+    matrix = camera.matrix_world.inverted_safe() @ surface.matrix_world
+    return max(abs((matrix @ Vector(corner)).z) for corner in surface.bound_box)
+
+
+def _sides(camera, view) -> tuple[int, int, int]:
+    """On which side of the screen the camera's right, its top and its back are: 1 or -1.
+
+    So that what is dragged to the right goes to the right, from behind the camera and from before it.
+    """
+    if view is None:
+        return 1, 1, 1
+    turn = view.view_matrix.to_3x3() @ camera.matrix_world.to_3x3().normalized()
+    along = turn.col[0].x, turn.col[1].y, turn.col[2].z
+    return tuple(-1 if value < -SEEN else 1 for value in along)
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_volume_frame,))

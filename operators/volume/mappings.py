@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The stack of image mappings: added to, put in order, placed on the picture, written as an ST map."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty
+
+from ...scfpf_addon.bridge.camera.read_projection import read_projection
+from ...scfpf_addon.bridge.mappings import mapping_edits
+from ...scfpf_addon.bridge.mappings.mapping_edits import MappingError
+from ...scfpf_addon.bridge.mappings.st_map_image import CONTENTS, write_st_map
+from ...scfpf_addon.bridge.render.render_job import picture_aspect, picture_size
+from ...scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
+from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
+from ..common.tool import Tool
+from ..picture.image_click import PictureClick
+
+MAPPING_NAMES = {kind: name for kind, name, _ in MAPPING_KINDS}
+
+
+def active_mapping(camera):
+    """The mapping selected in a camera's list, or None."""
+    settings = camera.scfpf
+    chosen = settings.active_mapping
+    return settings.mappings[chosen] if chosen < len(settings.mappings) else None
+
+
+def _poll_mapping(cls, context) -> bool:
+    if not poll_flexible_camera(cls, context):
+        return False
+    if active_mapping(flexible_camera_of(context)) is None:
+        cls.poll_message_set("The stack has no mapping: add one")
+        return False
+    return True
+
+
+class SCFPF_OT_mapping_add(Tool, bpy.types.Operator):
+    """Add a mapping of the picture at the end of the stack"""
+
+    bl_idname = "scfpf.mapping_add"
+    bl_label = "Add Image Mapping"
+
+    kind: EnumProperty(
+        name="Kind", description="How the mapping moves positions in the picture", items=MAPPING_KINDS
+    )
+
+    @classmethod
+    def description(cls, _context, properties):
+        return next(text for kind, _, text in MAPPING_KINDS if kind == properties.kind)
+
+    def edit(self, _context, camera):
+        mapping_edits.add_mapping(camera, self.kind, MAPPING_NAMES[self.kind])
+
+
+class SCFPF_OT_mapping_remove(Tool, bpy.types.Operator):
+    """Remove the selected mapping from the stack"""
+
+    bl_idname = "scfpf.mapping_remove"
+    bl_label = "Remove Image Mapping"
+
+    poll = classmethod(_poll_mapping)
+
+    def edit(self, _context, camera):
+        mapping_edits.remove_mapping(camera, camera.scfpf.active_mapping)
+
+
+class SCFPF_OT_mapping_move(Tool, bpy.types.Operator):
+    """Move the selected mapping towards the picture or away from it"""
+
+    bl_idname = "scfpf.mapping_move"
+    bl_label = "Move Image Mapping"
+
+    direction: EnumProperty(
+        name="Direction",
+        description="Direction in the stack",
+        items=(("UP", "Up", "Nearer to the picture"), ("DOWN", "Down", "Nearer to the volume")),
+    )
+
+    poll = classmethod(_poll_mapping)
+
+    def edit(self, _context, camera):
+        step = -1 if self.direction == "UP" else 1
+        mapping_edits.move_mapping(camera, camera.scfpf.active_mapping, step)
+
+
+class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
+    """Select the mesh of this grid, to be edited with Tab or deformed with modifiers"""
+
+    bl_idname = "scfpf.mapping_grid_select"
+    bl_label = "Select Grid"
+
+    poll = classmethod(_poll_mapping)
+
+    def edit(self, context, camera):
+        grid = active_mapping(camera).grid
+        if grid is None or grid.name not in context.view_layer.objects:
+            raise MappingError(
+                "The grid is not in this view layer: choose another mesh, or add a new mapping"
+            )
+        for obj in context.selected_objects:
+            obj.select_set(False)
+        grid.hide_set(False)
+        grid.select_set(True)
+        context.view_layer.objects.active = grid
+
+
+class SCFPF_OT_mapping_place(PictureClick, bpy.types.Operator):
+    """Click in the picture: the selected mapping gets its center there"""
+
+    bl_idname = "scfpf.mapping_place"
+    bl_label = "Place on Picture"
+    bl_options = {"REGISTER", "UNDO"}
+    cursor, hint = "CROSSHAIR", "Click to place the mapping's center"
+
+    poll = classmethod(_poll_mapping)
+
+    def execute(self, context):
+        active_mapping(flexible_camera_of(context)).centre = self.x, self.y
+        return {"FINISHED"}
+
+
+class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):
+    """Write the mappings into an image: an ST map of the render's resolution for compositing programs. Save
+    it as OpenEXR from the Image Editor"""
+
+    bl_idname = "scfpf.st_map_write"
+    bl_label = "Write ST Map"
+
+    content: EnumProperty(
+        name="Content", description="Content of each pixel of the map", items=CONTENTS, default="MAPPINGS"
+    )
+    inverse: BoolProperty(
+        name="Inverse",
+        description="Write the inverse map, which removes the mappings from a picture",
+        default=False,
+    )
+
+    poll = classmethod(poll_flexible_camera_in_any_mode)
+
+    def edit(self, context, camera):
+        scene = context.scene
+        projection = read_projection(camera, context.evaluated_depsgraph_get(), picture_aspect(scene))
+        image, warning = write_st_map(projection, picture_size(scene), self.content, self.inverse)
+        for area in context.screen.areas if context.screen else ():
+            if area.ui_type == "IMAGE_EDITOR":
+                area.spaces.active.image = image
+                break
+        if warning:
+            self.report({"WARNING"}, warning)
+        return (
+            f"The ST map is the image '{image.name}': save it with Image > Save As, or read it with a mapping"
+        )
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        SCFPF_OT_mapping_add,
+        SCFPF_OT_mapping_remove,
+        SCFPF_OT_mapping_move,
+        SCFPF_OT_mapping_grid_select,
+        SCFPF_OT_mapping_place,
+        SCFPF_OT_st_map_write,
+    )
+)

@@ -1,0 +1,237 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Tools for the points of a control surface: subdivide, equalise, convert; and the volume as a lattice."""
+
+import bpy
+from bpy.props import EnumProperty, IntProperty
+
+from ...scfpf_addon.bridge.camera import surface_edits, volume_edits
+from ...scfpf_addon.bridge.camera.surface_scale import is_scaled
+from ...scfpf_addon.bridge.render.render_job import picture_aspect, picture_size
+from ...scfpf_addon.bridge.surfaces import lattice_object
+from ...scfpf_addon.bridge.surfaces.surface_nodes import PARAMETRIC_KINDS
+from ...scfpf_addon.projection.editing.respacing import EVEN
+from ..common.target import flexible_camera_of
+from ..common.tool import Tool, poll_two
+from .surfaces import poll_slot
+
+# From here on a converted surface counts as changed, as a share of its size: float32 gives about 1e-7.
+CHANGED_SHARE = 1e-6
+
+DIRECTIONS = (
+    ("U", "U", "Along the picture's width"),
+    ("V", "V", "Along the picture's height"),
+    ("BOTH", "Both", "Along u and along v"),
+)
+
+
+def kept_share(scene, camera) -> float:
+    """The share of its size by which a surface may change and the picture stay: the pixel error's."""
+    error = camera.scfpf.pixel_error / max(picture_size(scene))
+    return max(error, CHANGED_SHARE)
+
+
+def _off(change: float, what: str, kept: float = CHANGED_SHARE) -> str | None:
+    """The line that says how far something new is off, None where it is not."""
+    if change <= kept:
+        return None
+    return f"The {what} is off by up to {100 * change:.2g} % of the size: use more points to reduce that"
+
+
+class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
+    """Make the active control surface a mesh grid of the same shape, for editing point by point"""
+
+    bl_idname = "scfpf.surface_to_grid"
+    bl_label = "Convert to Grid"
+
+    columns: IntProperty(
+        name="Columns",
+        description="Faces along u; 0 chooses enough to stay within the pixel error",
+        default=0,
+        min=0,
+        max=1024,
+    )
+    rows: IntProperty(
+        name="Rows",
+        description="Faces along v; 0 chooses enough to stay within the pixel error",
+        default=0,
+        min=0,
+        max=1024,
+    )
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        kept = kept_share(context.scene, camera)
+        change = surface_edits.convert_to_grid(
+            camera,
+            context.evaluated_depsgraph_get(),
+            camera.scfpf.active_surface,
+            self.columns,
+            self.rows,
+            kept,
+        )
+        return _off(change, "grid", kept)
+
+
+class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
+    """Make the active control surface a smooth surface patch of the same shape, modifiers applied, for
+    editing by a few control points"""
+
+    bl_idname = "scfpf.surface_to_patch"
+    bl_label = "Convert to Surface Patch"
+
+    columns: IntProperty(
+        name="Columns",
+        description="Control points along u, at least 4; 0 in either direction chooses enough to stay "
+        "within the "
+        "pixel error. A grid keeps its own number",
+        default=0,
+        min=0,
+        max=64,
+    )
+    rows: IntProperty(
+        name="Rows",
+        description="Control points along v, at least 4; 0 in either direction chooses enough to stay "
+        "within the "
+        "pixel error. A grid keeps its own number",
+        default=0,
+        min=0,
+        max=64,
+    )
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        kept = kept_share(context.scene, camera)
+        change = surface_edits.convert_to_patch(
+            camera,
+            context.evaluated_depsgraph_get(),
+            camera.scfpf.active_surface,
+            self.columns,
+            self.rows,
+            kept,
+        )
+        return _off(change, "patch", kept)
+
+
+class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):
+    """Give the active patch, grid or surface patch twice as many pieces; its shape and the picture stay"""
+
+    bl_idname = "scfpf.surface_subdivide"
+    bl_label = "Subdivide Control Surface"
+
+    direction: EnumProperty(
+        name="Direction",
+        description="Directions that get more control points",
+        items=DIRECTIONS,
+        default="BOTH",
+    )
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        across, up = surface_edits.subdivide(
+            camera, camera.scfpf.active_surface, self.direction != "V", self.direction != "U"
+        )
+        return f"{across} × {up} control points"
+
+
+class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
+    """Make the active control surface a grid of the same shape whose points are evenly spaced along their
+    lines, which spreads crowded parts of the picture"""
+
+    bl_idname = "scfpf.surface_equalise"
+    bl_label = "Equalize by Arc Length"
+
+    direction: EnumProperty(
+        name="Direction", description="The lines to space evenly", items=DIRECTIONS, default="BOTH"
+    )
+    columns: IntProperty(name="Columns", description="Faces along u", default=32, min=2, max=512)
+    rows: IntProperty(name="Rows", description="Faces along v", default=16, min=2, max=512)
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        left = surface_edits.equalise(
+            camera,
+            context.evaluated_depsgraph_get(),
+            camera.scfpf.active_surface,
+            self.columns,
+            self.rows,
+            self.direction != "V",
+            self.direction != "U",
+        )
+        if left <= EVEN:
+            return None
+        return f"One direction alone can be even: steps still differ by up to {100 * left:.2g} %"
+
+
+class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
+    """Put the active control surface's whole scale, its parents' included, into its sizes; it stays as it is.
+
+    Blender's own Apply Scale (Ctrl-A) would lose the scale, as of every shape that only a modifier makes"""
+
+    bl_idname = "scfpf.surface_apply_scale"
+    bl_label = "Apply Scale to Sizes"
+
+    @classmethod
+    def poll(cls, context):
+        if not poll_slot(cls, context):
+            return False
+        settings = flexible_camera_of(context).scfpf
+        surface = settings.surfaces[settings.active_surface].object
+        if surface is not None and surface.scfpf_surface.kind in PARAMETRIC_KINDS and not is_scaled(surface):
+            cls.poll_message_set("The sizes are those in the world already: there is no scale to apply")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        context.evaluated_depsgraph_get()  # objects that have just been moved
+        volume_edits.apply_scale(camera, camera.scfpf.active_surface)
+
+
+class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
+    """Replace the whole volume by one lattice of the same shape at this frame, for editing point by point.
+    The projectors then follow the lattice's interpolation"""
+
+    bl_idname = "scfpf.volume_to_lattice"
+    bl_label = "Convert Volume to Lattice"
+
+    points_u: IntProperty(name="Points U", description="Points across the picture", default=4, min=2, max=64)
+    points_v: IntProperty(name="V", description="Points up the picture", default=4, min=2, max=64)
+    points_w: IntProperty(name="W", description="Layers from near to far", default=4, min=2, max=64)
+    interpolation: EnumProperty(
+        name="Interpolation",
+        description="Interpolation between the points of the lattice",
+        items=(
+            ("LINEAR", "Linear", "Straight pieces, exact for straight projectors between flat surfaces"),
+            ("CARDINAL", "Cardinal", "Smooth and tight curves through the points"),
+            ("CATMULL_ROM", "Catmull-Rom", "Smooth curves through the points"),
+            ("BSPLINE", "B-Spline", "The smoothest curves, which pass beside the points"),
+        ),
+        default="LINEAR",
+    )
+
+    poll = classmethod(poll_two)
+
+    def edit(self, context, camera):
+        change = surface_edits.convert_to_lattice(
+            camera,
+            context.evaluated_depsgraph_get(),
+            picture_aspect(context.scene),
+            (self.points_w, self.points_v, self.points_u),
+            self.interpolation,
+        )
+        return _off(change, lattice_object.TITLE.lower())
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        SCFPF_OT_surface_to_grid,
+        SCFPF_OT_surface_to_patch,
+        SCFPF_OT_surface_subdivide,
+        SCFPF_OT_surface_equalise,
+        SCFPF_OT_surface_apply_scale,
+        SCFPF_OT_volume_to_lattice,
+    )
+)

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A mesh as a regular grid of points: written with a UV map, read back in its order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...projection.file_values import LARGEST_LENGTH
+
+UV_LAYER = "UVMap"
+# Two vertices share a grid line when their UVs differ by less: float32 UVs of
+# a grid's line agree to about 1e-7, and no sensible grid has 10,000 lines.
+UV_LINE_GAP = 1e-4
+# How far, as a share of one cell, a vertex may be from its place in the UV
+# map: room for float32 and for subdivided UVs, far below a visible shift.
+UV_CELL_TOLERANCE = 1e-2
+
+
+class SurfaceError(ValueError):
+    """An object that cannot be read as the control surface it claims to be."""
+
+
+def write_grid(mesh, points) -> None:
+    """Replace a mesh by a grid of quadrilaterals with its UV map. points: (rows, columns, 3)."""
+    points = np.asarray(points, np.float64)
+    if points.ndim != 3 or points.shape[2] != 3 or min(points.shape[:2]) < 2:
+        raise SurfaceError(f"A grid needs rows × columns × 3 numbers, at least 2 × 2, got {points.shape}")
+    if not (np.abs(points) <= LARGEST_LENGTH).all():
+        raise SurfaceError(f"A grid's points must be numbers up to {LARGEST_LENGTH:g}")
+    rows, columns = points.shape[:2]
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    corners = np.stack([first, first + 1, first + columns + 1, first + columns], 1).ravel()
+    mesh.clear_geometry()
+    mesh.vertices.add(rows * columns)
+    mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
+    mesh.loops.add(len(corners))
+    mesh.loops.foreach_set("vertex_index", corners.astype(np.int32))
+    mesh.polygons.add(len(first))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, len(corners), 4, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    layer = mesh.uv_layers.get(UV_LAYER) or mesh.uv_layers.new(name=UV_LAYER)
+    uv = np.stack([corners % columns / (columns - 1), corners // columns / (rows - 1)], 1)
+    layer.uv.foreach_set("vector", uv.astype(np.float32).ravel())
+
+
+def grid_points(evaluated_object):
+    """The vertices of an evaluated mesh in the order of its UV map, (rows, columns, 3) float64, own space.
+
+    Raises SurfaceError when they are no regular grid that fills the UV square.
+    """
+    name = evaluated_object.name
+    mesh = evaluated_object.to_mesh()
+    try:
+        layer = uv_layer(mesh)
+        if not mesh.vertices or layer is None:
+            raise SurfaceError(f"'{name}' has no vertices with a UV map: a grid surface needs both")
+        points = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", points)
+        corners = np.empty(len(mesh.loops), np.int32)
+        mesh.loops.foreach_get("vertex_index", corners)
+        uv = np.empty(2 * len(corners), np.float32)
+        layer.uv.foreach_get("vector", uv)
+    finally:
+        evaluated_object.to_mesh_clear()
+    points = points.reshape(-1, 3).astype(np.float64)
+    return points[_grid_order(name, len(points), corners, uv.reshape(-1, 2).astype(np.float64))]
+
+
+def require_finite(name: str, points) -> None:
+    """Raise SurfaceError for vertices, an array of any shape, that are NaN, infinite or too far out."""
+    if not (np.abs(points) <= LARGEST_LENGTH).all():
+        raise SurfaceError(
+            f"'{name}' has vertices that are not finite or farther out than {LARGEST_LENGTH:g}: "
+            "look for the modifier or shape key that moves them there"
+        )
+
+
+def uv_layer(mesh):
+    """The UV map that a mesh renders with, or None.
+
+    The first one where Geometry Nodes left none switched on; in 4.5 ``uv_layers.active``
+    then is an unnamed attribute.
+    """
+    shown = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    return shown or next(iter(mesh.uv_layers), None)
+
+
+def _grid_order(name: str, count: int, corners, uv):
+    """Vertex indices (rows, columns) of a regular UV grid. corners: (C,) vertices; uv: (C, 2)."""
+    of_vertex = np.full((count, 2), np.nan)
+    of_vertex[corners] = uv
+    if not np.isfinite(of_vertex).all():
+        raise SurfaceError(f"'{name}' has loose vertices or broken UVs: every vertex must belong to a face")
+    if np.abs(of_vertex[corners] - uv).max() > UV_LINE_GAP:
+        raise SurfaceError(
+            f"'{name}' has a seam in its UV map: a grid surface needs one UV "
+            "for each vertex; or make it a UV Mesh"
+        )
+    columns, rows = (int((np.diff(np.sort(axis)) > UV_LINE_GAP).sum()) + 1 for axis in of_vertex.T)
+    if min(rows, columns) < 2 or rows * columns != count:
+        raise SurfaceError(
+            f"'{name}' is not a regular grid: its UV map has {columns} × {rows} places for {count} vertices; "
+            "make it a UV Mesh"
+        )
+    place = of_vertex * (columns - 1, rows - 1)
+    nearest = np.rint(place)
+    index = (nearest[:, 1] * columns + nearest[:, 0]).astype(np.int64)
+    even = np.abs(place - nearest).max() < UV_CELL_TOLERANCE
+    if not even or not np.array_equal(np.sort(index), np.arange(count)):
+        raise SurfaceError(
+            f"'{name}' is not evenly spaced in its UV map from 0 to 1: unwrap it as a regular grid, "
+            "or make it a UV Mesh"
+        )
+    return np.argsort(index).reshape(rows, columns)

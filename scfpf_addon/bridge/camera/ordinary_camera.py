@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The frustum of an ordinary camera, as two planes."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...projection.surfaces.surface import Plane
+from ...projection.typing import Array
+from ...projection.volume.viewing_volume import Projection, ViewingVolume
+from ..volume.missing_objects import missing_text
+
+
+class FrustumError(ValueError):
+    """A camera has no frustum; the message says what to do."""
+
+
+class End(NamedTuple):
+    """An end of a frustum: a rectangle across the view. matrix: (4, 4), to camera space."""
+
+    matrix: Array
+    width: float
+    height: float
+
+
+def frustum(camera, scene) -> tuple[End, End]:
+    """The near and the far end of what a camera sees, from clip start to clip end.
+
+    Takes in lens, shift, sensor fit and ``scene``'s resolution and pixel aspect.
+    Raises FrustumError for a panoramic or custom camera, one without depth, and what is no camera:
+    Blender lets any object be the scene's.
+    """
+    if camera.type != "CAMERA":
+        lost = missing_text(camera.original)
+        raise FrustumError(lost or f"'{camera.name}' is not a camera: choose one in the Scene properties")
+    lens = camera.data
+    if lens.type not in {"PERSP", "ORTHO"}:
+        raise FrustumError(
+            f"'{camera.name}' is neither a perspective nor an orthographic camera: change its lens type, "
+            "or load a panorama from the presets"
+        )
+    if lens.clip_start >= lens.clip_end:
+        raise FrustumError(f"'{camera.name}' ends where it starts: its clip end must exceed its clip start")
+    # Top right, bottom right, bottom left, top left, on one plane across the view.
+    frame = np.array(lens.view_frame(scene=scene), np.float64)
+    right_top, left_bottom = frame[0], frame[2]
+
+    def end(depth: float) -> End:
+        spread = depth / -frame[0, 2] if lens.type == "PERSP" else 1.0
+        width, height = (right_top - left_bottom)[:2] * spread
+        matrix = np.eye(4)
+        matrix[:2, 3] = (right_top + left_bottom)[:2] / 2 * spread
+        matrix[2, 3] = -depth
+        return End(matrix, width, height)
+
+    return end(lens.clip_start), end(lens.clip_end)
+
+
+def frustum_projection(camera, depsgraph, aspect: float) -> Projection:
+    """The projection of an ordinary, evaluated camera, in world space, without making any object.
+
+    aspect: width / height of the picture, > 0. Raises FrustumError.
+    """
+    place = placement(camera)
+    near, far = (
+        Plane(matrix=place @ end.matrix, width=end.width, height=end.height)
+        for end in frustum(camera, depsgraph.scene_eval)
+    )
+    return Projection(ViewingVolume((near, far)), aspect=aspect)
+
+
+def depth_plane(place: Array) -> Array:
+    """(4,) (a, b, c, d): a·x + b·y + c·z + d is a point's distance from the camera along its axis.
+
+    place: (4, 4), rigid, camera space to world space.
+    """
+    axis = -place[:3, 2]
+    return np.array([*axis, -float(axis @ place[:3, 3])])
+
+
+def placement(camera) -> Array:
+    """Camera space to world space, (4, 4): a camera's scale is not part of its view.
+
+    Raises FrustumError.
+    """
+    matrix = np.array(camera.matrix_world, np.float64)
+    sizes = np.linalg.norm(matrix[:3, :3], axis=0)
+    if not (np.isfinite(matrix).all() and sizes.min() > 0):
+        raise FrustumError(
+            f"'{camera.name}' has no finite place or a scale of 0: clear it with Alt-G, Alt-R and Alt-S"
+        )
+    matrix[:3, :3] /= sizes
+    return matrix

@@ -1,0 +1,51 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A camera's depth of field, where its volume has one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...projection.volume.viewing_volume import Projection
+from ...shading.scene.depth_of_field import Aperture, Lens, lens_of
+from .stereo_views import Eye, eye_place
+
+# Of a lens of no f-number Cycles takes this one.
+SMALLEST_F_STOP = 1e-5
+# Things cannot be sharp on the lens itself.
+NEAREST_FOCUS = 1e-5
+MILLIMETRE = 1e-3
+
+NOT_DEFINED = (
+    "Depth of field is not defined for the volume of '{}', whose projectors are bent or do not come from one "
+    "point: all is sharp. Switch it off in the camera's properties, or use a perspective volume"
+)
+
+
+def read_lens(camera, projection: Projection, depsgraph, eye: Eye = "") -> tuple[Lens | None, str]:
+    """The lens of an evaluated camera, None without depth of field, and a warning if that is not defined.
+
+    projection: of the eye. The aperture is as large as Cycles has it: focal length / twice the f-number.
+    """
+    settings = camera.data.dof
+    if not settings.use_dof:
+        return None, ""
+    axes = eye_place(camera, eye)[:3, :3]
+    axes[:, 2] *= -1.0
+    radius = camera.data.lens * MILLIMETRE / (2.0 * max(settings.aperture_fstop, SMALLEST_F_STOP))
+    aperture = Aperture(
+        radius,
+        max(settings.focus_distance, NEAREST_FOCUS),
+        settings.aperture_blades,
+        settings.aperture_rotation,
+        settings.aperture_ratio,
+    )
+    lens = lens_of(projection, aperture, axes)
+    if lens is None:
+        return None, NOT_DEFINED.format(camera.name)
+    target = settings.focus_object
+    if target is not None:
+        place = np.array(target.evaluated_get(depsgraph).matrix_world.translation, np.float64)
+        away = place - lens.centre
+        distance = abs(float(axes[:, 2] @ away)) if lens.flat else float(np.linalg.norm(away))
+        lens = lens.focused(max(distance, NEAREST_FOCUS))
+    return lens, ""

@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Camera + depsgraph → the projection that the camera makes, in world space."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ...projection.mappings.stack import seen_through
+from ...projection.presets.preset import MAXIMUM_SURFACES, surface_from_parameters
+from ...projection.surfaces.surface import ControlSurface, Grid
+from ...projection.surfaces.uv_mesh import UVMesh
+from ...projection.volume.lattice import Lattice
+from ...projection.volume.reparameterisation import reparameterisation
+from ...projection.volume.viewing_volume import Projection, ViewingVolume
+from ..blender.mesh_grid import SurfaceError, grid_points, require_finite
+from ..mappings.mapping_edits import MappingError
+from ..mappings.read_mappings import read_mappings
+from ..surfaces import lattice_object, nurbs_object
+from ..surfaces.surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
+from ..surfaces.uv_mesh import read_reshaped, read_uv_mesh
+from ..volume.missing_objects import absent_text, missing_text
+from ..volume.volume_object import is_absent, keeps_evaluated
+
+# A transform that flattens one axis to less than this share of the longest has
+# no size there: float32 matrices cannot tell it from nought.
+FLAT_SHARE = 1e-7
+# Blender makes an infinite location the largest float32; squares of coordinates
+# beyond this (Blender units) overflow float32.
+LARGEST_COORDINATE = 1e18
+
+# Projectors that are shorter than this share of the volume's extent have no length: float32 vertices
+# cannot tell their ends apart.
+COINCIDENT = 1e-7
+# Projectors along each side of the picture that are looked at for that, and where none of these exists.
+SAMPLES, MORE_SAMPLES = 5, 64
+
+
+class ProjectionError(ValueError):
+    """The camera's viewing volume cannot be read; the message says what to do."""
+
+
+def read_projection(camera, depsgraph, aspect: float) -> Projection:
+    """The camera's projection as evaluated, in world space, float64.
+
+    depsgraph: evaluated, of the viewport or of a render. aspect: width / height
+    of the picture, > 0. Raises ProjectionError.
+    """
+    if camera.type != "CAMERA":
+        raise ProjectionError(f"'{camera.name}' is not a camera: select one")
+    if not (math.isfinite(aspect) and aspect > 0):
+        raise ProjectionError("The picture has no size: set its resolution in Output Properties")
+    settings = camera.evaluated_get(depsgraph).scfpf
+    slots = camera.original.scfpf.surfaces
+    if len(slots) < 2 and not is_lattice_volume(slots):
+        raise ProjectionError(
+            f"'{camera.name}' has {len(slots) or 'no'} control surface{'s' * (len(slots) != 1)}: "
+            "a viewing volume needs at least two; add one in the camera's properties or load a preset"
+        )
+    if len(slots) > MAXIMUM_SURFACES:
+        raise ProjectionError(
+            f"'{camera.name}' has {len(slots)} control surfaces: a volume may have {MAXIMUM_SURFACES} at most"
+        )
+    for axis, (start, end) in (("U", settings.u_range), ("V", settings.v_range)):
+        if start == end:
+            raise ProjectionError(f"The {axis} range of '{camera.name}' is empty: give it two different ends")
+    surfaces = []
+    for number, slot in enumerate(slots, 1):
+        if slot.object is None:
+            raise ProjectionError(
+                f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
+            )
+        surfaces.append(read_surface(slot.object, camera.original, depsgraph))
+    try:
+        mappings = read_mappings(camera, depsgraph)
+    except MappingError as error:
+        raise ProjectionError(str(error)) from error
+    projection = Projection(
+        _volume(camera.name, surfaces, settings),
+        seen_through(mappings, reparameterisation(settings.reparameterisation)),
+        tuple(settings.u_range),
+        tuple(settings.v_range),
+        aspect,
+    )
+    points = _some_projectors(projection)
+    if points.shape[2] == 0:
+        raise ProjectionError(
+            f"'{camera.name}' has no projector: the UV maps of its control surfaces and the ranges of U and "
+            "V have no place in common; move islands in the UV Editor, or widen the ranges"
+        )
+    if np.ptp(points, axis=0).max() <= COINCIDENT * np.ptp(points, axis=(0, 2)).max():
+        raise ProjectionError(
+            f"All control surfaces of '{camera.name}' lie in one place, so that no projector has a length: "
+            f"{_way_out([slot.object for slot in slots])}"
+        )
+    return projection
+
+
+def _some_projectors(projection: Projection):
+    """The control points, (surfaces, 3, N), of some projectors of the picture; N is 0 where none is found.
+
+    UV meshes may have holes: where few places show none, many are looked at, and the middles of triangles.
+    """
+    (u0, u1), (v0, v1) = projection.u_range, projection.v_range
+    for count in (SAMPLES, MORE_SAMPLES):
+        v, u = (axis.ravel() for axis in np.meshgrid(*[(np.arange(count) + 0.5) / count] * 2))
+        points, valid = projection.volume.projectors(u0 + (u1 - u0) * u, v0 + (v1 - v0) * v)
+        if valid.any():
+            return points[..., valid]
+    charts = [surface.chart for surface in projection.volume.surfaces if isinstance(surface, UVMesh)]
+    middles = np.concatenate([np.zeros((0, 2)), *(chart.uv[chart.used].mean(axis=1) for chart in charts)])
+    u, v = middles[((middles >= (u0, v0)) & (middles <= (u1, v1))).all(axis=1)].T
+    points, valid = projection.volume.projectors(u, v)
+    return points[..., valid]
+
+
+def _way_out(surfaces) -> str:
+    """The advice for control surfaces that lie in one place."""
+    twice = next((one for number, one in enumerate(surfaces) if one in surfaces[:number]), None)
+    if twice is None:
+        return "move one of them"
+    return f"'{twice.name}' is on the list twice: choose another object in one place"
+
+
+class PlacedLattice(NamedTuple):
+    """A lattice with its matrix (4, 4), own space to world space."""
+
+    lattice: Lattice
+    matrix: np.ndarray
+
+
+def is_lattice_volume(slots) -> bool:
+    """Whether a camera's list is one lattice: that alone is a volume."""
+    return (
+        len(slots) == 1
+        and slots[0].object is not None
+        and slots[0].object.scfpf_surface.kind == lattice_object.KIND
+    )
+
+
+def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> ViewingVolume:
+    """The volume of the surfaces that were read: one lattice, or all control surfaces in order."""
+    first = read[0]
+    if len(read) == 1 and isinstance(first, PlacedLattice):
+        if len(first.lattice.moved) < 2:
+            raise ProjectionError(
+                f"The lattice of '{name}' has one layer: give it two or more points along W, "
+                "or the camera another control surface"
+            )
+        return first.lattice.volume(first.matrix)
+    surfaces: list[ControlSurface] = []
+    weights: list[float] = []
+    for slot, one in zip(settings.surfaces, read, strict=True):
+        layers = one.lattice.layers(one.matrix) if isinstance(one, PlacedLattice) else [one]
+        surfaces += layers
+        weights += [slot.weight] * len(layers)
+    return ViewingVolume(
+        tuple(surfaces), settings.basis, tuple(weights) if settings.basis == "NURBS" else None
+    )
+
+
+def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
+    """One control surface of a camera in world space."""
+    name, kind = surface.name, surface.scfpf_surface.kind
+    if lost := missing_text(surface):
+        raise ProjectionError(f"Control surface {lost}")
+    if is_absent(surface, depsgraph.scene):
+        lost = absent_text(surface, depsgraph.scene, "remove it from the list with -", camera)
+        raise ProjectionError(f"Control surface {lost}")
+    if surface.type not in {"MESH", "SURFACE", "LATTICE"}:
+        raise ProjectionError(
+            f"'{name}' is of type {surface.type.title()}, neither a mesh nor a surface nor a lattice: "
+            "remove it from the camera's list"
+        )
+    if surface.type == "SURFACE" and kind not in {"NONE", nurbs_object.KIND}:
+        raise ProjectionError(f"'{name}' is a surface object: set its kind to {nurbs_object.TITLE}")
+    if surface.type == "LATTICE" and kind not in {"NONE", lattice_object.KIND}:
+        raise ProjectionError(f"'{name}' is a lattice: set its kind to {lattice_object.TITLE}")
+    if kind == "NONE":
+        raise ProjectionError(
+            f"'{name}' is not a control surface: choose its kind, or remove it from the camera's list"
+        )
+    if not (keeps_evaluated(camera, surface, depsgraph) or _is_visible(surface, depsgraph)):
+        raise ProjectionError(
+            f"Control surface '{name}' is hidden and the camera's volume object is missing or disabled, "
+            "so that its present shape is unknown: show it, or press Render, which restores the volume object"
+        )
+    evaluated = surface.evaluated_get(depsgraph)
+    matrix = _matrix(evaluated)
+    try:
+        if kind == "UV_MESH":
+            return read_uv_mesh(evaluated, matrix)
+        if kind == nurbs_object.KIND:
+            return nurbs_object.read_patch(evaluated, depsgraph.mode).transformed(matrix)
+        if kind == lattice_object.KIND:
+            return PlacedLattice(lattice_object.read_lattice(evaluated), matrix)
+        if kind in MESH_KINDS:
+            points = grid_points(evaluated)
+            require_finite(name, points)
+            return _of_mesh(points, kind, matrix)
+        if kind != "POINT" and is_reshaped(evaluated, depsgraph.mode):
+            return read_reshaped(evaluated, matrix)
+        parameters = surface_parameters(evaluated)
+    except SurfaceError as error:
+        raise ProjectionError(str(error)) from error
+    for key, value in parameters.items():
+        if not math.isfinite(value):
+            raise ProjectionError(
+                f"The {key.replace('_', ' ')} of '{name}' is not finite: check its animation and drivers"
+            )
+    return surface_from_parameters(kind, parameters, None, matrix)
+
+
+def _of_mesh(points, kind: str, matrix) -> ControlSurface:
+    """A patch while it has just four vertices; a grid as soon as a modifier made it finer."""
+    if kind == "PATCH" and points.shape[:2] == (2, 2):
+        return surface_from_parameters("PATCH", {}, points, matrix)
+    return Grid(points, matrix=matrix)
+
+
+def _is_visible(surface, depsgraph) -> bool:
+    """Whether an object evaluates by itself; a hidden one's evaluated copy may be a stale one."""
+    return any(visible.original == surface for visible in depsgraph.objects)
+
+
+def _matrix(evaluated):
+    """The object's (4, 4) float64 matrix, checked."""
+    name = evaluated.name
+    matrix = np.array(evaluated.matrix_world, np.float64)
+    if not (np.abs(matrix) < LARGEST_COORDINATE).all():
+        raise ProjectionError(
+            f"The location, rotation or scale of '{name}' is not finite or far too large: "
+            "clear it with Alt-G, Alt-R and Alt-S"
+        )
+    sizes = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    if evaluated.scfpf_surface.kind != "POINT" and sizes[-1] <= FLAT_SHARE * sizes[0]:
+        raise ProjectionError(
+            f"'{name}' has no size along at least one axis: no scale, its own or a parent's, may be 0"
+        )
+    return matrix

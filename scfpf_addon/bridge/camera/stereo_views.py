@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The views of a stereoscopic scene: how the camera's stereo settings place the volume of each eye.
+
+Each eye's volume is an affine image of the camera's own, in camera space. Parallel and toe-in eyes move it
+rigidly. Off-axis eyes shear it as well: what lies at the convergence distance stays where it is in the image.
+The formulas are those of ``camera_stereo3d_model_matrix`` and ``camera_stereo3d_shift_x`` in Blender's
+``camera.cc``, so that an ordinary camera is rendered as Cycles renders it.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from ...projection.typing import Array
+from ..blender.rig_mark import camera_behind
+from .ordinary_camera import placement
+
+# "" is the camera itself, between the eyes.
+Eye = Literal["", "LEFT", "RIGHT"]
+
+# Blender's names of the two views that Stereo 3D has.
+EYES: dict[str, Eye] = {"left": "LEFT", "right": "RIGHT"}
+# Lens types for which Blender offers spherical stereo.
+SPHERICAL_TYPES = {"PERSP", "PANO", "CUSTOM"}
+
+
+class MultiViewError(ValueError):
+    """A view that cannot be rendered; the message says what to do."""
+
+
+def eye_of(render, view: str) -> Eye:
+    """Return the eye that a view of a scene is for, "" unless the scene has Stereo 3D.
+
+    render: bpy.types.RenderSettings. view: the name of the view.
+    """
+    return EYES.get(view, "") if render.use_multiview and render.views_format == "STEREO_3D" else ""
+
+
+def view_camera(chosen, render):
+    """Return the camera of a view for which Blender has chosen an object.
+
+    A Cycles rig's camera stands for the flexible one. Raises MultiViewError for a rig while views have
+    cameras of their own: Blender finds these by their names, and the rig's camera has another name.
+    """
+    camera = camera_behind(chosen)
+    if camera != chosen and render.use_multiview and render.views_format == "MULTIVIEW":
+        raise MultiViewError(
+            f"The views have no cameras of their own while '{camera.name}' renders with Cycles: "
+            "press Remove Cycles Setup"
+        )
+    return camera
+
+
+def seen_by(camera, eye: Eye) -> Array:
+    """Return the affine (4, 4) matrix, in world space, that turns an evaluated camera's volume into an eye's.
+
+    Raises FrustumError for a camera without a finite place.
+    """
+    place = placement(camera)
+    return place @ eye_matrix(camera, eye) @ np.linalg.inv(place)
+
+
+def eye_place(camera, eye: Eye) -> Array:
+    """Return the rigid (4, 4) matrix from the space of an evaluated camera's eye to world space."""
+    return placement(camera) @ _pose(camera.data.stereo, eye)
+
+
+def unseen_settings(camera, eye: Eye) -> str:
+    """Return the warning about a stereo setting of an evaluated camera that is left out, "" without one."""
+    if eye and camera.data.stereo.use_spherical_stereo and camera.data.type in SPHERICAL_TYPES:
+        return (
+            f"Spherical stereo of '{camera.name}' is left out: choose Parallel for a volume that looks "
+            "all around"
+        )
+    return ""
+
+
+def eye_matrix(camera, eye: Eye) -> Array:
+    """``seen_by`` in camera space."""
+    if not camera.scfpf.enabled:
+        return frame_matrix(camera, eye)
+    stereo = camera.data.stereo
+    matrix = _pose(stereo, eye)
+    if stereo.convergence_mode == "OFFAXIS":
+        # x + offset · (1 - depth / convergence distance)
+        matrix[0, 2] = matrix[0, 3] / stereo.convergence_distance
+    return matrix
+
+
+def frame_matrix(camera, eye: Eye) -> Array:
+    """``eye_matrix`` of an ordinary camera, or of the frame that Blender draws of a flexible one.
+
+    Blender shifts the lens by a share of the sensor's width, whichever of its sides the shift is measured by.
+    """
+    lens, stereo = camera.data, camera.data.stereo
+    matrix = _pose(stereo, eye)
+    if stereo.convergence_mode != "OFFAXIS":
+        return matrix
+    shift = matrix[0, 3] / lens.sensor_width * lens.lens / stereo.convergence_distance
+    if lens.type == "ORTHO":
+        matrix[0, 3] -= shift * lens.ortho_scale
+    else:
+        measure = lens.sensor_height if lens.sensor_fit == "VERTICAL" else lens.sensor_width
+        matrix[0, 2] = shift * measure / lens.lens
+    return matrix
+
+
+def _pose(stereo, eye: Eye) -> Array:
+    """Return the rigid (4, 4) matrix from an eye's own space to camera space.
+
+    stereo: bpy.types.CameraStereoData. The pivot is the eye that stays, or the middle.
+    """
+    matrix = np.eye(4)
+    if not eye or stereo.pivot == eye:
+        return matrix
+    side = -1.0 if eye == "LEFT" else 1.0
+    is_central = stereo.pivot == "CENTER"
+    matrix[0, 3] = side * stereo.interocular_distance * (0.5 if is_central else 1.0)
+    if stereo.convergence_mode != "TOE":
+        return matrix
+    angle = side * math.atan(0.5 * stereo.interocular_distance / stereo.convergence_distance)
+    turn = np.eye(4)
+    turn[[0, 2], [0, 2]] = math.cos(angle)
+    turn[0, 2], turn[2, 0] = math.sin(angle), -math.sin(angle)
+    # Away from the pivot the whole angle is turned, half of it before the step to the side.
+    return matrix @ turn if is_central else turn @ matrix @ turn

@@ -1,0 +1,323 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A control surface with more points, evenly spaced points, or as another kind; a volume as a lattice."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from ...projection.editing.nurbs_edits import CUBIC, patch_near, refined
+from ...projection.editing.resolution import change, grid_within, patch_within
+from ...projection.editing.respacing import equalised
+from ...projection.editing.volume_edits import EditingError, lattice, sampled
+from ...projection.presets.preset import surface_from_parameters
+from ...projection.surfaces.surface import ControlSurface, Grid
+from ...projection.volume.lattice import Lattice
+from ..blender.mesh_grid import grid_points, write_grid
+from ..blender.rig_mark import has_other_animation
+from ..surfaces import lattice_object, nurbs_object, surface_nodes
+from ..surfaces.surface_nodes import MESH_KINDS, PARAMETRIC_KINDS, surface_parameters
+from ..surfaces.uv_mesh import read_uv_mesh
+from ..volume import edit_mode
+from ..volume.volume_object import delete_with_data, editable_collections, link_beside
+from .flexible_camera import (
+    FlexibleCameraError,
+    approximate_lens,
+    flexible_cameras,
+    make_flexible,
+    replace_surfaces,
+)
+from .read_projection import PlacedLattice, read_projection, read_surface
+
+# A grid is not made finer than this many faces along an axis.
+MOST_FACES = 1024
+# A surface is looked at for islands in so many places along u and along v.
+ISLAND_SAMPLES = 65
+# What stands for an object's place, as copied to the object that takes its stead.
+PLACEMENT = (
+    "parent",
+    "parent_type",
+    "parent_bone",
+    "matrix_parent_inverse",
+    "rotation_mode",
+    "location",
+    "rotation_euler",
+    "rotation_quaternion",
+    "rotation_axis_angle",
+    "scale",
+    "delta_location",
+    "delta_rotation_euler",
+    "delta_rotation_quaternion",
+    "delta_scale",
+    "hide_viewport",
+    "hide_render",
+    "display_type",
+)
+
+
+def _editable(camera, index: int):
+    """The surface at a place of the list, which may be edited. Raises FlexibleCameraError."""
+    surface = camera.scfpf.surfaces[index].object
+    if surface is None:
+        raise FlexibleCameraError(
+            f"Control surface {index + 1} of '{camera.name}' is empty: remove it from the list"
+        )
+    if not surface.is_editable or not surface.data.is_editable:
+        raise FlexibleCameraError(f"'{surface.name}' is linked from another file: make it local first")
+    return surface
+
+
+def _require_plain_points(surface) -> None:
+    """Raises where something refers to the points by their number, which new points would lose."""
+    for there, what in (
+        (surface.data.shape_keys is not None, "shape keys"),
+        (bool(surface.vertex_groups), "vertex groups"),
+        (any(modifier.type == "HOOK" for modifier in surface.modifiers), "hooks"),
+        (has_other_animation(surface.data), "animated points"),
+    ):
+        if there:
+            raise FlexibleCameraError(
+                f"'{surface.name}' has {what}, which new points would lose: apply or remove them first"
+            )
+
+
+def own_shape(surface) -> ControlSurface:
+    """A mesh surface in its own space, as its parameters or its mesh are now, without further modifiers."""
+    if surface.scfpf_surface.kind == "UV_MESH":
+        return read_uv_mesh(surface, np.eye(4))
+    parameters = surface_parameters(surface)
+    points = parameters.pop("points", None)
+    if points is not None and points.shape[:2] != (2, 2):
+        return Grid(points)  # as in pictures, a patch with more points is a grid
+    return surface_from_parameters(surface.scfpf_surface.kind, parameters, points, np.eye(4))
+
+
+def _evaluated_shape(camera, surface, depsgraph) -> ControlSurface:
+    """A surface in its own space as evaluated, modifiers included."""
+    read = read_surface(surface, camera, depsgraph)
+    if isinstance(read, PlacedLattice):
+        raise FlexibleCameraError(
+            f"'{surface.name}' is a lattice, which is several control surfaces: choose another one"
+        )
+    world = np.array(surface.evaluated_get(depsgraph).matrix_world, np.float64)
+    return read.transformed(np.linalg.inv(world))
+
+
+def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, share: float) -> float:
+    """Make a surface a mesh grid of columns × rows faces, of the same shape at this frame.
+
+    columns, rows: 0 for as many as keep the change below a share of the surface's size, see
+    ``projection.resolution.grid_within``. Returns the greatest change of the surface as a share of its size:
+    0 (float32) for planes and patches, falling as the square of the resolution for curved kinds. Further
+    modifiers stay and act on the grid; those of a surface patch are applied. Raises FlexibleCameraError, and
+    EditingError for holes.
+    """
+    surface = _editable(camera, index)
+    kind = surface.scfpf_surface.kind
+    if kind == "GRID":
+        raise FlexibleCameraError(f"'{surface.name}' is a grid already")
+    if kind not in {*PARAMETRIC_KINDS, "PATCH", "UV_MESH", nurbs_object.KIND}:
+        raise FlexibleCameraError(
+            f"'{surface.name}' cannot become a grid: choose a surface that is not a lattice"
+        )
+    if kind == nurbs_object.KIND:
+        shape = _evaluated_shape(camera, surface, depsgraph)
+    else:
+        _require_plain_points(surface)
+        shape = own_shape(surface)
+        _require_one_island(surface, shape)
+    if not (columns and rows):
+        found = grid_within(shape, share)
+        columns, rows = columns or found[0], rows or found[1]
+    points = sampled(shape, columns + 1, rows + 1)
+    _become_grid(camera, surface, points)
+    return change(shape, Grid(points), columns, rows)
+
+
+def _require_one_island(surface, shape: ControlSurface) -> None:
+    if len(np.unique(shape.evaluate(*lattice(ISLAND_SAMPLES, ISLAND_SAMPLES)).tile)) > 1:
+        raise FlexibleCameraError(
+            f"'{surface.name}' has several islands in its UV map, and a grid is one: "
+            "stitch them, or keep the UV mesh"
+        )
+
+
+def _become_grid(camera, surface, points) -> None:
+    """Turn a surface into a grid of points (rows, columns, 3), own space."""
+    if surface.type != "MESH":
+        _put_in_place(camera, surface, "GRID", points)
+        return
+    if surface.data.users > 1:
+        surface.data = surface.data.copy()
+    surface.scfpf_surface.kind = "GRID"
+    write_grid(surface.data, points)
+    surface.update_tag()
+
+
+def _put_in_place(camera, surface, kind: str, points, parameters=None):
+    """Replace a surface on the camera's list by a new object of another type, at the same place.
+
+    What refers to the surface, children, constraints and drivers of others, refers to the new one then; a
+    surface that another camera has stays for that one, and so does what refers to it.
+    """
+    owners = (surface, surface.data, surface.data.shape_keys)
+    if surface.constraints or any(has_other_animation(owner) for owner in owners if owner is not None):
+        raise FlexibleCameraError(
+            f"'{surface.name}' has constraints or animation, which the new object would not have: "
+            "apply or remove them first"
+        )
+    name = surface.name
+    new = surface_nodes.new_surface(name, kind, parameters, points)
+    for attribute in PLACEMENT:
+        setattr(new, attribute, getattr(surface, attribute))
+    link_beside(new, surface)
+    for slot in camera.scfpf.surfaces:
+        if slot.object == surface:
+            slot.object = new
+    layer = bpy.context.view_layer
+    active, selected = layer.objects.active == surface, surface.select_get(view_layer=layer)
+    if any(surface == slot.object for other in flexible_cameras() for slot in other.scfpf.surfaces):
+        edit_mode.release(surface)
+    else:
+        for collection in editable_collections(surface):  # or else the new one would come to be there twice
+            collection.objects.unlink(surface)
+        surface.user_remap(new)
+        delete_with_data(surface)
+    new.name = name
+    if new.name in layer.objects:
+        new.select_set(selected, view_layer=layer)
+        if active:
+            layer.objects.active = new
+    return new
+
+
+def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, share: float) -> float:
+    """Make a surface a Surface Patch with the same Q(u, v) at this frame, modifiers applied.
+
+    columns, rows: control points, at least 4 each, a grid keeps its own; 0 in either for as many as keep
+    the change below a share of the surface's size. Returns the greatest change as a share of the size:
+    0 (float32) for planes, patches and grids, falling as the fourth power of the number of points for the
+    others. Raises FlexibleCameraError, and EditingError for holes.
+    """
+    surface = _editable(camera, index)
+    kind = surface.scfpf_surface.kind
+    if kind == nurbs_object.KIND:
+        raise FlexibleCameraError(f"'{surface.name}' is a {nurbs_object.TITLE} already")
+    if kind not in PARAMETRIC_KINDS and kind not in MESH_KINDS:
+        raise FlexibleCameraError(
+            f"'{surface.name}' cannot become a surface patch: choose a surface that is not a lattice"
+        )
+    shape = _evaluated_shape(camera, surface, depsgraph)
+    _require_one_island(surface, shape)
+    if columns and rows:
+        patch = patch_near(shape, max(columns, CUBIC), max(rows, CUBIC))
+    else:
+        patch = patch_within(shape, share)
+    points = np.asarray(patch.points)
+    orders = {"order_u": patch.along_u.order, "order_v": patch.along_v.order}
+    _put_in_place(camera, surface, nurbs_object.KIND, points, orders)
+    return change(shape, patch, points.shape[1], points.shape[0])
+
+
+def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, int]:
+    """Halve the pieces of a patch, grid or surface patch along u, v or both; the shape stays.
+
+    Returns the control points along u and v. A patch becomes a grid. Raises FlexibleCameraError, and
+    EditingError for a surface patch whose knots Blender cannot have twice as fine.
+    """
+    surface = _editable(camera, index)
+    kind = surface.scfpf_surface.kind
+    if kind == lattice_object.KIND:
+        raise FlexibleCameraError(
+            f"'{surface.name}' is a lattice: set its points in its Object Data properties"
+        )
+    if kind not in {"PATCH", "GRID", nurbs_object.KIND}:
+        raise FlexibleCameraError(
+            f"'{surface.name}' has no control points to subdivide: convert it to a grid or a patch first"
+        )
+    if not (along_u or along_v):
+        raise FlexibleCameraError("Choose a direction to subdivide in: U, V or both")
+    _require_plain_points(surface)
+    if kind == nurbs_object.KIND:
+        patch = refined(nurbs_object.own_patch(surface), along_u, along_v)
+        nurbs_object.replace_net(surface, patch)
+        rows, columns = np.shape(patch.points)[:2]
+        return columns, rows
+    rows, columns = (count - 1 for count in grid_points(surface).shape[:2])
+    columns, rows = columns * (1 + along_u), rows * (1 + along_v)
+    if max(columns, rows) > MOST_FACES:
+        raise FlexibleCameraError(f"'{surface.name}' would have more than {MOST_FACES} faces along an axis")
+    _become_grid(camera, surface, sampled(own_shape(surface), columns + 1, rows + 1))
+    return columns + 1, rows + 1
+
+
+def equalise(camera, depsgraph, index: int, columns: int, rows: int, along_u: bool, along_v: bool) -> float:
+    """Make a surface a grid of columns × rows faces whose points have even steps along u, v or both.
+
+    The points are on the surface; the picture changes. Returns the unevenness that is left, see
+    ``projection.respacing.equalised``. Further modifiers stay; those of a surface patch are applied.
+    """
+    surface = _editable(camera, index)
+    kind = surface.scfpf_surface.kind
+    if kind == lattice_object.KIND or kind not in {*PARAMETRIC_KINDS, *MESH_KINDS, nurbs_object.KIND}:
+        raise FlexibleCameraError(f"'{surface.name}' cannot be equalized: choose another control surface")
+    if kind == "POINT":
+        raise FlexibleCameraError(
+            f"'{surface.name}' is a point, which has no steps: choose another control surface"
+        )
+    if kind == nurbs_object.KIND:
+        shape = _evaluated_shape(camera, surface, depsgraph)
+    else:
+        _require_plain_points(surface)
+        shape = own_shape(surface)
+        _require_one_island(surface, shape)
+    points, left = equalised(shape, columns + 1, rows + 1, along_u, along_v)
+    _become_grid(camera, surface, points)
+    return left
+
+
+def convert_to_lattice(
+    camera, depsgraph, aspect: float, shape: tuple[int, int, int], interpolation: str
+) -> float:
+    """Replace the camera's volume by one lattice of (W, V, U) points with the same Q(u, v, t) at them.
+
+    Returns the greatest change of the volume as a share of its size: 0 (float32) for straight projectors
+    between flat surfaces and a linear lattice. Raises FlexibleCameraError, ProjectionError, EditingError.
+    """
+    world = np.array(camera.evaluated_get(depsgraph).matrix_world, np.float64)
+    projection = read_projection(camera, depsgraph, aspect).transformed(np.linalg.inv(world))
+    volume = projection.volume
+
+    def at(counts):
+        w, v, u = np.meshgrid(*(np.linspace(0.0, 1.0, count) for count in counts), indexing="ij")
+        controls = volume.controls(u.ravel(), v.ravel())
+        if not controls.valid.all():
+            raise EditingError("A control surface has holes, which a lattice cannot have: fill them first")
+        place = volume.evaluate_controls(controls, 1.0 - w.ravel()).position
+        return (u.ravel(), v.ravel(), 1.0 - w.ravel()), place
+
+    _, points = at(shape)
+    low, high = points.min(1), points.max(1)
+    size = np.where(high > low, high - low, max(float((high - low).max()), 1.0))
+    matrix = np.diag([*size, 1.0])
+    matrix[:3, 3] = (low + high) / 2
+    own = ((points - matrix[:3, 3:]) / size[:, None]).T.reshape(*shape, 3)
+    fitted = Lattice.through(own, (interpolation,) * 3)
+    place, exact = at(tuple(min(2 * count - 1, 33) for count in shape))
+    now = fitted.volume(matrix)
+    change = np.linalg.norm(now.evaluate(*place).position - exact, axis=0).max() / size.max()
+    replace_surfaces(
+        camera,
+        [
+            (
+                lattice_object.TITLE,
+                lattice_object.KIND,
+                matrix,
+                {"interpolation": interpolation},
+                fitted.points[::-1],
+            )
+        ],
+    )
+    make_flexible(camera)
+    approximate_lens(camera, projection)
+    return float(change)

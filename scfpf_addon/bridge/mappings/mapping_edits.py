@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The stack of a camera's image mappings: added to, put in order, written from a preset."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+
+from ...projection.mappings.kinds import COEFFICIENTS, MAXIMUM_MAPPINGS
+from ..blender.mesh_grid import write_grid
+from ..blender.slot_animation import clear_slots, move_slot, remove_slot
+from ..volume.volume_object import delete_with_data, link_beside, sync_volume_object
+
+MAPPINGS = "mappings"
+# Hidden from Blender's own lists of node groups by the dot.
+CURVE_NAME, CURVE_NODE = ".SCFPF Radial Curve", "Curve"
+# Points of a new grid, up and across.
+GRID_SHAPE = (5, 7)
+# A new grid stands at this multiple of the camera's clip start, and at least so far. Blender units.
+GRID_CLIP_STARTS, GRID_DISTANCE = 4.0, 1.0
+
+
+class MappingError(ValueError):
+    """A mapping of the image that cannot be made or used; the message says what to do."""
+
+
+def curve_node(tree):
+    """The Float Curve node of a radial curve's node group, or None."""
+    node = tree.nodes.get(CURVE_NODE) if tree is not None else None
+    return node if node is not None and node.bl_idname == "ShaderNodeFloatCurve" else None
+
+
+def new_curve(points=((0.0, 0.0), (1.0, 1.0))):
+    """A node group with a Float Curve through points (K, 2), whose radii rise."""
+    tree = bpy.data.node_groups.new(CURVE_NAME, "ShaderNodeTree")
+    node = tree.nodes.new("ShaderNodeFloatCurve")
+    node.name = node.label = CURVE_NODE
+    points = np.asarray(points, np.float64)
+    mapping = node.mapping
+    # Beyond 1 for pictures' corners.
+    mapping.clip_max_x = max(1.0, points[-1, 0])
+    mapping.clip_max_y = max(1.0, points[:, 1].max())
+    curve = mapping.curves[0]
+    first, last = curve.points
+    first.location, last.location = points[0].tolist(), points[-1].tolist()
+    for place in points[1:-1]:
+        curve.points.new(*place.tolist())
+    if len(points) > 2:
+        # Handles that neither overshoot nor turn back.
+        for point in curve.points:
+            point.handle_type = "AUTO_CLAMPED"
+    mapping.update()
+    return tree
+
+
+def take_kind(camera, mapping) -> None:
+    """Give a mapping the datablock that its kind needs, if it has none."""
+    if mapping.kind == "RADIAL_CURVE" and curve_node(mapping.curve) is None:
+        mapping.curve = new_curve()
+    elif mapping.kind == "GRID" and mapping.grid is None:
+        mapping.grid = new_grid(camera)
+
+
+def new_grid(camera, seen=None):
+    """A mesh over the picture, the camera's child, that says what is seen where. seen: (R, C, 2) or None."""
+    if seen is None:
+        lines = (np.linspace(0.0, 1.0, count) for count in GRID_SHAPE[::-1])
+        seen = np.stack(np.meshgrid(*lines), axis=-1)
+    name = f"{camera.name} Picture Grid"
+    grid = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+    write_grid(grid.data, np.concatenate([seen, np.zeros((*seen.shape[:2], 1))], axis=-1))
+    grid.display_type = "WIRE"
+    grid.hide_render = True
+    lens = camera.data
+    distance = max(GRID_DISTANCE, GRID_CLIP_STARTS * lens.clip_start)
+    width = lens.ortho_scale if lens.type == "ORTHO" else 2 * distance * math.tan(lens.angle_x / 2)
+    render = bpy.context.scene.render
+    height = (
+        width * (render.resolution_y * render.pixel_aspect_y) / (render.resolution_x * render.pixel_aspect_x)
+    )
+    grid.parent = camera
+    grid.location = -width / 2, -height / 2, -distance
+    grid.scale = width, height, 1.0
+    link_beside(grid, camera)
+    return grid
+
+
+def add_mapping(camera, kind: str, name: str):
+    """A new mapping at the end of a camera's stack, active. Raises MappingError when there are too many."""
+    settings = camera.scfpf
+    if len(settings.mappings) >= MAXIMUM_MAPPINGS:
+        raise MappingError(f"A camera has at most {MAXIMUM_MAPPINGS} mappings: remove one first")
+    mapping = settings.mappings.add()
+    mapping.name = name
+    mapping.kind = kind
+    mapping.radius = 1.0 if kind == "DISTORTION" else 0.5
+    take_kind(camera, mapping)
+    settings.active_mapping = len(settings.mappings) - 1
+    sync_volume_object(camera)
+    return mapping
+
+
+def remove_mapping(camera, index: int) -> None:
+    """Take a mapping off the stack; its curve and its mesh go if nothing else uses them."""
+    settings = camera.scfpf
+    mapping = settings.mappings[index]
+    curve, grid = mapping.curve, mapping.grid
+    remove_slot(settings, index, MAPPINGS)
+    settings.active_mapping = max(min(settings.active_mapping, len(settings.mappings) - 1), 0)
+    _remove_unused(camera, curve, grid)
+    sync_volume_object(camera)
+
+
+def clear_mappings(camera) -> None:
+    """Empty a camera's stack, as ``remove_mapping`` does."""
+    settings = camera.scfpf
+    if not len(settings.mappings):
+        return
+    held = [(mapping.curve, mapping.grid) for mapping in settings.mappings]
+    clear_slots(settings, MAPPINGS)
+    settings.active_mapping = 0
+    for curve, grid in held:
+        _remove_unused(camera, curve, grid)
+    sync_volume_object(camera)
+
+
+def move_mapping(camera, index: int, step: int) -> int:
+    """Move a mapping by ``step`` places, as far as the stack goes; returns its new index."""
+    settings = camera.scfpf
+    place = min(max(index + step, 0), len(settings.mappings) - 1)
+    move_slot(settings, index, place, MAPPINGS)
+    settings.active_mapping = place
+    return place
+
+
+def grids_of(settings) -> list:
+    """The meshes of a stack's deformed grids."""
+    return [m.grid for m in settings.mappings if m.kind == "GRID" and m.grid is not None]
+
+
+def _remove_unused(camera, curve, grid) -> None:
+    if curve is not None and curve.users == 0 and curve.is_editable:
+        bpy.data.node_groups.remove(curve)
+    others = {g for obj in bpy.data.objects if obj.type == "CAMERA" for g in grids_of(obj.scfpf)}
+    if grid is not None and grid not in others and grid.parent == camera and grid.is_editable:
+        delete_with_data(grid)
+
+
+def write_mappings(camera, mappings) -> None:
+    """Replace a camera's stack by mappings of a preset (projection.image_mappings.ImageMapping)."""
+    clear_mappings(camera)
+    for stored in mappings:
+        mapping = camera.scfpf.mappings.add()
+        mapping.name = stored.name
+        given = stored.parameters
+        if stored.kind == "RADIAL_CURVE":
+            mapping.curve = new_curve(stored.points)
+        elif stored.kind == "GRID":
+            mapping.grid = new_grid(camera, stored.points)
+        mapping.kind = stored.kind
+        mapping.centre = given.get("centre_x", 0.5), given.get("centre_y", 0.5)
+        for name in ("radius", "magnification", "falloff", "arc", "distance"):
+            if name in given:
+                setattr(mapping, name, given[name])
+        if stored.kind == "DISTORTION":
+            mapping.numerator = [given[name] for name in COEFFICIENTS[:3]]
+            mapping.denominator = [given[name] for name in COEFFICIENTS[3:]]
+        mapping.influence, mapping.backwards = stored.influence, stored.backwards
+    sync_volume_object(camera)
+
+
+def own_mapping_data(camera) -> int:
+    """Give a camera curves and grids of its own where it shares them; returns how many were copied."""
+    others = {
+        grid
+        for other in bpy.data.objects
+        if other.type == "CAMERA" and other != camera
+        for grid in grids_of(other.scfpf)
+    }
+    copied = 0
+    for mapping in camera.scfpf.mappings:
+        if mapping.curve is not None and mapping.curve.users > 1:
+            mapping.curve = mapping.curve.copy()
+            copied += 1
+        if mapping.grid is not None and mapping.grid in others:
+            copy = mapping.grid.copy()
+            copy.data = copy.data.copy()
+            link_beside(copy, camera)
+            copy.parent = camera
+            mapping.grid = copy
+            copied += 1
+    return copied

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``blender -c scfpf render FILE.blend -o OUT.png``: a picture without a window."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from pathlib import Path
+
+import bpy
+
+from ..blender.rig_mark import camera_behind
+from ..settings.stylised_styles import STYLES, apply_style
+from .render_job import RENDER_ERRORS, RenderJob, prepare, reason
+from .result_image import FILE_FORMATS, ResultError, require_place, save_result, with_ending, write_result
+
+# Blender's own limit, both ways.
+LAST_FRAME = 1_048_574
+
+
+class CommandError(ValueError):
+    """A command line that cannot be carried out; the message is the one-line reason."""
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        raise CommandError(f"{message} (see {self.prog} --help)")
+
+
+def _pixel_error(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value >= 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of pixels, 0 or more")
+    return value
+
+
+def _frame(text: str) -> int:
+    try:
+        value = int(text)
+    except ValueError:
+        value = LAST_FRAME + 1
+    if abs(value) > LAST_FRAME:
+        raise argparse.ArgumentTypeError(f"{text!r} is not the number of a frame")
+    return value
+
+
+def parser() -> argparse.ArgumentParser:
+    """The grammar of the command."""
+    top = _Parser(
+        prog="blender -c scfpf", description="Flexible projection: pictures through modeled viewing volumes."
+    )
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=_Parser)
+    render = commands.add_parser(
+        "render",
+        help="render a picture through a flexible camera",
+        description="Render a picture through a flexible camera of a .blend file.",
+    )
+    render.add_argument("file", metavar="FILE.blend", type=Path, help="the file to render")
+    render.add_argument(
+        "-o",
+        "--output",
+        metavar="OUT.png",
+        type=Path,
+        required=True,
+        help="the picture to write; its ending names the format",
+    )
+    render.add_argument("--camera", metavar="NAME", help="the flexible camera (default: the scene's camera)")
+    render.add_argument(
+        "--frame", metavar="N", type=_frame, help="the frame (default: the file's current one)"
+    )
+    render.add_argument(
+        "--pixel-error",
+        metavar="E",
+        type=_pixel_error,
+        help="how far a projector may be off, in pixels (default: the camera's own)",
+    )
+    render.add_argument(
+        "--style",
+        choices=[*(name.lower() for name in STYLES), "none"],
+        help="draw the picture in a style, or not at all (default: as the file's scene says)",
+    )
+    return top
+
+
+def run(argv: list[str]) -> int:
+    """Carry out a command line. 0, or 1 after a one-line reason on stderr."""
+    try:
+        options = parser().parse_args(argv)
+        _render(options)
+    except SystemExit as left:  # argparse has shown its help.
+        return int(left.code or 0)
+    except (CommandError, ResultError, *RENDER_ERRORS) as error:
+        print(f"scfpf: {' '.join(reason(error).split())}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _render(options) -> None:
+    # os.path answers False where pathlib raises: too long a name, no permission.
+    if not os.path.isfile(options.file):
+        raise CommandError(f"there is no file {options.file}")
+    output = options.output.absolute()
+    if os.path.isdir(output):
+        raise CommandError(f"cannot write {options.output}: it is a folder")
+    if not os.path.isdir(output.parent):
+        raise CommandError(f"cannot write {options.output}: there is no folder {options.output.parent}")
+    if output.suffix and output.suffix.lower() not in FILE_FORMATS:
+        raise CommandError(f"cannot write {options.output}: use one of {', '.join(FILE_FORMATS)}")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=str(options.file.absolute()), load_ui=False)
+    except RuntimeError as error:
+        why = str(error).removeprefix("Error: ").split(" in file ")[0]
+        raise CommandError(f"cannot open {options.file}: {why}") from error
+    scene = bpy.context.scene
+    # The scene's own format may be one that is not written: better said now than after the render.
+    output = with_ending(str(output), scene)
+    require_place(output)
+    if options.frame is not None:
+        scene.frame_set(options.frame)
+    if options.style == "none":
+        scene.scfpf_drawn.use_drawn = False
+    elif options.style:
+        apply_style(scene, options.style.upper())
+    camera = _camera(scene, options.camera)
+    inputs = prepare(scene, bpy.context.view_layer, camera, options.pixel_error)
+    for warning in inputs.scene.warnings:
+        print(f"scfpf: warning: {warning}", file=sys.stderr)
+    job = RenderJob(inputs)
+    job.start()
+    frame = job.result()
+    path = save_result(write_result(frame.pixels), output, scene)
+    print(f"scfpf: {path}: {frame.report.summary()}")
+
+
+def _camera(scene, name: str | None):
+    if name is not None:
+        camera = scene.objects.get(name)
+        if camera is None:
+            raise CommandError(f'the scene "{scene.name}" has no object "{name}"')
+        if camera.type != "CAMERA" or not camera.scfpf.enabled:
+            raise CommandError(f'"{name}" is not a flexible camera')
+        return camera
+    flexible = [obj for obj in scene.objects if obj.type == "CAMERA" and obj.scfpf.enabled]
+    if camera_behind(scene.camera) in flexible:
+        return camera_behind(scene.camera)
+    if not flexible:
+        raise CommandError(f'the scene "{scene.name}" has no flexible camera')
+    if len(flexible) > 1:
+        names = ", ".join(camera.name for camera in flexible)
+        raise CommandError(f"the scene's camera is not flexible: name one with --camera ({names})")
+    return flexible[0]
+
+
+_handle = None
+
+
+def register():
+    global _handle
+    _handle = bpy.utils.register_cli_command("scfpf", run)
+
+
+def unregister():
+    bpy.utils.unregister_cli_command(_handle)

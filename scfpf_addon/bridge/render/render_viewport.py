@@ -1,0 +1,252 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rendered shading: the flexible camera's picture in the camera's frame, or the viewport's own view."""
+
+from __future__ import annotations
+
+import math
+import weakref
+from dataclasses import replace
+from typing import NamedTuple
+
+import bpy
+import gpu
+import numpy as np
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from gpu_extras.presets import draw_texture_2d
+from mathutils import Matrix
+
+from ...projection.surfaces.surface import BilinearPatch
+from ...projection.volume.viewing_volume import Projection, ViewingVolume
+from ...shading.scene.shading_scene import Scene
+from ...shading.settings.frame_settings import Border, FrameSettings
+from ..camera.stereo_views import EYES, Eye, eye_of, frame_matrix
+from ..scene.read_images import KnownImages, with_images
+from ..scene.read_scene import read_scene
+from ..settings.sampling import sampling_of
+from ..settings.stylised_properties import drawn_of
+from .render_job import RENDER_ERRORS, RenderInputs, read_inputs, reason
+from .view_painter import Commission, Painting, ViewPainter
+
+# Seconds between two looks at whether there is something new to draw.
+TICK = 0.06
+# A frame that is larger, as when the view is zoomed in far, is painted in larger pixels.
+MOST_PIXELS = 2**23
+# A camera's frame of this many pixels or fewer shows nothing.
+SMALLEST_FRAME = 2.0
+# Samples a pixel of a view that is no camera's.
+FREE_SAMPLES = 4
+
+_painters: weakref.WeakSet[ViewPainter] = weakref.WeakSet()
+# What _tick saw last: the paintings' numbers.
+_seen: list[int] = []
+
+
+class Place(NamedTuple):
+    """Where the whole of a picture goes, in pixels of the region: left bottom corner and size."""
+
+    left: float
+    bottom: float
+    width: float
+    height: float
+
+
+class ViewportRender:
+    """What one viewport in Rendered shading shows. It lives as long as its engine."""
+
+    def __init__(self) -> None:
+        self._painter = ViewPainter()
+        _painters.add(self._painter)
+        # With its engine Blender drops this object, but for the engine there is no last word.
+        weakref.finalize(self, self._painter.stop)
+        self._scene: Scene | None = None
+        self._images: KnownImages = {}
+        self._view: tuple | None = None
+        self._drawn = -1
+        self._texture = None
+        self._place = (0.0, 0.0, 0.0, 0.0)
+        self._message = ""
+
+    def update(self) -> None:
+        """Something in the scene has changed: the next drawing reads it again."""
+        self._scene = self._view = None
+
+    def draw(self, context, depsgraph, engine) -> None:
+        """Draw the newest painting, after asking for another one if the view or the scene is another."""
+        view = view_key(context, depsgraph)
+        if view != self._view:
+            self._view = view
+            self._ask(context, depsgraph)
+        if self._painter.number != self._drawn:
+            self._drawn = self._painter.number
+            self._take(self._painter.painting)
+        message = self._message or self._painter.message
+        engine.update_stats("SCFPF", message or ("Rendering" if self._painter.busy else "Rendering Done"))
+        if self._texture is None or message:
+            return
+        left, bottom, right, top = self._place
+        gpu.state.blend_set("ALPHA_PREMULT")
+        engine.bind_display_space_shader(depsgraph.scene)
+        draw_texture_2d(self._texture, (left, bottom), right - left, top - bottom)
+        engine.unbind_display_space_shader()
+        gpu.state.blend_set("NONE")
+
+    def _ask(self, context, depsgraph) -> None:
+        try:
+            if self._scene is None:
+                self._scene = with_images(read_scene(depsgraph, may_be_empty=True), known=self._images)
+            commission = read_commission(context, depsgraph, self._scene)
+        except RENDER_ERRORS as error:
+            self._message = reason(error)
+            return
+        self._message = ""
+        if commission is None:
+            self._texture = None
+            return
+        self._painter.ask(commission)
+        if not bpy.app.timers.is_registered(_tick):
+            bpy.app.timers.register(_tick, first_interval=TICK)
+
+    def _take(self, painting: Painting | None) -> None:
+        if painting is None:
+            self._texture = None
+            return
+        height, width = painting.pixels.shape[:2]
+        pixels = gpu.types.Buffer("FLOAT", width * height * 4, np.ravel(painting.pixels))
+        self._texture = gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
+        self._place = painting.place
+
+
+def view_key(context, depsgraph) -> tuple:
+    """What tells one view of the same scene from another."""
+    region, view = context.region, context.region_data
+    return (
+        viewport_eye(context.space_data, depsgraph),
+        depsgraph.scene.frame_current,
+        region.width,
+        region.height,
+        view.view_perspective,
+        tuple(value for row in view.perspective_matrix for value in row),
+    )
+
+
+def viewport_eye(space, depsgraph) -> Eye:
+    """Return the eye by which a viewport looks through a camera; "" for both or none."""
+    chosen = space.stereo_3d_camera.lower()
+    return eye_of(depsgraph.scene_eval.render, chosen) if chosen in EYES else ""
+
+
+def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
+    """What a viewport is to show, None if it shows nothing of the camera's frame.
+
+    Raises one of RENDER_ERRORS.
+    """
+    region, view, space = context.region, context.region_data, context.space_data
+    camera = space.camera if space.use_local_camera else depsgraph.scene.camera
+    eye = viewport_eye(space, depsgraph)
+    if view.view_perspective != "CAMERA" or camera is None or camera.type != "CAMERA":
+        camera, place = None, Place(0.0, 0.0, float(region.width), float(region.height))
+    else:
+        place = camera_place(camera, depsgraph, region, view, eye)
+    if place is None:
+        return None
+    scale = min(1.0, (MOST_PIXELS / (place.width * place.height)) ** 0.5)
+    size = max(round(place.width * scale), 1), max(round(place.height * scale), 1)
+    border = seen_part(place, size, region)
+    if border is None:
+        return None
+    if camera is None:
+        inputs = free_view(depsgraph, view, scene, size)
+    else:
+        aspect = place.width / place.height
+        inputs = read_inputs(depsgraph, camera.original, size, scene=scene, aspect=aspect, eye=eye)
+    left, right = (place.left + x * place.width / size[0] for x in (border.left, border.right))
+    bottom, top = (place.bottom + y * place.height / size[1] for y in (border.bottom, border.top))
+    return Commission(
+        replace(inputs, settings=replace(inputs.settings, border=border)), (left, bottom, right, top)
+    )
+
+
+def camera_place(camera, depsgraph, region, view, eye: Eye = "") -> Place | None:
+    """Return the frame of a camera in a viewport that looks through it, None if it has no size.
+
+    eye: by which the viewport looks.
+    """
+    evaluated = camera.evaluated_get(depsgraph)
+    frame = evaluated.data.view_frame(scene=depsgraph.scene)
+    where, turn, _scale = evaluated.matrix_world.decompose()
+    matrix = Matrix.LocRotScale(where, turn, None) @ Matrix(frame_matrix(evaluated, eye))
+    right_top, left_bottom = (
+        location_3d_to_region_2d(region, view, matrix @ corner) for corner in (frame[0], frame[2])
+    )
+    if right_top is None or left_bottom is None:
+        return None
+    width, height = right_top - left_bottom
+    if not (width >= SMALLEST_FRAME and height >= SMALLEST_FRAME):
+        return None
+    return Place(left_bottom.x, left_bottom.y, width, height)
+
+
+def seen_part(place: Place, size: tuple[int, int], region) -> Border | None:
+    """The pixels of a picture of ``size`` at ``place`` that a region shows, None if there are none."""
+    across, up = size[0] / place.width, size[1] / place.height
+    border = Border(
+        max(math.floor(-place.left * across), 0),
+        max(math.floor(-place.bottom * up), 0),
+        min(math.ceil((region.width - place.left) * across), size[0]),
+        min(math.ceil((region.height - place.bottom) * up), size[1]),
+    )
+    return border if border.left < border.right and border.bottom < border.top else None
+
+
+def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInputs:
+    """What a viewport that looks through no camera shows: its own frustum.
+
+    view: bpy.types.RegionView3D.
+    """
+    to_world = np.linalg.inv(np.array(view.perspective_matrix, np.float64))
+    ends = []
+    for depth in (-1.0, 1.0):
+        corners = np.array([[-1, -1, depth, 1], [1, -1, depth, 1], [-1, 1, depth, 1], [1, 1, depth, 1]])
+        corners = corners @ to_world.T
+        ends.append(BilinearPatch(corners=corners[:, :3] / corners[:, 3:]))
+    width, height = size
+    render = depsgraph.scene_eval.render
+    return RenderInputs(
+        Projection(ViewingVolume(tuple(ends)), aspect=width / height),
+        scene,
+        FrameSettings(
+            width,
+            height,
+            samples=FREE_SAMPLES,
+            transparent=render.film_transparent,
+            threads=render.threads if render.threads_mode == "FIXED" else 0,
+            drawn=drawn_of(depsgraph.scene_eval, width),
+            **sampling_of(depsgraph.scene_eval),
+        ),
+    )
+
+
+def stop_all() -> None:
+    """End the threads of all viewports."""
+    for painter in list(_painters):
+        painter.stop()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
+def is_painting() -> bool:
+    """Whether a viewport's picture is still being made."""
+    return any(painter.busy for painter in list(_painters))
+
+
+def _tick() -> float | None:
+    """Have viewports drawn again when there is something new; threads must not ask for that themselves."""
+    busy = is_painting()
+    numbers = sorted(painter.number for painter in list(_painters))
+    if numbers != _seen or not busy:
+        _seen[:] = numbers
+        for window in bpy.context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D" and area.spaces.active.shading.type == "RENDERED":
+                    area.tag_redraw()
+    return TICK if busy else None

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bounce limits and film exposure, from Cycles' settings of the scene."""
+
+from __future__ import annotations
+
+from ...shading.scene.shading_scene import LightPaths
+from ..blender import versions
+
+
+def read_bounces(scene) -> LightPaths:
+    """The limits of a scene's light paths; Cycles' defaults where Cycles is switched off."""
+    cycles = getattr(scene, "cycles", None)
+    if cycles is None:
+        return LightPaths()
+    return LightPaths(
+        cycles.max_bounces,
+        cycles.glossy_bounces,
+        cycles.transmission_bounces,
+        versions.lit_behind_transparent(cycles.transparent_max_bounces),
+    )
+
+
+def read_exposure(scene) -> float:
+    """Return the factor of a scene's film exposure, 1 if Cycles is disabled."""
+    cycles = getattr(scene, "cycles", None)
+    return 1.0 if cycles is None else cycles.film_exposure
+
+
+def unshown_settings(scene) -> tuple[str, ...]:
+    """Warnings of an evaluated scene's settings that change Cycles' picture and not the engine's."""
+    cycles = getattr(scene, "cycles", None)
+    if cycles is None:
+        return ()
+    render = scene.render
+    names = {
+        "Clamping of Direct Light": cycles.sample_clamp_direct > 0.0,
+        "Transparent Glass": cycles.film_transparent_glass and render.film_transparent,
+        "Rolling Shutter": render.use_motion_blur and cycles.rolling_shutter_type != "NONE",
+        "Culling of Simplify": render.use_simplify and _culls(scene),
+        "Fast GI that is added": cycles.use_fast_gi and cycles.fast_gi_method == "ADD",
+    }
+    return tuple(
+        f"Not shown as it is: {name} (in the scene's settings for Cycles)" for name, on in names.items() if on
+    )
+
+
+def _culls(scene) -> bool:
+    """Whether Simplify may take objects away."""
+    kinds = [name for name in ("use_camera_cull", "use_distance_cull") if getattr(scene.cycles, name)]
+    return any(getattr(thing.cycles, name) for name in kinds for thing in scene.objects)

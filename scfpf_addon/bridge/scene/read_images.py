@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Images → arrays: those that a picture can show, and no others."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import replace
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ...casting.scene.culling import within_volume
+from ...projection.volume.viewing_volume import Projection
+from ...shading.nodes.image import ImageData, srgb_from_linear
+from ...shading.scene.shading_scene import Scene
+from ..blender import versions
+from .read_materials import listing
+from .read_world import shows_world
+
+# Colour spaces whose values are scene-linear or no colours; anything else of bytes is taken for sRGB.
+LINEAR_SPACES = {"Linear", "Linear Rec.709", "scene_linear", "Raw", "Non-Color"}
+
+
+Pixels = NDArray[np.float32]
+# Images read before, by name, each with what it was made of.
+KnownImages = dict[str, tuple[tuple, ImageData]]
+
+
+def with_images(
+    scene: Scene,
+    projection: Projection | None = None,
+    known: KnownImages | None = None,
+    transparent: bool = False,
+) -> Scene:
+    """The scene with the images that its materials look up, and warnings about them.
+
+    projection: images of materials that only stand outside its volume are left out, unless something
+    reflects. known: images read before, which are taken if nothing of them has changed; what is
+    read now is put in. transparent: the world is not seen behind things.
+    """
+    graphs = scene.materials.graphs
+    if scene.world is not None and transparent and not shows_world(scene):
+        scene = replace(scene, world=None)
+    if scene.world is not None and scene.world.graph.images:
+        images, warnings = read_images(scene.world.graph.images, known)
+        scene = replace(scene, world=replace(scene.world, images=images), warnings=scene.warnings + warnings)
+    if not any(graph.images for graph in graphs.values()):
+        return scene
+    geometry = scene.geometry
+    material = geometry.material
+    if projection is not None and not any(graph.reflects for graph in graphs.values()):
+        material = material[within_volume(geometry.vertices, geometry.triangles, projection.volume)]
+    shown = np.zeros(max(graphs, default=-1) + 1, bool)
+    shown[material[material < len(shown)]] = True
+    names = {name for number, graph in graphs.items() if shown[number] for name in graph.images}
+    images, warnings = read_images(names, known)
+    return replace(scene, images=images, warnings=scene.warnings + warnings)
+
+
+def read_images(
+    names: Iterable[str], known: KnownImages | None = None
+) -> tuple[dict[str, ImageData], tuple[str, ...]]:
+    """Images by their full names, without those that are missing, and a line for each kind of trouble."""
+    found: dict[str, ImageData] = {}
+    trouble: dict[str, list[str]] = {}
+    wanted = set(names) - {""}
+    if wanted:
+        for image in bpy.data.images:
+            name = image.name_full
+            if name not in wanted:
+                continue
+            wanted.discard(name)
+            state = image_state(image)
+            before = known.get(name) if known is not None else None
+            # What is painted on changes without a sign.
+            kept = before is not None and before[0] == state and not image.is_dirty
+            data = before[1] if kept else read_image(image)
+            if data is None:
+                trouble.setdefault(MISSING, []).append(name)
+                continue
+            found[name] = data
+            if known is not None:
+                known[name] = state, data
+            for text in _oddities(image, data):
+                trouble.setdefault(text, []).append(name)
+    trouble.setdefault(MISSING, []).extend(sorted(wanted))
+    return found, tuple(text + listing(sorted(which)) for text, which in trouble.items() if which)
+
+
+MISSING = "Missing images, shown in magenta: "
+
+
+CUT_OFF = "Colors brighter than their alpha are cut off in images of 8 bits set to Premultiplied: "
+
+
+def _oddities(image, data: ImageData) -> Iterable[str]:
+    if image.source == "TILED":
+        yield "Only the first tile is shown of: "
+    elif image.source in {"SEQUENCE", "MOVIE"}:
+        yield "Shown as the frame that Blender has loaded: "
+    space = image.colorspace_settings.name
+    if not (image.is_float or space == "sRGB" or space in LINEAR_SPACES):
+        yield f"The color space {space} is read as sRGB: "
+    if image.alpha_mode == "PREMUL" and not image.is_float and _has_alpha(image) and _is_file(image):
+        # Blender divides by alpha as it loads them. A color that is as bright may have been brighter.
+        color, alpha = data.pixels[:, :, :3], data.pixels[:, :, 3:].astype(np.uint16)
+        brightest = alpha * alpha // 255 if versions.multiplies_by_alpha(image, True) else alpha
+        if ((color >= brightest) & (alpha > 0) & (alpha < 255)).any():
+            yield CUT_OFF
+
+
+def image_state(image) -> tuple:
+    """What an image's pixels are made of: if it is the same they are, unless someone paints."""
+    try:
+        file = os.stat(bpy.path.abspath(image.filepath, library=image.library))
+        written = file.st_mtime_ns, file.st_size
+    except (OSError, ValueError):
+        written = ()
+    space = image.colorspace_settings.name
+    kind = image.alpha_mode, image.source, image.packed_file is None
+    return image.filepath, written, tuple(image.size), space, *kind
+
+
+def read_image(image) -> ImageData | None:
+    """The pixels of a bpy.types.Image, loaded if need be; None if there are none."""
+    width, height = image.size
+    channels = image.channels
+    if width * height == 0 or channels == 0:
+        return None
+    flat = np.empty(width * height * channels, np.float32)
+    if len(image.pixels) != len(flat):
+        return None
+    image.pixels.foreach_get(flat)
+    pixels = flat.reshape(height, width, channels)
+    if channels != 4:
+        pixels = _four(pixels)
+    space = image.colorspace_settings
+    if image.alpha_mode == "NONE":
+        pixels[:, :, 3] = 1.0
+    if image.is_float:
+        # Cycles converts files by itself, and sRGB not before it has looked between texels.
+        encoded = space.name == "sRGB" and _is_file(image)
+        pixels = _floats(image, pixels, encoded)
+    else:
+        encoded = space.name not in LINEAR_SPACES and not space.is_data
+        pixels = _bytes(image, pixels)
+    return ImageData(pixels, encoded, _has_alpha(image))
+
+
+def _is_file(image) -> bool:
+    """Whether Cycles reads an image's file; others have the values that Blender holds."""
+    return image.source not in {"GENERATED", "MOVIE"} and image.packed_file is None and not image.is_dirty
+
+
+def _has_alpha(image) -> bool:
+    """Whether an image's colours and alpha belong together."""
+    return image.alpha_mode in {"STRAIGHT", "PREMUL"} and not image.colorspace_settings.is_data
+
+
+def _bytes(image, pixels: Pixels) -> NDArray[np.uint8]:
+    """The bytes that Cycles looks up. pixels: Blender's, (H, W, 4) float32, straight: changed in place.
+
+    Products are rounded as Cycles does it, so that what lies between texels is the same.
+    """
+    pixels *= 255.0
+    np.floor(pixels + 0.5, out=pixels)
+    color, alpha = pixels[:, :, :3], pixels[:, :, 3:]
+    if _has_alpha(image):
+        if image.alpha_mode == "PREMUL" and _is_file(image):
+            np.floor(color * np.where(alpha == 0.0, 1.0, alpha / 255.0) + 0.5, out=color)
+        if versions.multiplies_by_alpha(image, _is_file(image)):
+            np.floor(color * alpha / 255.0, out=color)
+    return pixels.astype(np.uint8)
+
+
+def _floats(image, pixels: Pixels, encoded: bool) -> Pixels:
+    """The floats that Cycles looks up, as sRGB has them if ``encoded``.
+
+    pixels: Blender's, (H, W, 4) float32, scene-linear and premultiplied: changed in place.
+    """
+    color, alpha = pixels[:, :, :3], pixels[:, :, 3:]
+    there = np.where(alpha == 0.0, np.float32(1.0), alpha)
+    if _has_alpha(image) and _is_file(image):
+        color /= there
+    if encoded:
+        color[:] = srgb_from_linear(color)
+    if _has_alpha(image):
+        if image.alpha_mode == "PREMUL" and _is_file(image):
+            color *= there
+        if versions.multiplies_by_alpha(image, _is_file(image)):
+            color *= alpha
+    return pixels
+
+
+def _four(pixels):
+    """Grey, grey with alpha or RGB as RGBA."""
+    channels = pixels.shape[2]
+    whole = np.ones((*pixels.shape[:2], 4), np.float32)
+    whole[:, :, :3] = pixels[:, :, : 3 if channels == 3 else 1]
+    if channels == 2:
+        whole[:, :, 3] = pixels[:, :, 1]
+    return whole

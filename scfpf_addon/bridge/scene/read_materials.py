@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials → constants: of the Principled BSDF where there is one, else the viewport's colour."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...projection.typing import Array
+from ...shading.nodes.graph import MaterialGraph
+from ...shading.scene.shading_scene import Materials
+from ..blender import versions
+from ..blender.shader_nodes import color_input, output_shaders, resolve, value_input
+from .read_graph import read_graph
+
+# Reflectance at normal incidence of the default specular level ½ at IOR 1.5.
+DEFAULT_F0 = 0.04
+# What faces without a material are called in cryptomattes, as by Cycles.
+NO_MATERIAL = "default_surface"
+
+
+@dataclass(frozen=True)
+class MaterialConstants:
+    """One material, scene-linear. base_color, emission: (3,). edge: see ``Materials``."""
+
+    base_color: Array
+    metallic: float = 0.0
+    roughness: float = 0.5
+    specular_f0: float = DEFAULT_F0
+    emission: Array | tuple = (0.0, 0.0, 0.0)
+    edge: float = 1.0
+
+
+# What a face without a material shows, as in Cycles and EEVEE.
+DEFAULT_GREY = MaterialConstants(np.full(3, 0.8))
+
+
+class MaterialTable:
+    """The materials met while a scene is read, each read once. Number 0 is the default grey."""
+
+    def __init__(self) -> None:
+        self._rows = [DEFAULT_GREY]
+        self.pass_indices = [0]
+        self.names = [NO_MATERIAL]
+        self._numbers: dict[int, int] = {}
+        self._odd: list[str] = []
+        self._notes: dict[str, list[str]] = {}
+        self.graphs: dict[int, MaterialGraph] = {}
+
+    def number(self, material) -> int:
+        """The number of an evaluated material, or of None."""
+        if material is None:
+            return 0
+        key = material.as_pointer()
+        if key not in self._numbers:
+            number = self._numbers[key] = len(self._rows)
+            constants, whole = read_material(material)
+            self._rows.append(constants)
+            self.pass_indices.append(material.pass_index)
+            self.names.append(material.name)
+            self._add_graph(material, number, whole)
+        return self._numbers[key]
+
+    def _add_graph(self, material, number: int, whole: bool) -> None:
+        """Take the material as a graph, if it is more than the constants that were read of it."""
+        if not versions.uses_nodes(material):
+            return
+        reading = read_graph(material.node_tree)
+        for note in (*reading.notes, *_unshown(material.node_tree)):
+            self._notes.setdefault(note, []).append(material.name)
+        if reading.graph is None:
+            self._odd.append(material.name)
+        elif not (reading.plain and whole):
+            self.graphs[number] = reading.graph
+
+    def materials(self) -> Materials:
+        """All of them as arrays, colours and values in their allowed ranges."""
+        columns = {
+            name: np.nan_to_num(np.array([getattr(row, name) for row in self._rows], np.float64))
+            for name in ("base_color", "metallic", "roughness", "specular_f0", "emission", "edge")
+        }
+        for name in ("metallic", "roughness", "specular_f0"):
+            columns[name] = columns[name].clip(0.0, 1.0)
+        columns["base_color"] = columns["base_color"].clip(0.0)
+        return Materials(**columns, graphs=self.graphs)
+
+    def warnings(self) -> tuple[str, ...]:
+        """What the picture cannot show of the materials."""
+        lines = [f"Not shown as it is: {note} (in {listing(names)})" for note, names in self._notes.items()]
+        if self._odd:
+            lines.append(f"Shown in viewport colors, as they have no surface: {listing(self._odd)}")
+        return tuple(lines)
+
+
+def _unshown(tree) -> Iterator[str]:
+    """The parts of a material's active output, besides its surface, that Cycles shows."""
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
+    for name in ("Displacement", "Volume") if output else ():
+        if resolve(output.inputs[name])[0].is_output:
+            yield f"{output.bl_label}: {name}"
+
+
+def listing(names: list[str], most: int = 3) -> str:
+    """'A, B, C and 4 more'."""
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest
+
+
+def read_material(material) -> tuple[MaterialConstants, bool]:
+    """The constants of an evaluated material, and whether they are all there is to it.
+
+    The first Principled BSDF behind the active output counts, through groups,
+    Mix and Add nodes; without one the first Diffuse, Glossy or Emission. An input
+    that a texture feeds, and a material of other shaders or without nodes, takes
+    the viewport display's colour, metallic and roughness.
+    """
+    viewport = MaterialConstants(
+        np.array(material.diffuse_color[:3], np.float64), material.metallic, material.roughness
+    )
+    if not versions.uses_nodes(material):
+        return viewport, True
+    shaders = list(output_shaders(material.node_tree))
+    for kind, read in READERS.items():
+        for node, groups in shaders:
+            if node.type == kind:
+                return read(_Inputs(node, groups, viewport))
+    return viewport, False
+
+
+class _Inputs:
+    """A shader node's inputs, with the viewport's values where they are no constants."""
+
+    def __init__(self, node, groups: tuple, viewport: MaterialConstants) -> None:
+        self._node = node
+        self._groups = groups
+        self.viewport = viewport
+        self.whole = True
+
+    def color(self, name: str) -> Array:
+        return self._or(color_input(self._node, self._groups, name), self.viewport.base_color)
+
+    def value(self, name: str, otherwise: float) -> float:
+        return self._or(value_input(self._node, self._groups, name), otherwise)
+
+    def _or(self, found, otherwise):
+        self.whole = self.whole and found is not None
+        return otherwise if found is None else found
+
+
+def _principled(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
+    ior = inputs.value("IOR", 1.5)
+    # Cycles scales the Fresnel reflectance of the IOR by twice the specular level.
+    f0 = ((ior - 1.0) / (ior + 1.0)) ** 2 * 2.0 * inputs.value("Specular IOR Level", 0.5)
+    strength = inputs.value("Emission Strength", 1.0)
+    constants = MaterialConstants(
+        inputs.color("Base Color"),
+        inputs.value("Metallic", inputs.viewport.metallic),
+        inputs.value("Roughness", inputs.viewport.roughness),
+        f0,
+        inputs.color("Emission Color") * strength if strength else np.zeros(3),
+    )
+    return constants, inputs.whole
+
+
+def _diffuse(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
+    return MaterialConstants(inputs.color("Color"), roughness=1.0, specular_f0=0.0), inputs.whole
+
+
+def _glossy(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
+    roughness = inputs.value("Roughness", inputs.viewport.roughness)
+    return MaterialConstants(inputs.color("Color"), metallic=1.0, roughness=roughness, edge=0.0), inputs.whole
+
+
+def _emission(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
+    light = inputs.color("Color") * inputs.value("Strength", 1.0)
+    return MaterialConstants(np.zeros(3), specular_f0=0.0, emission=light), inputs.whole
+
+
+# In the order of preference when a material mixes several.
+READERS = {
+    "BSDF_PRINCIPLED": _principled,
+    "BSDF_DIFFUSE": _diffuse,
+    "BSDF_GLOSSY": _glossy,
+    "EMISSION": _emission,
+}

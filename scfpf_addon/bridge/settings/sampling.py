@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``Scene.scfpf_sampling``: where samples are taken, and what of it a frame needs."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+
+from ...shading.sampling.adaptive import Adaptive
+from ...shading.sampling.pixel_filter import PixelFilter
+from ..scene.light_paths import read_exposure
+
+# Blender lets a filter have no width.
+SMALLEST_WIDTH = 0.01
+
+
+def _changed(owner, context):
+    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
+
+
+class SCFPF_Sampling(bpy.types.PropertyGroup):
+    """Sampling settings of the SCFPF engine and the Render button, besides the number of samples."""
+
+    pixel_filter: EnumProperty(
+        name="Pixel Filter",
+        description="Weights of the samples around a pixel's center",
+        items=(
+            ("BOX", "Box", "Equal weights all over the pixel"),
+            ("GAUSSIAN", "Gaussian", "Soft; width as the scene's filter size"),
+            (
+                "BLACKMAN_HARRIS",
+                "Blackman-Harris",
+                "Soft, with steeper sides; width as the scene's filter size",
+            ),
+        ),
+        default="BLACKMAN_HARRIS",
+        update=_changed,
+    )
+    pattern: EnumProperty(
+        name="Pattern",
+        description="Placement of the samples of neighboring pixels. Adaptive Sampling always scrambles them",
+        items=(
+            ("SAME", "Same in All Pixels", "No noise: edges in as many steps as there are samples"),
+            ("SCRAMBLED", "Scrambled", "Sobol points, in another order in each pixel: fine noise, no steps"),
+        ),
+        default="SAME",
+        update=_changed,
+    )
+    use_adaptive: BoolProperty(
+        name="Adaptive Sampling",
+        description="Take fewer samples where those of a pixel hardly differ, and all of them where they do",
+        default=False,
+        update=_changed,
+    )
+    adaptive_threshold: FloatProperty(
+        name="Noise Threshold",
+        description="The error of a pixel at which it gets no more samples: lower is finer and slower",
+        default=0.01,
+        min=1e-4,
+        soft_min=1e-3,
+        max=1.0,
+        precision=4,
+        step=0.1,
+        update=_changed,
+    )
+    adaptive_least: IntProperty(
+        name="Min Samples",
+        description="Samples that every pixel gets. Details that all of them miss are lost",
+        default=8,
+        min=2,
+        soft_max=64,
+        max=1024,
+        update=_changed,
+    )
+    motion_steps: IntProperty(
+        name="Motion Steps",
+        description="Number of times at which the scene is read while the shutter is open. If anything "
+        "moves, each is"
+        " kept in memory",
+        default=8,
+        min=2,
+        soft_max=32,
+        max=256,
+        update=_changed,
+    )
+
+
+def sampling_of(scene) -> dict[str, object]:
+    """The part of ``FrameSettings`` that an evaluated scene's sampling and film settings give."""
+    options = scene.scfpf_sampling
+    adaptive = Adaptive(options.adaptive_threshold, options.adaptive_least) if options.use_adaptive else None
+    return {
+        "pixel_filter": PixelFilter(options.pixel_filter, max(scene.render.filter_size, SMALLEST_WIDTH)),
+        "exposure": read_exposure(scene),
+        "scrambled": options.pattern == "SCRAMBLED",
+        "adaptive": adaptive,
+    }
+
+
+def register():
+    bpy.utils.register_class(SCFPF_Sampling)
+    bpy.types.Scene.scfpf_sampling = PointerProperty(name="SCFPF Sampling", type=SCFPF_Sampling)
+
+
+def unregister():
+    del bpy.types.Scene.scfpf_sampling
+    bpy.utils.unregister_class(SCFPF_Sampling)

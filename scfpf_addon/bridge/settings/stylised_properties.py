@@ -1,0 +1,296 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""``Scene.scfpf_drawn``: pictures as if drawn, and what of it a frame needs."""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import numpy as np
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+)
+
+from ...shading.settings.stylised_settings import (
+    CONTOUR,
+    CREASE,
+    MATERIAL,
+    OBJECT,
+    SILHOUETTE,
+    Drawn,
+    Hatching,
+    Lines,
+)
+
+OVERRIDE = {"LIBRARY_OVERRIDABLE"}
+# A line of the widest soft width at twice the size of a picture; wider ones take long to draw.
+WIDEST = 64.0
+# The property that switches each kind of lines.
+LINE_KINDS = {
+    "use_silhouette": SILHOUETTE,
+    "use_object": OBJECT,
+    "use_contour": CONTOUR,
+    "use_material": MATERIAL,
+    "use_crease": CREASE,
+}
+PIXELS = "in pixels at 100 % resolution: other percentages scale it"
+
+
+def _changed(owner, context):
+    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
+
+
+def _switch(name, description, default):
+    return BoolProperty(
+        name=name, description=description, default=default, override=OVERRIDE, update=_changed
+    )
+
+
+def _color(name, description, default):
+    return FloatVectorProperty(
+        name=name,
+        description=description,
+        subtype="COLOR",
+        size=3,
+        min=0.0,
+        max=1.0,
+        default=default,
+        override=OVERRIDE,
+        update=_changed,
+    )
+
+
+def _number(name, description, default, low, high, **options):
+    return FloatProperty(
+        name=name,
+        description=description,
+        default=default,
+        min=low,
+        max=high,
+        override=OVERRIDE,
+        update=_changed,
+        **options,
+    )
+
+
+class SCFPF_Drawn(bpy.types.PropertyGroup):
+    """Settings of drawn pictures of the SCFPF engine and the Render button; only Combined follows them."""
+
+    use_drawn: _switch(
+        "Drawn Style", "Draw the picture: lines, flat shades and paper. Other passes stay as they are", False
+    )
+    use_lines: _switch("Lines", "Draw lines where surfaces end, bend or change", True)
+    use_silhouette: _switch("Silhouettes", "Edges in front of other surfaces or of the background", True)
+    use_object: _switch("Objects", "Borders between objects, also where they touch", True)
+    use_contour: _switch(
+        "Contours",
+        "Lines along which projectors graze a smooth-shaded surface",
+        True,
+    )
+    use_material: _switch("Materials", "Borders between materials", False)
+    use_crease: _switch("Creases", "Edges sharper than Crease Angle", True)
+    line_width: _number(
+        "Outline Width",
+        f"Width of silhouettes and of objects' edges, {PIXELS}",
+        2.0,
+        0.1,
+        WIDEST,
+        soft_max=10.0,
+        step=10,
+    )
+    inner_width: _number(
+        "Inner Width",
+        f"Width of contours, material edges and creases, {PIXELS}",
+        1.0,
+        0.1,
+        WIDEST,
+        soft_max=10.0,
+        step=10,
+    )
+    line_color: _color("Line Color", "Color of the lines", (0.0, 0.0, 0.0))
+    crease_angle: _number(
+        "Crease Angle",
+        "The angle between two faces, whatever their shading, from which the edge between them is drawn",
+        math.radians(30),
+        math.radians(1),
+        math.radians(179),
+        subtype="ANGLE",
+    )
+    depth_jump: _number(
+        "Depth Jump",
+        "Least distance between two surfaces for a silhouette, in widths of a pixel there. Steep surfaces"
+        " alone have none",
+        2.0,
+        0.0,
+        1000.0,
+        soft_min=0.5,
+        soft_max=50.0,
+    )
+    fill: EnumProperty(
+        name="Fill",
+        description="Fill between the lines",
+        items=(
+            ("RENDERED", "Rendered", "The picture as rendered without Drawn Style"),
+            (
+                "TOON",
+                "Steps of Light",
+                "The materials' colors, darker in a few steps where less light arrives",
+            ),
+            ("FLAT", "Flat Colors", "The materials' colors, without light and shadow"),
+            ("PAPER", "Paper", "Paper only"),
+        ),
+        default="TOON",
+        override=OVERRIDE,
+        update=_changed,
+    )
+    steps: IntProperty(
+        name="Steps",
+        description="Number of shades from the darkest one to full light",
+        default=3,
+        min=2,
+        soft_max=8,
+        max=64,
+        override=OVERRIDE,
+        update=_changed,
+    )
+    softness: _number(
+        "Softness",
+        "Width of the transition between steps: 0 is a sharp edge, 1 leaves no even parts",
+        0.0,
+        0.0,
+        1.0,
+        subtype="FACTOR",
+    )
+    darkest: _number(
+        "Darkest",
+        "Share of its color that a material keeps where no light falls",
+        0.3,
+        0.0,
+        1.0,
+        subtype="FACTOR",
+    )
+    exposure: _number(
+        "Exposure",
+        "Brighten or darken the light for steps and strokes, in stops",
+        0.0,
+        -10.0,
+        10.0,
+        soft_min=-4.0,
+        soft_max=4.0,
+    )
+    fade: _number(
+        "Fade to Paper", "How much of the paper shows through the fill", 0.0, 0.0, 1.0, subtype="FACTOR"
+    )
+    hatching: EnumProperty(
+        name="Hatching",
+        description="Strokes over the fill",
+        items=(
+            ("NONE", "None", "No strokes"),
+            ("DEPTH", "Equal t", "Lines of equal t: cuts through the viewing volume"),
+            ("TONE", "Tone", "Strokes where there is less light, in up to three layers"),
+        ),
+        default="NONE",
+        override=OVERRIDE,
+        update=_changed,
+    )
+    hatch_width: _number(
+        "Stroke Width", f"Width of strokes, {PIXELS}", 1.0, 0.1, WIDEST, soft_max=6.0, step=10
+    )
+    hatch_color: _color("Stroke Color", "Color of the strokes", (0.0, 0.0, 0.0))
+    hatch_count: IntProperty(
+        name="Steps of t",
+        description="Number of parts into which lines of equal t cut the volume",
+        default=64,
+        min=2,
+        soft_max=256,
+        max=4096,
+        override=OVERRIDE,
+        update=_changed,
+    )
+    hatch_spacing: _number(
+        "Spacing", f"Between the middles of strokes, {PIXELS}", 6.0, 1.0, 1000.0, soft_max=40.0, step=10
+    )
+    hatch_angle: _number(
+        "Angle",
+        "Angle of the strokes from the horizontal",
+        math.radians(45),
+        math.radians(-180),
+        math.radians(180),
+        subtype="ANGLE",
+    )
+    use_cross: _switch(
+        "Cross-Hatching", "Draw strokes for darker tones across the others instead of between them", True
+    )
+    use_paper: _switch(
+        "Paper",
+        "Show paper where nothing is hit, also beyond the rim of round pictures. A transparent film has none",
+        True,
+    )
+    paper_color: _color("Paper Color", "The color of the paper", (1.0, 1.0, 1.0))
+    detail: IntProperty(
+        name="Detail",
+        description="Places along each side of a pixel at which lines are searched: more find finer "
+        "lines. Each place"
+        " takes about as long as a sample",
+        default=2,
+        min=1,
+        max=4,
+        override=OVERRIDE,
+        update=_changed,
+    )
+
+
+def drawn_of(scene, width: int) -> Drawn | None:
+    """The drawing settings of an evaluated scene for a width in pixels, or None if Drawn Style is off."""
+    options = scene.scfpf_drawn
+    if not options.use_drawn:
+        return None
+    lines = hatching = None
+    if options.use_lines:
+        lines = Lines(
+            sum(bit for name, bit in LINE_KINDS.items() if getattr(options, name)),
+            options.line_width,
+            options.inner_width,
+            np.array(options.line_color, np.float64),
+            options.crease_angle,
+            options.depth_jump,
+        )
+    if options.hatching != "NONE":
+        hatching = Hatching(
+            options.hatching,
+            options.hatch_width,
+            np.array(options.hatch_color, np.float64),
+            options.hatch_count,
+            options.hatch_spacing,
+            options.hatch_angle,
+            options.use_cross,
+        )
+    drawn = Drawn(
+        lines,
+        hatching,
+        options.fill,
+        options.steps,
+        options.softness,
+        options.darkest,
+        options.exposure,
+        options.fade,
+        np.array(options.paper_color, np.float64),
+        options.use_paper,
+        options.detail,
+    )
+    return drawn.scaled(width / scene.render.resolution_x)
+
+
+def register():
+    bpy.utils.register_class(SCFPF_Drawn)
+    bpy.types.Scene.scfpf_drawn = PointerProperty(name="SCFPF Drawn Style", type=SCFPF_Drawn)
+
+
+def unregister():
+    del bpy.types.Scene.scfpf_drawn
+    bpy.utils.unregister_class(SCFPF_Drawn)

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What casting answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import Array, BoolArray, IndexArray
+
+
+class Hits(NamedTuple):
+    """The first hit of N projectors, in cast space.
+
+    t: (N,) float64 in [0, 1], inf on a miss. triangle: (N,) int32, -1 on a miss.
+    barycentric: (2, N) float64, weights of the triangle's second and third corner,
+    0 on a miss. position: (3, N) float64, the point Q(t). tangent: (3, N) float64,
+    dQ/dt there, not normalised. On a miss position and tangent are those of t = 1,
+    where the projector leaves the volume.
+    mask: (N,) bool, False where there is no projector: outside the image map, in a
+    hole of a surface, or not finite. There position and tangent are 0.
+    """
+
+    t: Array
+    triangle: NDArray[np.int32]
+    barycentric: Array
+    position: Array
+    tangent: Array
+    mask: BoolArray
+
+    @classmethod
+    def empty(cls, count: int) -> Hits:
+        """``count`` projectors that hit nothing, to be filled in."""
+        return cls(
+            np.full(count, np.inf),
+            np.full(count, -1, np.int32),
+            np.zeros((2, count)),
+            np.zeros((3, count)),
+            np.zeros((3, count)),
+            np.zeros(count, bool),
+        )
+
+    @classmethod
+    def unplaced(cls, count: int) -> Hits:
+        """As ``empty``, but position and tangent are anything until ``chords.complete`` gives them."""
+        return cls(
+            np.full(count, np.inf),
+            np.full(count, -1, np.int32),
+            np.zeros((2, count)),
+            np.empty((3, count)),
+            np.empty((3, count)),
+            np.zeros(count, bool),
+        )
+
+    def take(self, index: IndexArray) -> Hits:
+        """Copies of the hits at ``index``."""
+        return Hits(
+            self.t.take(index),
+            self.triangle.take(index),
+            self.barycentric.take(index, 1),
+            self.position.take(index, 1),
+            self.tangent.take(index, 1),
+            self.mask.take(index),
+        )
+
+    def put(self, where: slice | IndexArray, part: Hits) -> None:
+        """Store ``part`` at ``where``."""
+        self.t[where], self.triangle[where], self.mask[where] = part.t, part.triangle, part.mask
+        self.barycentric[:, where], self.position[:, where] = part.barycentric, part.position
+        self.tangent[:, where] = part.tangent
+
+
+@dataclass
+class CastCounts:
+    """What a cast did; sums over tiles with ``add``.
+
+    projectors: projectors that were cast. rays: rays traced for them in all.
+    chords: rays of the first march (1 a projector when straight). walked: hits
+    solved on a neighbour of the triangle that a chord hit. refined: projectors
+    followed again by finer chords, because their curve does not have what a chord hit.
+    tested: curves met with triangles in exact casting. unresolved: hits that keep
+    the answer of the finest chord; in exact casting, walks that were cut short.
+    error_bound: the largest distance between curve and chords met on the sampled
+    projectors, in pixels; ``add`` keeps the larger.
+    """
+
+    projectors: int = 0
+    rays: int = 0
+    chords: int = 0
+    walked: int = 0
+    refined: int = 0
+    tested: int = 0
+    unresolved: int = 0
+    error_bound: float = 0.0
+
+    def add(self, other: CastCounts) -> None:
+        """Add another cast's counts to these."""
+        for field in fields(self):
+            mine, its = getattr(self, field.name), getattr(other, field.name)
+            larger = field.name == "error_bound"
+            setattr(self, field.name, max(mine, its) if larger else mine + its)

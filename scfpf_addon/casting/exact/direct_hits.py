@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First hits of which exact casting is certain without a walk, nearly all."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import Array, BoolArray, IndexArray
+from ..curves.projector_batch import Solutions
+from ..scene.cast_scene import CastScene
+from .traversal import RESTART, SHORTEST, Rays, Walk, store
+
+# A straight look from a prism's face to a hit strays this far from the curve at most: a few
+# roundings (2⁻²⁴) of a coordinate of 1.
+STRAY = 3e-7
+
+# A way is well within its triangle, and clear of an edge, where it stays this far from the edges,
+# in cast units: float32 cannot take a neighbour for it.
+WELL_WITHIN = 2e-6
+
+
+def settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
+    """Keep the hits of which it is certain that they are the first; the other rays have to be walked on.
+
+    rays: at the first face that each projector meets. triangle: (M,) whose prism that is. Its
+    prism is the only one that was entered, but for some that are entered at the same place,
+    and its neighbours', which are not entered where a hit is well within the triangle. A
+    look at the triangles themselves, straight from there to the hit, finds what is between.
+    """
+    scene = walk.scene
+    curves = walk.bundle.take(rays.projector)
+    met_t, end_t = _straight(walk, rays)
+    found, way = curves.next_root(scene, triangle, walk.chords.span.take(rays.chord), met_t, end_t)
+    walk.counts.tested += len(triangle)
+    start = curves.place(met_t)
+    way -= start
+    certain = _well_within(walk, found.barycentric, triangle) & _nearer(walk, rays, found)
+    certain &= _well_within(walk, scene.barycentric(start, triangle), triangle)
+    some = np.flatnonzero(certain)
+    seen = _seen(walk, start.take(some, 1), way.take(some, 1), 1.0)
+    some = some[(seen < 0) | (seen == triangle.take(some))]
+    store(walk.hits, rays.projector.take(some), found.take(some))
+    certain[:] = False
+    certain[some] = True
+    rest = np.flatnonzero(~certain)
+    return rest[~_beside(walk, rays.take(rest), triangle[rest], found.take(rest))]
+
+
+def _straight(walk: Walk, rays: Rays) -> tuple[Array, Array]:
+    """In t, where the rays are and how far curves are straight from there, (M,) each."""
+    breaks = walk.chords.breaks
+    steps = np.diff(breaks)
+    met_t = breaks.take(rays.chord) + rays.share * steps.take(rays.chord)
+    # Chords of steps h are ‖q''‖ h²/16 from their curves, at most ε, a straight line over a
+    # share of one ‖q''‖ (share h)²/8; it may end on the next chord.
+    length = np.minimum(steps, np.append(steps[1:], steps[-1])).take(rays.chord)
+    straight = min(float(np.sqrt(0.5 * STRAY / walk.prisms.epsilon)), 1.0)
+    return met_t, met_t + straight * length
+
+
+def _nearer(walk: Walk, rays: Rays, found: Solutions) -> BoolArray:
+    """Which solutions are hits before those known from looking around, where projectors begin in prisms."""
+    with np.errstate(invalid="ignore"):
+        nearer: BoolArray = found.inside & (found.t < walk.hits.t.take(rays.projector))
+    return nearer
+
+
+def _well_within(walk: Walk, weights: Array, triangle: IndexArray) -> BoolArray:
+    """Whether places (barycentric weights (2, M)) are not near the edges of their triangles."""
+    margin = WELL_WITHIN * walk.prisms.steepest.take(triangle)
+    second, third = weights
+    with np.errstate(invalid="ignore"):
+        well: BoolArray = (second > margin) & (third > margin) & (1.0 - second - third > margin)
+    return well
+
+
+def _seen(walk: Walk, start: Array, way: Array, after: float) -> NDArray[np.int32]:
+    """The first triangles on straight ways (3, M), -1 for none, from a little before to ``after`` as much."""
+    slack = way * (RESTART / np.maximum(np.sqrt(np.einsum("cn,cn->n", way, way)), SHORTEST))
+    walk.counts.rays += way.shape[1]
+    return walk.scene.trace(
+        (start - slack).astype(np.float32),
+        (way + (1.0 + after) * slack).astype(np.float32),
+        np.ones(way.shape[1], np.float32),
+    )
+
+
+def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32], known: Solutions) -> BoolArray:
+    """As settle, for ways over two triangles that share an edge, met both: which are certain.
+
+    known: where the curves meet the triangles whose prisms were met, each one of the two or next to
+    them: what else is that near has to be walked. A way begins and ends over the two, and stays so
+    far from all of their other edges that float32 cannot be wrong about their neighbours; one that
+    is over the same triangle all the time has but entered the prism of a neighbour first.
+    """
+    scene = walk.scene
+    curves = walk.bundle.take(rays.projector)
+    met_t, end_t = _straight(walk, rays)
+    start = curves.place(met_t)
+    aim = _seen(walk, start, curves.place(np.minimum(end_t, 1.0)) - start, 0.0)
+    some = np.flatnonzero(aim >= 0)
+    curves, start, aim, known = curves.take(some), start.take(some, 1), aim[some], known.take(some)
+    part, met_t, end_t = rays.take(some), met_t[some], end_t[some]
+    span = walk.chords.span.take(part.chord)
+    found, place = curves.next_root(scene, aim, span, met_t, end_t)
+    begin, end = _over(scene, start, aim), _all_weights(found.barycentric)
+    margin = WELL_WITHIN * walk.prisms.steepest.take(aim)
+    with np.errstate(invalid="ignore"):
+        aside = ~(end > margin).all(axis=0)
+        edge = np.where(aside, end.argmin(axis=0), begin.argmin(axis=0))
+    around, number = scene.neighbours.take(aim, 1), np.arange(len(aim))
+    met = triangle[some]
+    clear = ~aside & (begin > margin).all(axis=0)
+    other = around[edge, number]
+    pair = np.flatnonzero(~clear & (other >= 0))
+    mate = other[pair]
+    clear &= (met == aim) | (around == met).any(axis=0)
+    two, there = curves.take(pair).next_root(scene, mate, span[pair], met_t[pair], end_t[pair])
+    walk.counts.tested += len(some) + len(pair)
+    with np.errstate(invalid="ignore"):
+        better = two.inside & ~(found.inside[pair] & (found.t[pair] <= two.t))
+    found.put(pair, two, np.flatnonzero(better))
+    place[:, pair] = np.where(better, there, place.take(pair, 1))
+    beside = (scene.neighbours.take(mate, 1) == met[pair]).any(axis=0)
+    beside |= (met[pair] == aim[pair]) | (around.take(pair, 1) == met[pair]).any(axis=0)
+    over = _over_pair(walk, start.take(pair, 1), place.take(pair, 1), aim[pair], mate)
+    clear[pair] = beside & over
+    with np.errstate(invalid="ignore"):
+        clear &= ~(known.inside & (known.t < found.t))
+    clear &= _nearer(walk, part, found)
+    store(walk.hits, part.projector[clear], found.take(np.flatnonzero(clear)))
+    certain = np.zeros(len(rays.projector), bool)
+    certain[some] = clear
+    return certain
+
+
+def _all_weights(weights: Array) -> Array:
+    """The weights of all three corners, (3, M), of those of the second and third."""
+    return np.stack([1.0 - weights[0] - weights[1], *weights])
+
+
+def _over(scene: CastScene, positions: Array, triangle: IndexArray) -> Array:
+    """Weights (3, M) of the triangles' corners at positions (3, M)."""
+    return _all_weights(scene.barycentric(positions, triangle))
+
+
+def _over_pair(walk: Walk, start: Array, end: Array, one: IndexArray, two: IndexArray) -> BoolArray:
+    """Whether straight ways (3, M) are over two neighbours each, and far from their other edges."""
+    scene = walk.scene
+    number = np.arange(len(one))
+    over = []
+    clear = np.ones(len(one), bool)
+    for triangle, across in ((one, two), (two, one)):
+        shared = scene.neighbours.take(triangle, 1) == across
+        clear &= shared.any(axis=0)
+        margin = WELL_WITHIN * walk.prisms.steepest.take(triangle)
+        for point in (start, end):
+            with np.errstate(invalid="ignore"):
+                well = _over(scene, point, triangle) > margin
+            over.append(((well | shared).all(axis=0), well.all(axis=0)))
+        apart = _apart(walk, start, end - start, triangle)
+        # Edges are numbered by the corner opposite.
+        apart[shared.argmax(axis=0), number] = np.inf
+        clear &= apart.min(axis=0, initial=np.inf) > WELL_WITHIN
+    (start_one, end_one, start_two, end_two) = over
+    for first, second in ((start_one, start_two), (end_one, end_two)):
+        clear &= first[1] | second[1] | (first[0] & second[0])
+    return clear
+
+
+def _apart(walk: Walk, start: Array, way: Array, triangle: IndexArray) -> Array:
+    """How far straight lines (3, M) are from those through the edges opposite their triangles' corners."""
+    corners = [walk.scene.vertices.take(row, 1) for row in walk.scene.triangles.take(triangle, 0).T]
+    apart = np.empty((3, len(triangle)))
+    for k, (first, second) in enumerate(
+        zip(corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)
+    ):
+        across = np.cross(way, second - first, axis=0)
+        length = np.sqrt(np.einsum("cn,cn->n", across, across))
+        apart[k] = np.abs(np.einsum("cn,cn->n", start - first, across)) / np.maximum(length, SHORTEST)
+    return apart

@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exact casting: the first hit in float64, certified by a walk through prisms.
+
+Chords within ε of the projectors (``certify``) are cast at prisms that enclose all
+points within ε of each triangle (``prisms``). Where a chord enters or leaves a prism
+the curve itself is met with that triangle in float64; a hit bounds the walk, which
+goes on until nothing lies before it that was not entered. Prisms that are entered at
+one place, which Embree cannot tell apart, are left to a look at the triangles
+themselves, as far as the thickness of a prism. Where the first prism that is met holds a
+hit well within its triangle, that look is all that is needed; only the others are walked.
+Chords through space that certainly holds no prism (``occupancy``) are not cast.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import Array, BoolArray, IndexArray
+from ..common.hits import CastCounts, Hits
+from ..curves.march import march
+from ..curves.projector_batch import Bundle
+from ..scene.cast_scene import CastError, CastScene
+from ..scene.occupancy import boxes_of_blocks, stretches
+from .chord_bounds import MOST_CHORDS, certain_chords
+from .direct_hits import settle
+from .traversal import (
+    RESTART,
+    SHORTEST,
+    Rays,
+    Walk,
+    advance,
+    behind,
+    chord_ends,
+    crossing,
+    following,
+    meet,
+    meet_near,
+    time_of,
+)
+
+# Prisms that a step back finds are told apart when they begin this share of a step apart.
+SLIGHT = np.float32(0.1)
+
+# Chord ends are computed in float32 where their rounding is less than this, in cast units.
+LARGEST_ROUNDING = 1e-6
+
+# A walk that meets more faces than this, as only one along a prism's face does, takes
+# steps that grow by this factor from then on: it must end.
+MOST_FACES = 4096
+GROWTH = 1.05
+
+# Where projectors begin in a prism their way out of it is looked at in so many straight pieces.
+FIRST_LOOKS = 16
+
+# So few projectors are not cut in halves any further.
+FEWEST = 64
+
+# Things before a hit that are looked at one after the other.
+LAYERS = 4
+
+
+def cast_exact(
+    scene: CastScene, bundle: Bundle, mask: BoolArray, columns: int | None, counts: CastCounts
+) -> Hits:
+    """The first hits of the projectors of ``bundle``, cast space; mask: (N,) says which exist.
+
+    columns: says that the projectors are whole rows of that many neighbouring pixels; empty
+    space is then skipped for blocks of them. Positions and tangents are left to
+    ``chords.complete``. t is exact to float64's rounding. What is left to float32 is finding
+    candidates: hits less than RESTART apart, in cast units, may be exchanged, and a triangle
+    seen at a slant may be missed if its prism is entered together with another and something
+    else follows at once (docs/accuracy.md has the figures).
+    Raises CastError when there is not enough memory for the prisms, and where projectors far larger
+    than the scene would need more chords than ``certify.MOST_CHORDS``.
+    """
+    prisms = scene.prisms
+    hits = Hits.unplaced(bundle.count)._replace(mask=mask)
+    present = np.flatnonzero(mask)
+    if len(present) == 0:
+        return hits
+    if len(present) < bundle.count:
+        # They take part in bounds; somewhere else they would widen these.
+        points = bundle.points.copy()
+        points[:, :, ~mask] = points[:, :, present[:1]]
+        bundle = Bundle(bundle.spans, points)
+    chords, bound = certain_chords(bundle.spans, bundle.points, prisms.lower, prisms.upper, prisms.epsilon)
+    if chords is None:
+        return hits
+    if bound > prisms.epsilon:
+        return _in_halves(scene, bundle, mask, counts)
+    # Rounding of a sum of that many terms.
+    farthest = max(float(bundle.points.max()), -float(bundle.points.min()))
+    rounding = (len(bundle.points) + 1) * farthest * 2.0**-24
+    boxes = boxes_of_blocks(bundle.single, columns)
+    where = stretches(prisms.occupancy, bundle.spans, boxes, prisms.epsilon)
+    held = where.within(chords.breaks[:-1], chords.breaks[1:])
+    walk = Walk(
+        scene,
+        prisms,
+        bundle,
+        chords,
+        hits,
+        np.full(bundle.count, np.inf),
+        where.block,
+        following(held),
+        counts,
+        rounding > LARGEST_ROUNDING,
+    )
+    if chords.breaks[0] == 0.0:
+        _look_around(walk, present[where.held[0].take(where.block.take(present))])
+    rays, found = _first_wave(walk, held, where.members(), mask)
+    # A bound on rational chords says nothing of ‖q''‖.
+    rational = bundle.spans.point_weights is not None
+    doubtful = np.arange(len(found)) if rational else settle(walk, rays, found)
+    rays, found = rays.take(doubtful), found[doubtful]
+    step, faces = RESTART, 0
+    while len(rays.projector):
+        faces += 1
+        if faces > MOST_FACES:
+            step *= GROWTH
+            counts.unresolved += len(rays.projector)
+        fresh = np.flatnonzero((found != rays.last).all(axis=0))
+        tested = rays.take(fresh)
+        also, others = _overtaken(walk, rays, found, step)
+        pairs = np.concatenate([fresh, also])
+        meet_near(walk, rays.take(pairs), np.concatenate([found[fresh], others]), step)
+        _look(walk, tested, found[fresh], crossing(walk, tested, found[fresh]))
+        rays.last[1], rays.last[0] = rays.last[0], found
+        rays, found = advance(walk, behind(walk, rays, step))
+    return hits
+
+
+def _in_halves(scene: CastScene, bundle: Bundle, mask: BoolArray, counts: CastCounts) -> Hits:
+    """As cast_exact, where all projectors at once need too many chords: halves need fewer."""
+    if bundle.count <= FEWEST:
+        raise CastError(
+            f"exact casting would need more than {MOST_CHORDS:,} chords a projector, so much larger than the "
+            "scene is the viewing volume: set the pixel error above 0, or bring the control surfaces nearer"
+        )
+    hits = Hits.unplaced(bundle.count)
+    for part in np.array_split(np.arange(bundle.count), 2):
+        hits.put(part, cast_exact(scene, bundle.take(part), mask[part], None, counts))
+    return hits
+
+
+def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
+    """Meet the curves with the triangles whose prisms they begin in: chords never enter these.
+
+    A way along one of the three axes leaves the two caps of any prism within √3 times
+    the distance between them.
+    """
+    at = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points.take(alive, 2))
+    held = np.flatnonzero(walk.prisms.occupancy.holds_finely(at - RESTART, at + RESTART))
+    alive, at = alive.take(held), at.take(held, 1)
+    if len(alive) == 0:
+        return
+    length = 2.0 * np.sqrt(3.0) * (walk.prisms.thickness + RESTART)
+    for axis in np.eye(3):
+        projector = alive
+        start, gone = at, np.zeros(len(alive))
+        while len(projector):
+            way = np.repeat(axis[:, None] * length, len(projector), axis=1)
+            origin = start + axis[:, None] * gone
+            found, far = walk.trace(origin, way, (1.0 - gone / length).astype(np.float32))
+            met = np.flatnonzero(found >= 0)
+            projector, start = projector[met], start[:, met]
+            meet(walk, projector, np.zeros(len(met), np.intp), found[met])
+            gone = gone[met] + far[met] * length + RESTART
+    # Among many small triangles a way out of one prism passes others over.
+    first = walk.bundle.points.take(alive, 2)
+    way = np.einsum("k,kcn->cn", walk.chords.ends[1] - walk.chords.ends[0], first)
+    share = np.minimum(length / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST), 1.0) / FIRST_LOOKS
+    none, zero = np.full((2, len(alive)), -1, np.int32), np.zeros(len(alive), np.intp)
+    for step in range(FIRST_LOOKS):
+        _look(walk, Rays(alive, zero, step * share, none), none[0], share * walk.chords.breaks[1])
+
+
+def _first_wave(
+    walk: Walk, held: BoolArray, members: IndexArray, mask: BoolArray
+) -> tuple[Rays, NDArray[np.int32]]:
+    """Follow the chords of all projectors, in step, until each enters a prism."""
+    source: NDArray[Any] = walk.bundle.points if walk.far else walk.bundle.single
+    before = walk.counts.rays
+    records, share, cast = march(source, walk.chords.ends, held, members, mask, walk.trace)
+    walk.counts.chords += cast
+    walk.counts.rays = before + cast
+    last = np.full((2, len(share)), -1, np.int32)
+    return Rays(records.projector, records.chord, np.minimum(share, 1.0), last), records.triangle
+
+
+def _overtaken(
+    walk: Walk, rays: Rays, triangle: NDArray[np.int32], step: float
+) -> tuple[IndexArray, NDArray[np.int32]]:
+    """The triangles whose prisms begin in the ``step`` behind a face, which the walk passes over.
+
+    Short rays back from where walks go on find the last of them first.
+    triangle: (M,) whose prisms' faces were met. The answer: numbers of rays, and a triangle for each.
+    """
+    start, end = chord_ends(walk, rays)
+    way = end - start
+    start += way * rays.share
+    way *= step / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST)
+    start += way
+    limits = np.full(len(triangle), 1.5, np.float32)
+    numbers, triangles, ray = [], [], np.arange(len(triangle))
+    for _ in range(LAYERS):
+        found, far = walk.trace(start, -way, limits)
+        other = np.flatnonzero((found >= 0) & (found != triangle))
+        if len(other) == 0:
+            break
+        ray, triangle = ray[other], found[other]
+        numbers.append(ray)
+        triangles.append(triangle)
+        far = far[other] + SLIGHT
+        way, limits = way[:, other], limits[other] - far
+        start = start[:, other] - way * far
+    if not numbers:
+        return np.empty(0, np.intp), np.empty(0, np.int32)
+    return np.concatenate(numbers), np.concatenate(triangles)
+
+
+def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32], length: Array) -> None:
+    """Look at the triangles themselves, from where prisms were met to the hit or their other side.
+
+    Prisms that are entered less than RESTART behind another are passed over by the
+    walk: those of neighbours in one plane, of sheets that nearly coincide. What they
+    hold lies before the prism's other side or the next test: so near that the straight
+    look does not leave the curve.
+    triangle: (M,) whose prisms were met, and which have been met with already. length: (M,) in t.
+    """
+    projector, met_t = rays.projector, time_of(walk, rays)
+    end_t = np.minimum(met_t + length, walk.chords.breaks[-1])
+    # From where the last look ended: a prism passed over may be so slanted that it is left only
+    # behind the next hit.
+    before = np.maximum(walk.looked[projector], met_t - np.diff(walk.chords.breaks).take(rays.chord))
+    start_t = np.minimum(met_t, before)
+    walk.looked[projector] = end_t
+    curves = walk.bundle.take(projector)
+    start = curves.place(start_t)
+    span = walk.chords.span[rays.chord]
+    for _ in range(LAYERS):
+        way = curves.place(np.minimum(walk.hits.t.take(projector), end_t)) - start
+        slack = way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST))
+        origins, ways = (start - slack).astype(np.float32), (way + 2.0 * slack).astype(np.float32)
+        walk.counts.rays += len(projector)
+        found = walk.scene.trace(origins, ways, np.ones(len(projector), np.float32))
+        other = np.flatnonzero((found >= 0) & (found != walk.hits.triangle.take(projector)))
+        if len(other) == 0:
+            break
+        before = walk.hits.t[projector[other]]
+        # What float32 takes for one may be the other side of an edge.
+        across = walk.scene.neighbours[:, found[other]].ravel()
+        fresh, there = other[found[other] != triangle[other]], across >= 0
+        pairs = np.concatenate([fresh, np.tile(other, 3)[there]])
+        meet(walk, projector[pairs], span[pairs], np.concatenate([found[fresh], across[there]]))
+        borne_out = walk.hits.triangle[projector[other]] == found[other]
+        lost = other[(walk.hits.t[projector[other]] >= before) | ~borne_out]
+        if len(lost):
+            # If not there either, it is passed.
+            limits = np.ones(len(lost), np.float32)
+            far = walk.scene.trace_distance(origins[:, lost], ways[:, lost], limits)
+            start[:, lost] += (way[:, lost] + 2.0 * slack[:, lost]) * far
+        projector, triangle, end_t, span = projector[other], found[other], end_t[other], span[other]
+        start, curves = start[:, other], curves.take(other)

@@ -1,0 +1,278 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The walk of exact casting: along chords from prism to prism, and what curves meet there."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
+from ..common.hits import CastCounts, Hits
+from ..curves.march import OVERLAP
+from ..curves.projector_batch import T_ROUNDING, Bundle, Solutions
+from ..scene.cast_scene import CastScene
+from ..scene.prism_scene import PrismScene
+from .chord_bounds import Chords
+
+# A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
+# of a coordinate of 1, so that it does not meet the face again.
+RESTART = 2e-6
+
+# Shorter ways than this have no direction.
+SHORTEST = 1e-300
+
+# What lies beyond the prisms' box, in cast units, is passed at once.
+BORDER = 1e-3
+
+# Fewer rays than this are cast with all that is left of their chords at once, what lies behind a face
+# for nothing: to step through the chords costs more. No more chords than this then.
+FEW = 1024
+MOST_AT_ONCE = 1 << 15
+
+
+class Rays(NamedTuple):
+    """Places where walks go on. projector, chord: (M,); share: (M,) of the chord; the last
+    two triangles that were met on this chord: (2, M), -1 for none.
+    """
+
+    projector: NDArray[np.intp]
+    chord: NDArray[np.intp]
+    share: Array
+    last: NDArray[np.int32]
+
+    def take(self, index: IndexArray) -> Rays:
+        """The rays at ``index``."""
+        return Rays(
+            self.projector.take(index),
+            self.chord.take(index),
+            self.share.take(index),
+            self.last.take(index, 1),
+        )
+
+
+class Walk(NamedTuple):
+    """What every step of a tile's walk looks at and fills in.
+
+    looked: (N,) t up to which the triangles themselves have been looked at, inf at first.
+    block: (N,) of each projector. following: (n+1, B) for each chord and block the first from
+    there on that may enter a prism, n if none does. far: whether projectors reach so far out
+    that float32 would move chords in the scene.
+    """
+
+    scene: CastScene
+    prisms: PrismScene
+    bundle: Bundle
+    chords: Chords
+    hits: Hits
+    looked: Array
+    block: IndexArray
+    following: NDArray[np.intp]
+    counts: CastCounts
+    far: bool
+
+    def trace(
+        self, start: NDArray[Any], way: NDArray[Any], limits: Float32Array
+    ) -> tuple[NDArray[np.int32], NDArray[Any]]:
+        """The first prisms on the chords from start (3, M) along way, and where on these."""
+        self.counts.rays += int(np.count_nonzero(limits > 0.0))
+        if not self.far:
+            return self.prisms.trace(
+                start.astype(np.float32, copy=False), way.astype(np.float32, copy=False), limits
+            )
+        # From where the chord enters the box of all prisms.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            inverse = 1.0 / way
+            lower, upper = self.prisms.lower[:, None] - BORDER, self.prisms.upper[:, None] + BORDER
+            sides = np.fmin((lower - start) * inverse, (upper - start) * inverse)
+            skipped = np.clip(np.nan_to_num(sides, nan=0.0).max(axis=0), 0.0, 2.0)
+            found, far = self.prisms.trace(
+                (start + way * skipped).astype(np.float32),
+                way.astype(np.float32),
+                (limits - skipped).astype(np.float32),
+            )
+        return found, far + skipped
+
+
+def following(held: BoolArray) -> NDArray[np.intp]:
+    """See Walk.following; held: (n, B) whether a chord of a block's projectors may enter a prism."""
+    count, blocks = held.shape
+    after = np.full((count + 1, blocks), count)
+    for chord in range(count - 1, -1, -1):
+        after[chord] = np.where(held[chord], chord, after[chord + 1])
+    return after
+
+
+def time_of(walk: Walk, rays: Rays) -> Array:
+    """Where the rays are, in t, (M,)."""
+    low, high = walk.chords.breaks[rays.chord], walk.chords.breaks[rays.chord + 1]
+    return low + rays.share * (high - low)
+
+
+def advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
+    """Follow chords until they meet prisms' faces; gives where and which, without those that meet none."""
+    chords = walk.chords
+    parts, triangles = [], []
+    while len(rays.projector):
+        if len(rays.projector) <= FEW:
+            along = _ahead(walk, rays)
+            if np.count_nonzero(along) <= MOST_AT_ONCE:
+                some, found = _advance_at_once(walk, rays, along)
+                parts.append(some)
+                triangles.append(found)
+                break
+        low, high = chords.breaks[rays.chord], chords.breaks[rays.chord + 1]
+        limit = (walk.hits.t[rays.projector] - low) / (high - low)
+        start, end = chord_ends(walk, rays)
+        found, share = _cast(walk, start, end - start, rays.share, limit)
+        met = np.flatnonzero(found >= 0)
+        if len(met):
+            parts.append(rays.take(met)._replace(share=share[met]))
+            triangles.append(found[met])
+        chord = walk.following[rays.chord + 1, walk.block[rays.projector]]
+        going = np.flatnonzero((found < 0) & (chord < chords.count))
+        going = going[walk.hits.t[rays.projector[going]] > chords.breaks[chord[going]]]
+        rays = Rays(
+            rays.projector[going],
+            chord[going],
+            np.zeros(len(going)),
+            np.full((2, len(going)), -1, np.int32),
+        )
+    if not parts:
+        return rays, np.empty(0, np.int32)
+    joined = Rays(*(np.concatenate([p[k] for p in parts], axis=-1) for k in range(4)))
+    return joined, np.concatenate(triangles)
+
+
+def _ahead(walk: Walk, rays: Rays) -> BoolArray:
+    """The chords (M, n) that rays may still meet something on."""
+    chords, number = walk.chords, np.arange(walk.chords.count)
+    held: BoolArray = number == walk.following[:-1].take(walk.block[rays.projector], 1).T
+    held &= (number > rays.chord[:, None]) & (chords.breaks[:-1] < walk.hits.t[rays.projector][:, None])
+    held[np.arange(len(held)), rays.chord] = True
+    return held
+
+
+def _advance_at_once(walk: Walk, rays: Rays, along: BoolArray) -> tuple[Rays, NDArray[np.int32]]:
+    """As advance, by one batch of the chords ``along`` (M, n): the first that meets a face counts."""
+    which, chord = np.nonzero(along)
+    here = chord == rays.chord[which]
+    fresh = Rays(
+        rays.projector[which],
+        chord,
+        np.where(here, rays.share[which], 0.0),
+        np.where(here, rays.last[:, which], np.int32(-1)),
+    )
+    low, high = walk.chords.breaks[chord], walk.chords.breaks[chord + 1]
+    limit = (walk.hits.t[fresh.projector] - low) / (high - low)
+    start, end = chord_ends(walk, fresh)
+    found, share = _cast(walk, start, end - start, fresh.share, limit)
+    # In order of the chords: of several written to a place the last is the first met.
+    hit = np.flatnonzero(found >= 0)[::-1]
+    first = np.full(len(along), -1)
+    first[which[hit]] = hit
+    first = first[first >= 0]
+    return fresh.take(first)._replace(share=share[first]), found[first]
+
+
+def _cast(
+    walk: Walk, start: Array, way: Array, share: Array, limit: Array
+) -> tuple[NDArray[np.int32], Array]:
+    """The prisms met on chords from ``share`` to ``limit`` of them, -1 for none, and where."""
+    left = 1.0 - share
+    limit = np.where(limit < 1.0, (limit - share) / left, 1.0) + OVERLAP
+    walk.counts.chords += len(share)
+    origin = start + way * share
+    found, far = walk.trace(origin, way * left, limit.astype(np.float32))
+    where: Array = np.minimum(share + far * left, 1.0)
+    return found, where
+
+
+def chord_ends(walk: Walk, rays: Rays) -> tuple[Array, Array]:
+    """Where the rays' chords begin and end, (3, M) each."""
+    controls = walk.bundle.points.take(rays.projector, 2)
+    ends = walk.chords.ends.T
+    return (
+        np.einsum("kn,kcn->cn", ends.take(rays.chord, 1), controls),
+        np.einsum("kn,kcn->cn", ends.take(rays.chord + 1, 1), controls),
+    )
+
+
+def meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
+    """Meet curves with triangles, from the spans given on, and keep what is nearer."""
+    breaks = walk.bundle.spans.breaks
+    walk.counts.tested += len(triangle)
+    while len(projector):
+        curves = walk.bundle.take(projector)
+        # What lies at the very end of a span may come out past it by rounding.
+        low, high = breaks[span] - T_ROUNDING, breaks[span + 1] + T_ROUNDING
+        found = curves.solve(walk.scene, triangle, span, low, high)
+        keep(walk, projector, found)
+        going = np.flatnonzero(~found.inside & (span + 2 < len(breaks)))
+        projector, triangle, span = projector[going], triangle[going], span[going] + 1
+
+
+def meet_near(walk: Walk, rays: Rays, triangle: NDArray[np.int32], step: float) -> None:
+    """Meet curves with the triangles whose prisms their chords enter or leave.
+
+    Where both ends of a chord lie outside the slab that a prism is in, all that it holds of the curve is
+    on this chord. Otherwise the whole curve is met with the triangle. step: how far behind a place on
+    a chord a prism may begin.
+    """
+    scene, chords = walk.scene, walk.chords
+    curves = walk.bundle.take(rays.projector)
+    ends = (np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + k, 1), curves.points) for k in (0, 1))
+    slab = walk.prisms.thickness + step
+    near = np.logical_or.reduce([np.abs(scene.heights(end, triangle)) <= slab for end in ends])
+    span, breaks = chords.span[rays.chord], walk.bundle.spans.breaks
+    low = np.where(near, breaks[span] - T_ROUNDING, chords.breaks[rays.chord])
+    high = np.where(near, breaks[span + 1] + T_ROUNDING, chords.breaks[rays.chord + 1])
+    walk.counts.tested += len(triangle)
+    found = curves.solve(scene, triangle, span, low, high)
+    keep(walk, rays.projector, found)
+    going = np.flatnonzero(near & ~found.inside & (span + 2 < len(breaks)))
+    meet(walk, rays.projector[going], span[going] + 1, triangle[going])
+
+
+def keep(walk: Walk, projector: IndexArray, found: Solutions) -> None:
+    """Store the hits that are nearer than what is known; a projector may have several."""
+    nearer = np.flatnonzero(found.inside & (found.t < walk.hits.t[projector]))
+    # Of several writes to a place the last is the nearest.
+    nearer = nearer[np.argsort(-found.t[nearer], kind="stable")]
+    store(walk.hits, projector[nearer], found.take(nearer))
+
+
+def store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
+    """Write the solutions into the hits of the projectors (M,)."""
+    hits.t[projector] = found.t
+    hits.triangle[projector] = found.triangle
+    # Row by row: indices along one axis alone are quick.
+    for row, weights in zip(hits.barycentric, found.barycentric, strict=True):
+        row[projector] = weights
+
+
+def behind(walk: Walk, rays: Rays, step: float) -> Rays:
+    """The rays ``step`` behind the faces they have met, without those that have passed their hit."""
+    chords = walk.chords
+    start, end = chord_ends(walk, rays)
+    length = np.sqrt(((end - start) ** 2).sum(axis=0))
+    share = rays.share + step / np.maximum(length, SHORTEST)
+    over = share >= 1.0
+    beyond = walk.following[rays.chord + 1, walk.block[rays.projector]]
+    chord = np.where(over, beyond, rays.chord)
+    share = np.where(over, 0.0, share)
+    rays = Rays(rays.projector, chord, share, np.where(over, np.int32(-1), rays.last))
+    rays = rays.take(np.flatnonzero(chord < chords.count))
+    return rays.take(np.flatnonzero(time_of(walk, rays) < walk.hits.t[rays.projector]))
+
+
+def crossing(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> Array:
+    """How long in t chords take from one cap of a triangle's prism to the other, at most all of a chord."""
+    chords = walk.chords
+    controls = walk.bundle.points.take(rays.projector, 2)
+    way = np.einsum("kn,kcn->cn", (chords.ends[1:] - chords.ends[:-1]).T.take(rays.chord, 1), controls)
+    climb = np.abs(np.einsum("cn,cn->n", way, walk.scene.normals(triangle)))
+    share = 2.0 * walk.prisms.thickness / np.maximum(climb, 2.0 * walk.prisms.thickness)
+    duration: Array = np.minimum(1.5 * share, 1.0) * np.diff(chords.breaks).take(rays.chord)
+    return duration

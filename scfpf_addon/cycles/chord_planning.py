@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The projections that the chords of a rig are planned for, read one frame after the other; a rig's price."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import bpy
+import numpy as np
+
+from ..bridge.blender.rig_mark import has_other_animation
+from ..bridge.camera.read_projection import read_projection
+from ..bridge.render.render_job import picture_aspect, picture_size
+from ..bridge.volume.volume_object import sync_volume_object
+from ..projection.volume.viewing_volume import Projection
+from ..scanline.table.mapping_table import picture_signature
+from ..scanline.table.table_object import grid_cells
+from .chords.chord_plan import ChordPlan, PlanError, plan_chords, rendering_cost
+from .portals.sheets import vertex_count
+from .rig_data import RigError, build_groups, check, check_surfaces, remove_groups
+
+# Frames of an animated volume that its chords are planned for.
+FRAMES = 9
+# Places across and up the picture at which a change of the volume is noticed.
+NOTICED = 7
+# Memory of the sheets in Blender and in Cycles: 520 bytes a vertex, measured with 500,000.
+BYTES_PER_VERTEX = 520
+# How much of the progress is left when the frames are read, and when the node groups are built.
+AFTER_FRAMES, AFTER_GROUPS = 0.4, 0.7
+
+
+class Planning:
+    """The way to a plan, a step at a time, so that it can be given up; the scene is as it was until the end.
+
+    Keeps names, numbers and arrays only.
+    """
+
+    def __init__(self, context, camera) -> None:
+        """Raises RigError, or as the projection's reader does."""
+        scene = context.scene
+        check(scene, camera)
+        check_surfaces(camera)
+        sync_volume_object(camera)
+        self._scene, self._camera, self._groups = scene.name, camera.name, None
+        self._frame = scene.frame_current, scene.frame_subframe
+        self._projections = [_read(context, camera)]
+        self._frames: list[int] = []
+        if may_move(camera):
+            ends = scene.frame_start, scene.frame_end
+            self._frames = np.unique(np.linspace(*ends, FRAMES).round().astype(int)).tolist()
+        self._count, self._has_moved = len(self._frames), False
+
+    @property
+    def progress(self) -> float:
+        """From 0 to 1."""
+        if self._frames:
+            return AFTER_FRAMES * (1.0 - len(self._frames) / self._count)
+        return AFTER_FRAMES if self._groups is None else AFTER_GROUPS
+
+    @property
+    def text(self) -> str:
+        """The next step, for the status bar."""
+        if self._frames:
+            return f"frame {self._count - len(self._frames) + 1} of {self._count}"
+        return "nodes" if self._groups is None else "sheets"
+
+    def step(self, context) -> bool:
+        """Take a step; returns whether more are to be taken. Raises as ``__init__`` does."""
+        camera = self.camera(context)
+        if self._frames:
+            self._has_moved = True
+            context.scene.frame_set(self._frames.pop(0))
+            self._projections.append(_read(context, camera))
+            if not self._frames:
+                self._return(context.scene)
+        elif self._groups is None:
+            self._groups = build_groups(camera)
+        return bool(self._frames) or self._groups is None
+
+    def plan(self, context) -> tuple[ChordPlan, bool]:
+        """The chords for all frames that were read, and whether the volume may be animated."""
+        return chords_of(self.camera(context), context.scene, self._projections), self._count > 0
+
+    def camera(self, context):
+        """The camera. Raises RigError if it or its scene has gone."""
+        camera = context.scene.objects.get(self._camera)
+        if context.scene.name != self._scene or camera is None:
+            raise RigError(f"'{self._camera}' was deleted meanwhile: undo, or choose another camera")
+        return camera
+
+    def give_up(self) -> None:
+        """Leave the scene as it was."""
+        scene = bpy.data.scenes.get(self._scene)
+        if self._has_moved and scene is not None:
+            self._return(scene)
+        remove_groups(self._groups or [])
+
+    def _return(self, scene) -> None:
+        frame, subframe = self._frame
+        scene.frame_set(frame, subframe=subframe)
+        self._has_moved = False
+
+
+def planned(context, camera) -> tuple[ChordPlan, bool]:
+    """Take all steps of a ``Planning`` at once. Raises as it does; nothing is changed then."""
+    planning = Planning(context, camera)
+    try:
+        while planning.step(context):
+            pass
+        return planning.plan(context)
+    except Exception:
+        planning.give_up()
+        raise
+
+
+def _read(context, camera) -> Projection:
+    return read_projection(camera, context.evaluated_depsgraph_get(), picture_aspect(context.scene))
+
+
+def chords_of(camera, scene, projections: list[Projection]) -> ChordPlan:
+    """Plan the chords of projections as a camera's settings ask for it. Raises RigError."""
+    lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
+    try:
+        return plan_chords(projections, picture_size(scene), camera.scfpf.pixel_error, lines)
+    except PlanError as error:
+        raise RigError(str(error)) from error
+
+
+def may_move(camera) -> bool:
+    """Whether anything of the volume may be animated."""
+    pending = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
+    seen = set()
+    while pending:
+        obj = pending.pop()
+        if obj in seen:
+            continue
+        seen.add(obj)
+        keys = getattr(obj.data, "shape_keys", None)
+        if any(owner is not None and has_other_animation(owner) for owner in (obj, obj.data, keys)):
+            return True
+        if len(obj.constraints) or any(m.type != "NODES" for m in obj.modifiers):
+            return True
+        if obj.parent is not None:
+            pending.append(obj.parent)
+    return False
+
+
+def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
+    """The projection as it is, and what tells it from another: what nodes do not follow, and the rest."""
+    own = camera.scfpf
+    check_surfaces(camera)
+    projection = read_projection(camera, depsgraph, picture_aspect(scene))
+    surfaces = tuple(
+        (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
+    )
+    focus = camera.data.dof.focus_object
+    picture = picture_signature(camera, scene)
+    structure = (surfaces, own.basis, own.reparameterisation, picture, focus and focus.session_uid)
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
+    points = projection.projectors(x, y).points.astype(np.float32).tobytes()
+    return projection, (structure, points, picture_size(scene), own.pixel_error)
+
+
+class Price(NamedTuple):
+    """The price of a rig: its chords, their error in pixels, the vertices of its sheets."""
+
+    chords: int
+    error: float
+    vertices: int
+
+    @property
+    def portals(self) -> int:
+        """Portals that a ray passes at most: the screen, a sheet between two chords, the far sheet."""
+        return self.chords + 1
+
+    @property
+    def cost(self) -> float:
+        """Rendering time as a multiple of an ordinary camera's, in a simple scene."""
+        return rendering_cost(self.chords)
+
+    @property
+    def memory(self) -> int:
+        """Bytes, about."""
+        return self.vertices * BYTES_PER_VERTEX
+
+
+def price_of_plan(plan: ChordPlan) -> Price:
+    """The price of a rig that would be made by a plan."""
+    return Price(plan.count, plan.error, vertex_count(plan.count, plan.cells, plan.disc))
+
+
+def price_of_rig(rig) -> Price:
+    """The price of a rig that is there."""
+    settings = rig.scfpf_rig
+    return Price(settings.chords, settings.error, len(settings.portals.data.vertices))

@@ -1,0 +1,315 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The chords of a picture's projectors in Cycles: their number, their ends, the resolution of their sheets.
+
+A ray runs along a chord until a sheet turns it into the next. All projectors share the sheets,
+so there is one list of breaks in t for the picture, planned as the caster plans a tile.
+Sheets are triangles: between their vertices a projector is the mean of those at the corners.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...casting.curves.schedule import END_CHORD, SHIFT, Curves
+from ...projection.mappings.stack import is_disc
+from ...projection.typing import Array, BoolArray
+from ...projection.volume.basis import SpanBasis
+from ...projection.volume.viewing_volume import Projection, image_derivatives
+from ..portals.sheets import picture_places
+from .pixel_footprint import SMALLEST_ERROR, blend, pixels, without
+
+# Projectors that are looked at, across and up the picture.
+SAMPLES = (25, 17)
+
+# Places at which a chord is compared with its curve, both ends included.
+PLACES = 9
+
+# The chords' part of the pixel error; the rest is for the sheets between their vertices.
+CHORD_SHARE = 0.75
+
+# More chords than this are not made: each is a sheet, and a step of every ray.
+MOST_CHORDS = 256
+
+# Attempts to find the fewest chords that are right.
+ATTEMPTS = 12
+
+# Steps in t at which the demand for chords is looked at, a span.
+STEPS = 64
+
+# Cells across and up a sheet: at least, and at most.
+FEWEST_CELLS, MOST_CELLS = 8, 256
+
+# Vertices of all sheets together, at most: some 800 MB in Blender and Cycles.
+MOST_VERTICES = 1_500_000
+
+# Cells of a sheet that are looked at, across and up.
+CELL_SAMPLES = 16
+
+# Rim of a polar picture: this many cells make a polygon that the eye takes for a circle.
+ROUND_CELLS = 64
+
+# Time a chord costs, as a share of what a plain camera needs in a simple scene, and the rig itself.
+COST_CHORD, COST_RIG = 0.25, 0.3
+
+
+@dataclass(frozen=True)
+class ChordPlan:
+    """The chords of a picture.
+
+    breaks: (n+1,) increasing from 0 to 1 in t. shifts: (n+1,): chords end at Q(t) - shift Q''(t).
+    cells: of each sheet, across and up. error: the largest distance between curve and chord
+    plus that between vertices, on the sampled projectors, in pixels. missing: the share of
+    the sampled projectors that do not exist (holes of a surface, or of an image mapping). disc: whether the
+    picture is one.
+    """
+
+    breaks: Array
+    shifts: Array
+    cells: tuple[int, int]
+    error: float
+    missing: float
+    disc: bool = False
+
+    @property
+    def count(self) -> int:
+        """The number of chords."""
+        return len(self.breaks) - 1
+
+    @property
+    def cost(self) -> float:
+        """Rendering time as a multiple of a plain camera's, in a simple scene: less in others."""
+        return rendering_cost(self.count)
+
+
+def rendering_cost(chords: int) -> float:
+    """Rendering time as a multiple of a plain camera's, in a simple scene: less in others."""
+    return 1.0 + COST_RIG + COST_CHORD * chords
+
+
+class PlanError(ValueError):
+    """The volume has no projector that could be followed; the message says what to do."""
+
+
+def plan_chords(
+    projections: Sequence[Projection],
+    size: tuple[int, int],
+    pixel_error: float,
+    lines: tuple[int, int] = (1, 1),
+) -> ChordPlan:
+    """Plan the chords of a picture.
+
+    projections: the same volume at one or more frames; those whose spans differ from the first's (weights
+    that are animated) are left aside. size: width and height of the picture in pixels. pixel_error: as
+    in ``casting.cast``. lines: cells of the surfaces' own grids, whose lines sheets should follow.
+    Raises PlanError where nothing is to be seen.
+    """
+    first = projections[0]
+    spans = first.volume.spans
+    alike = [p for p in projections if _same(p.volume.spans, spans)]
+    pixel_error = max(pixel_error, SMALLEST_ERROR)
+    sampled = [_sample(p, size) for p in alike]
+    curves = Curves(*(np.concatenate(parts, axis=2) for parts in zip(*(c for c, _ in sampled), strict=True)))
+    if curves.points.shape[2] == 0:
+        raise PlanError("No projector of the volume is finite: check the transforms of its control surfaces")
+    missing = 1.0 - float(np.mean([np.mean(present) for _, present in sampled]))
+    breaks, shifts, error = _breaks(spans, curves, CHORD_SHARE * pixel_error)
+    cells, between = _cells(alike, size, breaks, (1.0 - CHORD_SHARE) * pixel_error, lines)
+    return ChordPlan(breaks, shifts, cells, error + between, missing, _shape(first)[0])
+
+
+def chord_error(projection: Projection, size: tuple[int, int], breaks: Array, shifts: Array) -> float:
+    """The error of given chords, in pixels, as ``plan_chords`` measures it."""
+    curves, _ = _sample(projection, size)
+    return _measure(projection.volume.spans, curves, breaks, shifts)
+
+
+def _same(a: SpanBasis, b: SpanBasis) -> bool:
+    if (a.point_weights is None) != (b.point_weights is None):
+        return False
+    return a.matrices.shape == b.matrices.shape and bool(np.array_equal(a.matrices, b.matrices))
+
+
+def _sample(projection: Projection, size: tuple[int, int]) -> tuple[Curves, BoolArray]:
+    """Projectors all over the picture, and which of those there should be exist."""
+    # Borders too, a little inside: derivatives are one-sided there.
+    x, y = (np.linspace(1e-6, 1.0 - 1e-6, count) for count in SAMPLES)
+    across, up = np.meshgrid(x, y)
+    x, y = picture_places(across.ravel(), up.ravel(), *_shape(projection))
+    image = projection.parameters(x, y)
+    with np.errstate(invalid="ignore", over="ignore"):
+        controls = projection.volume.controls(image.u, image.v)
+        dx, dy = image_derivatives(controls.du, controls.dv, image.jacobian)
+    curves = Curves(controls.points, dx / size[0], dy / size[1])
+    finite = np.logical_and.reduce([np.isfinite(c).all(axis=(0, 1)) for c in curves])
+    present = controls.valid & finite
+    if not _shape(projection)[0]:
+        # On the rim of a disc rounding decides.
+        present &= image.mask
+    return Curves(*(c[:, :, present] for c in curves)), present
+
+
+def _shape(projection: Projection) -> tuple[bool, float]:
+    """Whether the picture is a disc, and its aspect."""
+    return is_disc(projection.reparameterisation, projection.aspect), projection.aspect
+
+
+def _breaks(spans: SpanBasis, curves: Curves, pixel_error: float) -> tuple[Array, Array, float]:
+    """The fewest breaks that keep an error in pixels, MOST_CHORDS at most; their shifts, their error."""
+    if spans.degree == 1 and spans.point_weights is None:
+        return spans.breaks, np.zeros(len(spans.breaks)), 0.0
+    totals = [_demand(spans, span, curves) for span in range(len(spans.matrices))]
+    few, many = 0, MOST_CHORDS + 1
+    best = None
+    density = 1.0 / np.sqrt(pixel_error)
+    for _ in range(ATTEMPTS):
+        breaks = np.concatenate([_quantiles(spans, s, *t, density) for s, t in enumerate(totals)] + [[1.0]])
+        shifts = _shifts(spans, breaks)
+        error = _measure(spans, curves, breaks, shifts)
+        count = len(breaks) - 1
+        if error <= pixel_error and count < many:
+            best, many = (breaks, shifts, error), count
+        elif error > pixel_error and count > few:
+            few = count
+            if best is None and count >= MOST_CHORDS:
+                return breaks, shifts, error
+        if many - few <= 1:
+            break
+        wanted = np.clip(count * np.sqrt(error / pixel_error), few + 0.5, many - 0.5)
+        density *= min(wanted, MOST_CHORDS) / count
+    return (breaks, shifts, error) if best is None else best
+
+
+def _demand(spans: SpanBasis, span: int, curves: Curves) -> tuple[Array, Array]:
+    """Places in a span, as angles, and the chords there must be before each for an error of a pixel."""
+    # As in casting.schedule: even steps in θ are fine at both ends of s = (1 - cos θ)/2.
+    edges = np.linspace(0.0, np.pi, STEPS + 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    there = pixels(curves, spans, span, 0.5 - 0.5 * np.cos(middle))
+    length = spans.breaks[span + 1] - spans.breaks[span]
+    bend = SHIFT * there.moved(there.bend)
+    share = np.sqrt(bend).max(axis=1) * length * 0.5 * np.sin(middle) * np.diff(edges)
+    return edges, np.concatenate([[0.0], np.cumsum(share)])
+
+
+def _quantiles(spans: SpanBasis, span: int, edges: Array, total: Array, density: float) -> Array:
+    """The breaks of one span but for its end."""
+    count = max(1, int(np.ceil(density * total[-1])))
+    shares = np.ones(count)
+    # One end of theirs is not shifted.
+    shares[[0, -1]] = END_CHORD
+    quantiles = np.concatenate([[0.0], np.cumsum(shares)]) * (total[-1] / shares.sum())
+    local = 0.5 - 0.5 * np.cos(np.interp(quantiles, total, edges))
+    local[0] = 0.0
+    low, high = spans.breaks[span], spans.breaks[span + 1]
+    breaks: Array = low + local[:-1] * (high - low)
+    return breaks
+
+
+def _shifts(spans: SpanBasis, breaks: Array) -> Array:
+    """What ends of chords are moved by, times the bend: half the error then lies on either side of the curve.
+
+    Not those of rational projectors: with their bend they would move along the curve as well.
+    """
+    shifts = np.zeros(len(breaks))
+    if spans.point_weights is None:
+        steps = np.diff(breaks)
+        shifts[1:-1] = SHIFT * steps[1:] * steps[:-1]
+        # Spans meet in corners, or nearly: those are kept.
+        shifts[np.isin(breaks, spans.breaks)] = 0.0
+    return shifts
+
+
+def _measure(spans: SpanBasis, curves: Curves, breaks: Array, shifts: Array) -> float:
+    """Largest distance of curve and chords, in pixels."""
+    largest = 0.0
+    for start, end, shift, next_shift in zip(breaks[:-1], breaks[1:], shifts[:-1], shifts[1:], strict=True):
+        span = int(
+            np.clip(np.searchsorted(spans.breaks, 0.5 * (start + end)) - 1, 0, len(spans.matrices) - 1)
+        )
+        low, high = spans.breaks[span], spans.breaks[span + 1]
+        local = (np.linspace(start, end, PLACES) - low) / (high - low)
+        there = pixels(curves, spans, span, local)
+        values, _, bends = spans.within(span, local[[0, -1]])
+        weights = values - np.array([shift, next_shift])[:, None] * bends
+        ends = np.einsum("gk,kcs->gcs", weights, curves.points)
+        chord = np.broadcast_to((ends[1] - ends[0])[:, None], there.position.shape)
+        offset = without(there.position - ends[0][:, None], chord)
+        largest = max(largest, float(there.moved(offset).max(initial=0.0)))
+    return largest
+
+
+def _cells(
+    projections: Sequence[Projection],
+    size: tuple[int, int],
+    breaks: Array,
+    pixel_error: float,
+    lines: tuple[int, int],
+) -> tuple[tuple[int, int], float]:
+    """Cells across and up such that projectors are right between vertices too, and the error that is left."""
+    least = ROUND_CELLS if _shape(projections[0])[0] else FEWEST_CELLS
+    most = MOST_VERTICES // len(breaks)
+    # Multiples of the surfaces' own cells: their lines are creases.
+    cells = [count * -(-least // count) if count < MOST_CELLS else MOST_CELLS for count in lines]
+    while True:
+        errors = np.max([_between(p, size, breaks, cells) for p in projections], axis=0)
+        finer = [errors[axis] > pixel_error for axis in range(2)]
+        if not any(finer) and errors[2] > pixel_error:
+            # The twist of a cell: both sides count alike.
+            finer[int(cells[1] < cells[0])] = True
+        finer = [more and 2 * count <= MOST_CELLS for more, count in zip(finer, cells, strict=True)]
+        wanted = [count * 2 if more else count for count, more in zip(cells, finer, strict=True)]
+        if wanted == cells or wanted[0] * wanted[1] > most:
+            return (cells[0], cells[1]), float(errors.max())
+        cells = wanted
+
+
+def _between(projection: Projection, size: tuple[int, int], breaks: Array, cells: Sequence[int]) -> Array:
+    """How far projectors are off half way along cells' sides and diagonals, in pixels."""
+    column, row = (
+        np.unique(np.linspace(0, count - 1, min(count, CELL_SAMPLES)).astype(int)) for count in cells
+    )
+    column, row = (a.ravel() for a in np.meshgrid(column, row))
+
+    def corner(right: int, up: int) -> tuple[Array, Array]:
+        return picture_places((column + right) / cells[0], (row + up) / cells[1], *_shape(projection))
+
+    result = []
+    for a, b in (((0, 0), (1, 0)), ((0, 0), (0, 1)), ((0, 0), (1, 1))):
+        (ax, ay), (bx, by) = corner(*a), corner(*b)
+        result.append(_off(projection, size, breaks, (ax, ay), (bx, by)))
+    return np.array(result)
+
+
+def _off(
+    projection: Projection,
+    size: tuple[int, int],
+    breaks: Array,
+    one: tuple[Array, Array],
+    other: tuple[Array, Array],
+) -> float:
+    """Largest distance, in pixels, of projectors half way from the mean of those at both ends."""
+    spans = projection.volume.spans
+    x, y = (0.5 * (a + b) for a, b in zip(one, other, strict=True))
+    image = projection.parameters(x, y)
+    with np.errstate(invalid="ignore", over="ignore"):
+        controls = projection.volume.controls(image.u, image.v)
+        dx, dy = image_derivatives(controls.du, controls.dv, image.jacobian)
+        curves = Curves(controls.points, dx / size[0], dy / size[1])
+        ends = [projection.projectors(*place) for place in (one, other)]
+        off = 0.5 * (ends[0].points + ends[1].points) - controls.points
+    valid = controls.valid & ends[0].valid & ends[1].valid
+    valid &= np.logical_and.reduce([np.isfinite(c).all(axis=(0, 1)) for c in (*curves, off)])
+    if not valid.any():
+        return 0.0
+    curves, off = Curves(*(c[:, :, valid] for c in curves)), off[:, :, valid]
+    largest = 0.0
+    for span, (low, high) in enumerate(zip(spans.breaks[:-1], spans.breaks[1:], strict=True)):
+        inside = breaks[(breaks >= low) & (breaks <= high)]
+        local = (inside[:: max(1, len(inside) // 8)] - low) / (high - low)
+        there = pixels(curves, spans, span, local)
+        values, _, _ = spans.within(span, local)
+        largest = max(largest, float(there.moved(blend(values, off)).max()))
+    return largest

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The node group that places the sheets, and the materials that send rays on.
+
+Nodes compute them from the table of projectors, so that they follow the surfaces and the frame in any
+Blender, without the add-on.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ...bridge.blender import versions
+from ...bridge.blender.rig_mark import WIDTH
+from ...scanline.nodes.field_nodes import FieldBuilder, Value, node_group
+from ...scanline.nodes.solve_nodes import PROJECTOR, TABLE_INPUTS
+from ...scanline.remap.place_nodes import view_inputs
+from . import lens_nodes, pass_nodes
+
+# Attributes of the sheets. Before the nodes: t and shift of the ends of a vertex' chord, then 1 on the far
+# sheet, and how many vertices a sheet has.
+START, END = "scfpf_start", "scfpf_end"
+# After them: where rays go on and along what, world space; how many portals they have passed before.
+POSITION, DIRECTION, DEPTH = "scfpf_position", "scfpf_direction", "scfpf_depth"
+
+# The rig's camera looks at a screen this far below the scene, WIDTH wide or little more. float32 tells
+# 16 million places across it, wherever it is.
+AWAY = 2.5e5
+TO_SCREEN = 1e4
+# Rays begin so far before the screen, since the fog of a world is there too: twice float32's step at AWAY.
+BEFORE_SCREEN = 0.03125
+TO_SURROUND = 1.1e4
+# Rays that have left the volume go on from so far away that only the world is left to see.
+TELEPORT = 1e8
+# A ray that has come less far, in chords, is still where it was turned.
+SAME_PLACE = 1e-3
+# How far a portal's depth may be off what its attribute says: half of one, but for rounding.
+DEPTH_SLACK = 0.4
+
+
+def chord_end_group():
+    """Where a chord ends: Q - shift · Q'' at (x, y, t), in the table's space."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        nodes.open_frame("Cell, and place in the cell")
+        size, place = given["Size"], given["Position"]
+        wrapped = place - place.floor() * given["Wrap"]
+        in_cells = wrapped * (size - (1.0, 1.0, 0.0))
+        cell = in_cells.floor().most((0.0, 0.0, 0.0)).least(size - (2.0, 2.0, 1.0))
+        a, b, t = (in_cells - cell).parts()
+        columns, rows, spans = size.parts()
+        first = cell.dot(nodes.xyz(1.0, columns, columns * rows, "Index Steps"))
+        nodes.open_frame("The four projectors there")
+        t2 = t * t
+        bend = nodes.xyz(0.0, 2.0, t * 6.0, "Second derivatives") * (spans * spans * given["Shift"])
+        powers = nodes.xyz(t, t2, t2 * t, "t, t², t³") - bend
+        projector = nodes.attribute(PROJECTOR, "FLOAT4X4")
+        points = []
+        for label, index in (
+            ("lower left", first),
+            ("lower right", first + 1.0),
+            ("upper left", first + columns),
+            ("upper right", first + columns + 1.0),
+        ):
+            matrix = nodes.sample(given["Table"], projector, index, "FLOAT4X4", f"Projector {label}")
+            points.append(nodes.point(powers, matrix, f"Point {label}"))
+        nodes.open_frame("Blended")
+        low, high = (points[i] + (points[i + 1] - points[i]) * a for i in (0, 2))
+        return {"Position": low + (high - low) * b}
+
+    inputs = TABLE_INPUTS | {
+        "Position": ("Vector", None, "x, y and t"),
+        "Shift": ("Float", 0.0, "What the bend is multiplied with"),
+    }
+    text = "Where a chord of a projector ends, from the table of projectors"
+    return node_group("SCFPF Chord End", text, inputs, {"Position": "Vector"}, build)
+
+
+def portal_group():
+    """The node group "SCFPF Portals": the sheets' mesh as ``sheets.portals`` makes it → portals in place."""
+
+    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+        nodes.open_frame("The camera's table")
+        info = {"Object": given["Table"]}
+        table = nodes.out("GeometryNodeObjectInfo", "Table", info, "Geometry")
+        matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
+        view = view_inputs(nodes, table, given["Aspect"])
+        x, y, number = nodes.out("GeometryNodeInputPosition", "Place", {}).parts()
+        nodes.open_frame("Ends of the chord")
+        (t, shift, far), (next_t, next_shift, sheet) = (
+            nodes.attribute(name, "FLOAT_VECTOR").parts() for name in (START, END)
+        )
+        ends = []
+        for label, end_t, end_shift in (("Start", t, shift), ("End", next_t, next_shift)):
+            inputs = {key: view[key] for key in TABLE_INPUTS}
+            inputs |= {"Position": nodes.xyz(x, y, end_t, "x, y, t"), "Shift": end_shift}
+            end = nodes.call(chord_end_group(), f"Chord {label}", inputs)["Position"]
+            ends.append(nodes.point(end, matrix, "In the World"))
+        start, end = ends
+        nodes.open_frame("The screen, and what surrounds it")
+        aspect, (_, _, polar) = given["Aspect"], view["Numbers"].parts()
+        wide = aspect.most(1.0)
+        width = given["Width"]
+        across = nodes.mix(polar, width, width / wide)
+        up = nodes.mix(polar, width / aspect, width / wide)
+        behind = nodes.switch(
+            number < -0.5, -AWAY - TO_SCREEN, -AWAY - TO_SURROUND, "FLOAT", "Screen or Surround"
+        )
+        screen = nodes.xyz((x - 0.5) * across, (y - 0.5) * up, behind, "Screen")
+        nodes.open_frame("Where rays go on")
+        geometry = given["Geometry"]
+        for name, value in ((POSITION, nodes.mix(far, start, end)), (DIRECTION, end - start)):
+            geometry = nodes.store(geometry, name, value, "FLOAT_VECTOR")
+        geometry = nodes.store(geometry, DEPTH, number, "FLOAT")
+        here, chord = (nodes.attribute(name, "FLOAT_VECTOR") for name in (POSITION, DIRECTION))
+        of_lens = {name: given[name] for name in lens_nodes.INPUTS} | {"Start": here, "Chord": chord}
+        with_lens = lens_nodes.store_lens(nodes, geometry, of_lens, matrix)
+        nodes.open_frame("Only where they are asked for")
+        open_lens = nodes.both(given["Straight"], given["Lens Radius"] > 0.0)
+        geometry = nodes.switch(open_lens, geometry, with_lens, "GEOMETRY", "Depth of Field?")
+        of_passes = {"t": t, "Step": next_t - t, "Far": far, "Number": number, "Sheet": sheet}
+        of_passes |= {"Start": here, "Chord": chord, "Place": nodes.xyz(x, y, polar, "x, y, polar")}
+        with_passes = pass_nodes.store_added(nodes, geometry, of_passes)
+        geometry = nodes.switch(given["Passes"], geometry, with_passes, "GEOMETRY", "Passes?")
+        place = nodes.switch(number < 0.5, here, screen, "VECTOR", "Sheet or Screen")
+        return {
+            "Geometry": nodes.out(
+                "GeometryNodeSetPosition", "In Place", {"Geometry": geometry, "Position": place}
+            )
+        }
+
+    inputs = {
+        "Geometry": ("Geometry", None, "Sheets: x, y and the number of the sheet as positions"),
+        "Table": ("Object", None, "The table object of a flexible camera"),
+        "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
+        "Width": ("Float", WIDTH, "Width of the screen: the ortho scale of the camera that looks at it"),
+        "Passes": ("Bool", False, "Does the picture have passes of t, depth, u and v?"),
+    } | lens_nodes.INPUTS
+    text = "The sheets that turn Cycles' rays from one chord of a projector into the next"
+    return node_group("SCFPF Portals", text, inputs, {"Geometry": "Geometry"}, build, modifier=True)
+
+
+# Slots of the materials on the sheets' mesh.
+SHEET, SCREEN, SURROUND, FAR = range(4)
+
+
+def new_materials(gated: bool, scene, follow) -> list:
+    """Materials of sheets, screen, surround and far sheet, in the order of their slots.
+
+    gated: a sheet turns only rays that have passed as many portals as its chord begins with. scene: its
+    film, transparent or not, is what stands around a round picture. follow: (socket, property) drives a
+    socket by the flexible camera.
+    """
+    return [
+        _portal("SCFPF Sheet", gated, SHEET, follow),
+        _portal("SCFPF Screen", gated, SCREEN, follow),
+        _surround(scene),
+        _portal("SCFPF Far", gated, FAR, follow),
+    ]
+
+
+def _new_material(name: str):
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True  # from 5.0 every material has a tree, and the switch is deprecated
+    material.node_tree.nodes.clear()
+    return material, FieldBuilder(material.node_tree)
+
+
+def _portal(name: str, gated: bool, slot: int, follow):
+    material, nodes = _new_material(name)
+
+    def attribute(name: str, output: str = "Vector"):
+        return nodes.out("ShaderNodeAttribute", name, {}, output, attribute_name=name)
+
+    if slot == SCREEN:
+        position, direction = lens_nodes.aimed(nodes, attribute(POSITION), attribute(DIRECTION), TO_SCREEN)
+        inputs = {"Position": position, "Direction": direction}
+    elif slot == FAR:
+        ray = nodes.node("ShaderNodeNewGeometry", "Ray", {}).outputs
+        onward = Value(nodes, ray["Incoming"]) * -1.0
+        inputs = {"Position": Value(nodes, ray["Position"]) + onward * TELEPORT, "Direction": onward}
+    else:
+        inputs = {"Direction": attribute(DIRECTION)}
+    # Up to 5.1 Cycles takes it as it is: rays not of length 1 see no smoke and reflect too little.
+    unit = {0: inputs["Direction"]}
+    inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
+    nodes.open_frame("The portal")
+    shader, due = nodes.node("ShaderNodeBsdfRayPortal", "Ray Portal", inputs).outputs[0], None
+    if gated:
+        passed = nodes.node("ShaderNodeLightPath", "Light Path", {}).outputs["Portal Depth"]
+        inputs = {0: passed, 1: attribute(DEPTH, "Fac"), 2: DEPTH_SLACK}
+        due = nodes.node("ShaderNodeMath", "Due", inputs, operation="COMPARE").outputs[0]
+        through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
+        shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
+    nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
+    if due is None and slot != SCREEN:
+        # On an edge a ray may be turned by both triangles: no harm, but it must not count twice.
+        way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
+        due = nodes.combine("GREATER_THAN", way, attribute(DIRECTION).length() * SAME_PLACE).socket
+    pass_nodes.add_to_aovs(nodes, due, {SCREEN: 1.0, FAR: -1.0}.get(slot, 0.0), follow)
+    return material
+
+
+def _surround(scene):
+    material, nodes = _new_material("SCFPF Surround")
+    holdout = nodes.node("ShaderNodeHoldout", "Nothing", {}).outputs[0]
+    black = nodes.node("ShaderNodeEmission", "Black", {"Strength": 0.0}).outputs[0]
+    transparent = nodes.node("ShaderNodeValue", "Is Film Transparent", {}).outputs[0]
+    driver = transparent.driver_add("default_value").driver
+    driver.type = "AVERAGE"
+    target = driver.variables.new().targets[0]
+    target.id_type, target.id, target.data_path = "SCENE", scene, "render.film_transparent"
+    shader = nodes.node("ShaderNodeMixShader", "Around", {0: transparent, 1: black, 2: holdout}).outputs[0]
+    # Rays of a lens may pass the far sheet by, and come here from the scene.
+    way = nodes.node("ShaderNodeLightPath", "Light Path", {}).outputs["Ray Length"]
+    inputs = {0: way, 1: 2.0 * TO_SURROUND}
+    stray = nodes.node("ShaderNodeMath", "From the Scene", inputs, operation="GREATER_THAN").outputs[0]
+    through = nodes.node("ShaderNodeBsdfTransparent", "Beyond", {}).outputs[0]
+    inputs = {0: stray, 1: shader, 2: through}
+    shader = nodes.node("ShaderNodeMixShader", "Seen by the Rig's Camera", inputs).outputs[0]
+    nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
+    return material
+
+
+def can_gate() -> bool:
+    """Whether this Blender's materials know how many portals a ray has passed."""
+    return versions.has_portal_depth()

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Two projections as control surfaces of the same number and kind, to be blended point by point.
+
+The projectors of both become Bézier curves of one degree where they are such curves: that is exact. Else both
+become polylines. What the picture shows of them becomes grids over the same parameters.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb, lcm
+
+import numpy as np
+
+from ..typing import Array
+from ..volume.basis import BasisKind
+from ..volume.reparameterisation import Polar
+from ..volume.viewing_volume import Projection
+from .volume_edits import lattice
+
+# Pieces of a polyline in place of curves that are not alike, at least and at most.
+FEWEST_PIECES, MOST_PIECES = 12, 36
+# Faces along an axis that are tried until a grid is within GRID_ERROR of the size of what it holds.
+FACES = (1, 8, 16, 32, 64, 128)
+GRID_ERROR = 2e-4
+# Places that are looked at along each side of a face.
+STEPS = 4
+
+
+class BlendError(ValueError):
+    """Two projections that cannot be blended; the message says what to do."""
+
+
+@dataclass(frozen=True)
+class Blend:
+    """Two volumes point by point.
+
+    basis: of the projectors. layers: from near to far, (2, R, C, 3) each: the points of both, rows along v.
+    polar: whether u and v are those of a polar picture; else they are the picture's x and y.
+    error: how far grids and polylines are off, as a share of the size, about.
+    """
+
+    basis: BasisKind
+    layers: tuple[Array, ...]
+    polar: bool
+    error: float
+
+
+def blended(first: Projection, second: Projection) -> Blend:
+    """Both projections as alike control surfaces, in the space that they are in.
+
+    Two polar pictures without mappings stay one. Raises BlendError where the picture of one has holes.
+    """
+    polar = all(isinstance(p.reparameterisation, Polar) for p in (first, second))
+    basis, matrices, times = _common(first, second)
+    for faces in FACES:
+        points = [_points(p, matrices[k], times, faces, polar) for k, p in enumerate((first, second))]
+        off = [_bend(p) for p in points]
+        if max(off) <= GRID_ERROR:
+            break
+    # The lines between have told how far the grid is off.
+    layers = tuple(np.stack([p[k, ::STEPS, ::STEPS] for p in points]) for k in range(len(points[0])))
+    return Blend(basis, layers, polar, max(off))
+
+
+def _common(first: Projection, second: Projection) -> tuple[BasisKind, list[Array | None], Array]:
+    """The basis of both, and how their layers are made: from control points by matrices, or at times t."""
+    spans = [p.volume.spans for p in (first, second)]
+    if all(len(s.matrices) == 1 and s.point_weights is None for s in spans):
+        degree = max(s.degree for s in spans)
+        return "BEZIER", [_elevation(s.degree, degree) @ s.matrices[0] for s in spans], np.zeros(0)
+    counts = [len(s.matrices) for s in spans]
+    pieces = lcm(*counts)
+    straight = all(s.degree == 1 and s.point_weights is None for s in spans)
+    if not straight or pieces > MOST_PIECES:
+        pieces *= max(1, -(-FEWEST_PIECES // pieces))
+    pieces = min(pieces, MOST_PIECES)
+    return "POLYLINE", [None, None], np.linspace(0.0, 1.0, pieces + 1)
+
+
+def _elevation(degree: int, wanted: int) -> Array:
+    """The matrix (wanted + 1, degree + 1) from control points of a Bézier curve to those of a higher degree.
+
+    Farin, Curves and Surfaces for CAGD, §6.1, applied wanted - degree times.
+    """
+    more = wanted - degree
+    matrix = np.zeros((wanted + 1, degree + 1))
+    for row in range(wanted + 1):
+        for column in range(max(0, row - more), min(degree, row) + 1):
+            matrix[row, column] = comb(degree, column) * comb(more, row - column) / comb(wanted, row)
+    return matrix
+
+
+def _points(projection: Projection, matrix: Array | None, times: Array, faces: int, polar: bool) -> Array:
+    """Layers (K, R, C, 3) over STEPS · faces + 1 places along each axis."""
+    count = STEPS * faces + 1
+    x, y = lattice(count, count)
+    if polar:
+        (u0, u1), (v0, v1) = projection.u_range, projection.v_range
+        u, v = u0 + x * (u1 - u0), v0 + y * (v1 - v0)
+        shown = np.ones(len(x), bool)
+    else:
+        u, v, _, shown = projection.parameters(x, y)
+        # Beyond the rim of a polar picture its surfaces go on, as far as they do.
+        shown = shown | isinstance(projection.reparameterisation, Polar)
+    controls = projection.volume.controls(u, v)
+    if not (controls.valid & shown).all() or not np.isfinite(controls.points).all():
+        raise BlendError("The picture of one camera has empty parts, which have nothing to be blended with")
+    if matrix is None:
+        weights, _ = projection.volume.spans.weights(times)
+        matrix = weights.T
+    layers: Array = np.einsum("kc,cdn->knd", matrix, controls.points)
+    placed: Array = layers.reshape(len(matrix), count, count, 3)
+    return placed
+
+
+def _bend(layers: Array) -> float:
+    """How far points are from a grid of every STEPS-th line, as a share of the size."""
+    size = float(np.ptp(layers.reshape(-1, 3), axis=0).max())
+    grid = _between(_between(layers[:, ::STEPS, ::STEPS]).swapaxes(1, 2)).swapaxes(1, 2)
+    worst = float(np.linalg.norm(layers - grid, axis=-1).max())
+    return worst / size if size > 0.0 else 0.0
+
+
+def _between(lines: Array) -> Array:
+    """Lines (K, R, ...) with STEPS - 1 lines more, evenly, between any two."""
+    count = lines.shape[1] - 1
+    place = np.arange(STEPS * count + 1) / STEPS
+    cell = np.minimum(place.astype(np.int64), count - 1)
+    share = (place - cell)[:, None, None]
+    between: Array = (1.0 - share) * lines[:, cell] + share * lines[:, cell + 1]
+    return between

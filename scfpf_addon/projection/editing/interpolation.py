@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Projections between two: control surfaces that are half way from one time to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from ..surfaces.surface import ControlSurface, Placement, SurfaceSample
+from ..typing import Array
+from ..volume.viewing_volume import Projection, ViewingVolume
+
+
+@dataclass(frozen=True)
+class SurfaceBetween(ControlSurface):
+    """Each point ``share`` of the straight way from where ``before`` has it to where ``after`` has it."""
+
+    before: ControlSurface
+    after: ControlSurface
+    share: float
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ``ControlSurface``; tiles are those of ``before``."""
+        a, b = self.before.evaluate(u, v, time), self.after.evaluate(u, v, time)
+        return SurfaceSample(
+            self._mixed(a.position, b.position),
+            self._mixed(a.du, b.du),
+            self._mixed(a.dv, b.dv),
+            a.tile,
+            a.valid & b.valid,
+        )
+
+    def _mixed(self, a: Array, b: Array) -> Array:
+        return a + (b - a) * self.share
+
+    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """See ``ControlSurface``."""
+        a, b = self.before.positions(u, v, time), self.after.positions(u, v, time)
+        return Placement(self._mixed(a.position, b.position), a.valid & b.valid)
+
+    def local_hull(self) -> Array:
+        """See ``ControlSurface``: what lies between two convex sets lies in the hull of both."""
+        return np.concatenate([self.before.hull(), self.after.hull()], axis=1)
+
+    def transformed(self, matrix: Array) -> Self:
+        """See ``ControlSurface``."""
+        return replace(self, before=self.before.transformed(matrix), after=self.after.transformed(matrix))
+
+
+def projection_between(before: Projection, after: Projection, share: float) -> Projection:
+    """The projection ``share`` of the way from one to the other.
+
+    Only control surfaces and the shown range move; where the volumes are not of the same
+    surfaces, or no plain ones, it is the nearer of both.
+    """
+    one, other = before.volume, after.volume
+    nearer = before if share < 0.5 else after
+    if share in (0.0, 1.0) or not (type(one) is type(other) is ViewingVolume):
+        return nearer
+    if len(one.surfaces) != len(other.surfaces) or one.basis != other.basis:
+        return nearer
+    surfaces = tuple(SurfaceBetween(a, b, share) for a, b in zip(one.surfaces, other.surfaces, strict=True))
+    weights = one.weights
+    if one.weights is not None and other.weights is not None:
+        weights = tuple(a + (b - a) * share for a, b in zip(one.weights, other.weights, strict=True))
+    return replace(
+        nearer,
+        volume=ViewingVolume(surfaces, one.basis, weights),
+        u_range=_pair(before.u_range, after.u_range, share),
+        v_range=_pair(before.v_range, after.v_range, share),
+    )
+
+
+def _pair(one: tuple[float, float], other: tuple[float, float], share: float) -> tuple[float, float]:
+    return one[0] + (other[0] - one[0]) * share, one[1] + (other[1] - one[1]) * share

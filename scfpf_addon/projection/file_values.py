@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Values of a JSON file, checked one by one: every message says where a value stands and what it must be."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import NamedTuple
+
+import numpy as np
+
+from .file_limits import PresetError, check_numbers, shown
+from .typing import Array
+
+# A name that Blender 4.5 keeps whole.
+MAXIMUM_NAME_BYTES = 63
+MAXIMUM_TEXT = 10_000
+# Blender stores float32: past this a coordinate is coarser than 64 units.
+LARGEST_LENGTH = 1e9
+# As far below one unit as the largest is above it; its square is still a normal float32.
+SMALLEST_LENGTH = 1e-9
+
+
+class Limit(NamedTuple):
+    """The least and the greatest value of a number."""
+
+    low: float
+    high: float
+
+
+LENGTH = Limit(SMALLEST_LENGTH, LARGEST_LENGTH)
+COORDINATE = Limit(-LARGEST_LENGTH, LARGEST_LENGTH)
+SHARE = Limit(0.0, 1.0)
+
+
+def read_object(
+    data: object, where: str, required: tuple[str, ...], optional: tuple[str, ...] = ()
+) -> dict[str, object]:
+    """A JSON object with all the required keys and none but these."""
+    if not isinstance(data, dict):
+        raise PresetError(f"{where} must be an object")
+    for key in data:
+        if key not in required and key not in optional:
+            raise PresetError(f"{where} has an unknown key {shown(key)}")
+    for key in required:
+        if key not in data:
+            raise PresetError(f"{where} needs {key}")
+    return data
+
+
+def read_number(value: object, where: str, limit: Limit) -> float:
+    """A finite number within the limit."""
+    # A JSON true is an int to Python, but no number to a reader.
+    number = value if isinstance(value, (int, float)) and not isinstance(value, bool) else None
+    if number is not None and limit.low <= number <= limit.high:
+        return float(number)
+    if limit.low > 0 and (number is None or number <= 0):
+        raise PresetError(f"{where} must be a number above 0")
+    raise PresetError(f"{where} must be a number between {limit.low:g} and {limit.high:g}")
+
+
+def read_vector(value: object, where: str, limit: Limit) -> tuple[float, float, float]:
+    """Three numbers within the limit."""
+    if not isinstance(value, list) or len(value) != 3:
+        raise PresetError(f"{where} must be three numbers [x, y, z]")
+    x, y, z = (read_number(item, where, limit) for item in value)
+    return x, y, z
+
+
+def read_range(value: object, where: str) -> tuple[float, float]:
+    """Two rising numbers within [0, 1]."""
+    if not isinstance(value, list) or len(value) != 2:
+        raise PresetError(f"{where} must be two numbers [start, end]")
+    start, end = (read_number(item, where, SHARE) for item in value)
+    if not start < end:
+        raise PresetError(f"{where} must rise from its start to its end")
+    return start, end
+
+
+def read_choice(value: object, where: str, choices: tuple[str, ...]) -> str:
+    """One of the given words."""
+    if not isinstance(value, str) or value not in choices:
+        raise PresetError(f"{where} must be one of {', '.join(choices)}")
+    return value
+
+
+def read_name(value: object, where: str) -> str:
+    """A name: not empty, printable, short enough for Blender to keep whole."""
+    if not isinstance(value, str) or not value.strip() or not value.isprintable():
+        raise PresetError(f"{where} must be a text in one line")
+    if len(value.encode()) > MAXIMUM_NAME_BYTES:
+        raise PresetError(f"{where} must not be longer than {MAXIMUM_NAME_BYTES} bytes")
+    return value
+
+
+def read_text(value: object, where: str) -> str:
+    """Prose, perhaps empty, perhaps of several lines."""
+    if not isinstance(value, str) or not value.replace("\n", "").isprintable():
+        raise PresetError(f"{where} must be a text")
+    if len(value) > MAXIMUM_TEXT:
+        raise PresetError(f"{where} must not be longer than {MAXIMUM_TEXT} characters")
+    return value
+
+
+def read_points(
+    value: object, where: str, exactly: tuple[int, int] | None = None, weighted: bool = False
+) -> Array:
+    """Rows of points as (rows, columns, 3) float64, at least 2 × 2, or exactly as many as said.
+
+    weighted: every point may have a weight above 0 as a fourth number.
+    """
+    wanted = "at least 2 × 2" if exactly is None else f"{exactly[0]} × {exactly[1]}"
+    form = "[x, y, z] or [x, y, z, weight]" if weighted else "[x, y, z]"
+    shape_error = PresetError(f"{where} must be {wanted} points {form}, in rows of one length")
+    if not isinstance(value, list) or set(map(type, value)) != {list}:
+        raise shape_error
+    points = list(chain.from_iterable(value))
+    check_numbers(3 * len(points))
+    if len(set(map(len, value))) != 1 or set(map(type, points)) != {list}:
+        raise shape_error
+    widths = set(map(len, points))
+    if widths != {3} and not (weighted and widths == {4}):
+        raise shape_error
+    size = (len(value), len(value[0]))
+    if min(size) < 2 or exactly not in (None, size):
+        raise shape_error
+    range_error = PresetError(f"{where} must be numbers between {COORDINATE.low:g} and {COORDINATE.high:g}")
+    if not set(map(type, chain.from_iterable(points))) <= {int, float}:
+        raise range_error
+    try:
+        array = np.array(points, np.float64)
+    except OverflowError as error:
+        raise range_error from error
+    if not (np.abs(array) <= LARGEST_LENGTH).all():
+        raise range_error
+    if array.shape[1] == 4 and array[:, 3].min() < SMALLEST_LENGTH:
+        raise PresetError(f"{where}: every weight must be a number above 0")
+    return array.reshape(*size, -1)

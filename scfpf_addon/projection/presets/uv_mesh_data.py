@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""UV meshes in preset files: points, a place in the UV square for each, and triangles of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..file_limits import MAXIMUM_AT_VERTEX, MAXIMUM_OVERLAPS, PresetError, check_numbers
+from ..file_values import COORDINATE, Limit
+from ..surfaces.uv_chart import UVChart
+from ..typing import Array, IndexArray
+
+# Of UVs: those outside of the unit square are kept, but show nothing.
+_UV = Limit(-1000.0, 1000.0)
+
+
+def read_mesh(values: dict[str, object], where: str) -> tuple[Array, UVChart]:
+    """The points (V, 3) and the chart of a surface's "points", "uv" and "triangles", checked.
+
+    Raises PresetError, which says what is wrong.
+    """
+    points = _rows(values["points"], f"{where}: points", 3, COORDINATE)
+    uv = _rows(values["uv"], f"{where}: uv", 2, _UV)
+    if len(uv) != len(points):
+        raise PresetError(f"{where}: uv must be as many as the points, {len(points)}, not {len(uv)}")
+    last = len(points) - 1
+    corners = _rows(values["triangles"], f"{where}: triangles", 3, Limit(0, last))
+    triangles: IndexArray = corners.astype(np.int64)
+    if (triangles != corners).any():
+        raise PresetError(f"{where}: triangles must be whole numbers from 0 to {last}")
+    chart = UVChart(uv[triangles], triangles)
+    if not chart.used.any():
+        raise PresetError(f"{where}: no triangle has an area in the UV square from 0 to 1")
+    _check_work(triangles, chart, where)
+    return points, chart
+
+
+def _check_work(triangles: IndexArray, chart: UVChart, where: str) -> None:
+    """Raise PresetError for a mesh that would take too long to look up in, or Blender to show."""
+    most = int(np.bincount(triangles.ravel()).max())
+    if most > MAXIMUM_AT_VERTEX:
+        raise PresetError(
+            f"{where}: {most} triangles meet at one point, at most {MAXIMUM_AT_VERTEX} are allowed"
+        )
+    # The mean first: of triangles that lie on one another in great numbers no bins are made.
+    if chart.mean_overlaps > MAXIMUM_OVERLAPS or chart.most_overlaps > MAXIMUM_OVERLAPS:
+        raise PresetError(
+            f"{where}: too many triangles overlap in the UV square, at most {MAXIMUM_OVERLAPS} may "
+            "lie in one place"
+        )
+
+
+def mesh_data(points: Array, chart: UVChart) -> dict[str, object]:
+    """The same as a file has it; a point with several UVs stands there several times."""
+    corners = np.concatenate([chart.vertices.reshape(-1, 1), chart.uv.reshape(-1, 2)], axis=1)
+    own, number = np.unique(corners, axis=0, return_inverse=True)
+    vertices = own[:, 0].astype(np.int64)
+    return {
+        "points": np.asarray(points, np.float64)[vertices].tolist(),
+        "uv": own[:, 1:].tolist(),
+        "triangles": number.reshape(-1, 3).tolist(),
+    }
+
+
+def _rows(value: object, where: str, width: int, limit: Limit) -> Array:
+    """Rows of so many numbers each within the limit, (N, width) float64."""
+    form = PresetError(f"{where} must be a list of rows of {width} numbers")
+    if not isinstance(value, list) or not value or set(map(type, value)) != {list}:
+        raise form
+    check_numbers(width * len(value))
+    if set(map(len, value)) != {width} or not {type(n) for row in value for n in row} <= {int, float}:
+        raise form
+    try:
+        rows = np.array(value, np.float64)
+    except OverflowError as error:
+        raise form from error
+    if not ((rows >= limit.low) & (rows <= limit.high)).all():
+        raise PresetError(f"{where} must be numbers between {limit.low:g} and {limit.high:g}")
+    return rows

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A control surface as a preset file can hold it: as what it is if that is the same, else as a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..editing.resolution import change, grid_within
+from ..editing.volume_edits import sampled
+from ..surfaces.surface import ControlSurface
+from ..surfaces.uv_mesh import UVMesh
+from ..typing import Array
+from .preset import SHEAR_TOLERANCE, PresetSurface
+
+# A description that is off by more than this share of the surface's size is none: float32 with room to spare.
+SAME = 1e-4
+# Places along an axis at which both are compared, a quarter of them.
+COMPARED = 16
+# UV meshes of more triangles than this become grids: their files would be megabytes.
+MOST_TRIANGLES = 20_000
+# A grid is off by no more than this share of the surface's size: a tenth of a pixel of a thousand.
+GRID_ERROR = 1e-4
+
+
+def stored_surface(
+    name: str,
+    surface: ControlSurface,
+    weight: float = 1.0,
+    kind: str = "",
+    parameters: Mapping[str, float] | None = None,
+    points: Array | None = None,
+    matrix: Array | None = None,
+) -> PresetSurface:
+    """A surface in camera space as a preset's.
+
+    kind, parameters, points, matrix: what it is said to be, as in ``preset.surface_from_parameters``. Where
+    that is not so (modifiers, other knots, a sheared matrix), or nothing is said, it becomes a
+    grid in camera space. A UV mesh that is said to be one stays one, in camera space, holes and all.
+    Raises EditingError for any other surface with holes.
+    """
+    if kind == "UV_MESH" and isinstance(surface, UVMesh) and len(surface.chart.uv) <= MOST_TRIANGLES:
+        own = np.asarray(surface.points, np.float64)
+        points = own @ surface.matrix[:3, :3].T + surface.matrix[:3, 3]
+        return PresetSurface(name, kind, np.eye(4), {}, points, weight, surface.chart)
+    if kind and matrix is not None and _is_upright(matrix):
+        described = PresetSurface(name, kind, matrix, dict(parameters or {}), points, weight)
+        try:
+            same = change(surface, described.surface(), COMPARED, COMPARED) <= SAME
+        except ValueError:
+            same = False
+        if same:
+            return described
+    columns, rows = grid_within(surface, GRID_ERROR)
+    return PresetSurface(name, "GRID", np.eye(4), {}, sampled(surface, columns + 1, rows + 1), weight)
+
+
+def _is_upright(matrix: Array) -> bool:
+    """Whether a matrix has no shear, for which files have no place."""
+    linear = matrix[:3, :3]
+    axes = linear / np.sqrt((linear**2).sum(axis=0))
+    return bool(np.abs(axes.T @ axes - np.eye(3)).max() <= SHEAR_TOLERANCE)

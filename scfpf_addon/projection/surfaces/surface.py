@@ -1,0 +1,362 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Control surfaces: parametric sheets Q(u, v) with their derivatives.
+
+A kind is one class: it says where (u, v) in [0, 1]² lies in the surface's own
+space; ``matrix`` places it in the volume's space. With the camera looking
+along -Z, u grows to the right and v up. Angles are radians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ..typing import Array, BoolArray, IndexArray
+
+
+class SurfaceSample(NamedTuple):
+    """What a control surface answers for N parameters.
+
+    position, du, dv: (3, N). tile: (N,) int32, the smooth piece that (u, v)
+    falls in; derivatives are one-sided at its edges. valid: (N,) bool, False
+    where the surface has a hole.
+    """
+
+    position: Array
+    du: Array
+    dv: Array
+    tile: IndexArray
+    valid: BoolArray
+
+
+class Placement(NamedTuple):
+    """Where N parameters lie, without derivatives. position: (3, N). valid: (N,) bool."""
+
+    position: Array
+    valid: BoolArray
+
+
+def _rows(*components: Array) -> Array:
+    return np.stack(np.broadcast_arrays(*components))
+
+
+def _box(x: float, y: float, z: float) -> Array:
+    """The corners (3, 8) of a box about the origin that reaches to x, y, z."""
+    return np.stack(np.meshgrid([-x, x], [-y, y], [-z, z])).reshape(3, -1)
+
+
+def _apply(matrix: Array, vectors: Array, offset: Array | None = None) -> Array:
+    """matrix (3, 3) times vectors (3, N), plus offset (3,).
+
+    Row by row without a matrix product: BLAS would start threads of its own
+    inside each of ours. Terms that a matrix does not have cost nothing.
+    """
+    result = np.empty(vectors.shape)
+    term = np.empty(vectors.shape[1:])
+    for row, target in zip(matrix, result, strict=True):
+        used = np.flatnonzero(row)
+        if len(used) == 0:
+            target.fill(0.0)
+            continue
+        np.multiply(vectors[used[0]], row[used[0]], out=target)
+        for column in used[1:]:
+            target += np.multiply(vectors[column], row[column], out=term)
+    if offset is not None:
+        result += offset[:, None]
+    return result
+
+
+def _bilinear(terms: tuple[Array, Array, Array, Array], u: Array, v: Array) -> Array:
+    """a + b·u + c·v + d·u·v, (3, N), of four vectors (3,); terms that are 0 cost nothing."""
+    constant, by_u, by_v, by_uv = terms
+    result = np.empty((3, len(u)))
+    term = np.empty(len(u))
+    for row, target in enumerate(result):
+        if by_u[row] or by_uv[row]:
+            if by_uv[row]:
+                np.multiply(v, by_uv[row], out=target)
+                target += by_u[row]
+                target *= u
+            else:
+                np.multiply(u, by_u[row], out=target)
+            target += constant[row]
+        else:
+            target.fill(constant[row])
+        if by_v[row]:
+            target += np.multiply(v, by_v[row], out=term)
+    return result
+
+
+@dataclass(frozen=True)
+class ControlSurface:
+    """Base of all kinds. matrix: (4, 4) affine, own space to volume space."""
+
+    matrix: Array = field(default_factory=lambda: np.eye(4), kw_only=True)
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """The sample in the surface's own space. u, v: (N,)."""
+        raise NotImplementedError
+
+    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """``local`` without derivatives; kinds override it where that saves work."""
+        sample = self.local(u, v, time)
+        return Placement(sample.position, sample.valid)
+
+    def evaluate(self, u: Array, v: Array, time: float = 0.0) -> SurfaceSample:
+        """Position and derivatives in volume space.
+
+        u, v: (N,) in [0, 1]; outside, smooth kinds continue. time: shutter
+        time in frames relative to the frame's centre; still surfaces ignore it.
+        """
+        u = np.atleast_1d(np.asarray(u, np.float64))
+        v = np.atleast_1d(np.asarray(v, np.float64))
+        sample = self.local(u, v, time)
+        linear = self.matrix[:3, :3]
+        return sample._replace(
+            position=_apply(linear, sample.position, self.matrix[:3, 3]),
+            du=_apply(linear, sample.du),
+            dv=_apply(linear, sample.dv),
+        )
+
+    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+        """``evaluate`` without derivatives. u, v: (N,) float64."""
+        placement = self.local_position(u, v, time)
+        moved = _apply(self.matrix[:3, :3], placement.position, self.matrix[:3, 3])
+        return placement._replace(position=moved)
+
+    def local_hull(self) -> Array:
+        """Points (3, N) in the surface's own space whose convex hull holds all of it, u and v in [0, 1]."""
+        raise NotImplementedError
+
+    def hull(self) -> Array:
+        """``local_hull`` in volume space."""
+        return _apply(self.matrix[:3, :3], self.local_hull(), self.matrix[:3, 3])
+
+    def transformed(self, matrix: Array) -> Self:
+        """The same surface with ``matrix`` (4, 4) applied after its own."""
+        return replace(self, matrix=np.asarray(matrix, np.float64) @ self.matrix)
+
+    def _whole(self, position: Array, du: Array, dv: Array) -> SurfaceSample:
+        count = position.shape[1]
+        return SurfaceSample(position, du, dv, np.zeros(count, np.int32), np.ones(count, bool))
+
+    def _placed(self, *components: Array) -> Placement:
+        return Placement(_rows(*components), np.ones(np.shape(components[0]), bool))
+
+
+@dataclass(frozen=True)
+class Point(ControlSurface):
+    """Every (u, v) at the origin: a centre of projection. Both derivatives vanish."""
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
+        nought = np.zeros((3, len(u)))
+        return self._whole(nought, nought, nought)
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return np.zeros((3, 1))
+
+
+@dataclass(frozen=True)
+class Plane(ControlSurface):
+    """A width × height rectangle in the XY plane, centred at the origin."""
+
+    width: float = 1.0
+    height: float = 1.0
+
+    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+        """See ControlSurface.positions."""
+        across, up = self.matrix[:3, 0] * self.width, self.matrix[:3, 1] * self.height
+        corner = self.matrix[:3, 3] - 0.5 * (across + up)
+        return Placement(_bilinear((corner, across, up, np.zeros(3)), u, v), np.ones(len(u), bool))
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
+        zero, one = np.zeros_like(u), np.ones_like(u)
+        return self._whole(
+            _rows((u - 0.5) * self.width, (v - 0.5) * self.height, zero),
+            _rows(self.width * one, zero, zero),
+            _rows(zero, self.height * one, zero),
+        )
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return _box(0.5 * self.width, 0.5 * self.height, 0.0)
+
+
+@dataclass(frozen=True)
+class BilinearPatch(ControlSurface):
+    """Four corners joined bilinearly. corners: (4, 3) at (u,v) = 00, 10, 01, 11."""
+
+    corners: Array = field(
+        default_factory=lambda: np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]]) / 2
+    )
+
+    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+        """See ControlSurface.positions."""
+        linear = self.matrix[:3, :3]
+        c00, c10, c01, c11 = np.asarray(self.corners, np.float64) @ linear.T + self.matrix[:3, 3]
+        terms = (c00, c10 - c00, c01 - c00, c11 - c10 - c01 + c00)
+        return Placement(_bilinear(terms, u, v), np.ones(len(u), bool))
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
+        c00, c10, c01, c11 = np.asarray(self.corners, np.float64)[:, :, None]
+        bottom, top = c00 + (c10 - c00) * u, c01 + (c11 - c01) * u
+        along = (c10 - c00) * (1 - v) + (c11 - c01) * v
+        return self._whole(bottom + (top - bottom) * v, along, top - bottom)
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return np.asarray(self.corners, np.float64).T
+
+
+@dataclass(frozen=True)
+class Disc(ControlSurface):
+    """A disc in the XY plane: u turns through ``arc`` from +X, v is the radius."""
+
+    radius: float = 1.0
+    arc: float = 2 * np.pi
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
+        angle = self.arc * u
+        cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
+        r = self.radius * v
+        return self._whole(
+            _rows(r * cos, r * sin, zero),
+            self.arc * _rows(-r * sin, r * cos, zero),
+            self.radius * _rows(cos, sin, zero),
+        )
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return _box(self.radius, self.radius, 0.0)
+
+
+@dataclass(frozen=True)
+class Cone(ControlSurface):
+    """A cone about +Y. u turns through ``arc`` with -Z in the middle (u = ½).
+
+    v runs along the axis over ``height``, centred; the radius goes from
+    ``radius_start`` at v = 0 to ``radius_end`` at v = 1.
+    """
+
+    radius_start: float = 1.0
+    radius_end: float = 0.5
+    arc: float = 2 * np.pi
+    height: float = 1.0
+
+    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """See ControlSurface.local_position."""
+        angle = (u - 0.5) * self.arc
+        r = self.radius_start + (self.radius_end - self.radius_start) * v
+        return self._placed(r * np.sin(angle), (v - 0.5) * self.height, -r * np.cos(angle))
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
+        angle = (u - 0.5) * self.arc
+        cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
+        slope = self.radius_end - self.radius_start
+        r = self.radius_start + slope * v
+        return self._whole(
+            _rows(r * sin, (v - 0.5) * self.height, -r * cos),
+            self.arc * _rows(r * cos, zero, r * sin),
+            _rows(slope * sin, self.height + zero, -slope * cos),
+        )
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        radius = max(abs(self.radius_start), abs(self.radius_end))
+        return _box(radius, 0.5 * self.height, radius)
+
+
+@dataclass(frozen=True)
+class Cylinder(ControlSurface):
+    """A cylinder about +Y: u turns through ``arc`` with -Z in the middle, v is the height."""
+
+    radius: float = 1.0
+    arc: float = 2 * np.pi
+    height: float = 1.0
+
+    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+        """See ControlSurface.local_position."""
+        return Cone(self.radius, self.radius, self.arc, self.height).local_position(u, v, time)
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
+        return Cone(self.radius, self.radius, self.arc, self.height).local(u, v, time)
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return _box(self.radius, 0.5 * self.height, self.radius)
+
+
+@dataclass(frozen=True)
+class SphereSector(ControlSurface):
+    """A sector of a sphere with its poles on ±Y.
+
+    u is longitude through ``arc`` with -Z in the middle; v is latitude from
+    ``latitude_start`` to ``latitude_end``. At a pole du vanishes.
+    """
+
+    radius: float = 1.0
+    arc: float = 2 * np.pi
+    latitude_start: float = -np.pi / 2
+    latitude_end: float = np.pi / 2
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
+        longitude = (u - 0.5) * self.arc
+        extent = self.latitude_end - self.latitude_start
+        latitude = self.latitude_start + extent * v
+        sin_u, cos_u = np.sin(longitude), np.cos(longitude)
+        sin_v, cos_v = np.sin(latitude), np.cos(latitude)
+        return self._whole(
+            self.radius * _rows(cos_v * sin_u, sin_v, -cos_v * cos_u),
+            self.radius * self.arc * _rows(cos_v * cos_u, np.zeros_like(u), cos_v * sin_u),
+            self.radius * extent * _rows(-sin_v * sin_u, cos_v, sin_v * cos_u),
+        )
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return _box(self.radius, self.radius, self.radius)
+
+
+@dataclass(frozen=True)
+class Grid(ControlSurface):
+    """A regular grid of points, joined bilinearly cell by cell.
+
+    points: (rows, columns, 3), rows along v and columns along u, at least 2 × 2.
+    Derivatives at a grid line are those of the cell to its right and above, at
+    the far border those of the last cell. Raises ValueError for a smaller grid.
+    """
+
+    points: Array = field(default_factory=lambda: np.zeros((2, 2, 3)))
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.points)
+        if len(shape) != 3 or shape[2] != 3 or min(shape[:2]) < 2:
+            raise ValueError(f"a grid needs at least 2 × 2 points, got shape {shape}")
+
+    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+        """See ControlSurface.local."""
+        rows, columns = self.points.shape[:2]
+        across, up = u * (columns - 1), v * (rows - 1)
+        column = np.clip(np.floor(across), 0, columns - 2).astype(np.int64)
+        row = np.clip(np.floor(up), 0, rows - 2).astype(np.int64)
+        a, b = across - column, up - row
+        flat = np.ascontiguousarray(self.points.reshape(-1, 3).T, np.float64)
+        first = row * columns + column
+        c00, c10 = flat.take(first, 1), flat.take(first + 1, 1)
+        c01, c11 = flat.take(first + columns, 1), flat.take(first + columns + 1, 1)
+        bottom, top = c00 + (c10 - c00) * a, c01 + (c11 - c01) * a
+        along = (c10 - c00) * (1 - b) + (c11 - c01) * b
+        return self._whole(bottom + (top - bottom) * b, (columns - 1) * along, (rows - 1) * (top - bottom))
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        return np.asarray(self.points, np.float64).reshape(-1, 3).T

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The viewing volume Q(u, v, t) and the projection that an image makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ..surfaces.surface import ControlSurface
+from ..typing import Array, BoolArray, IndexArray
+from .basis import BasisKind, SpanBasis, span_basis
+from .reparameterisation import ImageMap, Rectangle, Reparameterisation
+
+
+class ControlSample(NamedTuple):
+    """Control points of N projectors, with their derivatives by u and v.
+
+    points, du, dv: (m+1, 3, N). tile: (N,) int64, one number a combination of
+    the surfaces' tiles. valid: (N,) bool.
+    """
+
+    points: Array
+    du: Array
+    dv: Array
+    tile: IndexArray
+    valid: BoolArray
+
+
+class Projectors(NamedTuple):
+    """Control points of N projectors. points: (m+1, 3, N). valid: (N,) bool."""
+
+    points: Array
+    valid: BoolArray
+
+
+class VolumeSample(NamedTuple):
+    """Q and its derivatives at N points (u, v, t), each (3, N)."""
+
+    position: Array
+    du: Array
+    dv: Array
+    dt: Array
+
+
+@dataclass(frozen=True)
+class ViewingVolume:
+    """Control surfaces Q0 (near) to Qm (far) joined by a projector basis.
+
+    Q(u, v, t) = Σ B(i, m)(t) Qi(u, v), t in [0, 1] (paper §4.1); other bases
+    replace the Bernstein polynomials. weights: one a surface, above 0, for basis
+    NURBS; other bases leave them aside. Raises ValueError for fewer than two surfaces.
+    """
+
+    surfaces: tuple[ControlSurface, ...]
+    basis: BasisKind = "BEZIER"
+    weights: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.surfaces) < 2:
+            raise ValueError("a viewing volume needs at least two control surfaces")
+
+    @cached_property
+    def spans(self) -> SpanBasis:
+        """The Bézier spans of every projector. Raises ValueError for weights that are none."""
+        return span_basis(self.basis, len(self.surfaces), self.weights)
+
+    def controls(self, u: Array, v: Array, time: float = 0.0) -> ControlSample:
+        """Control points of the projectors through (u, v), each (N,)."""
+        samples = [surface.evaluate(u, v, time) for surface in self.surfaces]
+        tile = np.zeros(len(samples[0].tile), np.int64)
+        for sample in samples:
+            tile = tile * (int(sample.tile.max(initial=0)) + 1) + sample.tile
+        return ControlSample(
+            np.stack([s.position for s in samples]),
+            np.stack([s.du for s in samples]),
+            np.stack([s.dv for s in samples]),
+            tile,
+            np.logical_and.reduce([s.valid for s in samples]),
+        )
+
+    def projectors(self, u: Array, v: Array, time: float = 0.0) -> Projectors:
+        """``controls`` without derivatives and tiles: what casting needs of every pixel."""
+        points = np.empty((len(self.surfaces), 3, len(u)))
+        valid = np.ones(len(u), bool)
+        for surface, target in zip(self.surfaces, points, strict=True):
+            target[:], present = surface.positions(u, v, time)
+            valid &= present
+        return Projectors(points, valid)
+
+    def evaluate(self, u: Array, v: Array, t: Array, time: float = 0.0) -> VolumeSample:
+        """Q, Qu, Qv and Qt at u, v, t, each (N,)."""
+        controls = self.controls(u, v, time)
+        return self.evaluate_controls(controls, np.broadcast_to(t, controls.tile.shape))
+
+    def evaluate_controls(self, controls: ControlSample, t: Array) -> VolumeSample:
+        """Q, Qu, Qv and Qt of projectors already sampled, at t (N,)."""
+        weights, slopes = self.spans.weights(t)
+        return VolumeSample(
+            np.einsum("kn,kcn->cn", weights, controls.points),
+            np.einsum("kn,kcn->cn", weights, controls.du),
+            np.einsum("kn,kcn->cn", weights, controls.dv),
+            np.einsum("kn,kcn->cn", slopes, controls.points),
+        )
+
+    def transformed(self, matrix: Array) -> ViewingVolume:
+        """The volume with an affine (4, 4) matrix applied to every surface."""
+        return replace(self, surfaces=tuple(s.transformed(matrix) for s in self.surfaces))
+
+
+def determinant(sample: VolumeSample) -> Array:
+    """det[Qu Qv Qt], (N,): negative in a good volume, a change of sign is a fold."""
+    result: Array = np.einsum("cn,cn->n", np.cross(sample.du, sample.dv, axis=0), sample.dt)
+    return result
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A viewing volume, the part of it that is shown, and its image.
+
+    u_range, v_range: the parameters at the image's borders, within [0, 1].
+    aspect: width / height of the image.
+    """
+
+    volume: ViewingVolume
+    reparameterisation: Reparameterisation = field(default_factory=Rectangle)
+    u_range: tuple[float, float] = (0.0, 1.0)
+    v_range: tuple[float, float] = (0.0, 1.0)
+    aspect: float = 1.0
+
+    def parameters(self, x: Array, y: Array) -> ImageMap:
+        """(u, v), their Jacobian by (x, y) and the mask, for x, y (N,) in [0, 1]."""
+        image = self.reparameterisation.map(
+            np.atleast_1d(np.asarray(x, np.float64)),
+            np.atleast_1d(np.asarray(y, np.float64)),
+            self.aspect,
+        )
+        extent_u, extent_v = self.u_range[1] - self.u_range[0], self.v_range[1] - self.v_range[0]
+        jacobian = image.jacobian * np.array([extent_u, extent_v])[:, None, None]
+        return ImageMap(
+            self.u_range[0] + image.u * extent_u,
+            self.v_range[0] + image.v * extent_v,
+            jacobian,
+            image.mask,
+        )
+
+    def projectors(self, x: Array, y: Array) -> Projectors:
+        """Control points of the projectors through image positions x, y (N,) in [0, 1].
+
+        valid is False where the image shows nothing or a surface has a hole.
+        """
+        u, v, mask = self.reparameterisation.points(x, y, self.aspect)
+        (u0, u1), (v0, v1) = self.u_range, self.v_range
+        if (u0, u1, v0, v1) != (0.0, 1.0, 0.0, 1.0):
+            u, v = u0 + u * (u1 - u0), v0 + v * (v1 - v0)
+        projectors = self.volume.projectors(u, v)
+        return projectors._replace(valid=projectors.valid & mask)
+
+    def taken(self, which: IndexArray) -> Projection:
+        """The projection for some (n,) of the image positions that it was made for, if it was."""
+        return self
+
+    def transformed(self, matrix: Array) -> Projection:
+        """The projection with its volume moved by an affine (4, 4) matrix."""
+        return replace(self, volume=self.volume.transformed(matrix))
+
+
+def image_derivatives(du: Array, dv: Array, jacobian: Array) -> tuple[Array, Array]:
+    """Qx and Qy from Qu and Qv (each (..., 3, N)) and the Jacobian (2, 2, N).
+
+    Formed directly because at a polar centre [Qu Qv] is singular and [Qx Qy] is not.
+    """
+    (ux, uy), (vx, vy) = jacobian
+    return du * ux + dv * vx, du * uy + dv * vy

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which objects the live preview shows, and keeping its source collections in step with them.
+
+Collection Info shows whatever is in a collection, hidden or not, so what is hidden in
+renders, control surfaces and the like must not be in it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...bridge.camera.flexible_camera import control_objects
+
+# What has faces, or instances a collection of things that have.
+SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META", "EMPTY"}
+# Instancers of this type hide the children that they instance.
+PARENTS = {"VERTS", "FACES"}
+
+
+def shown_objects(view_layer) -> dict[int, object]:
+    """The objects that a render of a view layer shows and nodes can take, by session_uid.
+
+    As in renders, being hidden in viewports only does not count.
+    """
+    left_out = control_objects()
+    shown: dict[int, object] = {}
+    pending = [view_layer.layer_collection]
+    while pending:
+        layer = pending.pop()
+        if layer.collection.hide_render or layer.indirect_only:
+            continue
+        pending.extend(layer.children)
+        if layer.exclude:
+            continue
+        for candidate in layer.collection.objects:
+            if candidate.session_uid not in shown and _is_shown(candidate, left_out):
+                shown[candidate.session_uid] = candidate
+    return shown
+
+
+def _is_shown(candidate, left_out: set[str]) -> bool:
+    if candidate.hide_render or candidate.type not in SHAPES or not candidate.visible_camera:
+        return False
+    if candidate.type == "EMPTY":
+        if candidate.instance_type != "COLLECTION":
+            return False
+    elif candidate.is_instancer and not candidate.show_instancer_for_render:
+        return False
+    if candidate.parent is not None and candidate.parent.instance_type in PARENTS:
+        return False
+    return candidate.name_full not in left_out
+
+
+def take_members(collections, wanted: dict[int, object], places: dict[int, int]) -> list:
+    """Make collections hold just the wanted objects, each in its place; returns those that are new in them.
+
+    places: the number of each object's collection. Touches collections only where they differ: every
+    change rebuilds the depsgraph's relations.
+    """
+    present = places_of(collections)
+    for number, collection in enumerate(collections):
+        for member in list(collection.objects):
+            if places.get(member.session_uid) != number:
+                collection.objects.unlink(member)
+    for uid, number in places.items():
+        if present.get(uid) != number:
+            collections[number].objects.link(wanted[uid])
+    return [wanted[uid] for uid in wanted if uid not in present]
+
+
+def places_of(collections) -> dict[int, int]:
+    """The number of the collection that each object is in, by session_uid."""
+    return {
+        member.session_uid: number
+        for number, collection in enumerate(collections)
+        for member in collection.objects
+    }
+
+
+def visibility_signature(view_layer) -> bytes:
+    """A cheap summary of what decides, per object, whether a render shows it.
+
+    Membership and visibility of collections are not in it: edits of those are told by the depsgraph.
+    """
+    objects = view_layer.objects
+    count = len(objects)
+    numbers, hidden, visible = np.empty(count, np.int32), np.empty(count, bool), np.empty(count, bool)
+    objects.foreach_get("session_uid", numbers)
+    objects.foreach_get("hide_render", hidden)
+    objects.foreach_get("visible_camera", visible)
+    return numbers.tobytes() + hidden.tobytes() + visible.tobytes()

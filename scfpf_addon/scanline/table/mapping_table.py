@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image mappings in a camera's table: u and v at its corners, worked out here and kept on its mesh.
+
+Between corners the table is linear. Its cells are made so small that what is seen half way between them is
+off by no more than TABLE_ERROR of the picture, or as small as MOST_CELLS allows.
+"""
+
+from __future__ import annotations
+
+from math import tau
+
+import bpy
+import numpy as np
+
+from ...bridge.mappings.mapping_edits import MappingError
+from ...bridge.mappings.read_mappings import mapping_signature, read_mappings
+from ...bridge.render.render_job import picture_aspect
+from ...bridge.surfaces.surface_nodes import PARAMETRIC_KINDS, SurfaceError, surface_parameters
+from ...projection.mappings.stack import BORDER, is_disc, mapped_places, seen_through
+from ...projection.volume.reparameterisation import Polar, reparameterisation
+
+# A twentieth of a pixel of a thousand.
+TABLE_ERROR = 5e-5
+FEWEST_CELLS, MOST_CELLS = (256, 128), (512, 256)
+# What a corner of the table shows: nothing, something, something beyond the seam of a polar picture.
+HOLE, SHOWN, BEYOND_SEAM = 0.0, 1.0, 1.5
+# How a table takes its mesh: not at all, as u and v, and with holes or a seam.
+UNUSED, WHOLE, IN_PIECES = 0, 1, 2
+# The rim of a disc is trimmed by its radius; corners farther out than this are not looked at for holes.
+INSIDE_RIM = 0.98
+# An arc that is shorter than a full turn by more than this has a seam, radians.
+FULL_TURN = 1e-5
+
+
+def picture_signature(camera, scene) -> tuple | str:
+    """What the mesh of a camera's table depends on; empty without image mappings."""
+    mappings = mapping_signature(camera, _depsgraph(scene))
+    if not mappings:
+        return ()
+    settings = camera.scfpf
+    return mappings, picture_aspect(scene), tuple(settings.u_range), tuple(settings.v_range)
+
+
+def picture_mappings(camera, scene) -> tuple:
+    """The mappings that act on a camera's picture in a scene. Raises MappingError."""
+    return read_mappings(camera, _depsgraph(scene))
+
+
+def _depsgraph(scene):
+    """The evaluated state of a scene as its window has it; not evaluated anew, which handlers must not do."""
+    if scene == bpy.context.scene:
+        return bpy.context.view_layer.depsgraph or bpy.context.evaluated_depsgraph_get()
+    return scene.view_layers[0].depsgraph or bpy.context.evaluated_depsgraph_get()
+
+
+def store_picture(table, camera, scene, least_cells: tuple[int, int]) -> dict[str, int]:
+    """Put u and v into a table's mesh if the camera has mappings; the table's inputs that follow from it.
+
+    least_cells: across and up, that the surfaces ask for. A stack that cannot be read counts as none.
+    """
+    if not any(mapping.enabled for mapping in camera.scfpf.mappings):
+        if len(table.data.vertices):
+            table.data.clear_geometry()
+        return {"Pictured": UNUSED, "Disc": 1}
+    try:
+        mappings = picture_mappings(camera, scene)
+    except MappingError:
+        return {"Pictured": UNUSED, "Disc": 1}
+    aspect, settings = picture_aspect(scene), camera.scfpf
+    base = reparameterisation(settings.reparameterisation)
+    disc = is_disc(seen_through(mappings, base), aspect)
+    cells = tuple(max(pair) for pair in zip(least_cells, FEWEST_CELLS, strict=True))
+    if _bend(mappings, cells, aspect) > TABLE_ERROR:
+        cells = tuple(max(pair) for pair in zip(cells, MOST_CELLS, strict=True))
+    x, y = (axis.ravel() for axis in np.meshgrid(*(np.linspace(0.0, 1.0, count + 1) for count in cells)))
+    radius = np.hypot(2 * x - 1, 2 * y - 1)
+    if disc:
+        # The table of a disc is over the square about it.
+        x, y = 0.5 + (x - 0.5) / max(aspect, 1.0), 0.5 + (y - 0.5) / max(1 / aspect, 1.0)
+    seen = mapped_places(mappings, x, y, aspect)
+    shown, polar = seen.mask.copy(), isinstance(base, Polar)
+    if not polar:
+        inside = np.maximum(np.abs(seen.u - 0.5), np.abs(seen.v - 0.5)) <= 0.5 + BORDER
+        shown &= inside
+        seen = seen._replace(u=np.clip(seen.u, 0.0, 1.0), v=np.clip(seen.v, 0.0, 1.0))
+    image = base.points(seen.u, seen.v, aspect)
+    if polar and not disc:
+        shown &= image.mask
+    elif disc:
+        shown |= radius > INSIDE_RIM
+    kind = np.where(shown, SHOWN, HOLE)
+    if polar and _has_seam(camera):
+        kind = np.where(shown & (seen.v < 0.5), BEYOND_SEAM, kind)
+    (u0, u1), (v0, v1) = settings.u_range, settings.v_range
+    places = np.stack([u0 + image.u * (u1 - u0), v0 + image.v * (v1 - v0), kind], axis=1)
+    mesh = table.data
+    mesh.clear_geometry()
+    mesh.vertices.add(len(places))
+    mesh.vertices.foreach_set("co", np.nan_to_num(places).astype(np.float32).ravel())
+    mesh.update()
+    mesh.update_tag()
+    return {
+        "Pictured": WHOLE if (kind == SHOWN).all() else IN_PIECES,
+        "Disc": int(disc),
+        "Columns": cells[0] + 1,
+        "Rows": cells[1] + 1,
+    }
+
+
+def _bend(mappings, cells: tuple[int, ...], aspect: float) -> float:
+    """How far what is seen half way along cells' sides is from the mean of their ends, at most."""
+    worst = 0.0
+    x, y = (axis.ravel() for axis in np.meshgrid(*(np.linspace(0.0, 1.0, n + 1) for n in FEWEST_CELLS)))
+    for dx, dy in ((0.5 / cells[0], 0.0), (0.0, 0.5 / cells[1])):
+        before, here, after = (
+            mapped_places(mappings, x + k * dx, y + k * dy, aspect) for k in (-1.0, 0.0, 1.0)
+        )
+        usable = before.mask & here.mask & after.mask
+        for name in ("u", "v"):
+            ends = getattr(before, name) + getattr(after, name)
+            off = np.abs(0.5 * ends - getattr(here, name))[usable]
+            worst = max(worst, float(off.max(initial=0.0)))
+    return worst
+
+
+def _has_seam(camera) -> bool:
+    """Whether a polar picture may leap where its turn begins and ends: all but whole turns may."""
+    if tuple(camera.scfpf.u_range) != (0.0, 1.0):
+        return True
+    for slot in camera.scfpf.surfaces:
+        surface = slot.object
+        if surface is None or surface.scfpf_surface.kind == "POINT":
+            continue
+        if surface.scfpf_surface.kind not in PARAMETRIC_KINDS:
+            return True
+        try:
+            arc = surface_parameters(surface).get("arc", 0.0)
+        except SurfaceError:
+            return True
+        if arc < tau - FULL_TURN:
+            return True
+    return False

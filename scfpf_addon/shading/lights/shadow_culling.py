@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which triangles may cast a shadow on what a volume shows: the others need not be built.
+
+Certain, not sampled: what stands in the way of light lies in the hull of the lamp and of what it lights.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...casting.common.geometry import Geometry
+from ...casting.common.parallel import portions
+from ...casting.scene.cast_scene import ORIGIN_OFFSET
+from ...casting.scene.culling import flat_sides
+from ...casting.scene.half_spaces import HalfSpaces, highest
+from ...projection.typing import Array, BoolArray
+from ...projection.volume.viewing_volume import ViewingVolume
+from ..sampling.sample_sets import BALL_REACH
+from ..scene.shading_scene import Light, Scene
+from .ray_visibility import catches
+
+# Turns of 45° about a sun's direction; axes and diagonals of space for other lamps.
+TURNS = np.arange(8) * (np.pi / 4)
+DIAGONALS = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], float)
+DIAGONALS = DIAGONALS[(np.abs(DIAGONALS).sum(axis=1) != 2) & DIAGONALS.any(axis=1)]
+# Points of a volume's hull between whose pairs its silhouette is looked for.
+MOST_POINTS = 64
+# Share of its size by which a silhouette's edge may miss points of the hull: rounding.
+STRAIGHT = 1e-9
+# In radians, by which normals differ at least that are worth two planes.
+SAME_ANGLE = 1e-6
+# Shadow rays start off their triangle by less than this share of the largest coordinate.
+OFFSET = 4.0 * ORIGIN_OFFSET
+# A sun whose axes are farther from a rotation's shines on all.
+SKEW = 1e-3
+
+
+def may_shade(scene: Scene, shown: Geometry, volume: ViewingVolume) -> BoolArray:
+    """Which triangles (T,) of a scene may cast a shadow on a part of it, where the volume meets that."""
+    whole = scene.geometry
+    everything = np.ones(len(whole.triangles), bool)
+    # A world of one colour casts shadows on catchers alone.
+    if scene.world is not None or (catches(whole) and np.any(scene.world_color)):
+        return everything
+    corners = np.ascontiguousarray(np.asarray(shown.vertices, np.float64).T)
+    with np.errstate(invalid="ignore", over="ignore"):
+        hull = np.concatenate([surface.hull() for surface in volume.surfaces], axis=1)
+    if not (np.isfinite(corners).all() and np.isfinite(hull).all()):
+        return everything
+    # Projectors of other bases may leave the hull of their surfaces; the triangles that they meet do not.
+    bodies = [corners, hull] if volume.basis in ("BEZIER", "POLYLINE") else [corners]
+    sides = flat_sides(volume)
+    margin = OFFSET * float(np.abs(corners).max()) + _roundness(shown, corners)
+    found = np.zeros(len(everything), bool)
+    for light in scene.lights:
+        if light.casts_shadow and np.any(light.color):
+            between = _between(light, bodies, sides, margin, whole.vertices)
+            if between is None:
+                return everything
+            found |= between.met_by(whole.vertices, whole.triangles)
+    return found
+
+
+def _roundness(shown: Geometry, vertices: Array) -> float:
+    """How far shadow rays may start off triangles: the surface that smooth shading pretends
+    to lies nowhere farther from them than one corner from the plane of another's normal.
+
+    vertices: (3, V), of ``shown``.
+    """
+    most = 0.0
+    if shown.corner_normals is None:
+        return most
+    for some in portions(len(shown.triangles)):
+        corners = [vertices.take(shown.triangles[some, k], axis=1, mode="clip") for k in range(3)]
+        normals = shown.corner_normals[some, : 1 if shown.flat else 3].transpose(1, 2, 0)
+        for own, normal in enumerate(np.ascontiguousarray(normals, np.float64)):
+            high = [np.einsum("cn,cn->n", normal, corner) for corner in corners]
+            off = [np.abs(high[k] - high[own]) for k in range(3) if k != own]
+            if shown.flat:
+                off.append(np.abs(high[2] - high[1]))
+            most = max(most, *(float(each.max()) for each in off))
+    return most
+
+
+def _between(
+    light: Light, bodies: list[Array], sides: HalfSpaces | None, margin: float, vertices: Array
+) -> HalfSpaces | None:
+    """What lies between a lamp and what is in all of the bodies, each (3, N), and ``margin`` farther.
+
+    sides: planes that hold this, too. None where that may be anything.
+    """
+    matrix = np.asarray(light.matrix, np.float64)
+    if not np.isfinite(matrix).all():
+        return None
+    if light.kind == "SUN":
+        axes = matrix[:3, :3]
+        if np.abs(axes.T @ axes - np.eye(3)).max() > SKEW:
+            return None
+        lit = _beneath(axes, bodies, sides)
+        if light.angle:
+            towards = axes[:, 2] / np.linalg.norm(axes[:, 2])
+            with np.errstate(invalid="ignore", over="ignore"):
+                top = float(highest(towards[None], vertices.T)[0])
+            if not np.isfinite(top):
+                return None
+            # A sun that fills some of the sky shines past what is high up at an angle.
+            height = max(top + lit.limits[len(TURNS)], 0.0)
+            # The largest angle of Blender's is a float32, which is more than half a turn.
+            lit.limits[:] += height * (1.0 + 4.0 * SKEW) * np.tan(min(light.angle, np.pi) / 2)
+    else:
+        lit = _common(DIAGONALS, bodies)
+        if sides is not None:
+            lit = lit.with_planes_of(sides)
+        size = light.radius * BALL_REACH
+        if light.kind == "AREA":
+            size = 0.5 * float(np.linalg.norm(matrix[:3, :2] * np.asarray(light.size), axis=0).sum())
+        lit.limits[:] = np.maximum(lit.limits, lit.normals @ matrix[:3, 3] + size)
+    lit.limits[:] += margin
+    return lit
+
+
+def _beneath(axes: Array, bodies: list[Array], sides: HalfSpaces | None) -> HalfSpaces:
+    """What lies between what is in all of the bodies and a sun whose axes (3, 3) shine along -Z.
+
+    The planes of TURNS come first, then the one that faces away from the sun.
+    """
+    towards = axes[:, 2]
+    x, y = np.linalg.qr(axes[:, ::-1])[0][:, 1:].T
+    around = np.outer(np.cos(TURNS), x) + np.outer(np.sin(TURNS), y)
+    lit = _common(np.concatenate([around, -towards[None]]), bodies)
+    body = bodies[-1]
+    if body.shape[1] <= MOST_POINTS:
+        lit = lit.with_planes_of(HalfSpaces.around(_silhouette(body, x, y), body))
+    if sides is not None:
+        # What is behind a plane stays so on its way to a sun that does not shine from in front.
+        away = sides.normals @ towards <= 0.0
+        lit = lit.with_planes_of(HalfSpaces(sides.normals[away], sides.limits[away]))
+    return lit
+
+
+def _silhouette(points: Array, x: Array, y: Array) -> Array:
+    """Normals (K, 3) of the outline that points (3, N) have on the plane of two unit axes (3,)."""
+    flat = np.stack([x @ points, y @ points])
+    ways = flat[:, None] - flat[:, :, None]
+    length = np.hypot(*ways)
+    slack = STRAIGHT * length.max()
+    first, second = np.nonzero(length > slack)
+    turned = np.stack([ways[1], -ways[0]])[:, first, second] / length[first, second]
+    own = np.einsum("cn,cn->n", turned, flat[:, first])
+    turned = turned[:, (turned.T @ flat).max(axis=1) <= own + slack]
+    angle = np.arctan2(turned[1], turned[0])
+    order = angle.argsort()
+    # Of edges in one line one; np.unique would first import masked arrays.
+    once = order[np.diff(angle[order], prepend=-np.inf) > SAME_ANGLE]
+    normals: Array = turned[:, once].T @ np.stack([x, y])
+    return normals
+
+
+def _common(normals: Array, bodies: list[Array]) -> HalfSpaces:
+    """Half-spaces that hold what is in all of the bodies."""
+    each = [HalfSpaces.around(normals, body) for body in bodies]
+    limits: Array = np.stack([one.limits for one in each]).min(axis=0)
+    return HalfSpaces(each[0].normals, limits)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where hits are: everything about the surface that a node can ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...casting.common.geometry import Geometry
+from ...projection.typing import Array, IndexArray
+from .image import ImageData
+
+
+@dataclass(frozen=True)
+class Place:
+    """n hits. triangle: (n,). barycentric: (2, n), weights of the second and third corner.
+
+    position: (3, n) world space. normal: (3, n) unit, shading normal, on the side of the viewer.
+    flat: (3, n) unit, of the triangle, on that side too. view: (3, n) unit, towards the viewer.
+    back: (1, n) 1 where the back of the triangle is seen, else 0. All float64.
+    images: what was loaded, by name; one that is not there is missing. blur: of a map's directions, radians
+    between two of them.
+    """
+
+    geometry: Geometry
+    images: Mapping[str, ImageData]
+    triangle: IndexArray
+    barycentric: Array
+    position: Array
+    normal: Array
+    flat: Array
+    view: Array
+    back: Array
+    blur: float = 0.0
+
+    @property
+    def count(self) -> int:
+        """n."""
+        return len(self.triangle)
+
+    def layer(self, name: str, channels: int) -> tuple[Array, Array]:
+        """A layer at the hits, (channels, n), and where there is one, (1, n) 1 or 0; 0 where there is none.
+
+        Interpolated in float64 by the weights of the hit.
+        """
+        found = self.geometry.layers.get(name)
+        if found is None:
+            return np.zeros((channels, 1)), np.zeros((1, 1))
+        row = found.row.take(self.triangle)
+        there = row >= 0
+        # What has none takes any row, and is made 0 after.
+        corners = found.values.take(row, axis=0, mode="clip").astype(np.float64)
+        first, second, third = corners.transpose(1, 2, 0)
+        value = first + (second - first) * self.barycentric[0] + (third - first) * self.barycentric[1]
+        if not there.all():
+            value = np.where(there, value, 0.0)
+        return fit(value, channels), there[None].astype(np.float64)
+
+    def corners(self) -> tuple[Array, Array, Array]:
+        """The triangles' corners in world space, (3, n) each."""
+        vertex = self.geometry.triangles.take(self.triangle, axis=0)
+        first, second, third = (self.geometry.vertices.take(vertex[:, k], axis=0).T for k in range(3))
+        return first, second, third
+
+    def edge(self) -> Array:
+        """Length of the longer of the triangles' edges at their first corner, (1, n)."""
+        first, second, third = self.corners()
+        along, across = second - first, third - first
+        length: Array = np.sqrt(np.maximum(dot(along, along), dot(across, across)))
+        return length
+
+    def beside(self, step: Array) -> Place:
+        """The places ``step`` (3, n) away in the triangles' planes, with the same normals."""
+        first, second, third = self.corners()
+        along, across = second - first, third - first
+        aa, ab, bb = dot(along, along), dot(along, across), dot(across, across)
+        sa, sb = dot(step, along), dot(step, across)
+        area = aa * bb - ab * ab
+        inverse = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0.0)
+        moved = np.concatenate([bb * sa - ab * sb, aa * sb - ab * sa]) * inverse
+        return replace(self, position=self.position + step, barycentric=self.barycentric + moved)
+
+    def tangent(self, name: str) -> tuple[Array, Array]:
+        """Where the first texture coordinate grows, (3, n), and on which side the second does, (1, n) ±1.
+
+        name: of a layer of four channels: shares of the triangle's two edges from its first corner and of its
+        normal as long as the root of their product, and the side. Both 0 where there is none.
+        """
+        if name not in self.geometry.layers:
+            return np.zeros((3, 1)), np.zeros((1, 1))
+        found = self.geometry.layers[name]
+        row = found.row.take(self.triangle)
+        there = (row >= 0)[None].astype(np.float64)
+        corners = found.values.take(row, axis=0, mode="clip").astype(np.float64)
+        first, second, third = self.corners()
+        along, across = second - first, third - first
+        up = np.cross(along, across, axis=0)
+        # As long as the root of its length, to grow as edges do.
+        up = up / np.maximum(np.power(dot(up, up), 0.25), np.finfo(np.float64).tiny)
+        weight = (1.0 - self.barycentric.sum(axis=0), *self.barycentric)
+        tangent = np.zeros((3, self.count))
+        for shares, part in zip(corners.transpose(1, 2, 0), weight, strict=True):
+            tangent += unit(along * shares[0] + across * shares[1] + up * shares[2]) * part
+        # Not made unit again: Cycles' are as short between corners.
+        return tangent * there, np.where(corners[:, 0, 3] < 0.0, -1.0, 1.0) * there
+
+
+def unit(vectors: Array) -> Array:
+    """(3, n) made unit; what has no direction is 0."""
+    length = np.sqrt(np.einsum("cn,cn->n", vectors, vectors))
+    return vectors / np.where(length > 0.0, length, 1.0)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar products of (3, n) or (3, 1) arrays, (1, n)."""
+    products: Array = a[0:1] * b[0:1] + a[1:2] * b[1:2] + a[2:3] * b[2:3]
+    return products
+
+
+def fit(values: Array, channels: int) -> Array:
+    """As many channels as are asked for: what is left over goes, what is missing is 0; one is spread."""
+    have = len(values)
+    if have == channels:
+        return values
+    if have == 1:
+        return np.repeat(values, channels, axis=0)
+    if have > channels:
+        return values[:channels]
+    return np.concatenate([values, np.zeros((channels - have, values.shape[1]))])

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From an image position to the thing that it shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...casting.cast import cast
+from ...casting.scene.cast_scene import CastScene
+from ...projection.typing import Array
+from ...projection.volume.viewing_volume import Projection
+from ..lights.ray_visibility import seen_directly
+from ..scene.shading_scene import Scene
+
+# Pixels that the hit may be off at a silhouette: one projector can be followed finely.
+PIXEL_ERROR = 1e-3
+# Straight pieces in which the length of a projector is measured; the error falls with their square.
+LENGTH_PIECES = 512
+
+
+@dataclass(frozen=True)
+class Pick:
+    """The projector through an image position.
+
+    curve: (LENGTH_PIECES + 1, 3) float64, from the near to the far surface, evenly in t.
+    t: of the first hit, in [0, 1], None if nothing is hit; the rest is then empty or 0.
+    position: (3,) of the hit. object_name: of what was hit. distance: along the
+    projector from the near surface to the hit, in the lengths of the projection's space.
+    """
+
+    curve: Array
+    t: float | None
+    position: Array
+    object_name: str
+    distance: float
+
+
+def pick(
+    projection: Projection, scene: Scene, x: float, y: float, pixel_size: tuple[float, float]
+) -> Pick | None:
+    """What the image shows at (x, y), each in [0, 1], origin bottom-left; None where there is no projector.
+
+    projection: in the scene's space. pixel_size: a pixel's width and height as shares
+    of the image. Raises CastError.
+    """
+    where = np.array([x]), np.array([y])
+    projectors = projection.projectors(*where)
+    if not projectors.valid[0] or not np.isfinite(projectors.points).all():
+        return None
+    spans = projection.volume.spans
+
+    def curve_at(t: Array) -> Array:
+        """The projector's points at t (S,), (S, 3)."""
+        weights, _ = spans.weights(t)
+        points: Array = np.einsum("ks,kc->sc", weights, projectors.points[:, :, 0])
+        return points
+
+    curve = curve_at(np.linspace(0.0, 1.0, LENGTH_PIECES + 1))
+    miss = Pick(curve, None, np.zeros(3), "", 0.0)
+    geometry = scene.geometry
+    if not len(geometry.triangles):
+        return miss
+    cast_scene = seen_directly(geometry, CastScene(geometry.vertices, geometry.triangles))
+    if cast_scene is None:
+        return miss
+    hits = cast(cast_scene, projection.transformed(cast_scene.matrix), *where, pixel_size, PIXEL_ERROR)
+    triangle = int(hits.triangle[0])
+    if triangle < 0:
+        return miss
+    t = float(hits.t[0])
+    way = curve_at(np.linspace(0.0, t, LENGTH_PIECES + 1))
+    distance = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    number = int(geometry.object_index[triangle])
+    name = geometry.object_names[number] if number < len(geometry.object_names) else ""
+    return Pick(curve, t, way[-1], name, distance)

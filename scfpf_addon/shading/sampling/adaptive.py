@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Samples where they are needed: pixels that are still uncertain get more, the others none.
+
+All of a tile is looked at, and a row more on either side, whatever part of it a border asks for: what a
+pixel gets depends on the whole image only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...projection.typing import Array, BoolArray, IndexArray
+from ..typing import Single
+
+# Projectors that are cast at once, at most.
+BATCH = 1 << 16
+# Light below which a difference counts no more for being dark.
+DARK = 1e-3
+# The mean of n points of a Sobol sequence errs by n to minus this of what single ones do where an edge
+# crosses the pixel (Mitchell 1996).
+CONVERGENCE = 0.75
+
+
+@dataclass(frozen=True)
+class Adaptive:
+    """threshold: the error of a pixel that is left as it is, a share of the square root of its
+    brightness. least: samples that every pixel gets. Raises ValueError.
+    """
+
+    threshold: float = 0.01
+    least: int = 4
+
+    def __post_init__(self) -> None:
+        if self.threshold <= 0.0 or self.least < 2:
+            raise ValueError("adaptive sampling needs a threshold above 0 and at least two samples")
+
+
+class AdaptiveFilm:
+    """The sums of n pixels' samples, of their differences to the first one, and of these squared.
+
+    transparent, background: as for ``Film``.
+    """
+
+    def __init__(self, count: int, background: Array, transparent: bool) -> None:
+        self._first: Single = np.zeros((4, count), np.float32)
+        self._sum: Single = np.zeros((4, count), np.float32)
+        self._squares: Single = np.zeros((4, count), np.float32)
+        self._samples: Single = np.zeros(count, np.float32)
+        self._empty = np.zeros(4, np.float32)
+        if not transparent:
+            self._empty[:] = (*background, 1)
+
+    def add(self, pixel: IndexArray, shown: BoolArray, hit: IndexArray, color: Single) -> None:
+        """One sample of the pixels (m,), of each or of none of which it is the first.
+
+        shown: (m,), hit: (k,) and color: (3, k) or (4, k) as in ``Film.add``, ``hit`` counting in ``pixel``.
+        """
+        value = self._empty[:, None] * shown
+        value[3, hit] = 1
+        value[: len(color), hit] = color
+        if self._samples[pixel[0]] == 0.0:
+            self._first[:, pixel] = value
+        else:
+            value -= self._first[:, pixel]
+            self._sum[:, pixel] += value
+            value *= value
+            self._squares[:, pixel] += value
+        self._samples[pixel] += 1
+
+    def uncertain(self, pixel: IndexArray, threshold: float) -> BoolArray:
+        """Whether the means of pixels (m,) are expected to err by more than the threshold."""
+        count = self._samples[pixel]
+        mean = self._sum[:, pixel] / count
+        squared = np.maximum(self._squares[:, pixel] / count - mean * mean, 0)
+        error = np.sqrt(squared) * count**-CONVERGENCE
+        light = np.abs(mean + self._first[:, pixel])
+        # Not a mean along an axis, whose order may depend on the length.
+        color, bright = ((c[0] + c[1] + c[2]) / 3 for c in (error, light))
+        allowed = threshold * np.sqrt(np.maximum(bright, DARK))
+        uncertain: BoolArray = (color > allowed) | (error[3] > threshold)
+        return uncertain
+
+    def samples(self, pixel: IndexArray) -> Single:
+        """How many pixels (m,) have."""
+        return self._samples[pixel]
+
+    def develop(self, pixel: IndexArray, into: Single) -> None:
+        """Write the means of pixels (m,) into ``into`` (m, 4): premultiplied by alpha."""
+        into[:] = (self._first[:, pixel] + self._sum[:, pixel] / self._samples[pixel]).T
+
+
+def margin(rows: slice, height: int) -> slice:
+    """The rows with one more on either side, where the image has one."""
+    return slice(max(rows.start - 1, 0), min(rows.stop + 1, height))
+
+
+def with_neighbours(chosen: BoolArray) -> BoolArray:
+    """Pixels (H, W) that are chosen or touch one that is."""
+    wide = chosen.copy()
+    wide[1:] |= chosen[:-1]
+    wide[:-1] |= chosen[1:]
+    result = wide.copy()
+    result[:, 1:] |= wide[:, :-1]
+    result[:, :-1] |= wide[:, 1:]
+    return result
+
+
+def sample_adaptively(
+    take: Callable[[IndexArray | None, range], None],
+    film: AdaptiveFilm,
+    adaptive: Adaptive,
+    shape: tuple[int, int],
+    own: slice,
+    most: int,
+    stopped: Callable[[float], bool],
+) -> None:
+    """Take samples of a block of pixels until they are certain or have ``most``.
+
+    take(pixels, numbers): put the samples ``numbers`` of these pixels of the block, None for all, into
+    the film. shape: rows and columns of the block. own: its rows that are wanted, the others say
+    only which of these are next to something. stopped(share done): whether to give up.
+    """
+    done, goal = 0, min(adaptive.least, most)
+    height, width = shape
+    active: IndexArray | None = None
+    while True:
+        step = 1 if active is None else max(1, min(goal - done, BATCH // len(active)))
+        for first in range(done, goal, step):
+            if stopped(first / most):
+                return
+            take(active, range(first, min(first + step, goal)))
+        if goal >= most:
+            return
+        everything = np.arange(height * width) if active is None else active
+        uncertain = film.uncertain(everything, adaptive.threshold)
+        if active is None:
+            # A thing that the first samples have missed here they may have met next door.
+            wanted = with_neighbours(uncertain.reshape(shape))
+            wanted[: own.start], wanted[own.stop :] = False, False
+            active = np.flatnonzero(wanted)
+        else:
+            active = active[uncertain]
+        if not len(active):
+            return
+        done, goal = goal, min(2 * goal, most)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Motion blur: what samples see at several moments while the shutter is open."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ...projection.typing import Array
+from ...projection.volume.viewing_volume import Projection
+from ..sampling.sample_sets import THIRD, shuffled
+from .depth_of_field import Lens
+from .shading_scene import Scene
+
+# Nodes of the table that inverts a shutter's curve.
+NODES = 257
+
+
+class Moment(NamedTuple):
+    """A projection, in world space, and a scene at one time. lens: in world space.
+
+    What stands still is one scene: the same object in all moments, and in the frame.
+    """
+
+    projection: Projection
+    scene: Scene
+    lens: Lens | None = None
+
+
+@lru_cache
+def moment_of_samples(samples: int, moments: int) -> tuple[int, ...]:
+    """Which of the moments each sample sees.
+
+    Any first samples are spread over all moments, and not in step with their places in the pixel.
+    """
+    return tuple((shuffled(samples, THIRD) * moments // samples).tolist())
+
+
+def shutter_times(count: int, opens: float, closes: float, weight: Array | None = None) -> Array:
+    """``count`` times of equal exposure between two, (count,) in order.
+
+    weight: (k,) how far the shutter is open at equal steps of the time, >= 0; None for fully.
+    """
+    share = (np.arange(count) + 0.5) / count
+    if weight is not None:
+        place = np.linspace(0.0, 1.0, NODES)
+        openness = np.interp(place, np.linspace(0.0, 1.0, len(weight)), np.maximum(weight, 0.0))
+        exposed = np.concatenate([[0.0], np.cumsum(0.5 * (openness[1:] + openness[:-1]))])
+        if exposed[-1] > 0.0:
+            share = np.interp(share, exposed / exposed[-1], place)
+    times: Array = opens + (closes - opens) * share
+    return times

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is shaded: triangles, materials, lights and the world, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from ...casting.common.geometry import Geometry
+from ...projection.typing import Array, BoolArray
+
+if TYPE_CHECKING:
+    from ..nodes.graph import MaterialGraph
+    from ..nodes.image import ImageData
+    from .world import World
+
+LightKind = Literal["POINT", "SUN", "SPOT", "AREA"]
+
+
+@dataclass(frozen=True)
+class Materials:
+    """Constants of M materials, scene-linear. colours (M, 3), the rest (M,), float64.
+
+    ambient: the share of the world's light that is not left to mirrors, None for all of it. layer: the share
+    of a dielectric's reflection that is not left to mirrors, over: how much of it is above what is diffuse,
+    edge: of what grazing light adds to a
+    reflection, multiple: of what facets send on to each other; None for all of these. graphs: by number,
+    the materials that are more than constants.
+    """
+
+    base_color: Array
+    metallic: Array
+    roughness: Array
+    specular_f0: Array
+    emission: Array
+    ambient: Array | None = None
+    layer: Array | None = None
+    over: Array | None = None
+    edge: Array | None = None
+    multiple: Array | None = None
+    graphs: Mapping[int, MaterialGraph] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class LightPaths:
+    """How often light may be sent on and what it meets still be lit: in all, by mirrors, by what
+    refracts, and through what is transparent, which does not count as one of all. Sent on once more it sees
+    but the world and what shines.
+    """
+
+    total: int = 12
+    glossy: int = 4
+    transmission: int = 12
+    transparent: int = 8
+
+
+@dataclass(frozen=True)
+class Light:
+    """One lamp in world space.
+
+    color: (3,) colour times power: watts for POINT, SPOT and AREA, W/m² for SUN.
+    matrix: (4, 4), the lamp shines along its local -Z. radius: soft size of POINT
+    and SPOT; angle: that a SUN fills in the sky, radians. size: (2,) extents of AREA along
+    local X and Y; ellipse: AREA is an ellipse; spread: full angle of the beam that leaves each of its points,
+    radians. spot_angle: full cone angle, radians; spot_blend in [0, 1]. sphere: POINT and SPOT light as a
+    sphere of their radius (no soft falloff), not as a disc that faces what it lights.
+    receivers, blockers: what it lights and what casts its shadows, by the numbers in ``Geometry.linked``;
+    None for everything. scattered, mirrored: whether it makes diffuse light and highlights.
+    """
+
+    kind: LightKind
+    color: Array
+    matrix: Array
+    casts_shadow: bool = True
+    radius: float = 0.0
+    angle: float = 0.0
+    size: tuple[float, float] = (1.0, 1.0)
+    ellipse: bool = False
+    spread: float = np.pi
+    sphere: bool = False
+    spot_angle: float = np.pi / 4
+    spot_blend: float = 0.15
+    receivers: BoolArray | None = None
+    blockers: BoolArray | None = None
+    scattered: bool = True
+    mirrored: bool = True
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that a frame shows.
+
+    world_color: (3,) radiance of the background. warnings: what the reader had to
+    leave out, a line each. object_index, material_index: the number that the user gave
+    each object of ``geometry.object_names`` and each of the materials. material_names: of these.
+    images: the pictures that materials look up, by name; one that is not there is missing. bounces: of
+    light. world: in place of ``world_color``, which is then black, where light differs by direction.
+    world_seen: whether projectors that meet nothing see it, not only mirrors, glass and what it lights.
+    """
+
+    geometry: Geometry
+    materials: Materials
+    lights: tuple[Light, ...] = ()
+    world_color: Array = field(default_factory=lambda: np.zeros(3))
+    warnings: tuple[str, ...] = ()
+    object_index: tuple[int, ...] = ()
+    material_index: tuple[int, ...] = ()
+    material_names: tuple[str, ...] = ()
+    images: Mapping[str, ImageData] = field(default_factory=dict)
+    bounces: LightPaths = field(default_factory=LightPaths)
+    world: World | None = None
+    world_seen: bool = True
+
+    @property
+    def backdrop(self) -> tuple[Array, World | None]:
+        """Radiance (3,) that projectors see where they meet nothing, and the world in its place."""
+        return (self.world_color, self.world) if self.world_seen else (np.zeros(3), None)

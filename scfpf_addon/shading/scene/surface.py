@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is at a hit: normals that face the viewer, the view direction, the material.
+
+float32 throughout: cast space has the size of the unit box, so that a float32
+keeps seven digits of it. Nothing here feeds back into where a projector hits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...casting.common.geometry import Geometry
+from ...casting.scene.cast_scene import CastScene
+from ...projection.typing import Array, IndexArray
+from ..normals import dot, normals_of
+from ..typing import Single
+
+# Smallest length that is divided by: keeps a zero vector zero instead of NaN.
+TINY = np.float32(1e-30)
+
+
+class ShadowStart(NamedTuple):
+    """Where shadow rays of N points start, in cast space.
+
+    origin: (3, N), just off the triangle on the side of the viewer. flat: (3, N)
+    unit normal of the triangle on that side. height: (N,), see ``smooth_height``; None where
+    nothing is smooth.
+    """
+
+    origin: Single
+    flat: Single
+    height: Single | None
+
+
+class SurfacePoints(NamedTuple):
+    """N hits as shading sees them, float32, in cast space.
+
+    position: (3, N). normal: (3, N) unit, interpolated, on the side of the viewer.
+    view: (3, N) unit, towards the viewer: against the projector's tangent (paper §4.3).
+    material: (N,) index. shadow: None where no lamp casts any. linked: (N,), see ``Geometry.linked``.
+    """
+
+    position: Single
+    normal: Single
+    view: Single
+    material: IndexArray
+    shadow: ShadowStart | None
+    linked: IndexArray | None = None
+
+    def take(self, index: IndexArray) -> SurfacePoints:
+        """The points at ``index``."""
+        shadow = self.shadow
+        if shadow is not None:
+            height = None if shadow.height is None else shadow.height.take(index)
+            shadow = ShadowStart(shadow.origin.take(index, 1), shadow.flat.take(index, 1), height)
+        return SurfacePoints(
+            self.position.take(index, 1),
+            self.normal.take(index, 1),
+            self.view.take(index, 1),
+            self.material.take(index),
+            shadow,
+            None if self.linked is None else self.linked.take(index),
+        )
+
+
+@dataclass(frozen=True)
+class SurfaceTable:
+    """What is looked up by triangle, component-first so that a lookup is one take.
+
+    flat: (3, T) float32, unit normals of the triangles, on the side of the corners'.
+    smooth: (9, T) float32: the first corner's normal, and the differences to it of the second's
+    and third's; None where all are those of their triangles.
+    bulge: (6, T) float32, see ``corner_heights``; None where nothing casts a shadow, or
+    nothing is smooth. shadows: whether anything casts one. material: (T,). linked: (T,) or None.
+    """
+
+    cast_scene: CastScene
+    flat: Single
+    smooth: Single | None
+    bulge: Single | None
+    shadows: bool
+    material: IndexArray
+    linked: IndexArray | None = None
+
+    @cached_property
+    def single(self) -> bool:
+        """Whether all is of one material."""
+        return self.material.strides[0] == 0 or bool((self.material == self.material[0]).all())
+
+    @property
+    def weighted(self) -> bool:
+        """Whether ``points`` needs the barycentric weights of a hit."""
+        return self.smooth is not None
+
+    @classmethod
+    def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int = 0) -> SurfaceTable:
+        """The table of the triangles that ``cast_scene`` was made of, made in threads (0: all cores)."""
+        flat, smooth, bulge = normals_of(geometry, cast_scene, shadows, threads)
+        number = geometry.material
+        # One number need not be written a million times.
+        alike = bool((number == number[0]).all())
+        material = (
+            np.broadcast_to(number[0].astype(np.intp), number.shape) if alike else number.astype(np.intp)
+        )
+        return cls(cast_scene, flat, smooth, bulge, shadows, material, geometry.linked)
+
+    def points(
+        self,
+        triangle: IndexArray,
+        barycentric: Iterable[NDArray[Any]] | None,
+        position: Array,
+        tangent: NDArray[Any],
+    ) -> SurfacePoints:
+        """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
+
+        The weights are those of the second and third corner, None where nothing is smooth. Position is
+        in cast space; the tangent is dQ/dt of the projector, of any length, and used up if it is float32.
+        """
+        triangle = triangle.astype(np.intp)
+        # NumPy is quickest at this mode, and takes the last triangle for -1.
+        flat = self.flat.take(triangle, axis=1, mode="wrap")
+        view = tangent.astype(np.float32, copy=False)
+        view *= -1 / (np.sqrt(dot(view, view)) + TINY)
+        # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
+        side = np.copysign(np.float32(1), dot(flat, view))
+        normal = flat
+        if self.smooth is None or barycentric is None or self.shadows:
+            flat *= side
+        if self.smooth is not None and barycentric is not None:
+            weight = [row.astype(np.float32, copy=False) for row in barycentric]
+            normal = smooth_normal(self.smooth, triangle, weight, side)
+        place, shadow = position.astype(np.float32), None
+        if self.shadows:
+            height = None
+            if self.bulge is not None and barycentric is not None:
+                height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
+            # As ``offset_origins``: what float32 rounds here is far less than its offset.
+            shadow = ShadowStart(place + flat * self.cast_scene.offsets(triangle), flat, height)
+        if self.single:
+            material = np.broadcast_to(self.material[0], triangle.shape)
+        else:
+            material = self.material.take(triangle, mode="wrap")
+        linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
+        return SurfacePoints(place, normal, view, material, shadow, linked)
+
+
+def smooth_normal(
+    table: Single, triangle: IndexArray, weight: Sequence[Single] | Single, side: Single
+) -> Single:
+    """Interpolated unit normals (3, N), on the given side.
+
+    table: (9, T) as in ``SurfaceTable.smooth``; triangle: (N,); weight: two (N,); side: (N,) ±1.
+    """
+    normal: Single = table[3:6].take(triangle, axis=1, mode="wrap")
+    normal *= weight[0]
+    term = table[:3].take(triangle, axis=1, mode="wrap")
+    normal += term
+    table[6:].take(triangle, axis=1, out=term, mode="wrap")
+    term *= weight[1]
+    normal += term
+    normal *= side / (np.sqrt(dot(normal, normal)) + TINY)
+    return normal
+
+
+def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Single:
+    """Height, along the normal, of the rounded surface that smooth shading pretends to, (N,).
+
+    heights: (6, N) of ``corner_heights``; weight: two (N,); side: (N,) ±1. The mean of
+    the distances by which the point lies below the corners' tangent planes, nought
+    where it lies above, in a hollow. After Hanika, Hacking the Shadow Terminator (Ray
+    Tracing Gems II, ch. 4).
+    """
+    weights = (1 - weight[0] - weight[1], weight[0], weight[1])
+    height = np.zeros_like(side)
+    for k in range(3):
+        above = heights[2 * k] * weights[(k + 1) % 3]
+        above += heights[2 * k + 1] * weights[(k + 2) % 3]
+        above *= side
+        height -= weights[k] * np.minimum(above, 0)
+    return height

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A world of nodes: the light that comes from each direction, and a map of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from ...casting.common.cancellation import stop_here
+from ...casting.common.geometry import Geometry
+from ...projection.typing import Array, IndexArray
+from ..materials.lobes import clean
+from ..nodes.context import Place, fit, unit
+from ..nodes.graph import MaterialGraph, registers
+from ..nodes.image import ImageData, linear_from_srgb
+from ..nodes.operations import OPERATIONS
+from ..typing import Single
+from .sky_map import COLUMNS, ROWS, WorldLight, map_directions
+
+# Directions of which a world is reckoned at once.
+MOST_AT_ONCE = 1 << 15
+# What a world may shine with: beyond it float32 arithmetic on sums of it would overflow.
+BRIGHTEST = 1e12
+
+
+class Surroundings(Place):
+    """Directions (3, n), unit, as nodes ask for places: what is generated is the direction itself."""
+
+    @classmethod
+    def of(cls, direction: Array, images: Mapping[str, ImageData], blur: float) -> Surroundings:
+        """Where light comes from."""
+        count = direction.shape[1]
+        nothing = np.zeros((1, count))
+        return cls(
+            NOWHERE,
+            images,
+            np.zeros(count, np.intp),
+            np.zeros((2, count)),
+            direction,
+            -direction,
+            -direction,
+            -direction,
+            nothing,
+            blur,
+        )
+
+    def layer(self, name: str, channels: int) -> tuple[Array, Array]:
+        """The direction for what is generated, and nothing for what only meshes have."""
+        if name in {"GENERATED", "OBJECT"}:
+            return fit(self.position, channels), np.ones((1, self.count))
+        return np.zeros((channels, 1)), np.zeros((1, 1))
+
+    def corners(self) -> tuple[Array, Array, Array]:
+        """A triangle of the size of the sky, for what asks how large a face is."""
+        across = np.zeros((3, self.count))
+        across[0] = 1.0
+        return np.zeros((3, self.count)), across, np.roll(across, 1, axis=0)
+
+
+NOWHERE = Geometry(
+    np.zeros((0, 3)),
+    np.zeros((0, 3), np.int32),
+    np.zeros((0, 3, 3), np.float32),
+    np.zeros(0, np.int32),
+    np.zeros(0, np.int32),
+)
+
+
+@dataclass(frozen=True)
+class World:
+    """Light by direction. graph: its EMISSION closures count. images: those that it looks up."""
+
+    graph: MaterialGraph
+    images: Mapping[str, ImageData] = field(default_factory=dict)
+
+    @property
+    def uniform(self) -> bool:
+        """Whether it is the same all around: nothing that its light is made of asks for a place."""
+        shining = [each for each in self.graph.closures if each.kind == "EMISSION"]
+        wanted = [ref.operation for each in shining for ref in (each.weight, each.inputs["color"])]
+        while wanted:
+            operation = self.graph.operations[wanted.pop()]
+            if not operation.inputs and operation.kind != "CONSTANT":
+                return False
+            wanted.extend(ref.operation for ref in operation.inputs)
+        return True
+
+    def radiance(self, direction: Array) -> Array:
+        """What comes from directions (3, n), of any length, in world space: (3, n), never negative."""
+        return shining(self.graph, self.images, direction, 0.0)
+
+    @cached_property
+    def light(self) -> WorldLight:
+        """What it lights with.
+
+        Images are averaged to texels no smaller than the map's, so that no sun is missed between two.
+        """
+        images = {name: reduced(image) for name, image in self.images.items()}
+        light = shining(self.graph, images, map_directions(COLUMNS, ROWS), np.pi / ROWS)
+        return WorldLight.of(light.reshape(3, ROWS, COLUMNS))
+
+
+def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float) -> Array:
+    """What a graph shines from directions (3, n): (3, n). blur: between two of them, radians."""
+    count = direction.shape[1]
+    light = np.zeros((3, count))
+    for first in range(0, count, MOST_AT_ONCE):
+        stop_here()
+        some = slice(first, first + MOST_AT_ONCE)
+        place = Surroundings.of(unit(direction[:, some]), images, blur)
+        results = registers(graph, place, OPERATIONS)
+        for closure in graph.closures:
+            if closure.kind == "EMISSION":
+                color, weight = closure.inputs["color"], closure.weight
+                light[:, some] += clean(
+                    results[color.operation][color.output] * results[weight.operation][weight.output]
+                )
+    return np.clip(light, 0.0, BRIGHTEST)
+
+
+def reduced(image: ImageData) -> ImageData:
+    """An image of at most COLUMNS × ROWS pixels, each the mean of as many; scene-linear."""
+    height, width = image.pixels.shape[:2]
+    down, along = -(-height // ROWS), -(-width // COLUMNS)
+    if down <= 1 and along <= 1:
+        return image
+    columns: IndexArray = np.arange(0, width, along)
+    share = np.diff(np.append(columns, width))[:, None].astype(np.float32)
+    # A row at a time: an image may be large.
+    made = [
+        _mean_rows(image, slice(first, first + down), columns) / share for first in range(0, height, down)
+    ]
+    return replace(image, pixels=np.stack(made), encoded=False)
+
+
+def _mean_rows(image: ImageData, rows: slice, columns: IndexArray) -> Single:
+    """The mean of rows, summed from each of the columns to the next one, (columns, 4)."""
+    pixels = image.pixels[rows].astype(np.float32)
+    if image.pixels.dtype == np.uint8:
+        pixels /= np.float32(255)
+    if image.encoded:
+        pixels[..., :3] = linear_from_srgb(pixels[..., :3].astype(np.float64))
+    sums: Single = np.add.reduceat(pixels.mean(axis=0), columns, axis=0)
+    return sums

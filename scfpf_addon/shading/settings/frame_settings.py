@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a frame is to be like."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from ..passes.data_passes import DataPasses
+from ..sampling.adaptive import Adaptive
+from ..sampling.pixel_filter import PixelFilter
+from ..scene.depth_of_field import Lens
+from .stylised_settings import Drawn
+
+
+class Border(NamedTuple):
+    """A rectangle of pixels, the ends not included."""
+
+    left: int
+    bottom: int
+    right: int
+    top: int
+
+
+@dataclass(frozen=True)
+class FrameSettings:
+    """width, height: pixels. samples: a pixel. pixel_error: by which a chord may leave its
+    projector, in pixels, 0 for none. transparent: what hits nothing is see-through.
+    threads: 0 for all cores. border: the part of the image that is made; its pixels are those
+    that the whole image would have. passes: besides the picture. pixel_filter: by which
+    samples lie about the pixel's centre. exposure: what the picture's and the passes' light is multiplied
+    with, but drawn pictures. scrambled: each pixel has places of its own for
+    them. adaptive: which pixels get fewer, and that they are scrambled. lens: in world space, for
+    straight projectors only. drawn: how the picture, not its passes, is drawn. Raises ValueError for what
+    makes no picture.
+    """
+
+    width: int
+    height: int
+    samples: int = 4
+    pixel_error: float = 0.1
+    transparent: bool = False
+    threads: int = 0
+    border: Border | None = None
+    passes: DataPasses = field(default_factory=DataPasses)
+    pixel_filter: PixelFilter = field(default_factory=PixelFilter)
+    exposure: float = 1.0
+    scrambled: bool = False
+    adaptive: Adaptive | None = None
+    lens: Lens | None = None
+    drawn: Drawn | None = None
+
+    def __post_init__(self) -> None:
+        if min(self.width, self.height) < 1:
+            size = f"{self.width} × {self.height}"
+            raise ValueError(f"an image of {size} pixels cannot be made: raise the resolution")
+        if self.samples < 1:
+            raise ValueError("a pixel needs at least one sample")
+        left, bottom, right, top = self.region
+        if not (0 <= left < right <= self.width and 0 <= bottom < top <= self.height):
+            raise ValueError("the border must lie in the image and hold at least one pixel")
+
+    @property
+    def region(self) -> Border:
+        """The part of the image that is made."""
+        return self.border or Border(0, 0, self.width, self.height)

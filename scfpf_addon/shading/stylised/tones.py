@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is between lines: materials' colours in steps of light, or none of it but paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from ...casting.common.hits import Hits
+from ...casting.continuation import Onward
+from ...casting.scene.cast_scene import CastScene
+from ...projection.typing import IndexArray
+from ..lights.ray_visibility import uncaught
+from ..passes.light_passes import LightParts
+from ..scene.shading_scene import Materials, Scene
+from ..settings.frame_settings import FrameSettings
+from ..settings.stylised_settings import Drawn
+from ..tracing.hit_colors import Shading
+from ..typing import Single
+from .strokes import tone_of
+
+
+def of_clay(scene: Scene) -> Scene:
+    """The scene as if all was white and matt."""
+    white = Materials(np.ones((1, 3)), np.zeros(1), np.ones(1), np.zeros(1), np.zeros((1, 3)))
+    return replace(scene, materials=white)
+
+
+def without_light(scene: Scene) -> Scene:
+    """The scene in even white light, in which things have the colours of their materials."""
+    return replace(scene, lights=(), world_color=np.ones(3), world=None)
+
+
+def stepped(tone: Single, drawn: Drawn) -> Single:
+    """Tones (n,) in [0, 1] in so many steps, from ``darkest`` to 1."""
+    if drawn.steps == 1:
+        return np.ones_like(tone)
+    place = tone * np.float32(drawn.steps)
+    half = np.float32(max(drawn.softness, 1e-6) / 2)
+    level = np.zeros_like(tone)
+    for step in range(1, drawn.steps):
+        if drawn.softness > 0.0:
+            rise = np.clip((place - step + half) / (2 * half), 0, 1)
+            level += rise * rise * (3 - 2 * rise)
+        else:
+            level += place >= step
+    level *= np.float32((1 - drawn.darkest) / (drawn.steps - 1))
+    level += np.float32(drawn.darkest)
+    return level
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawnShading(Shading):
+    """The shading of a scene, and what colours its drawn picture: even light, times steps of light.
+
+    flat: in even light, None where colours have no part. light: as white clay shows it, None where it
+    has none.
+    """
+
+    drawn: Drawn
+    flat: Shading | None
+    light: Shading | None
+
+    @classmethod
+    def drawn_of(
+        cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings, drawn: Drawn
+    ) -> DrawnShading:
+        """Prepared for frames of these settings."""
+        plain = Shading.of(scene, cast_scene, settings)
+        parts = {each.name: getattr(plain, each.name) for each in fields(Shading)}
+        scene = replace(scene, geometry=uncaught(scene.geometry))
+        flat = light = None
+        if drawn.fill in ("TOON", "FLAT"):
+            flat = Shading.of(without_light(scene), cast_scene, settings)
+        if drawn.lit:
+            # Lamps are seen from the middle, so that shadows have the edges of drawn ones.
+            alone = replace(settings, samples=1, transparent=False)
+            light = replace(Shading.of(of_clay(scene), cast_scene, alone), surface=plain.surface)
+        return cls(**parts, drawn=drawn, flat=flat, light=light)
+
+    def color(
+        self,
+        hits: Hits,
+        where: IndexArray,
+        sample: int | IndexArray,
+        onward: Onward,
+        parts: LightParts | None = None,
+    ) -> Single:
+        """As ``Shading.color``. parts: of the picture as it would be rendered."""
+        if self.drawn.fill == "RENDERED":
+            return super().color(hits, where, sample, onward, parts)
+        if parts:
+            super().color(hits, where, sample, onward, parts)
+        color = self._filled(hits, where, sample, onward)
+        caught = np.zeros(0, np.intp)
+        if self.catchers:
+            caught = np.flatnonzero(self.catchers.meets(hits.triangle.take(where)))
+        if len(caught):
+            own = sample if isinstance(sample, int) else sample[caught]
+            if len(color) == 3:
+                color = np.concatenate([color, np.ones_like(color[:1])])
+            color[:, caught] = super().color(hits, where[caught], own, onward)
+        return color
+
+    def _filled(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+        """As ``color``, as if no thing was a shadow catcher, for those have no fill."""
+        if self.flat is None:
+            paper = np.ones((4, len(where)), np.float32)
+            paper[:3] = self.drawn.paper.astype(np.float32)[:, None]
+            if self.held_out is not None:
+                paper *= ~self.held_out.take(hits.triangle.take(where))
+            return paper
+        color = self.flat.color(hits, where, sample, onward)
+        if self.drawn.fill == "FLAT" or self.light is None:
+            return color
+        light = self.light.color(hits, where, 0, onward)[:3]
+        brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
+        # Where no light falls none has a colour.
+        tint = np.divide(light, brightest, out=np.ones_like(light), where=brightest > 0)
+        color[:3] *= tint * stepped(tone_of(light, self.drawn.exposure), self.drawn)
+        return color
+
+
+def on_paper(pixels: Single, drawn: Drawn, transparent: bool) -> None:
+    """Fade pixels (n, 4), premultiplied, and lay them on paper if there is any: in place."""
+    color = drawn.paper.astype(np.float32)
+    if drawn.fade > 0.0:
+        pixels[:, :3] *= np.float32(1 - drawn.fade)
+        pixels[:, :3] += pixels[:, 3:] * (color * np.float32(drawn.fade))
+    if drawn.on_paper and not transparent:
+        pixels[:, :3] += (1 - pixels[:, 3:]) * color
+        pixels[:, 3] = 1

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of many flexible cameras: an edit costs what it changes, by counts and not by the clock."""
+
+import bpy
+import numpy as np
+import pytest
+
+CAMERAS = 12
+
+
+@pytest.fixture
+def upkeep(addon):
+    return addon("bridge.sync.handlers")
+
+
+@pytest.fixture
+def cameras(addon):
+    """Flexible cameras of two planes each, and a cube that is none of theirs."""
+    flexible = addon("bridge.camera.flexible_camera")
+    made = []
+    for number in range(CAMERAS):
+        camera = bpy.data.objects.new(f"Eye {number}", bpy.data.cameras.new("Eye"))
+        bpy.context.scene.collection.objects.link(camera)
+        for depth in (1.0, 2.0):
+            matrix = np.eye(4)
+            matrix[2, 3] = -depth
+            flexible.add_surface(camera, "PLANE", f"At {depth} of {number}", matrix)
+        flexible.make_flexible(camera)
+        made.append(camera)
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.context.object.name = "Cube"
+    settle()
+    return made
+
+
+@pytest.fixture
+def looked_at(upkeep, monkeypatch):
+    """Which cameras' facts the handler has looked at, by name, since the list was cleared."""
+    names, look = [], upkeep.volume_facts
+    monkeypatch.setattr(upkeep, "volume_facts", lambda camera: (names.append(camera.name), look(camera))[1])
+    return names
+
+
+def settle():
+    """What was done is evaluated, and what the handlers did about it."""
+    bpy.context.view_layer.update()
+    bpy.context.view_layer.update()
+
+
+def cube():
+    return bpy.data.objects["Cube"]
+
+
+def surface(camera, index=0):
+    return camera.scfpf.surfaces[index].object
+
+
+def assert_in_order(upkeep):
+    """The handler knows all cameras as they are, and each has a volume object of its own."""
+    next(obj for obj in bpy.context.scene.objects if obj.name.startswith("Cube")).update_tag()
+    settle()
+    objects = [obj for obj in bpy.data.objects if obj.type == "CAMERA"]
+    assert upkeep._upkeep.facts == {obj.session_uid: upkeep.volume_facts(obj) for obj in objects}
+    for camera in objects:
+        if not camera.scfpf.enabled or not camera.users_scene:
+            continue
+        assert camera.scfpf.volume_object.parent == camera
+        members = [slot.object for slot in camera.scfpf.surfaces if slot.object is not None]
+        assert all(camera.session_uid in upkeep._upkeep.index.having(obj) for obj in (camera, *members))
+
+
+def move_cube():
+    cube().location.x += 1.0
+
+
+def select_cube():
+    cube().select_set(not cube().select_get())
+
+
+def other_resolution():
+    bpy.context.scene.render.resolution_x += 1
+
+
+@pytest.mark.parametrize("edit", [move_cube, select_cube, other_resolution])
+def test_an_unrelated_edit_looks_at_the_camera_whose_turn_it_is(cameras, looked_at, edit):
+    looked_at.clear()
+    edit()
+    bpy.context.view_layer.update()
+    assert len(looked_at) == 1
+
+
+def test_every_camera_has_its_turn(cameras, looked_at):
+    looked_at.clear()
+    for _ in cameras:
+        move_cube()
+        bpy.context.view_layer.update()
+    assert sorted(looked_at) == sorted(camera.name for camera in cameras)
+
+
+def test_the_edit_of_a_surface_looks_at_its_camera(cameras, looked_at):
+    for camera in cameras[2:5]:
+        looked_at.clear()
+        surface(camera).location.x += 0.1
+        bpy.context.view_layer.update()
+        assert camera.name in looked_at and len(looked_at) <= 2
+
+
+def test_what_scripts_do_to_a_list_without_a_word_is_found_in_turn(cameras, upkeep, addon):
+    taken = addon("bridge.volume.volume_object")
+    camera = cameras[7]
+    lost = surface(camera)
+    assert lost.hide_select
+    camera.scfpf.surfaces.remove(0)
+    for _ in range(CAMERAS):
+        move_cube()
+        bpy.context.view_layer.update()
+    modifier = camera.scfpf.volume_object.modifiers[0]
+    assert taken._taken_surfaces(modifier) == [surface(camera)]
+    assert not lost.hide_select, "it is an ordinary object again"
+    assert_in_order(upkeep)
+
+
+def exchange_names(cameras):
+    one, other = cameras[1], cameras[2]
+    first, second = one.name, other.name
+    one.name = "Between"
+    other.name, one.name = first, second
+
+
+def rename(cameras):
+    cameras[3].name, surface(cameras[4]).name = "Hawk", "Iris"
+
+
+def duplicate(cameras):
+    bpy.ops.object.select_all(action="DESELECT")
+    cameras[5].select_set(True)
+    bpy.context.view_layer.objects.active = cameras[5]
+    bpy.ops.object.duplicate()
+
+
+def lose_a_volume_object(cameras):
+    bpy.data.objects.remove(cameras[6].scfpf.volume_object)
+
+
+def delete_a_camera(cameras):
+    bpy.data.objects.remove(cameras[8])
+
+
+def copy_the_scene(_cameras):
+    bpy.ops.scene.new(type="FULL_COPY")
+
+
+@pytest.mark.parametrize(
+    "act",
+    [exchange_names, rename, duplicate, lose_a_volume_object, delete_a_camera, copy_the_scene],
+    ids=lambda act: act.__name__,
+)
+def test_the_table_stays_right(cameras, upkeep, act):
+    act(cameras)
+    assert_in_order(upkeep)
+    # By the table alone: nothing but the volume objects is edited.
+    volumes = [o.scfpf.volume_object for o in bpy.context.scene.objects if o.type == "CAMERA"]
+    for volume in volumes:
+        volume.modifiers[0].show_viewport = False
+    settle()
+    assert all(volume.modifiers[0].show_viewport for volume in volumes)
+    assert_in_order(upkeep)
+
+
+def test_undo_and_redo_leave_the_table_right(cameras, upkeep, addon):
+    flexible = addon("bridge.camera.flexible_camera")
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.ed.undo_push(message="whole")
+        flexible.remove_surface(cameras[4], 1)
+        exchange_names(cameras)
+        settle()
+        bpy.ops.ed.undo_push(message="less")
+        for act, count in ((bpy.ops.ed.undo, 2), (bpy.ops.ed.redo, 1)):
+            act()
+            assert_in_order(upkeep)
+            assert len(bpy.data.objects["Eye 4"].scfpf.surfaces) == count
+            assert upkeep.sharers(bpy.data.objects["Eye 1"]) == []
+
+
+def test_who_shares_surfaces_is_known_after_renaming(cameras, upkeep):
+    duplicate(cameras)
+    settle()
+    copy = bpy.context.object
+    assert upkeep.sharers(copy) == [cameras[5].name]
+    cameras[5].name = "Owl"
+    settle()
+    assert upkeep.sharers(copy) == ["Owl"] and upkeep.sharers(cameras[5]) == [copy.name]
+
+
+def test_a_drawing_is_read_again_when_its_own_camera_is_edited(cameras, addon, monkeypatch):
+    """The volumes of the others are not read for it, nor any of them for an unrelated edit."""
+    drawing = addon("bridge.overlays.viewport_overlay")
+    read, names = drawing.read_projection, []
+    monkeypatch.setattr(
+        drawing, "read_projection", lambda camera, *rest: (names.append(camera.name), read(camera, *rest))[1]
+    )
+    monkeypatch.setattr(drawing, "diagram", lambda *_: {})  # no GPU is needed
+
+    def reads():
+        bpy.context.view_layer.update()
+        names.clear()
+        scene, layer = bpy.context.scene, bpy.context.view_layer
+        for camera in drawing.drawings.cameras(scene, layer):
+            drawing.drawings.drawing(camera, bpy.context.evaluated_depsgraph_get(), 1.0)
+        return names
+
+    monkeypatch.setattr(drawing.gpu.shader, "from_builtin", lambda _name: None)
+    drawing.drawings.clear()
+    assert len(reads()) == CAMERAS
+    move_cube()
+    assert reads() == []
+    select_cube()
+    assert reads() == []
+    surface(cameras[3], 1).location.z -= 0.5
+    assert reads() == [cameras[3].name]
+    cameras[2].name = "Hawk"
+    reads()
+    cameras[2].location.x += 1.0
+    assert reads() == ["Hawk"]
+    # A surface takes the name of another object, which has none of its own any more.
+    name, cube().name = cube().name, "Ordinary"
+    surface(cameras[6], 1).name = name
+    reads()
+    surface(cameras[6], 1).location.z -= 0.25
+    assert reads() == [cameras[6].name]
+    bpy.data.objects["Ordinary"].location.x += 1.0
+    assert reads() == []
+    surface(cameras[6], 1).name, bpy.data.objects["Ordinary"].name = "Surface", name
+    reads()
+    cameras[4].scfpf.basis = "POLYLINE"
+    assert reads() == [cameras[4].name]
+    far = surface(cameras[9], 1)
+    far.location.x = 0.0
+    far.keyframe_insert("location", frame=1)
+    far.location.x = 9.0
+    far.keyframe_insert("location", frame=10)
+    reads()
+    bpy.context.scene.frame_set(5)
+    assert reads() == [cameras[9].name]
+    bpy.context.scene.collection.objects.unlink(far)
+    assert cameras[9].name in reads(), "a deleted surface makes the volume unreadable"
+    cameras[7].scfpf.show_projectors = False
+    assert cameras[7].name not in reads()
+    assert cameras[7] not in drawing.drawings.cameras(bpy.context.scene, bpy.context.view_layer)

@@ -1,0 +1,360 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panels and menus, drawn into a layout that records: what they name exists, and both places agree."""
+
+import types
+
+import bpy
+import numpy as np
+import pytest
+from recorded_layout import FakePanel, RecordingLayout, drawn, texts
+
+SECTIONS = ("", "_preview", "_cycles", "_surfaces", "_projectors", "_mappings", "_quality", "_display")
+
+
+@pytest.fixture
+def camera():
+    bpy.ops.mesh.primitive_cube_add()
+    bpy.ops.scfpf.camera_add()
+    return bpy.context.object
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+@pytest.mark.parametrize("place", ["data", "view"])
+@pytest.mark.parametrize(
+    "preset", ["perspective", "cylindrical_panorama", "around_the_car", "angular_fisheye"]
+)
+def test_every_section_draws_what_exists(camera, section, place, preset):
+    bpy.ops.scfpf.preset_apply(preset=preset)
+    for index in range(len(camera.scfpf.surfaces)):
+        camera.scfpf.active_surface = index
+        assert drawn(getattr(bpy.types, f"SCFPF_PT_{place}{section}"))
+
+
+@pytest.mark.parametrize("section", SECTIONS[1:])
+def test_both_places_draw_the_same(camera, section):
+    data, view = (drawn(getattr(bpy.types, f"SCFPF_PT_{place}{section}")) for place in ("data", "view"))
+    assert data == view
+
+
+@pytest.mark.usefixtures("built_groups")
+def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, addon, monkeypatch):
+    section = bpy.types.SCFPF_PT_view_preview
+    differences = texts(drawn(section))
+    assert "no lights" in differences and "Rendered" in differences and "hidden" in differences
+    assert "hair" in differences and "linked to objects" in differences
+    bpy.ops.scfpf.preview_toggle()
+    remap_nodes = addon("scanline.remap.remap_nodes")
+    for counts, told in (
+        ({"unreachable": 0, "folded": 0}, []),
+        ({"unreachable": 1234, "folded": 0}, ["1,234 faces are cut or left out"]),
+        ({"unreachable": 0, "folded": 7}, ["7 samples of the volume are folded"]),
+    ):
+        monkeypatch.setattr(remap_nodes, "remap_counts", lambda _evaluated, counts=counts: counts)
+        for phrase in ("left out", "are folded"):
+            assert (phrase in texts(drawn(section))) == any(phrase in text for text in told)
+        assert all(text in texts(drawn(section)) for text in told)
+    source = addon("scanline.preview.preview_data").previews()[0]
+    source.scfpf_preview.problem = "It is broken"
+    assert "It is broken" in texts(drawn(section))
+    # Nothing shows it here: the viewport can be asked for.
+    assert ("operator", "scfpf.preview_show") in drawn(section)
+
+
+def test_no_line_is_cut_off_by_the_sidebar(camera, addon):
+    panels = [addon(f"panels.{name}") for name in ("preview", "cycles", "camera_panels")]
+    lines = [*panels[0].DIFFERENCES, *panels[1].DIFFERENCES, *panels[2].ABSENT.values()]
+    layout = RecordingLayout()
+    panels[2].draw_text(layout, "The rig works only in Cycles: choose it as the Render Engine", "ERROR")
+    lines += [entry[1] for entry in layout.record]
+    assert max(map(len, lines)) <= panels[2].LINE + 2
+
+
+def test_parameters_of_the_active_surface_are_drawn(camera):
+    for kind in ("PLANE", "CYLINDER", "SPHERE", "GRID", "UV_MESH", "POINT"):
+        bpy.ops.scfpf.surface_add(kind=kind)
+        labels = {entry[3] for entry in drawn(bpy.types.SCFPF_PT_view_surfaces) if entry[0] == "prop"}
+        wanted = {
+            "PLANE": {"Width", "Height"},
+            "CYLINDER": {"Radius", "Arc", "Height"},
+            "SPHERE": {"Radius", "Arc", "Latitude Start", "Latitude End"},
+        }.get(kind, set())
+        assert wanted <= labels, kind
+
+
+def test_settings_of_the_camera_are_all_drawn(camera):
+    names = set()
+    for section in SECTIONS[1:]:
+        record = drawn(getattr(bpy.types, f"SCFPF_PT_data{section}"))
+        names |= {entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_CameraSettings"}
+    hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object"}
+    hidden |= {"report", "statistics", "frame_sizes"}
+    hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
+    hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends"}
+    assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden
+
+
+def test_main_section_without_a_camera_with_an_ordinary_and_with_a_flexible_one():
+    main = bpy.types.SCFPF_PT_view
+    assert ("operator", "scfpf.camera_add") in drawn(main)
+    bpy.ops.object.camera_add()
+    record = drawn(main)
+    assert ("operator", "scfpf.camera_toggle") in record and ("operator", "scfpf.render") not in record
+    bpy.ops.scfpf.camera_toggle()
+    record = drawn(main)
+    assert ("operator", "scfpf.render") in record
+    assert ("operator", "scfpf.result_show") not in record
+
+
+def test_fit_is_offered_while_the_resolution_has_another_shape(camera):
+    assert ("operator", "scfpf.volume_fit_picture") not in drawn(bpy.types.SCFPF_PT_view)
+    bpy.context.scene.render.resolution_x = 500
+    assert ("operator", "scfpf.volume_fit_picture") in drawn(bpy.types.SCFPF_PT_view)
+    bpy.ops.scfpf.volume_fit_picture()
+    assert ("operator", "scfpf.volume_fit_picture") not in drawn(bpy.types.SCFPF_PT_view)
+
+
+def test_report_and_picture_are_offered_after_a_render(camera):
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = 32, 18
+    bpy.ops.scfpf.render()
+    record = drawn(bpy.types.SCFPF_PT_view)
+    assert ("operator", "scfpf.result_show") in record
+    assert "32×18" in texts(record) and " s" in texts(record) and "rays" not in texts(record)
+    for place in ("data", "view"):
+        statistics = getattr(bpy.types, f"SCFPF_PT_{place}_statistics")
+        assert statistics.bl_parent_id == f"SCFPF_PT_{place}" and "DEFAULT_CLOSED" in statistics.bl_options
+        told = texts(drawn(statistics))
+        assert "rays" in told and "projector" in told and "memory" in told and "32×18" not in told
+
+
+def test_a_camera_that_has_not_rendered_has_no_statistics(camera):
+    assert not bpy.types.SCFPF_PT_view_statistics.poll(bpy.context)
+    camera.scfpf.statistics = "1 rays"
+    assert bpy.types.SCFPF_PT_view_statistics.poll(bpy.context)
+
+
+def test_the_tab_of_the_sidebar_says_flexible():
+    names = [name for name in dir(bpy.types) if name.startswith("SCFPF_PT_view")]
+    assert len(names) > 6
+    assert {getattr(bpy.types, name).bl_category for name in names} == {"Flexible"}
+
+
+def test_progress_replaces_the_button_while_a_render_runs(addon, camera):
+    jobs = addon("bridge.render.render_job")
+    bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 2048
+    camera.scfpf.samples = 64
+    job = jobs.start(jobs.prepare(bpy.context.scene, bpy.context.view_layer, camera))
+    try:
+        record = drawn(bpy.types.SCFPF_PT_view)
+        job.cancel()
+        cancelling = drawn(bpy.types.SCFPF_PT_view)
+    finally:
+        jobs.stop()
+    assert ("operator", "scfpf.render_cancel") in record and ("operator", "scfpf.render") not in record
+    assert any(entry[0] == "progress" and entry[1].startswith("Rendering") for entry in record)
+    assert ("progress", "Canceling") in cancelling
+
+
+def test_what_is_missing_is_said(camera):
+    main = bpy.types.SCFPF_PT_view
+    bpy.context.scene.render.engine = "SCFPF"
+    assert texts(drawn(main)) == camera.name
+    bpy.data.objects.remove(camera.scfpf.surfaces[0].object)
+    assert "deleted" in texts(drawn(main))
+    assert "Remove it" in texts(drawn(bpy.types.SCFPF_PT_view_surfaces))
+    bpy.ops.scfpf.surface_remove()
+    assert "two control surfaces" in texts(drawn(main))
+
+
+def test_surfaces_of_another_scene_are_not_said_to_be_deleted(camera):
+    surface, scene = camera.scfpf.surfaces[0].object, bpy.context.scene
+    scene.collection.objects.unlink(surface)
+    bpy.data.collections.new("Assets").objects.link(surface)
+    assert "A control surface is in no scene" in texts(drawn(bpy.types.SCFPF_PT_view))
+    bpy.data.scenes.new("Other").collection.objects.link(surface)
+    assert "A control surface is in another scene" in texts(drawn(bpy.types.SCFPF_PT_view))
+    assert "Link it to the scene" in texts(drawn(bpy.types.SCFPF_PT_view_surfaces))
+    layout = RecordingLayout()
+    slots = camera.scfpf
+    bpy.types.SCFPF_UL_surfaces.draw_item(
+        None, bpy.context, layout, slots, slots.surfaces[0], 0, slots, "active_surface", 0
+    )
+    assert texts(layout.record) == f"{surface.name} (in another scene)"
+
+
+def test_surface_whose_node_group_is_gone_is_said_and_the_rest_drawn(camera):
+    camera.scfpf.surfaces[0].object.modifiers.clear()
+    assert "node group" in texts(drawn(bpy.types.SCFPF_PT_view_surfaces))
+
+
+def test_list_items_are_named_marked_and_selectable(camera):
+    kind = bpy.types.SCFPF_UL_surfaces
+    camera.scfpf.surfaces[0].object.name = "Lens"
+    slots = camera.scfpf.surfaces
+    layout = RecordingLayout()
+    for index, slot in enumerate(slots):
+        kind.draw_item(
+            None, bpy.context, layout, camera.scfpf, slot, 0, camera.scfpf, "active_surface", index
+        )
+    assert texts(layout.record) == "Near", "the near end is marked, and the far one by its own name"
+    assert layout.record.count(("operator", "scfpf.surface_select")) == 2
+
+
+@pytest.mark.parametrize(
+    "menu",
+    ["SCFPF_MT_surface_add", "SCFPF_MT_presets", "SCFPF_MT_camera_add_preset", "SCFPF_MT_surface_specials"],
+)
+def test_menus_draw_what_exists(camera, menu):
+    assert drawn(getattr(bpy.types, menu))
+
+
+@pytest.mark.parametrize(
+    ("menu", "operator"),
+    [("SCFPF_MT_presets", "scfpf.preset_apply"), ("SCFPF_MT_camera_add_preset", "scfpf.camera_add")],
+)
+def test_every_preset_is_in_one_group_of_few(addon, menu, operator):
+    groups = addon("operators.camera.presets").preset_groups()
+    menus = [entry[1] for entry in drawn(getattr(bpy.types, menu)) if entry[0] == "menu"]
+    menus = [name for name in menus if name != "SCFPF_MT_presets_own"]
+    assert [getattr(bpy.types, name).bl_label for name in menus] == [group for group, _items in groups]
+    for name, (_group, items) in zip(menus, groups, strict=True):
+        assert drawn(getattr(bpy.types, name)) == [("operator", operator)] * len(items)
+        assert len(items) <= 10
+    listed = [identifier for _group, items in groups for identifier, _name, _description in items]
+    assert sorted(listed) == sorted(
+        path.stem for path in addon("operators.camera.presets").FOLDER.glob("*.json")
+    )
+
+
+def test_add_menus_have_our_entries(addon):
+    menus = addon("panels.menus")
+    for menu, entries in (
+        ("VIEW3D_MT_camera_add", menus._camera_entries),
+        ("VIEW3D_MT_add", menus._surface_entries),
+    ):
+        assert entries in getattr(bpy.types, menu)._dyn_ui_initialize()
+        fake = FakePanel(menus.SCFPF_MT_presets)
+        entries(fake, bpy.context)
+        assert fake.layout.record
+
+
+def test_panels_show_for_a_camera_and_the_sidebar_always(camera):
+    data, view = bpy.types.SCFPF_PT_data, bpy.types.SCFPF_PT_view
+    with bpy.context.temp_override(object=camera, camera=camera.data):
+        assert data.poll(bpy.context) and bpy.types.SCFPF_PT_data_surfaces.poll(bpy.context)
+    other = bpy.data.cameras.new("Pinned")
+    with bpy.context.temp_override(object=camera, camera=other):
+        assert not data.poll(bpy.context), "a pinned camera's data with another object beside it"
+    assert view.poll(bpy.context) and bpy.types.SCFPF_PT_view_surfaces.poll(bpy.context)
+    camera.scfpf.enabled = False
+    assert not bpy.types.SCFPF_PT_view_surfaces.poll(bpy.context)
+
+
+def test_every_operator_has_a_description_and_every_property_too():
+    for name in dir(bpy.ops.scfpf):
+        rna = getattr(bpy.ops.scfpf, name).get_rna_type()
+        assert rna.description, name
+        for prop in rna.properties:
+            if prop.identifier not in {"rna_type", "filter_glob"}:
+                assert prop.description, f"{name}.{prop.identifier}"
+
+
+def test_shared_surfaces_are_said_and_a_button_parts_them(camera):
+    assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))
+    bpy.ops.object.duplicate()
+    bpy.context.view_layer.update()
+    record = drawn(bpy.types.SCFPF_PT_data)
+    assert f"Surfaces shared with '{camera.name}'" in texts(record)
+    assert ("operator", "scfpf.volume_single_user") in record
+    bpy.ops.scfpf.volume_single_user()
+    bpy.context.view_layer.update()
+    assert "shared" not in texts(drawn(bpy.types.SCFPF_PT_data))
+
+
+def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(addon, camera):
+    section = bpy.types.SCFPF_PT_view_cycles
+    told = texts(drawn(section))
+    assert "chord" not in told and "t and depth instead" in told
+    bpy.ops.scfpf.preset_apply(preset="nonlinear_twist")
+    bpy.context.view_layer.update()
+    prices, depsgraph = addon("cycles.prices"), bpy.context.evaluated_depsgraph_get()
+    assert prices.price(camera, bpy.context.scene) is None, "drawing a panel works nothing out"
+    known = prices.work_out(camera, bpy.context.scene, depsgraph)
+    before = [entry[1] for entry in drawn(section) if entry[0] == "label"]
+    assert any("vertices, about" in line for line in before)
+    bpy.ops.scfpf.cycles_rig()
+    told = texts(drawn(section))
+    assert " chords, off by 0.0" in told and "× an ordinary camera" in told
+    # The price that is shown before is that of the rig.
+    rig = addon("cycles.rig_data").rig_of(bpy.context.scene)
+    there = addon("cycles.chord_planning").price_of_rig(rig)
+    assert known == there._replace(error=known.error)
+    assert there.error == pytest.approx(known.error, rel=1e-6)
+    assert not [line for line in before if line not in told]
+    assert ("operator", "render.render") in drawn(section)
+    assert ("operator", "scfpf.cycles_passes") in drawn(section)
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    assert "works only in Cycles" in texts(drawn(section))
+
+
+def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):
+    main = getattr(bpy.types, f"SCFPF_PT_data{SECTIONS[0]}")
+    assert not any("blend" in str(entry) for entry in drawn(main))
+    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
+    record = drawn(main)
+    shown = [entry[2] for entry in record if entry[0] == "prop"]
+    assert shown[shown.index("blend_factor") :][:3] == ["blend_factor", "first", "second"]
+    assert any("To the preset Orthographic" in str(entry) for entry in record)
+    assert any("scfpf.blend_update" in str(entry) for entry in record)
+
+
+class Column:
+    """A layout that notes what is put into it: (item, height in rows)."""
+
+    def __init__(self, items):
+        self.items, self.scale_y = items, 1.0
+
+    def row(self):
+        return Column(self.items)
+
+    column = row
+
+    def template_icon(self, icon_value, scale):
+        self.items.append(("picture", scale))
+
+    def operator(self, _operator, text):
+        self.items.append(("name", self.scale_y))
+        return types.SimpleNamespace()
+
+
+def test_preset_menus_fit_a_small_screen(addon):
+    """All pictures stand in one column, all names in the next, as high: a menu drifts aside otherwise."""
+    for _group, entries in addon("operators.camera.presets").preset_groups():
+        items = []
+        addon("panels.thumbnails").draw_entries(
+            Column(items), "scfpf.preset_apply", entries, lambda _preset: 1
+        )
+        what, heights = zip(*items, strict=True)
+        assert what == ("picture",) * len(entries) + ("name",) * len(entries)
+        pictures, names = np.split(np.array(heights), 2)
+        assert (pictures == names).all() and pictures.min() >= 1.5 * 2.4
+        # A row is 20 pixels high, and 2 pixels are between two; the title and the borders are two rows.
+        assert (20 * pictures + 2).sum() + 40 < 1000 - 200
+
+
+def test_blenders_panel_of_the_lens_says_what_it_is_for(addon):
+    """In that of a flexible camera alone, and not in that of other camera data that is pinned."""
+    bpy.ops.object.camera_add()
+    camera = bpy.context.object
+    pinned = bpy.data.cameras.new("Pinned")
+
+    def said(data):
+        record = []
+        context = types.SimpleNamespace(object=camera, camera=data)
+        panel = types.SimpleNamespace(layout=RecordingLayout(record))
+        addon("panels.camera_panels")._lens_note(panel, context)
+        return [entry for entry in record if entry[0] == "label"]
+
+    assert not said(camera.data)
+    bpy.ops.scfpf.camera_from_camera()
+    assert "Pictures show the volume." in str(said(camera.data)) and not said(pinned)

@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reflections off rough surfaces: as bright and as blurred as Cycles', and the same whatever is rendered."""
+
+import bpy
+import numpy as np
+import pytest
+from shown_materials import add, both, new_material, scene_with_camera, show
+
+SIZE = 24
+
+
+def shader(kind, settings=(), **inputs):
+    material = new_material(kind)
+    node = add(material.node_tree, f"ShaderNode{kind}", settings, **inputs)
+    show(material.node_tree, node.outputs[0])
+    return material
+
+
+def plane(material, location=(0, 0, 0), size=4.0, turn=(0, 0, 0)):
+    bpy.ops.mesh.primitive_plane_add(size=size, location=location, rotation=turn)
+    bpy.context.object.data.materials.append(material)
+
+
+def glossy_scene(material):
+    """A floor of the material before a glowing wall, seen askew."""
+    scene = scene_with_camera(SIZE)
+    plane(material)
+    glow = shader("Emission", Color=(1.0, 0.6, 0.3), Strength=3.0)
+    plane(glow, (0.2, 0.8, 0.5), 0.8, (np.pi / 2, 0, 0))
+    scene.camera.scfpf.samples = 64
+    scene.camera.location, scene.camera.rotation_euler = (0.3, -2.5, 1.2), (1.2, 0, 0)
+    cycles = scene.cycles
+    cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling = 128, False, False
+    cycles.max_bounces = 4
+    cycles.sample_clamp_indirect = 0.0
+    cycles.pixel_filter_type, cycles.filter_width = "BOX", 1.0
+    return scene
+
+
+METAL = {"Base_Color": (0.9, 0.7, 0.5), "Metallic": 1.0}
+WHITE = {"Color": (0.8, 0.8, 0.8), "Roughness": 0.5}
+MATERIALS = {
+    "polished metal": ("BsdfPrincipled", {}, {**METAL, "Roughness": 0.2}),
+    "rough metal": ("BsdfPrincipled", {}, {**METAL, "Roughness": 0.65}),
+    "single": ("BsdfGlossy", {"distribution": "GGX"}, WHITE),
+    "coat": ("BsdfPrincipled", {}, {"Base_Color": (0.0, 0.0, 0.0), "Roughness": 0.25}),
+}
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_a_glow_is_reflected_as_by_cycles(name, tmp_path):
+    kind, settings, inputs = MATERIALS[name]
+    scene = glossy_scene(shader(kind, settings, **inputs))
+    ours, cycles = both(scene, tmp_path)
+    # The floor below the wall.
+    ours, cycles = ours[: SIZE * 2 // 5, :, :3], cycles[: SIZE * 2 // 5, :, :3]
+    ratio = ours.mean(axis=(0, 1)) / cycles.mean(axis=(0, 1))
+    print(name, ratio, np.abs(ours - cycles).mean() / cycles.mean())
+    assert ratio == pytest.approx(np.ones(3), abs=0.03)
+    assert np.abs(ours - cycles).mean() < 0.12 * cycles.mean()
+
+
+# What is dark beside light of strength 1.
+DARK = 0.01
+# Roughness, index of refraction, metallic, base colour.
+BALLS = [
+    (0.3, 1.5, 0.0, 0.8),
+    (0.5, 1.3, 0.0, 0.8),
+    (0.5, 2.0, 0.0, 0.8),
+    (1.0, 2.0, 0.0, 0.8),
+    (0.5, 1.5, 1.0, 0.8),
+    (0.8, 1.5, 1.0, 0.8),
+    (0.3, 1.5, 0.0, 0.0),
+    (0.6, 2.0, 0.0, 0.0),
+    (1.0, 1.5, 0.0, 0.0),
+]
+
+
+@pytest.mark.parametrize("light, mean, each", [("sun", 0.05, 0.06), ("even", 0.02, 0.1)])
+def test_balls_are_as_bright_as_those_of_cycles(light, mean, each, tmp_path):
+    """Nine of them, in the sun and in even light: highlights, and what they take from what is below.
+
+    mean, each: by how much their mean and their pixels may differ. What no ray follows of even light is the
+    mean of all directions that they are seen from.
+    """
+    scene = scene_with_camera(45)
+    scene.camera.location, scene.camera.rotation_euler = (0, 0, 20), (0, 0, 0)
+    scene.camera.data.type, scene.camera.data.ortho_scale = "ORTHO", 6
+    scene.camera.scfpf.samples, scene.cycles.samples, scene.cycles.max_bounces = 16, 64, 1
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 1.0
+    for number, (roughness, ior, metallic, base) in enumerate(BALLS):
+        at = (number % 3 - 1) * 2, (number // 3 - 1) * 2, 0
+        bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24, radius=0.8, location=at)
+        bpy.ops.object.shade_smooth()
+        # They are to see the light alone.
+        bpy.context.object.visible_glossy = bpy.context.object.visible_diffuse = False
+        values = {"Roughness": roughness, "IOR": ior, "Metallic": metallic}
+        material = shader("BsdfPrincipled", Base_Color=(base,) * 3, **values)
+        bpy.context.object.data.materials.append(material)
+    background = next(n for n in scene.world.node_tree.nodes if n.type == "BACKGROUND")
+    background.inputs["Color"].default_value = (1, 1, 1, 1)
+    background.inputs["Strength"].default_value = float(light == "even")
+    if light == "sun":
+        bpy.ops.object.light_add(type="SUN", rotation=(0.7, 0.3, 0))
+        bpy.context.object.data.energy, bpy.context.object.data.angle = 3, 0.05
+    ours, cycles = (
+        made[..., 0].reshape(3, 15, 3, 15).swapaxes(1, 2).reshape(9, 15, 15) for made in both(scene, tmp_path)
+    )
+    across, up = np.mgrid[:15, :15] - 7
+    whole = across**2 + up**2 < 5.5**2
+    for ball, mine, its in zip(BALLS, ours[:, whole], cycles[:, whole], strict=True):
+        assert abs(mine.mean() - its.mean()) < mean * its.mean() + DARK, ball
+        assert np.abs(mine - its).mean() < each * its.mean() + DARK, ball
+
+
+def test_what_is_no_ggx_is_listed(addon):
+    reading = addon("bridge.scene.read_graph").read_graph(
+        shader("BsdfGlossy", {"distribution": "BECKMANN"}, Roughness=0.3).node_tree
+    )
+    assert reading.graph.reflects and reading.notes == ("Glossy BSDF: Beckmann",)

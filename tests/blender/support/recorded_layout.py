@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A layout that records what panels and menus draw, and checks that what they name exists."""
+
+import bpy
+
+
+class RecordingLayout:
+    """Stands for a UILayout: checks that each property, operator and menu exists, and notes it."""
+
+    CONTAINERS = ("row", "column", "box", "split")
+
+    def __init__(self, record=None):
+        self.record = [] if record is None else record
+
+    def __getattr__(self, name):
+        if name in self.CONTAINERS:
+            return lambda **_options: RecordingLayout(self.record)
+        if name.startswith("template_"):
+            return lambda *_owner, **_options: self.record.append(("template", name))
+        raise AttributeError(name)
+
+    def prop(self, owner, name, text=None, **_options):
+        owner.path_resolve(name)
+        self.record.append(("prop", type(owner).__name__, name, text))
+
+    def operator(self, idname, **_options):
+        module, name = idname.split(".")
+        operator = getattr(getattr(bpy.ops, module), name)
+        known = operator.get_rna_type().properties
+        self.record.append(("operator", idname))
+
+        class Properties:
+            def __setattr__(self, name, value):
+                assert name in known, f"{idname} has no property {name}"
+
+        return Properties()
+
+    def panel(self, _idname, **_options):
+        return RecordingLayout(self.record), RecordingLayout(self.record)
+
+    def operator_menu_enum(self, idname, prop, **_options):
+        setattr(self.operator(idname), prop, None)
+
+    def menu(self, idname, **_options):
+        assert hasattr(bpy.types, idname), idname
+        self.record.append(("menu", idname))
+
+    def template_list(self, kind, _identifier, owner, collection, active_owner, active, **_options):
+        assert hasattr(bpy.types, kind)
+        assert len(getattr(owner, collection)) >= 0
+        assert isinstance(getattr(active_owner, active), int)
+        self.record.append(("list", kind))
+
+    def label(self, text="", **_options):
+        self.record.append(("label", text))
+
+    def progress(self, factor, text):
+        assert 0 <= factor <= 1
+        self.record.append(("progress", text))
+
+    def separator(self, **_options):
+        pass
+
+
+class FakePanel:
+    """A panel's Python side without Blender's."""
+
+    def __init__(self, cls):
+        self.cls, self.layout = cls, RecordingLayout()
+
+    def __getattr__(self, name):
+        found = getattr(self.cls, name)
+        return found.__get__(self) if callable(found) else found
+
+
+def drawn(cls, context=None):
+    """What a panel or a menu draws."""
+    panel = FakePanel(cls)
+    panel.draw(context or bpy.context)
+    return panel.layout.record
+
+
+def texts(record):
+    return " ".join(entry[1] for entry in record if entry[0] == "label")

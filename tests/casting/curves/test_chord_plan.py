@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The chords that Cycles' rays follow: as near to the projectors as asked for, and the sheets between."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scfpf_addon.cycles.chords.chord_plan import (
+    FEWEST_CELLS,
+    ROUND_CELLS,
+    PlanError,
+    chord_error,
+    plan_chords,
+)
+from scfpf_addon.cycles.portals.sheets import crosses_itself, has_no_area, portals, vertex_count
+from scfpf_addon.projection.presets.preset import read_preset
+from scfpf_addon.projection.surfaces.surface import Plane
+from scfpf_addon.projection.volume.inverse import invert
+from scfpf_addon.projection.volume.reparameterisation import Polar
+from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
+
+SIZE = (320, 200)
+PRESETS = Path(__file__).parents[3] / "presets"
+
+
+def plane(half_width, depth, x=0.0, turn=0.0):
+    cosine, sine = np.cos(turn), np.sin(turn)
+    matrix = np.array([[cosine, -sine, 0, x], [sine, cosine, 0, 0], [0, 0, 1, -depth], [0, 0, 0, 1.0]])
+    return Plane(2 * half_width, 1.25 * half_width, matrix=matrix)
+
+
+def bent(basis="BEZIER", weights=None, x=2.0):
+    surfaces = (plane(1, 1), plane(3, 6, x), plane(5, 14, -3 * x, 0.6), plane(8, 24, 2 * x))
+    return Projection(ViewingVolume(surfaces, basis, weights), aspect=1.6)
+
+
+def chord_ends(projection, plan, x, y):
+    """Ends of the chords of projectors through x, y (N,): (n+1, 3, N), by finite differences of Q."""
+    points = projection.projectors(x, y).points
+    step = 1e-4
+
+    def at(t):
+        weights, _ = projection.volume.spans.weights(np.atleast_1d(t))
+        return np.einsum("kn,kcs->ncs", weights, points)
+
+    ends = []
+    for t, shift in zip(plan.breaks, plan.shifts, strict=True):
+        bend = (at(t + step) - 2 * at(t) + at(t - step))[0] / step**2 if shift else 0.0
+        ends.append(at(t)[0] - shift * bend)
+    return np.array(ends)
+
+
+@pytest.mark.parametrize("pixel_error", [0.05, 0.3, 1.0])
+@pytest.mark.parametrize(
+    ("basis", "weights"), [("BEZIER", None), ("B_SPLINE", None), ("NURBS", (1.0, 3.0, 0.5, 1.0))]
+)
+def test_points_of_chords_are_seen_where_their_pixel_is(basis, weights, pixel_error):
+    """By the inverse: a point of a chord belongs to a place in the picture, which must be the chord's own."""
+    projection = bent(basis, weights)
+    plan = plan_chords([projection], SIZE, pixel_error)
+    assert plan.error <= pixel_error
+    x, y = np.random.default_rng(2).uniform(0.02, 0.98, (2, 40))
+    ends = chord_ends(projection, plan, x, y)
+    worst = 0.0
+    for part in (0.1, 0.5, 0.9):
+        points = ends[:-1] * (1 - part) + ends[1:] * part
+        found = invert(projection.volume, points.transpose(1, 0, 2).reshape(3, -1))
+        u, v = found.u.reshape(-1, 40), found.v.reshape(-1, 40)
+        off = np.hypot((u - x) * SIZE[0], (v - y) * SIZE[1])
+        worst = max(worst, np.nanmax(off))
+    # What moves a picture along the narrow side of a pixel moves it less along the wide one.
+    assert 0.2 * pixel_error < worst <= 1.1 * pixel_error
+
+
+def test_fewer_chords_where_less_is_asked():
+    counts = [plan_chords([bent()], SIZE, error).count for error in (0.05, 0.2, 0.8)]
+    assert counts[0] > 1.8 * counts[1] > 3.2 * counts[2] > 3.2
+    assert plan_chords([bent(x=0.0)], SIZE, 0.2).count < counts[1]
+
+
+def test_straight_projectors_are_one_chord_and_polylines_their_own():
+    straight = Projection(ViewingVolume((plane(1, 1), plane(8, 20))), aspect=1.6)
+    assert plan_chords([straight], SIZE, 0.1).breaks.tolist() == [0.0, 1.0]
+    line = Projection(ViewingVolume((plane(1, 1), plane(3, 6, 2), plane(8, 20)), "POLYLINE"), aspect=1.6)
+    assert plan_chords([line], SIZE, 0.1).breaks.tolist() == [0.0, 0.5, 1.0]
+
+
+def test_all_frames_count():
+    frames = [bent(x=0.5), bent(x=4.0)]
+    plan = plan_chords(frames, SIZE, 0.2)
+    assert plan.count >= plan_chords(frames[1:], SIZE, 0.2).count
+    assert max(chord_error(frame, SIZE, plan.breaks, plan.shifts) for frame in frames) <= 0.2
+
+
+def test_a_volume_of_nothing_is_refused():
+    lost = Projection(ViewingVolume((plane(1, 1), plane(np.inf, 20))))
+    with pytest.raises(PlanError, match="finite"):
+        plan_chords([lost], SIZE, 0.1)
+
+
+@pytest.mark.parametrize("polar", [False, True])
+def test_sheets_cover_the_picture_once(polar):
+    breaks = np.linspace(0, 1, 4)
+    cells = (ROUND_CELLS, ROUND_CELLS)
+    arrays = portals(breaks, np.zeros(4), cells, SIZE, polar)
+    assert arrays.places.shape[1] == vertex_count(3, cells, polar)
+    triangles = arrays.triangles[~arrays.surround]
+    number = arrays.places[2][triangles]
+    assert (number == number[:, :1]).all()
+    x, y = arrays.places[0][triangles], arrays.places[1][triangles]
+    area = 0.5 * ((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
+    assert area.min() > -1e-12
+    padded = (1 + 4 / SIZE[0]) * (1 + 4 / SIZE[1])
+    for sheet in range(4):
+        covered = area[number[:, 0] == sheet].sum()
+        assert covered == pytest.approx(np.pi / 4 if polar else padded, rel=1e-3)
+    ends = [np.unique(number[which[~arrays.surround]]).tolist() for which in (arrays.screen, arrays.far)]
+    assert ends == [[0], [3]]
+
+
+def test_polar_pictures_have_round_sheets():
+    disc = Projection(ViewingVolume((plane(1, 1), plane(8, 20))), Polar(), aspect=1.6)
+    plan = plan_chords([disc], SIZE, 0.2)
+    assert min(plan.cells) >= ROUND_CELLS
+
+
+def test_crossing_is_noticed():
+    def layers(height):
+        t = np.linspace(0, 1, 9)
+        turn = 1.6 * np.pi * t
+        loop = np.stack([0 * t, 5 * np.sin(turn), 5 * np.cos(turn) + height * t])
+        x, y = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))
+        return loop.T[:, :, None, None] + np.stack([x, y, 0 * x])[None]
+
+    assert not crosses_itself(layers(0.0)[:3], gated=False)
+    line = np.linspace(0, 10, 6)[:, None, None, None] * np.array([0, 0, 1.0])[None, :, None, None]
+    x, y = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))
+    forward = line + np.stack([x, y, 0 * x])[None]
+    assert not crosses_itself(forward, gated=False)
+    back = np.concatenate([forward, forward[1:3] - 1e-3])
+    # Sheets that know whose rays they turn are passed; a fold between one sheet and the next is not.
+    assert crosses_itself(back, gated=False)
+    assert not crosses_itself(back[:-1], gated=True)
+    folded = forward.copy()
+    columns = np.array([[-1.0, 0.5, 0.0, -0.5, 1.0], [8.0, 8.5, 9.0, 9.5, 10.0]])
+    folded[-1, 0], folded[-1, 2] = columns[:, None].repeat(5, axis=1)
+    assert crosses_itself(folded, gated=True)
+    assert not has_no_area(forward) and not has_no_area(folded)
+    lines = forward.copy()
+    lines[0, 1] = 0.0
+    assert not has_no_area(lines), "the screen is elsewhere"
+    lines[-1, 1] = 0.0
+    assert has_no_area(lines)
+
+
+def test_sheets_of_a_volume_that_begins_in_a_point_are_as_fine_as_elsewhere():
+    """The stereographic preset begins in its origin, where pixels have no size to measure by."""
+    projection = read_preset(PRESETS / "stereographic.json").projection(1.6)
+    moved = np.eye(4)
+    moved[:3, 3] = 0.3, -0.2, 5.0
+    here, there = (plan_chords([one], SIZE, 0.3) for one in (projection, projection.transformed(moved)))
+    assert here.cells == there.cells and here.cells[0] > FEWEST_CELLS
+    assert here.error == pytest.approx(there.error, rel=1e-3) and 0.0 < here.error <= 0.3
