@@ -27,7 +27,7 @@ from benchmarks.hard_scenes import AIMS, aimed_curves, cube, sphere
 from benchmarks.scenes import Mesh, bent_projection, boxes, joined, sheet
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.hits import CastCounts, Hits
-from scfpf_addon.casting.curves.projector_batch import Bundle
+from scfpf_addon.casting.curves.projector_batch import ProjectorBatch
 from scfpf_addon.casting.exact.exact_cast import cast_exact
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -58,9 +58,9 @@ def exact_image(scene: CastScene, projection: Projection, width: int = WIDTH, he
 
 def exact_curves(scene: CastScene, controls: Array, counts: CastCounts | None = None) -> Hits:
     """Exact hits of Bézier curves (d+1, 3, N), cast space."""
-    bundle = Bundle(span_basis("BEZIER", len(controls)), controls)
+    batch = ProjectorBatch(span_basis("BEZIER", len(controls)), controls)
     counts = CastCounts() if counts is None else counts
-    return cast_exact(scene, bundle, np.ones(controls.shape[2], bool), None, counts)
+    return cast_exact(scene, batch, np.ones(controls.shape[2], bool), None, counts)
 
 
 def moved(offset: float, factor: float, degree: int, angle: float) -> dict[str, float]:

@@ -19,13 +19,16 @@ the code.
 """
 # Title, and the property groups below it: file and class. Where each is found is in the guide.
 GROUPS = (
-    ("The panel Flexible Projection", (("properties", "SCFPF_CameraSettings"),)),
-    ("A control surface", (("properties", "SCFPF_SurfaceSlot"), ("properties", "SCFPF_SurfaceSettings"))),
-    ("A blend", (("blend_properties", "SCFPF_BlendEnds"),)),
-    ("Image Mappings", (("mapping_properties", "SCFPF_ImageMapping"),)),
-    ("Sampling, Film, Motion Blur", (("sampling", "SCFPF_Sampling"),)),
-    ("Passes", (("render_passes", "SCFPF_ViewLayer"),)),
-    ("Drawn Style", (("drawn", "SCFPF_Drawn"),)),
+    ("The panel Flexible Projection", (("settings/camera_properties", "SCFPF_CameraSettings"),)),
+    (
+        "A control surface",
+        tuple(("settings/camera_properties", f"SCFPF_Surface{name}") for name in ("Slot", "Settings")),
+    ),
+    ("A blend", (("settings/blend_properties", "SCFPF_BlendEnds"),)),
+    ("Image Mappings", (("settings/mapping_properties", "SCFPF_ImageMapping"),)),
+    ("Sampling, Film, Motion Blur", (("settings/sampling", "SCFPF_Sampling"),)),
+    ("Passes", (("render/render_passes", "SCFPF_ViewLayer"),)),
+    ("Drawn Style", (("settings/stylised_properties", "SCFPF_Drawn"),)),
 )
 SIZES = {"Input", "_length", "_latitude"}
 # Their choices are in tables of the guide.
@@ -104,7 +107,7 @@ def interface() -> tuple[set[str], dict[str, str]]:
     shown = {"u_range", "v_range"}
     labels: dict[str, str] = {}
     # The kinds of lines are named beside their properties.
-    for path in (*sorted((ROOT / "panels").glob("*.py")), BRIDGE / "drawn.py"):
+    for path in (*sorted((ROOT / "panels").glob("*.py")), BRIDGE / "settings" / "stylised_properties.py"):
         for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 shown.add(node.value)
@@ -154,7 +157,7 @@ def sizes() -> Iterator[Row]:
 
 def buttons(labels: dict[str, str]) -> list[Row]:
     """Every operator with its tooltip and its own settings, in alphabetical order."""
-    modules = [parsed(path) for path in sorted((ROOT / "operators").glob("*.py"))]
+    modules = [parsed(path) for path in sorted((ROOT / "operators").rglob("*.py"))]
     owners = {name: (owner, tree) for tree in modules for name, owner in classes(tree).items()}
     rows = []
     for owner, _ in owners.values():

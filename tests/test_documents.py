@@ -124,10 +124,10 @@ def choices(path, name):
 def test_guide_has_each_choice_with_its_tooltip():
     rows = GUIDE.read_text(encoding="utf-8").splitlines()
     for name in ("KINDS", "BASES", "REPARAMETERISATIONS"):
-        for identifier, title, tooltip in choices("properties.py", name):
+        for identifier, title, tooltip in choices("settings/camera_properties.py", name):
             shown = any(f"| {title} | {tooltip} |" in row for row in rows)
             assert shown or identifier == "NONE", f"the guide has no row of {title} and its tooltip"
-    for _, title, _ in choices("mapping_properties.py", "MAPPING_KINDS"):
+    for _, title, _ in choices("settings/mapping_properties.py", "MAPPING_KINDS"):
         assert any(row.startswith(f"| {title} |") for row in rows), title
 
 
@@ -143,7 +143,7 @@ def test_page_of_settings_is_that_of_the_code():
 
 def operator_labels():
     """The name of every operator."""
-    texts = [path.read_text(encoding="utf-8") for path in (ROOT / "operators").glob("*.py")]
+    texts = [path.read_text(encoding="utf-8") for path in (ROOT / "operators").rglob("*.py")]
     return re.findall(r'^    bl_label = "(.+)"$', "\n".join(texts), re.MULTILINE)
 
 

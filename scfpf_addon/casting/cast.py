@@ -12,7 +12,7 @@ from ..projection.volume.viewing_volume import Projection
 from .common.hits import CastCounts, Hits
 from .curves.bends import bend_groups
 from .curves.chords import cast_chords, complete
-from .curves.projector_batch import Bundle
+from .curves.projector_batch import ProjectorBatch
 from .curves.schedule import corners, plan, sample_curves, scene_reach, split
 from .exact.exact_cast import cast_exact
 from .scene.cast_scene import CastError, CastScene
@@ -79,8 +79,8 @@ def cast(
     if pixel_error == 0.0:
         points, mask, _ = usable_projectors(projection, x, y)
         counts.projectors += int(np.count_nonzero(mask))
-        bundle = Bundle(spans, points)
-        return complete(cast_exact(scene, bundle, mask, columns, counts), bundle)
+        batch = ProjectorBatch(spans, points)
+        return complete(cast_exact(scene, batch, mask, columns, counts), batch)
     if spans.degree > 1 or spans.point_weights is not None:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
     points, mask, farthest = usable_projectors(projection, x, y)
@@ -91,10 +91,10 @@ def cast(
     if single:
         return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
     counts.projectors += int(np.count_nonzero(mask))
-    bundle = Bundle(spans, points)
+    batch = ProjectorBatch(spans, points)
     if reach is None:
-        return complete(Hits.unplaced(len(x))._replace(mask=mask), bundle)
-    return complete(cast_chords(scene, bundle, mask, corners(spans, reach), counts)[0], bundle)
+        return complete(Hits.unplaced(len(x))._replace(mask=mask), batch)
+    return complete(cast_chords(scene, batch, mask, corners(spans, reach), counts)[0], batch)
 
 
 def _cast_curved(
@@ -111,17 +111,17 @@ def _cast_curved(
     spans = projection.volume.spans
     with np.errstate(invalid="ignore", over="ignore"):
         points, mask = projection.projectors(x, y)
-        bundle = Bundle(spans, points)
-        boxes = boxes_of_blocks(bundle.single, columns)
+        batch = ProjectorBatch(spans, points)
+        boxes = boxes_of_blocks(batch.single, columns)
     if not boxes.farthest < FARTHEST:
         points, mask, _ = usable_projectors(projection, x, y)
-        bundle = Bundle(spans, points)
-        boxes = boxes_of_blocks(bundle.single, columns)
+        batch = ProjectorBatch(spans, points)
+        boxes = boxes_of_blocks(batch.single, columns)
     counts.projectors += int(np.count_nonzero(mask))
     where = stretches(scene.occupancy, spans, boxes)
     reach = where.reach
     if reach is None or not mask.any():
-        return complete(Hits.unplaced(len(x))._replace(mask=mask), bundle)
+        return complete(Hits.unplaced(len(x))._replace(mask=mask), batch)
     error = max(pixel_error, SMALLEST_ERROR)
     groups = bend_groups(points, mask)
     answer = Hits.unplaced(len(x) if len(groups) > 1 else 0)
@@ -129,7 +129,7 @@ def _cast_curved(
         curves = sample_curves(projection, x, y, group, pixel_size, columns)
         schedule = plan(spans, curves, reach, error, 1)
         counts.error_bound = max(counts.error_bound, schedule.error)
-        hits, doubtful = cast_chords(scene, bundle, group, schedule, counts, where, False)
+        hits, doubtful = cast_chords(scene, batch, group, schedule, counts, where, False)
         if len(doubtful):
             counts.refined += len(doubtful)
             if spans.point_weights is None:
@@ -137,15 +137,15 @@ def _cast_curved(
             else:
                 fine = plan(spans, curves, reach, FINE_SHARE * error, 1)
             own = CastCounts()
-            some, there = bundle.take(doubtful), where.take(doubtful)
+            some, there = batch.take(doubtful), where.take(doubtful)
             hits.put(doubtful, cast_chords(scene, some, group[doubtful], fine, own, there)[0])
             own.chords = 0
             counts.add(own)
         if len(groups) == 1:
-            return complete(hits, bundle)
+            return complete(hits, batch)
         which = np.flatnonzero(group)
         answer.put(which, hits.take(which))
-    return complete(answer, bundle)
+    return complete(answer, batch)
 
 
 def usable_projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:

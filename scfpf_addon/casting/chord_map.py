@@ -11,7 +11,7 @@ from ..projection.typing import Array, BoolArray
 from ..projection.volume.viewing_volume import Projection, image_derivatives
 from .cast import SMALLEST_ERROR, usable_projectors
 from .curves.bends import bend_groups
-from .curves.projector_batch import Bundle
+from .curves.projector_batch import ProjectorBatch
 from .curves.schedule import Schedule, corners, pixel_lengths, plan, sample_curves, scene_reach
 from .scene.cast_scene import CastScene
 from .scene.occupancy import boxes_of_blocks, stretches
@@ -54,8 +54,8 @@ def chord_map(
         elif reach is not None:
             made.count[mask] = _chord(corners(spans, reach), t[mask]) + 1
         return made
-    bundle = Bundle(spans, points)
-    reach = stretches(scene.occupancy, spans, boxes_of_blocks(bundle.single, columns)).reach
+    batch = ProjectorBatch(spans, points)
+    reach = stretches(scene.occupancy, spans, boxes_of_blocks(batch.single, columns)).reach
     if reach is None or not mask.any():
         return made
     for group in bend_groups(points, mask):

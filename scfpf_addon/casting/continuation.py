@@ -17,7 +17,7 @@ from .cast import SMALLEST_ERROR
 from .common.hits import CastCounts, Hits
 from .curves.chords import NEIGHBOURHOOD, complete
 from .curves.march import OVERLAP
-from .curves.projector_batch import Bundle
+from .curves.projector_batch import ProjectorBatch
 from .curves.schedule import Schedule, corners, plan, sample_curves, scene_reach
 from .exact.exact_cast import cast_exact
 from .scene.cast_scene import CastScene
@@ -40,7 +40,7 @@ WaysOut: TypeAlias = Callable[[IndexArray], Array]
 
 
 @dataclass(frozen=True)
-class Onward:
+class Continuation:
     """The projectors of a tile, to be followed on behind their hits.
 
     projection: in cast space. x, y: (N,) image positions of the whole tile, whose projectors share
@@ -77,7 +77,7 @@ class Onward:
         """Tangents (3, n) where the projectors ``which`` (n,) leave the volume."""
         points = self.projection.taken(which).projectors(self.x[which], self.y[which]).points
         nothing = Hits.empty(len(which))._replace(mask=np.ones(len(which), bool))
-        return complete(nothing, Bundle(self.projection.volume.spans, points)).tangent
+        return complete(nothing, ProjectorBatch(self.projection.volume.spans, points)).tangent
 
     def hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits:
         """The next hits of the projectors ``which`` (n,) behind those at t (n,) on ``triangle`` (n,).
@@ -85,25 +85,25 @@ class Onward:
         As ``cast``, but that hits which the curves do not bear out are taken as the chords have them.
         """
         points = self.projection.taken(which).projectors(self.x[which], self.y[which]).points
-        bundle = Bundle(self.projection.volume.spans, points)
-        start = self._start(bundle, t, triangle)
+        batch = ProjectorBatch(self.projection.volume.spans, points)
+        start = self._start(batch, t, triangle)
         going = start < 1.0
         start = np.minimum(start, 1.0)
-        spans = bundle.spans
+        spans = batch.spans
         if spans.direct and spans.point_weights is None and (spans.degree == 1 or self.pixel_error == 0.0):
             rest = restrict(points, start, np.ones_like(start))
             if spans.degree == 1:
                 found = cast_straight(self.scene, rest, going, (0.0, 1.0), CastCounts())
             else:
-                found = cast_exact(self.scene, Bundle(spans, rest), going, None, CastCounts())
+                found = cast_exact(self.scene, ProjectorBatch(spans, rest), going, None, CastCounts())
             found = found._replace(t=start + found.t * (1.0 - start))
         else:
-            found = self._march(bundle, start, going)
-        return complete(found._replace(mask=np.ones_like(going)), bundle)
+            found = self._march(batch, start, going)
+        return complete(found._replace(mask=np.ones_like(going)), batch)
 
-    def _start(self, bundle: Bundle, t: Array, triangle: IndexArray) -> Array:
+    def _start(self, batch: ProjectorBatch, t: Array, triangle: IndexArray) -> Array:
         """Where the projectors have left the triangles, (n,) in t."""
-        tangent = bundle.at(t)[1]
+        tangent = batch.at(t)[1]
         speed = np.abs(np.einsum("cn,cn->n", self.scene.normals(triangle), tangent))
         off = self.scene.offsets(triangle).astype(np.float64)
         start: Array = t + np.divide(
@@ -126,24 +126,24 @@ class Onward:
         curves = sample_curves(self.projection, self.x, self.y, self.mask, self.pixel_size)
         return plan(spans, curves, reach, UNSHIFTED * max(self.pixel_error, SMALLEST_ERROR), 1)
 
-    def _march(self, bundle: Bundle, first: Array, going: BoolArray) -> Hits:
+    def _march(self, batch: ProjectorBatch, first: Array, going: BoolArray) -> Hits:
         """The first chord behind ``first`` (n,) that hits, met by the curve in float64."""
-        hits = Hits.empty(bundle.count)
+        hits = Hits.empty(batch.count)
         schedule = self._schedule
         if schedule is None:
             return hits
-        begin = bundle.at(first)[0]
+        begin = batch.at(first)[0]
         # On the curves, unlike the schedule's own, which are shifted: those might lie before what was passed.
-        ends = bundle.spans.weights(schedule.breaks)[0].T
-        chord_of = np.full(bundle.count, -1)
-        triangle = np.full(bundle.count, -1, np.int32)
-        share = np.zeros(bundle.count)
+        ends = batch.spans.weights(schedule.breaks)[0].T
+        chord_of = np.full(batch.count, -1)
+        triangle = np.full(batch.count, -1, np.int32)
+        share = np.zeros(batch.count)
         for chord in range(schedule.count):
             low, high = schedule.breaks[chord : chord + 2]
             rays = np.flatnonzero(going & (triangle < 0) & (first < high))
             if len(rays) == 0:
                 continue
-            some = bundle.points.take(rays, 2)
+            some = batch.points.take(rays, 2)
             start, end = (np.einsum("k,kcn->cn", ends[chord + k], some) for k in (0, 1))
             inside = first[rays] > low
             start = np.where(inside, begin[:, rays], start)
@@ -157,11 +157,11 @@ class Onward:
                 far = self.scene.trace_distance(origins[:, hit], ways[:, hit], limits[hit])
                 since = np.maximum(first[met], low)
                 share[met] = since + np.minimum(far, 1.0) * (high - since)
-        return self._solved(bundle, hits, first, triangle, chord_of, share)
+        return self._solved(batch, hits, first, triangle, chord_of, share)
 
     def _solved(
         self,
-        bundle: Bundle,
+        batch: ProjectorBatch,
         hits: Hits,
         first: Array,
         triangle: IndexArray,
@@ -177,10 +177,10 @@ class Onward:
         if schedule is None or len(met) == 0:
             return hits
         low, high = schedule.breaks[chord[met]], schedule.breaks[chord[met] + 1]
-        span = bundle.spans.locate(0.5 * (low + high))[0]
+        span = batch.spans.locate(0.5 * (low + high))[0]
         slack = NEIGHBOURHOOD * (high - low)
         low, high = np.maximum(low - slack, first[met]), high + slack
-        curves = bundle.take(met)
+        curves = batch.take(met)
         found = curves.solve(self.scene, triangle[met], span, low, high)
         curves.walk(self.scene, span, low, high, found)
         t = np.where(found.inside, found.t, share[met])

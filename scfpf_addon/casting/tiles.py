@@ -10,7 +10,7 @@ from queue import Empty, SimpleQueue
 from threading import Event
 from typing import TypeVar
 
-from .common.cancellation import watching
+from .common.cancellation import cancelled_by
 from .common.parallel import started, thread_count
 from .scene.cast_scene import CastError
 
@@ -88,7 +88,7 @@ def run_tiles(
             if stop.is_set():
                 return
             try:
-                with watching(stop):
+                with cancelled_by(stop):
                     ended.put((job, [work(job)], None))
             except BaseException as error:  # A thread has nowhere to raise.
                 ended.put((job, [], error))

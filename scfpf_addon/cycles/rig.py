@@ -32,15 +32,15 @@ from .rig_data import (
     has_cycles,
     has_old_nodes,
     is_whole,
-    let_go,
     make_rig,
     present_chords,
+    release_pointers,
     remove_rig,
     renew_materials,
     require_cycles,
+    restore_pointers,
     rig_of,
     rigs,
-    take_back,
     update_nodes,
     write_sheets,
 )
@@ -196,7 +196,7 @@ def _mappings_move(camera) -> bool:
     return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
 
 
-def tend(scene, depsgraph, may_remove: bool = True) -> None:
+def sync(scene, depsgraph, may_remove: bool = True) -> None:
     """Bring a scene's rig in step with its volume; remove rigs that have lost their camera or a part.
 
     may_remove: not while Blender goes from frame to frame or to another scene, where it would crash.
@@ -304,7 +304,7 @@ def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
 def _scene_updated(scene, depsgraph) -> None:
     prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
-        tend(scene, depsgraph)
+        sync(scene, depsgraph)
         versions.settle_view_layers()
 
 
@@ -312,7 +312,7 @@ def _scene_updated(scene, depsgraph) -> None:
 def _frame_changed(scene, depsgraph) -> None:
     prices.changed()
     if depsgraph.mode == "VIEWPORT" and not bpy.app.is_job_running("RENDER"):
-        tend(scene, depsgraph, may_remove=False)
+        sync(scene, depsgraph, may_remove=False)
         versions.settle_view_layers()
 
 
@@ -320,14 +320,14 @@ def _frame_changed(scene, depsgraph) -> None:
 def _history_changes(*_) -> None:
     _released.clear()
     for rig in rigs():
-        _released[rig.session_uid] = let_go(rig)
+        _released[rig.session_uid] = release_pointers(rig)
 
 
 @persistent
 def _history_changed(*_) -> None:
     _seen.clear()
     for rig in rigs():
-        take_back(rig, _released.get(rig.session_uid, 0))
+        restore_pointers(rig, _released.get(rig.session_uid, 0))
     _released.clear()
     hidden_surfaces.forget()
     prices.changed()

@@ -22,7 +22,7 @@ from ..projection.typing import Array
 from ..scanline.nodes.field_nodes import is_current
 from ..scanline.preview.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
 from ..scanline.table.table_object import follow_property, table_group_of, table_object
-from ..scanline.table.table_object import let_go as let_table_go
+from ..scanline.table.table_object import release_pointers as release_table_pointers
 from . import aov_passes
 from .chords.chord_plan import ChordPlan
 from .portals import lens_nodes, pass_nodes, portal_nodes
@@ -319,15 +319,15 @@ def update_nodes(rig) -> None:
     settings.portals.update_tag()
 
 
-def let_go(rig) -> int:
+def release_pointers(rig) -> int:
     """Take from a rig what handlers have it point to, before another step of undo; see ``table_object``.
 
-    Returns the session id of its table, 0 if it has none that can be taken; for ``take_back``.
+    Returns the session id of its table, 0 if it has none that can be taken; for ``restore_pointers``.
     """
     settings = rig.scfpf_rig
     table, camera, taken = settings.table, settings.camera, 0
     if table is not None:
-        let_table_go(table)
+        release_table_pointers(table)
         # A handler may have made it: see ``adopt``.
         if camera is not None and camera.is_editable and camera.get(RIG_TABLE_KEY) == table:
             taken = table.session_uid
@@ -341,8 +341,8 @@ def let_go(rig) -> int:
     return taken
 
 
-def take_back(rig, table: int) -> None:
-    """Give a rig and its camera the table that ``let_go`` has taken, a session id, if undo has left it."""
+def restore_pointers(rig, table: int) -> None:
+    """Give a rig and its camera back the table that ``release_pointers`` took, a session id, if it exists."""
     settings = rig.scfpf_rig
     found = next((obj for obj in bpy.data.objects if obj.session_uid == table), None)
     if found is None or settings.camera is None or not settings.camera.is_editable:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..casting.common.cancellation import Stopped, watching
+from ..casting.common.cancellation import Cancelled, cancelled_by
 from ..casting.common.hits import CastCounts
 from ..casting.common.memory import peak_memory
 from ..casting.scene.cast_scene import CastScene
@@ -138,10 +138,10 @@ def _prepared(
     # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
     alone = not moments and settings.passes.neighbours is None and settings.lens is None
     try:
-        with watching(Asking(cancelled)):
+        with cancelled_by(Asking(cancelled)):
             pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
             return pipeline.with_moments(scene, moments) if moments else pipeline
-    except Stopped:
+    except Cancelled:
         return None
 
 

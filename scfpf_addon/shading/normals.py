@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from ..casting.common.geometry import Geometry
-from ..casting.common.parallel import in_threads, portions
+from ..casting.common.parallel import chunks, parallel_map
 from ..casting.scene.cast_scene import CastScene
 from .typing import Single
 
@@ -38,13 +38,13 @@ def dot(a: Single, b: Single) -> Single:
 def normals_of(geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int) -> Normals:
     """Of the triangles that ``cast_scene`` was made of; threads: 0 for all cores."""
     count = len(geometry.triangles)
-    parts = portions(count)
+    parts = chunks(count)
     made = _Making(geometry, cast_scene, np.empty((3, count), np.float32))
     # Most meshes that are smooth anywhere are so in the first portion, and then no other is asked.
-    if made.flat_shaded(parts[0]) and all(in_threads(made.flat_shaded, parts[1:], threads)):
+    if made.flat_shaded(parts[0]) and all(parallel_map(made.flat_shaded, parts[1:], threads)):
         return Normals(made.flat, None, None)
     made = made.to_be_smooth(shadows)
-    in_threads(made.write_smooth, parts, threads)
+    parallel_map(made.write_smooth, parts, threads)
     return Normals(made.flat, made.smooth, made.bulge)
 
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from ..casting.cast import cast
 from ..casting.chord_map import chord_map
-from ..casting.common.cancellation import stop_here
+from ..casting.common.cancellation import raise_if_cancelled
 from ..casting.common.geometry import Geometry
 from ..casting.common.hits import CastCounts, Hits
-from ..casting.continuation import Onward
+from ..casting.continuation import Continuation
 from ..casting.curves.chords import complete
-from ..casting.curves.projector_batch import Bundle
+from ..casting.curves.projector_batch import ProjectorBatch
 from ..casting.frame import pixel_centres
 from ..casting.scene.cast_scene import CastScene
 from ..casting.tiles import TileJob
@@ -28,18 +28,18 @@ from .fast_paths.suns_alone import SunsAlone
 from .fast_paths.suns_shadowed import SunsShadowed
 from .film import Film
 from .lights.ray_visibility import seen_directly
-from .lights.scene_culling import within_reach
-from .passes.data_passes import CryptoPasses, DataPasses, PassSource, Seen, fill_passes
+from .lights.scene_culling import cull_scene
+from .passes.data_passes import CryptoPasses, DataPasses, PassSamples, PassSource, fill_passes
 from .passes.light_passes import ENVIRONMENT, EXPOSED, LightFilm, LightParts
 from .sampling.adaptive import Adaptive, AdaptiveFilm, margin, sample_adaptively
 from .sampling.samples import SamplePlaces, row_pixels
-from .scene.depth_of_field import Lens, through
+from .scene.depth_of_field import DepthOfField, through
 from .scene.motion import Moment, moment_of_samples
 from .scene.shading_scene import Scene
 from .scene.world import World
 from .settings.frame_settings import FrameSettings
 from .stylised.drawing import Drawing
-from .stylised.tones import DrawnShading
+from .stylised.tones import StylisedShading
 from .tracing.hit_colors import Shading
 from .typing import Single
 
@@ -72,7 +72,7 @@ class Pipeline:
     cast_scene: CastScene | None
     shading: Shading | None
     passes: PassSource | None
-    lens: Lens | None
+    lens: DepthOfField | None
     geometry: Geometry | None
     world: World | None = None
     moments: tuple[Pipeline, ...] = ()
@@ -92,13 +92,13 @@ class Pipeline:
         alone: no other projection will see the same scene.
         """
         if cast_scene is None:
-            scene, cast_scene = within_reach(scene, projection, alone, settings.pixel_error == 0.0)
+            scene, cast_scene = cull_scene(scene, projection, alone, settings.pixel_error == 0.0)
         everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
         drawn, (background, world) = settings.drawn, scene.backdrop
         shading: Shading | None = None
         if everything and cast_scene and drawn:
-            shading = DrawnShading.drawn_of(scene, everything, settings, drawn)
+            shading = StylisedShading.stylised_of(scene, everything, settings, drawn)
         elif everything and cast_scene:
             shading = Shading.of(scene, everything, settings)
         made = cls(
@@ -130,7 +130,7 @@ class Pipeline:
         made: list[tuple[Scene, Pipeline]] = [(scene, self)]
         bare = replace(self.settings, passes=DataPasses())
         for moment in moments:
-            stop_here()
+            raise_if_cancelled()
             settings = replace(bare, lens=moment.lens)
             same = next((known for seen, known in made if seen is moment.scene), None)
             if same is None:
@@ -202,7 +202,7 @@ class Pipeline:
                     crypto.add(where, now.geometry, triangle[where])
                 job.done = (sample + 1) / self.settings.samples
                 continue
-            hits, onward = now.cast_sample(job.rows, sample, counts)
+            hits, continuation = now.cast_sample(job.rows, sample, counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
@@ -210,7 +210,9 @@ class Pipeline:
                 hits = hits.take(inside)
             where = np.flatnonzero(hits.triangle >= 0)
             parts = LightParts(len(where)) if light else None
-            color = now.color(hits, where, sample, mine, onward and replace(onward, known=inside), parts)
+            color = now.color(
+                hits, where, sample, mine, continuation and replace(continuation, known=inside), parts
+            )
             shown, color, parts = now.with_world(hits, where, color, parts)
             film.add(hits.mask, shown, color)
             if light and parts:
@@ -251,12 +253,12 @@ class Pipeline:
             """Add samples of the pixels ``some`` (n,) of the block, None for all, to the films."""
             nonlocal hit_count
             which = np.arange(len(block)) if some is None else some
-            for sample, hits, onward in self.cast_samples(rows, samples, counts, some):
+            for sample, hits, continuation in self.cast_samples(rows, samples, counts, some):
                 where = np.flatnonzero(hits.triangle >= 0)
                 hit_count += len(where)
                 now = self.at(sample)
                 parts = LightParts(len(where)) if light else None
-                color = now.color(hits, where, sample, block[which], onward, parts)
+                color = now.color(hits, where, sample, block[which], continuation, parts)
                 shown, color, parts = now.with_world(hits, where, color, parts)
                 film.add(which, hits.mask, shown, color)
                 if light and parts:
@@ -312,7 +314,7 @@ class Pipeline:
         for first in range(0, len(where), PASS_PIXELS):
             some = where[first : first + PASS_PIXELS]
             if not job.stop.is_set():
-                fill_passes(source, Seen(x[some], y[some], hits.take(some)), some, into)
+                fill_passes(source, PassSamples(x[some], y[some], hits.take(some)), some, into)
 
     def fill_chords(
         self, x: Array, y: Array, hits: Hits, inside: IndexArray | None, into: dict[str, Single]
@@ -342,7 +344,7 @@ class Pipeline:
         """Image positions (x, y) of the middle of each pixel of the rows, each (n,)."""
         return pixel_centres(self.settings.width, self.settings.height, (rows.start, rows.stop))
 
-    def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Hits, Onward | None]:
+    def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Hits, Continuation | None]:
         """What a sample of the pixels of whole rows hits, and what follows it on."""
         if self.lens is None:
             return self.followed(*self.places.of_rows(rows, sample), counts, True)
@@ -350,19 +352,21 @@ class Pipeline:
         x, y = self.places.of_pixels(pixel, sample)
         return self.through_lens(self.places.on_lens(pixel, sample)).followed(x, y, counts, True)
 
-    def followed(self, x: Array, y: Array, counts: CastCounts, in_rows: bool) -> tuple[Hits, Onward | None]:
+    def followed(
+        self, x: Array, y: Array, counts: CastCounts, in_rows: bool
+    ) -> tuple[Hits, Continuation | None]:
         """``cast`` with what follows its projectors on."""
         hits = self.cast(x, y, counts, in_rows=in_rows)
         if self.cast_scene is None:
             return hits, None
         size = 1 / self.settings.width, 1 / self.settings.height
-        return hits, Onward(
+        return hits, Continuation(
             self.cast_scene, self.projection, x, y, hits.mask, None, size, self.settings.pixel_error
         )
 
     def cast_samples(
         self, rows: slice, samples: range, counts: CastCounts, some: IndexArray | None
-    ) -> Iterator[tuple[int, Hits, Onward | None]]:
+    ) -> Iterator[tuple[int, Hits, Continuation | None]]:
         """What each of several samples of the pixels of whole rows hits, or of ``some`` (n,) of these alone.
 
         Samples that see the same moment are cast together, a pixel's one after the other: they
@@ -376,7 +380,7 @@ class Pipeline:
         groups: dict[int, list[int]] = {}
         for sample in samples:
             groups.setdefault(self.moment(sample), []).append(sample)
-        found: dict[int, tuple[Hits, Onward | None]] = {}
+        found: dict[int, tuple[Hits, Continuation | None]] = {}
         for together in groups.values():
             now, many = self.at(together[0]), len(together)
             places = [self.places.of_pixels(pixel, sample) for sample in together]
@@ -384,10 +388,10 @@ class Pipeline:
             if now.lens is not None:
                 share = np.stack([self.places.on_lens(pixel, sample) for sample in together], axis=2)
                 now = now.through_lens(share.reshape(2, -1))
-            hits, onward = now.followed(x, y, counts, False)
+            hits, continuation = now.followed(x, y, counts, False)
             for number, sample in enumerate(together):
                 mine = np.arange(number, len(x), many)
-                found[sample] = hits.take(mine), onward and replace(onward, known=mine)
+                found[sample] = hits.take(mine), continuation and replace(continuation, known=mine)
         # In order: a film's sums depend on it.
         for sample in samples:
             yield sample, *found.pop(sample)
@@ -402,17 +406,17 @@ class Pipeline:
         where: IndexArray,
         sample: int,
         pixel: IndexArray,
-        onward: Onward | None,
+        continuation: Continuation | None,
         parts: LightParts | None,
     ) -> Single:
         """As ``Shading.color``, of nothing where nothing is there. pixel: (n,) the image's, of the hits."""
-        if self.shading is None or onward is None:
+        if self.shading is None or continuation is None:
             return np.zeros((3, 0), np.float32)
         own: int | IndexArray = sample
         # What is sent on belongs to no pixel any more.
         if self.places.scrambled and self.shading.tracer is None:
             own = self.places.on_lamps(pixel[where], sample)
-        return self.shading.color(hits, where, own, replace(onward, pixels=pixel), parts)
+        return self.shading.color(hits, where, own, replace(continuation, pixels=pixel), parts)
 
     def with_world(
         self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None
@@ -450,7 +454,7 @@ class Pipeline:
         if self.cast_scene is None:
             projectors = self.projection.projectors(x, y)
             nothing = Hits.empty(len(x))._replace(mask=projectors.valid)
-            return complete(nothing, Bundle(self.projection.volume.spans, projectors.points))
+            return complete(nothing, ProjectorBatch(self.projection.volume.spans, projectors.points))
         pixel_size = (1 / self.settings.width, 1 / self.settings.height)
         return cast(
             self.cast_scene,

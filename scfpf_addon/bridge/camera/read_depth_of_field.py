@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...projection.volume.viewing_volume import Projection
-from ...shading.scene.depth_of_field import Aperture, Lens, lens_of
+from ...shading.scene.depth_of_field import Aperture, DepthOfField, lens_of
 from .stereo_views import Eye, eye_place
 
 # Of a lens of no f-number Cycles takes this one.
@@ -21,7 +21,7 @@ NOT_DEFINED = (
 )
 
 
-def read_lens(camera, projection: Projection, depsgraph, eye: Eye = "") -> tuple[Lens | None, str]:
+def read_lens(camera, projection: Projection, depsgraph, eye: Eye = "") -> tuple[DepthOfField | None, str]:
     """The lens of an evaluated camera, None without depth of field, and a warning if that is not defined.
 
     projection: of the eye. The aperture is as large as Cycles has it: focal length / twice the f-number.

@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from ...casting.common.cancellation import is_unstoppable
+from ...casting.common.cancellation import is_uncancellable
 from ...casting.common.geometry import Geometry
 from ...shading.typing import Single
 from .render_job import RenderInputs
@@ -85,7 +85,7 @@ class Delivery:
             left = (now - self._started) * (1.0 - share) / share
             text = f"Remaining {int(left // 60):02d}:{int(left % 60):02d} | {text}"
         # With motion blur each shutter time is built at its first use, by the threads.
-        self._engine.update_stats("", BUILDING if is_unstoppable() else text)
+        self._engine.update_stats("", BUILDING if is_uncancellable() else text)
         self.flush()
 
     def flush(self) -> None:

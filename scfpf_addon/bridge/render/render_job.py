@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...casting.common.cancellation import is_unstoppable
+from ...casting.common.cancellation import is_uncancellable
 from ...casting.common.memory import available_memory
 from ...casting.scene.cast_scene import CastError
 from ...projection.volume.viewing_volume import Projection
@@ -29,11 +29,11 @@ from ..scene.read_motion import read_moments, read_neighbours
 from ..scene.read_scene import SceneError, read_scene
 from ..scene.render_depsgraph import RenderDepsgraphError, with_render_depsgraph
 from ..settings.sampling import sampling_of
-from ..settings.stylised_properties import drawn_of
+from ..settings.stylised_properties import stylised_of
 from ..volume.missing_objects import absent_text
 from ..volume.volume_object import sync_volume_object
 from .render_passes import crypto_names, passes_of_clear_things
-from .scene_cache import KeptScene
+from .scene_cache import SceneCache
 from .scene_preparation import build, coarse_picture
 
 # 16384 × 16384. A pixel is in the film and in Blender's buffer, then there and in the packed file,
@@ -192,7 +192,7 @@ def read_inputs(
             border=border,
             passes=DataPasses(passes, plane, identifiers=marks),
             lens=lens,
-            drawn=drawn_of(depsgraph.scene_eval, width),
+            drawn=stylised_of(depsgraph.scene_eval, width),
             **sampling_of(depsgraph.scene_eval),
         ),
     )
@@ -248,7 +248,7 @@ class RenderJob:
         self,
         inputs: RenderInputs,
         with_tiles: bool = False,
-        kept: KeptScene | None = None,
+        kept: SceneCache | None = None,
         keep: bool = False,
     ):
         """with_tiles: ``new_tiles`` shows the frame in the making. kept, keep: see ``build``."""
@@ -318,7 +318,7 @@ class RenderJob:
     @property
     def building(self) -> bool:
         """Whether it is building, and cannot be cancelled."""
-        return self._building or is_unstoppable()
+        return self._building or is_uncancellable()
 
     @property
     def running(self) -> bool:
@@ -348,7 +348,7 @@ class RenderJob:
 
 _current: RenderJob | None = None
 # What the last job has built, with persistent data.
-_kept: KeptScene | None = None
+_kept: SceneCache | None = None
 
 
 def start(inputs: RenderInputs, with_tiles: bool = False, keep: bool = False) -> RenderJob:

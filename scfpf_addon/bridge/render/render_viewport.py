@@ -23,7 +23,7 @@ from ..camera.stereo_views import EYES, Eye, eye_of, frame_matrix
 from ..scene.read_images import KnownImages, with_images
 from ..scene.read_scene import read_scene
 from ..settings.sampling import sampling_of
-from ..settings.stylised_properties import drawn_of
+from ..settings.stylised_properties import stylised_of
 from .render_job import RENDER_ERRORS, RenderInputs, read_inputs, reason
 from .view_painter import Commission, Painting, ViewPainter
 
@@ -220,7 +220,7 @@ def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInp
             samples=FREE_SAMPLES,
             transparent=render.film_transparent,
             threads=render.threads if render.threads_mode == "FIXED" else 0,
-            drawn=drawn_of(depsgraph.scene_eval, width),
+            drawn=stylised_of(depsgraph.scene_eval, width),
             **sampling_of(depsgraph.scene_eval),
         ),
     )

@@ -12,14 +12,14 @@ from ...casting.scene.cast_scene import CastScene, NothingToCastAt
 
 
 @dataclass(frozen=True)
-class KeptScene:
+class SceneCache:
     """What is built of a geometry, kept for as long as that stays the same."""
 
     geometry: Geometry
     cast_scene: CastScene | None
 
     @classmethod
-    def of(cls, geometry: Geometry, kept: KeptScene | None) -> KeptScene:
+    def of(cls, geometry: Geometry, kept: SceneCache | None) -> SceneCache:
         """Of ``kept`` where its triangles are the same, built anew otherwise. Raises CastError."""
         if kept is not None and same_triangles(geometry, kept.geometry):
             return kept

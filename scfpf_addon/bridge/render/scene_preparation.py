@@ -12,10 +12,10 @@ import numpy as np
 
 from ...casting.scene.cast_scene import CastScene
 from ...shading.frame import Frame, render_frame
-from ...shading.lights.scene_culling import within_reach
+from ...shading.lights.scene_culling import cull_scene
 from ...shading.passes.data_passes import DataPasses
 from ...shading.typing import Single
-from .scene_cache import KeptScene
+from .scene_cache import SceneCache
 
 # What a window's header says meanwhile.
 BUILDING = "Building the acceleration structure, which cannot be canceled"
@@ -32,7 +32,7 @@ class Built(NamedTuple):
 
     inputs: Any
     cast_scene: CastScene | None
-    kept: KeptScene | None
+    kept: SceneCache | None
     triangles: int
     seconds: float
 
@@ -45,7 +45,7 @@ class Built(NamedTuple):
         )
 
 
-def build(inputs, kept: KeptScene | None, keep: bool) -> Built:
+def build(inputs, kept: SceneCache | None, keep: bool) -> Built:
     """The scene that projectors are cast at.
 
     inputs: RenderInputs. keep: with persistent data all of the scene is built, and kept for the next picture:
@@ -53,12 +53,12 @@ def build(inputs, kept: KeptScene | None, keep: bool) -> Built:
     """
     started, triangles = perf_counter(), len(inputs.scene.geometry.triangles)
     if keep:
-        made = KeptScene.of(inputs.scene.geometry, kept)
+        made = SceneCache.of(inputs.scene.geometry, kept)
         _build_the_rest(inputs, made.cast_scene)
         return Built(inputs, made.cast_scene, made, triangles, perf_counter() - started)
     settings = inputs.settings
     alone = not inputs.moments and settings.passes.neighbours is None and settings.lens is None
-    scene, cast_scene = within_reach(inputs.scene, inputs.projection, alone, settings.pixel_error == 0.0)
+    scene, cast_scene = cull_scene(inputs.scene, inputs.projection, alone, settings.pixel_error == 0.0)
     part = replace(inputs, scene=scene)
     _build_the_rest(inputs, cast_scene)
     return Built(part, cast_scene, None, triangles, perf_counter() - started)

@@ -12,7 +12,7 @@ from ...shading.frame import render_frame
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
 from .render_job import NO_THREAD, RENDER_ERRORS, RenderInputs, reason
-from .scene_cache import KeptScene
+from .scene_cache import SceneCache
 
 # The first picture has squares of this many pixels, the next ones are finer.
 COARSE_STEPS = (8, 2)
@@ -46,7 +46,7 @@ class ViewPainter:
         self._wanted: Commission | None = None
         self._thread: threading.Thread | None = None
         self._stopped = False
-        self._kept: KeptScene | None = None
+        self._kept: SceneCache | None = None
         # The newest painting, and what went wrong instead; the number tells one from the next.
         self.painting: Painting | None = None
         self.message = ""
@@ -105,7 +105,7 @@ class ViewPainter:
 
     def _paint(self, commission: Commission) -> None:
         inputs = commission.inputs
-        self._kept = KeptScene.of(inputs.scene.geometry, self._kept)
+        self._kept = SceneCache.of(inputs.scene.geometry, self._kept)
         for step in (*coarser(inputs), inputs):
             frame = render_frame(
                 step.projection, step.scene, step.settings, self._kept.cast_scene, cancelled=self._given_up

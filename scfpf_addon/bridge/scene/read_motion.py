@@ -9,11 +9,11 @@ from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 
-from ...projection.editing.interpolation import projection_between
+from ...projection.editing.interpolation import interpolated_projection
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
 from ...shading.passes.motion_vectors import Neighbour
-from ...shading.scene.depth_of_field import Lens
+from ...shading.scene.depth_of_field import DepthOfField
 from ...shading.scene.motion import Moment, shutter_times
 from ...shading.scene.shading_scene import Scene
 
@@ -23,11 +23,11 @@ CURVE_STEPS = 65
 MOST_MOMENTS = 256
 
 # A reader of a depsgraph as it is now, and of the projection alone.
-Seen = tuple[Projection, Scene, Lens | None]
+Seen = tuple[Projection, Scene, DepthOfField | None]
 ReadAll = Callable[[], Seen]
-ReadView = Callable[[], tuple[Projection, Lens | None]]
+ReadView = Callable[[], tuple[Projection, DepthOfField | None]]
 SetFrame = Callable[..., None]
-Stopped = Callable[[], bool]
+Cancelled = Callable[[], bool]
 
 
 def read_moments(
@@ -37,7 +37,7 @@ def read_moments(
     set_frame: SetFrame,
     read: ReadAll,
     read_view: ReadView,
-    stopped: Stopped,
+    stopped: Cancelled,
 ) -> tuple[Moment, ...]:
     """The moments of a frame, () without motion blur, or once the render is to stop.
 
@@ -92,7 +92,7 @@ def _between(views, known: Array, wanted: Array):
                 aperture=lens.aperture if share < 0.5 else lens_after.aperture,
                 axes=lens.axes if share < 0.5 else lens_after.axes,
             )
-        yield (one if same(one, other) else projection_between(one, other, share)), lens
+        yield (one if same(one, other) else interpolated_projection(one, other, share)), lens
 
 
 def read_neighbours(frame: float, still: Scene, set_frame: SetFrame, read: ReadAll):

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...casting.common.parallel import in_threads, portions
+from ...casting.common.parallel import chunks, parallel_map
 from ...projection.typing import Array
 
 
@@ -29,7 +29,7 @@ def turn(vectors: NDArray[np.float32], matrix: NDArray, into: NDArray, shift: ND
                     sums += shift[:, row, None]
                 into[:, some, row] = sums
 
-    in_threads(turn_some, portions(len(vectors)))
+    parallel_map(turn_some, chunks(len(vectors)))
 
 
 def normal_transforms(linear: Array) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

@@ -22,9 +22,9 @@ from ...shading.settings.stylised_settings import (
     MATERIAL,
     OBJECT,
     SILHOUETTE,
-    Drawn,
     Hatching,
     Lines,
+    Stylised,
 )
 
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
@@ -245,7 +245,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     )
 
 
-def drawn_of(scene, width: int) -> Drawn | None:
+def stylised_of(scene, width: int) -> Stylised | None:
     """The drawing settings of an evaluated scene for a width in pixels, or None if Drawn Style is off."""
     options = scene.scfpf_drawn
     if not options.use_drawn:
@@ -270,7 +270,7 @@ def drawn_of(scene, width: int) -> Drawn | None:
             options.hatch_angle,
             options.use_cross,
         )
-    drawn = Drawn(
+    drawn = Stylised(
         lines,
         hatching,
         options.fill,

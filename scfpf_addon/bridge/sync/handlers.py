@@ -20,10 +20,10 @@ from ..blender import versions
 from ..volume.edit_mode import release
 from ..volume.volume_object import (
     delete_volume_object,
-    let_go,
     members,
+    release_pointers,
+    restore_pointers,
     sync_volume_object,
-    take_back,
     volume_facts,
 )
 from .camera_index import CameraIndex
@@ -51,7 +51,7 @@ def forget() -> None:
     _upkeep.facts = None
 
 
-def tend(concerned: Iterable[int] | None = None) -> None:
+def sync(concerned: Iterable[int] | None = None) -> None:
     """Put the volume objects of flexible cameras in order, where anything about them has changed.
 
     concerned: session ids of the cameras that may have changed, None for all of them.
@@ -179,7 +179,7 @@ def _evaluated(scene, depsgraph):
     if depsgraph.mode != "VIEWPORT" or bpy.app.is_job_running("RENDER"):
         return
     is_new = _upkeep.facts is None
-    tend(None if is_new else concerned(depsgraph) | _upkeep.index.in_turn())
+    sync(None if is_new else concerned(depsgraph) | _upkeep.index.in_turn())
     # What hides anything is told as an edit of the scene.
     if is_new or depsgraph.id_type_updated("SCENE"):
         _hide_surfaces(scene, scene.view_layers[depsgraph.view_layer.name])
@@ -196,14 +196,14 @@ def _render_begins(*_):
     # A script may duplicate a camera and render before anything was evaluated. In a
     # window the render is a job, and what precedes it was evaluated.
     if not bpy.app.is_job_running("RENDER"):
-        tend()
+        sync()
 
 
 @persistent
 def _history_changes(*_):
     """Release what handlers have made before undo and redo: the next step may lack it."""
     changed = [camera for camera in _camera_objects() if camera.session_uid in _upkeep.mended]
-    _upkeep.released = {camera.session_uid: let_go(camera) for camera in changed}
+    _upkeep.released = {camera.session_uid: release_pointers(camera) for camera in changed}
     _upkeep.mended.clear()
 
 
@@ -216,9 +216,9 @@ def _redone(*_):
     objects = {obj.session_uid: obj for obj in bpy.data.objects} if released else {}
     for camera, volume in released.items():
         if camera in objects and volume in objects:
-            take_back(objects[camera], objects[volume])
+            restore_pointers(objects[camera], objects[volume])
     # Blender calls no handler for the evaluation of a scene that the step has brought back.
-    tend()
+    sync()
     _hide_surfaces(bpy.context.scene, bpy.context.view_layer)
 
 
@@ -231,7 +231,7 @@ def _undone(*_):
 @persistent
 def _saving(*_):
     # A script may delete a camera and save before anything was evaluated.
-    tend()
+    sync()
 
 
 @persistent
@@ -240,7 +240,7 @@ def _loaded(*_):
     forget()
     _upkeep.mended.clear()
     _upkeep.following.clear()
-    tend()
+    sync()
 
 
 HANDLERS = {

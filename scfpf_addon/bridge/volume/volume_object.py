@@ -149,10 +149,10 @@ def sync_volume_object(camera):
     return volume
 
 
-def let_go(camera) -> int:
+def release_pointers(camera) -> int:
     """Take from a camera and its volume object all pointers that handlers may have set.
 
-    Call it before a step of undo or redo; ``take_back`` and ``sync_volume_object`` set them again.
+    Call it before a step of undo or redo; ``restore_pointers`` and ``sync_volume_object`` set them again.
     Returns the session id of the volume object, 0 if the camera has none or cannot be edited.
     """
     volume = camera.scfpf.volume_object
@@ -169,8 +169,8 @@ def let_go(camera) -> int:
     return volume.session_uid
 
 
-def take_back(camera, volume) -> None:
-    """Give a camera the volume object that ``let_go`` has taken, unless undo has given it one."""
+def restore_pointers(camera, volume) -> None:
+    """Give a camera the volume object that ``release_pointers`` has taken, unless undo has given it one."""
     if camera.scfpf.volume_object is not None:
         return
     camera.scfpf.volume_object = volume

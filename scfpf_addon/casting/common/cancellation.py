@@ -9,7 +9,7 @@ from threading import Lock, local
 from typing import Protocol
 
 
-class Stopped(Exception):
+class Cancelled(Exception):
     """The thread's work is given up."""
 
 
@@ -30,8 +30,8 @@ _watched = _Watched()
 
 
 @contextmanager
-def watching(stop: Signal) -> Iterator[None]:
-    """While this lasts ``stop_here`` raises Stopped in this thread once the signal is set."""
+def cancelled_by(stop: Signal) -> Iterator[None]:
+    """While this lasts ``raise_if_cancelled`` raises Cancelled in this thread once the signal is set."""
     before, _watched.stop = _watched.stop, stop
     try:
         yield
@@ -50,7 +50,7 @@ _unstoppable = _Unstoppable()
 
 
 @contextmanager
-def unstoppable() -> Iterator[None]:
+def uncancellable() -> Iterator[None]:
     """While this lasts there is work that does not end when it is to: Embree builds."""
     with _unstoppable.lock:
         _unstoppable.count += 1
@@ -61,13 +61,13 @@ def unstoppable() -> Iterator[None]:
             _unstoppable.count -= 1
 
 
-def is_unstoppable() -> bool:
+def is_uncancellable() -> bool:
     """Whether any thread does such work."""
     return _unstoppable.count > 0
 
 
-def stop_here() -> None:
-    """A place at which this thread's work may end: raises Stopped if it is to."""
+def raise_if_cancelled() -> None:
+    """A place at which this thread's work may end: raises Cancelled if it is to."""
     stop = _watched.stop
     if stop is not None and stop.is_set():
-        raise Stopped
+        raise Cancelled

@@ -29,7 +29,7 @@ def thread_count(threads: int = 0) -> int:
     return os.cpu_count() or 1
 
 
-def portions(count: int) -> list[slice]:
+def chunks(count: int) -> list[slice]:
     """So many things, AT_ONCE at a time."""
     return [slice(start, min(start + AT_ONCE, count)) for start in range(0, count, AT_ONCE)]
 
@@ -47,7 +47,7 @@ def started(work: Callable[[], None], count: int) -> list[Thread]:
     return threads
 
 
-def in_threads(work: Callable[[slice], Result], parts: list[slice], threads: int = 0) -> list[Result]:
+def parallel_map(work: Callable[[slice], Result], parts: list[slice], threads: int = 0) -> list[Result]:
     """What ``work`` makes of each part, in their order, made in threads (0: all cores) that have ended.
 
     Each part must be written by its own work alone. What ``work`` raises is raised here; NumPy's

@@ -23,7 +23,7 @@ from ..common.records import Records
 from ..scene.cast_scene import CastScene
 from ..scene.occupancy import Stretches, everywhere
 from .march import OVERLAP, Traced, march
-from .projector_batch import Bundle, Solutions
+from .projector_batch import ProjectorBatch, Solutions
 from .schedule import Schedule
 
 # A solution may lie this share of a chord before or after the chord that found it.
@@ -42,7 +42,7 @@ class Work(NamedTuple):
     """What every step of one tile's cast looks at and fills in."""
 
     scene: CastScene
-    bundle: Bundle
+    batch: ProjectorBatch
     schedule: Schedule
     hits: Hits
     counts: CastCounts
@@ -58,27 +58,27 @@ class Work(NamedTuple):
 
 def cast_chords(
     scene: CastScene,
-    bundle: Bundle,
+    batch: ProjectorBatch,
     mask: BoolArray,
     schedule: Schedule,
     counts: CastCounts,
     where: Stretches | None = None,
     last: bool = True,
 ) -> tuple[Hits, NDArray[np.intp]]:
-    """Cast the projectors of ``bundle``, cast space; mask: (N,) says which exist.
+    """Cast the projectors of ``batch``, cast space; mask: (N,) says which exist.
 
     schedule: the tile's chords. Position and tangent of the answer are not filled
     in yet (``complete``). where: the stretches that are not empty, if known. last: keep
     hits that the curves do not bear out as the chords have them. Otherwise they are left
     out, and the second answer is the projectors that have one.
     """
-    hits = Hits.unplaced(bundle.count)._replace(mask=mask)
-    work = Work(scene, bundle, schedule, hits, counts)
+    hits = Hits.unplaced(batch.count)._replace(mask=mask)
+    work = Work(scene, batch, schedule, hits, counts)
     records = _march(work, mask, where)
-    curves = bundle.take(records.projector)
+    curves = batch.take(records.projector)
     begin, end = schedule.breaks[:-1], schedule.breaks[1:]
     slack = NEIGHBOURHOOD * (end - begin)
-    span = bundle.spans.locate(0.5 * (begin + end))[0].take(records.chord)
+    span = batch.spans.locate(0.5 * (begin + end))[0].take(records.chord)
     low, high = (begin - slack).take(records.chord), (end + slack).take(records.chord)
     found = curves.solve(scene, records.triangle, span, low, high)
     counts.walked += curves.walk(scene, span, low, high, found)
@@ -100,11 +100,11 @@ def _none(count: int) -> Solutions:
     )
 
 
-def complete(hits: Hits, bundle: Bundle) -> Hits:
-    """The hits of ``bundle`` with their positions and tangents."""
+def complete(hits: Hits, batch: ProjectorBatch) -> Hits:
+    """The hits of ``batch`` with their positions and tangents."""
     t = np.where(hits.triangle >= 0, hits.t, 1.0)
-    position, tangent = bundle.at(t)
-    bundle.steer(t, tangent)
+    position, tangent = batch.at(t)
+    batch.steer(t, tangent)
     if not hits.mask.all():
         position[:, ~hits.mask] = 0.0
         tangent[:, ~hits.mask] = 0.0
@@ -113,13 +113,13 @@ def complete(hits: Hits, bundle: Bundle) -> Hits:
 
 def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
     """The first chord that hits, for every projector; chords through nothing are left out."""
-    bundle, schedule = work.bundle, work.schedule
+    batch, schedule = work.batch, work.schedule
     if where is None:
-        reach, where = float(np.abs(bundle.single).max(initial=0.0)), everywhere(bundle.count)
+        reach, where = float(np.abs(batch.single).max(initial=0.0)), everywhere(batch.count)
     else:
         reach = where.farthest
     narrow = reach * np.finfo(np.float32).eps < ROUNDING_SHARE * schedule.finest
-    source: NDArray[Any] = bundle.single if narrow else bundle.points
+    source: NDArray[Any] = batch.single if narrow else batch.points
     slack = NEIGHBOURHOOD * np.diff(schedule.breaks)
     held = where.within(schedule.breaks[:-1] - slack, schedule.breaks[1:] + slack)
     if np.count_nonzero(mask) < FEW:
@@ -166,7 +166,7 @@ def _at_once(
 def _chord_hits(work: Work, records: Records) -> Solutions:
     """Hits as the chords have them: where on the chord, and the triangle's nearest point to it."""
     low, high = work.schedule.breaks[records.chord], work.schedule.breaks[records.chord + 1]
-    controls = work.bundle.points.take(records.projector, 2)
+    controls = work.batch.points.take(records.projector, 2)
     start, end = (np.einsum("nk,kcn->cn", work.schedule.ends[records.chord + k], controls) for k in (0, 1))
     way, limits = end - start, np.full(len(low), 1.0 + OVERLAP, np.float32)
     share = work.scene.trace_distance(start.astype(np.float32), way.astype(np.float32), limits)

@@ -64,7 +64,7 @@ class Solutions(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Bundle:
+class ProjectorBatch:
     """N projectors. points: (K, 3, N) float64, cast space."""
 
     spans: SpanBasis
@@ -80,9 +80,9 @@ class Bundle:
         """The control points in float32, as Embree sees them."""
         return self.points.astype(np.float32)
 
-    def take(self, index: IndexArray) -> Bundle:
+    def take(self, index: IndexArray) -> ProjectorBatch:
         """The projectors at ``index`` (M,)."""
-        return Bundle(self.spans, self.points.take(index, 2))
+        return ProjectorBatch(self.spans, self.points.take(index, 2))
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Position and tangent dQ/dt at t (N,), each (3, N)."""

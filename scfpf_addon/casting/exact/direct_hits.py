@@ -29,7 +29,7 @@ def settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
     look at the triangles themselves, straight from there to the hit, finds what is between.
     """
     scene = walk.scene
-    curves = walk.bundle.take(rays.projector)
+    curves = walk.batch.take(rays.projector)
     met_t, end_t = _straight(walk, rays)
     found, way = curves.next_root(scene, triangle, walk.chords.span.take(rays.chord), met_t, end_t)
     walk.counts.tested += len(triangle)
@@ -95,7 +95,7 @@ def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32], known: Solution
     is over the same triangle all the time has but entered the prism of a neighbour first.
     """
     scene = walk.scene
-    curves = walk.bundle.take(rays.projector)
+    curves = walk.batch.take(rays.projector)
     met_t, end_t = _straight(walk, rays)
     start = curves.place(met_t)
     aim = _seen(walk, start, curves.place(np.minimum(end_t, 1.0)) - start, 0.0)

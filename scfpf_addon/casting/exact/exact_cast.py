@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..common.hits import CastCounts, Hits
 from ..curves.march import march
-from ..curves.projector_batch import Bundle
+from ..curves.projector_batch import ProjectorBatch
 from ..scene.cast_scene import CastError, CastScene
 from ..scene.occupancy import boxes_of_blocks, stretches
 from .chord_bounds import MOST_CHORDS, certain_chords
@@ -63,9 +63,9 @@ LAYERS = 4
 
 
 def cast_exact(
-    scene: CastScene, bundle: Bundle, mask: BoolArray, columns: int | None, counts: CastCounts
+    scene: CastScene, batch: ProjectorBatch, mask: BoolArray, columns: int | None, counts: CastCounts
 ) -> Hits:
-    """The first hits of the projectors of ``bundle``, cast space; mask: (N,) says which exist.
+    """The first hits of the projectors of ``batch``, cast space; mask: (N,) says which exist.
 
     columns: says that the projectors are whole rows of that many neighbouring pixels; empty
     space is then skipped for blocks of them. Positions and tangents are left to
@@ -77,33 +77,33 @@ def cast_exact(
     than the scene would need more chords than ``certify.MOST_CHORDS``.
     """
     prisms = scene.prisms
-    hits = Hits.unplaced(bundle.count)._replace(mask=mask)
+    hits = Hits.unplaced(batch.count)._replace(mask=mask)
     present = np.flatnonzero(mask)
     if len(present) == 0:
         return hits
-    if len(present) < bundle.count:
+    if len(present) < batch.count:
         # They take part in bounds; somewhere else they would widen these.
-        points = bundle.points.copy()
+        points = batch.points.copy()
         points[:, :, ~mask] = points[:, :, present[:1]]
-        bundle = Bundle(bundle.spans, points)
-    chords, bound = certain_chords(bundle.spans, bundle.points, prisms.lower, prisms.upper, prisms.epsilon)
+        batch = ProjectorBatch(batch.spans, points)
+    chords, bound = certain_chords(batch.spans, batch.points, prisms.lower, prisms.upper, prisms.epsilon)
     if chords is None:
         return hits
     if bound > prisms.epsilon:
-        return _in_halves(scene, bundle, mask, counts)
+        return _in_halves(scene, batch, mask, counts)
     # Rounding of a sum of that many terms.
-    farthest = max(float(bundle.points.max()), -float(bundle.points.min()))
-    rounding = (len(bundle.points) + 1) * farthest * 2.0**-24
-    boxes = boxes_of_blocks(bundle.single, columns)
-    where = stretches(prisms.occupancy, bundle.spans, boxes, prisms.epsilon)
+    farthest = max(float(batch.points.max()), -float(batch.points.min()))
+    rounding = (len(batch.points) + 1) * farthest * 2.0**-24
+    boxes = boxes_of_blocks(batch.single, columns)
+    where = stretches(prisms.occupancy, batch.spans, boxes, prisms.epsilon)
     held = where.within(chords.breaks[:-1], chords.breaks[1:])
     walk = Walk(
         scene,
         prisms,
-        bundle,
+        batch,
         chords,
         hits,
-        np.full(bundle.count, np.inf),
+        np.full(batch.count, np.inf),
         where.block,
         following(held),
         counts,
@@ -113,7 +113,7 @@ def cast_exact(
         _look_around(walk, present[where.held[0].take(where.block.take(present))])
     rays, found = _first_wave(walk, held, where.members(), mask)
     # A bound on rational chords says nothing of ‖q''‖.
-    rational = bundle.spans.point_weights is not None
+    rational = batch.spans.point_weights is not None
     doubtful = np.arange(len(found)) if rational else settle(walk, rays, found)
     rays, found = rays.take(doubtful), found[doubtful]
     step, faces = RESTART, 0
@@ -133,16 +133,16 @@ def cast_exact(
     return hits
 
 
-def _in_halves(scene: CastScene, bundle: Bundle, mask: BoolArray, counts: CastCounts) -> Hits:
+def _in_halves(scene: CastScene, batch: ProjectorBatch, mask: BoolArray, counts: CastCounts) -> Hits:
     """As cast_exact, where all projectors at once need too many chords: halves need fewer."""
-    if bundle.count <= FEWEST:
+    if batch.count <= FEWEST:
         raise CastError(
             f"exact casting would need more than {MOST_CHORDS:,} chords a projector, so much larger than the "
             "scene is the viewing volume: set the pixel error above 0, or bring the control surfaces nearer"
         )
-    hits = Hits.unplaced(bundle.count)
-    for part in np.array_split(np.arange(bundle.count), 2):
-        hits.put(part, cast_exact(scene, bundle.take(part), mask[part], None, counts))
+    hits = Hits.unplaced(batch.count)
+    for part in np.array_split(np.arange(batch.count), 2):
+        hits.put(part, cast_exact(scene, batch.take(part), mask[part], None, counts))
     return hits
 
 
@@ -152,7 +152,7 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
     A way along one of the three axes leaves the two caps of any prism within √3 times
     the distance between them.
     """
-    at = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.bundle.points.take(alive, 2))
+    at = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.batch.points.take(alive, 2))
     held = np.flatnonzero(walk.prisms.occupancy.holds_finely(at - RESTART, at + RESTART))
     alive, at = alive.take(held), at.take(held, 1)
     if len(alive) == 0:
@@ -170,7 +170,7 @@ def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
             meet(walk, projector, np.zeros(len(met), np.intp), found[met])
             gone = gone[met] + far[met] * length + RESTART
     # Among many small triangles a way out of one prism passes others over.
-    first = walk.bundle.points.take(alive, 2)
+    first = walk.batch.points.take(alive, 2)
     way = np.einsum("k,kcn->cn", walk.chords.ends[1] - walk.chords.ends[0], first)
     share = np.minimum(length / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST), 1.0) / FIRST_LOOKS
     none, zero = np.full((2, len(alive)), -1, np.int32), np.zeros(len(alive), np.intp)
@@ -182,7 +182,7 @@ def _first_wave(
     walk: Walk, held: BoolArray, members: IndexArray, mask: BoolArray
 ) -> tuple[Rays, NDArray[np.int32]]:
     """Follow the chords of all projectors, in step, until each enters a prism."""
-    source: NDArray[Any] = walk.bundle.points if walk.far else walk.bundle.single
+    source: NDArray[Any] = walk.batch.points if walk.far else walk.batch.single
     before = walk.counts.rays
     records, share, cast = march(source, walk.chords.ends, held, members, mask, walk.trace)
     walk.counts.chords += cast
@@ -238,7 +238,7 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32], length: Array) ->
     before = np.maximum(walk.looked[projector], met_t - np.diff(walk.chords.breaks).take(rays.chord))
     start_t = np.minimum(met_t, before)
     walk.looked[projector] = end_t
-    curves = walk.bundle.take(projector)
+    curves = walk.batch.take(projector)
     start = curves.place(start_t)
     span = walk.chords.span[rays.chord]
     for _ in range(LAYERS):

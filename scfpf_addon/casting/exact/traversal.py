@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ..common.hits import CastCounts, Hits
 from ..curves.march import OVERLAP
-from ..curves.projector_batch import T_ROUNDING, Bundle, Solutions
+from ..curves.projector_batch import T_ROUNDING, ProjectorBatch, Solutions
 from ..scene.cast_scene import CastScene
 from ..scene.prism_scene import PrismScene
 from .chord_bounds import Chords
@@ -63,7 +63,7 @@ class Walk(NamedTuple):
 
     scene: CastScene
     prisms: PrismScene
-    bundle: Bundle
+    batch: ProjectorBatch
     chords: Chords
     hits: Hits
     looked: Array
@@ -191,7 +191,7 @@ def _cast(
 
 def chord_ends(walk: Walk, rays: Rays) -> tuple[Array, Array]:
     """Where the rays' chords begin and end, (3, M) each."""
-    controls = walk.bundle.points.take(rays.projector, 2)
+    controls = walk.batch.points.take(rays.projector, 2)
     ends = walk.chords.ends.T
     return (
         np.einsum("kn,kcn->cn", ends.take(rays.chord, 1), controls),
@@ -201,10 +201,10 @@ def chord_ends(walk: Walk, rays: Rays) -> tuple[Array, Array]:
 
 def meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
     """Meet curves with triangles, from the spans given on, and keep what is nearer."""
-    breaks = walk.bundle.spans.breaks
+    breaks = walk.batch.spans.breaks
     walk.counts.tested += len(triangle)
     while len(projector):
-        curves = walk.bundle.take(projector)
+        curves = walk.batch.take(projector)
         # What lies at the very end of a span may come out past it by rounding.
         low, high = breaks[span] - T_ROUNDING, breaks[span + 1] + T_ROUNDING
         found = curves.solve(walk.scene, triangle, span, low, high)
@@ -221,11 +221,11 @@ def meet_near(walk: Walk, rays: Rays, triangle: NDArray[np.int32], step: float) 
     a chord a prism may begin.
     """
     scene, chords = walk.scene, walk.chords
-    curves = walk.bundle.take(rays.projector)
+    curves = walk.batch.take(rays.projector)
     ends = (np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + k, 1), curves.points) for k in (0, 1))
     slab = walk.prisms.thickness + step
     near = np.logical_or.reduce([np.abs(scene.heights(end, triangle)) <= slab for end in ends])
-    span, breaks = chords.span[rays.chord], walk.bundle.spans.breaks
+    span, breaks = chords.span[rays.chord], walk.batch.spans.breaks
     low = np.where(near, breaks[span] - T_ROUNDING, chords.breaks[rays.chord])
     high = np.where(near, breaks[span + 1] + T_ROUNDING, chords.breaks[rays.chord + 1])
     walk.counts.tested += len(triangle)
@@ -270,7 +270,7 @@ def behind(walk: Walk, rays: Rays, step: float) -> Rays:
 def crossing(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> Array:
     """How long in t chords take from one cap of a triangle's prism to the other, at most all of a chord."""
     chords = walk.chords
-    controls = walk.bundle.points.take(rays.projector, 2)
+    controls = walk.batch.points.take(rays.projector, 2)
     way = np.einsum("kn,kcn->cn", (chords.ends[1:] - chords.ends[:-1]).T.take(rays.chord, 1), controls)
     climb = np.abs(np.einsum("cn,cn->n", way, walk.scene.normals(triangle)))
     share = 2.0 * walk.prisms.thickness / np.maximum(climb, 2.0 * walk.prisms.thickness)

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ...projection.volume.median import median
-from ..common.cancellation import stop_here, unstoppable
+from ..common.cancellation import raise_if_cancelled, uncancellable
 from ..common.geometry import renumbered
 from ..common.memory import shortage
-from ..common.parallel import beside, in_threads, portions
+from ..common.parallel import beside, chunks, parallel_map
 from .embree_meshes import cut_off_library, mesh_in_embree
 from .neighbours import edge_neighbours
 from .occupancy import Occupancy
@@ -278,7 +278,7 @@ class CastScene:
             reach = [largest.take(corner, mode="clip") for corner in corners]
             np.maximum(np.maximum(reach[0], reach[1]), reach[2], out=self._reach[some])
 
-        in_threads(measure, portions(len(usable)))
+        parallel_map(measure, chunks(len(usable)))
 
     def _corners_of(self, some: slice) -> IndexArray:
         """The vertices of some triangles, (3, n), as NumPy takes them quickest."""
@@ -312,7 +312,7 @@ class CastScene:
             _fill(weights[:4, some], _cross(across, normal) * inverse, first)
             _fill(weights[4:, some], _cross(normal, along) * inverse, first)
 
-        in_threads(weigh, portions(len(self._usable)))
+        parallel_map(weigh, chunks(len(self._usable)))
         return weights
 
     @property
@@ -334,7 +334,7 @@ class CastScene:
         """
         with self._lock:
             if self._prisms is None:
-                with unstoppable():
+                with uncancellable():
                     self._prisms = self._prisms_made()
             return self._prisms
 
@@ -342,7 +342,7 @@ class CastScene:
         require_room_for_prisms(len(self.triangles))
         corners = np.stack([self.vertices.take(self.triangles[:, k], 1) for k in range(3)])
         second, third = self._corners[:3], self._corners[4:7]
-        stop_here()
+        raise_if_cancelled()
         slopes = np.stack([second, third, second + third])
         steepest = np.sqrt((slopes**2).sum(axis=1).max(axis=0))
         return PrismScene(Prisms.of(corners, self.planes[:3], self._usable), steepest, _load_embreex())
@@ -352,7 +352,7 @@ class CastScene:
         """Which parts of the scene are empty; made at first use."""
         with self._lock:
             if self._occupancy is None:
-                with unstoppable():
+                with uncancellable():
                     corners = self.vertices.take(self.triangles[self._usable].T, 1)
                     self._occupancy = Occupancy.of(corners.swapaxes(0, 1))
             return self._occupancy
@@ -365,7 +365,7 @@ class CastScene:
         origins, directions: (3, N) float32, cast space; limits: (N,) float32, in
         units of the direction's length; a negative limit switches a ray off.
         """
-        stop_here()
+        raise_if_cancelled()
         if self._quads:
             # embreex overwrites the array of limits.
             rays = origins.T, directions.T, limits.copy()
@@ -380,7 +380,7 @@ class CastScene:
 
         The limits are used up.
         """
-        stop_here()
+        raise_if_cancelled()
         found = self._embree.run(origins.T, directions.T, limits, output=True)
         if self._quads:
             return self._quads.weights(found, self._faces)
@@ -390,7 +390,7 @@ class CastScene:
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:
         """Embree's own distance to the first triangle, (N,) float32; the limit where none is."""
-        stop_here()
+        raise_if_cancelled()
         # embreex overwrites the array of limits.
         found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")
         return found
@@ -402,7 +402,7 @@ class CastScene:
         length (inf is allowed), cast space. The last SHADOW_END of the
         way is left out; origins are taken as they are (see ``offset_origins``).
         """
-        stop_here()
+        raise_if_cancelled()
         with np.errstate(invalid="ignore", over="ignore"):
             start = origins.astype(np.float32, copy=False)
             way, limits = directions.astype(np.float32, copy=False), np.empty(start.shape[1], np.float32)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...projection.surfaces.surface import BilinearPatch, Plane, Point
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.viewing_volume import ViewingVolume
-from ..common.parallel import in_threads, portions
+from ..common.parallel import chunks, parallel_map
 from .half_spaces import HalfSpaces
 from .projector_boxes import piece_bounds, piece_weights
 
@@ -75,8 +75,8 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
         kept[some] = _held_between(sums, *(cells.take(faces[:, k], 1) for k in range(3)))
         kept[some] |= ~finite[faces].all(axis=1)
 
-    in_threads(find_cells, portions(len(points)))
-    in_threads(look_at_triangles, portions(len(triangles)))
+    parallel_map(find_cells, chunks(len(points)))
+    parallel_map(look_at_triangles, chunks(len(triangles)))
     return kept
 
 

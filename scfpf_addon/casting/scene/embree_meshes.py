@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..common.cancellation import stop_here
+from ..common.cancellation import raise_if_cancelled
 
 # RTCBufferType, RTCFormat and RTCGeometryType of Embree 4.
 INDEX_BUFFER, VERTEX_BUFFER = 0, 1
@@ -101,7 +101,7 @@ def mesh_in_embree(
     or, for quads, (F, 4) int32, contiguous; they may be Embree's own from now on and must not change.
     embreex knows no quads: where it copies them each is two triangles, so that numbers of faces that
     are found have to be divided. Python's other threads go on while Embree builds, on all cores.
-    Raises MemoryError, and ``Stopped`` before it builds.
+    Raises MemoryError, and ``Cancelled`` before it builds.
     """
     scenes, meshes = modules
     scene = scenes.EmbreeScene(robust=True)
@@ -111,7 +111,7 @@ def mesh_in_embree(
     if library is None or handle is None:
         halves = faces if corners == 3 else faces[:, HALVES].reshape(-1, 3)
         mesh = meshes.TriangleMesh(scene, vertices.astype(np.float32), halves)
-        stop_here()
+        raise_if_cancelled()
         # Embree builds at embreex's first run, which must happen in one thread.
         nowhere = np.zeros((1, 3), np.float32)
         scene.run(nowhere, nowhere, np.full(1, -1, np.float32))
@@ -129,7 +129,7 @@ def mesh_in_embree(
         )
         library.rtcCommitGeometry(geometry)
         library.rtcAttachGeometry(handle, geometry)
-        stop_here()
+        raise_if_cancelled()
         # embreex's function would speak Python, in a thread that has let go of it.
         library.rtcSetDeviceErrorFunction(device, None, None)
         library.rtcCommitScene(handle)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray
-from ..common.parallel import portions
+from ..common.parallel import chunks
 
 # Bits of a vertex.
 MOST_PLANES = 16
@@ -86,10 +86,10 @@ class HalfSpaces:
         """As ``met_by``, for MOST_PLANES at most."""
         # In one thread: steps so short take as long in two, which wait for each other.
         outside = np.empty(len(vertices), np.uint16)
-        for some in portions(len(vertices)):
+        for some in chunks(len(vertices)):
             outside[some] = self._outside(np.ascontiguousarray(vertices[some].T))
         met: BoolArray = np.empty(len(triangles), bool)
-        for some in portions(len(triangles)):
+        for some in chunks(len(triangles)):
             # NumPy is quickest at this mode, with indices of its own kind.
             corner = triangles[some].T.astype(np.intp, order="C")
             common = outside.take(corner[0], mode="clip")
@@ -111,7 +111,7 @@ class HalfSpaces:
 def highest(normals: Array, points: Array) -> Array:
     """The largest of ``heights`` by normals (K, 3), (K,); points: (3, N) as they lie in memory, N > 0."""
     most = np.full(len(normals), -np.inf)
-    for some in portions(points.shape[1]):
+    for some in chunks(points.shape[1]):
         part = np.ascontiguousarray(points[:, some])
         room = np.empty((2, part.shape[1]))
         np.maximum(most, [heights(normal, part, room).max() for normal in normals], out=most)

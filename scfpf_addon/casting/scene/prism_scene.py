@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, Float32Array
-from ..common.cancellation import stop_here
+from ..common.cancellation import raise_if_cancelled
 from .occupancy import Occupancy
 from .prisms import Prisms
 
@@ -28,9 +28,9 @@ class PrismScene:
         self.epsilon, self.thickness = prisms.epsilon, prisms.thickness
         self.lower: Array = prisms.corners.min(axis=(0, 1)).astype(np.float64)
         self.upper: Array = prisms.corners.max(axis=(0, 1)).astype(np.float64)
-        stop_here()
+        raise_if_cancelled()
         self._embree, self._mesh, self._faces = prisms.embree_scene(modules)
-        stop_here()
+        raise_if_cancelled()
         outlines = prisms.corners[:, :3][np.ptp(prisms.corners, axis=1).any(axis=1)]
         # One cap of a prism is nowhere farther than this from the other.
         self.occupancy = Occupancy.of(outlines.transpose(1, 2, 0).astype(np.float64), 2.0 * self.thickness)
@@ -42,7 +42,7 @@ class PrismScene:
 
         As ``CastScene.trace``; the second array (N,) is in units of the direction's length.
         """
-        stop_here()
+        raise_if_cancelled()
         found = self._embree.run(origins.T, directions.T, limits.copy(), output=True)
         triangle: NDArray[np.int32] = found["primID"]
         # -1 stays what it is.

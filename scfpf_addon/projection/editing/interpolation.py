@@ -14,7 +14,7 @@ from ..volume.viewing_volume import Projection, ViewingVolume
 
 
 @dataclass(frozen=True)
-class SurfaceBetween(ControlSurface):
+class InterpolatedSurface(ControlSurface):
     """Each point ``share`` of the straight way from where ``before`` has it to where ``after`` has it."""
 
     before: ControlSurface
@@ -49,7 +49,7 @@ class SurfaceBetween(ControlSurface):
         return replace(self, before=self.before.transformed(matrix), after=self.after.transformed(matrix))
 
 
-def projection_between(before: Projection, after: Projection, share: float) -> Projection:
+def interpolated_projection(before: Projection, after: Projection, share: float) -> Projection:
     """The projection ``share`` of the way from one to the other.
 
     Only control surfaces and the shown range move; where the volumes are not of the same
@@ -61,7 +61,9 @@ def projection_between(before: Projection, after: Projection, share: float) -> P
         return nearer
     if len(one.surfaces) != len(other.surfaces) or one.basis != other.basis:
         return nearer
-    surfaces = tuple(SurfaceBetween(a, b, share) for a, b in zip(one.surfaces, other.surfaces, strict=True))
+    surfaces = tuple(
+        InterpolatedSurface(a, b, share) for a, b in zip(one.surfaces, other.surfaces, strict=True)
+    )
     weights = one.weights
     if one.weights is not None and other.weights is not None:
         weights = tuple(a + (b - a) * share for a, b in zip(one.weights, other.weights, strict=True))

@@ -14,7 +14,7 @@ from ..file_values import Limit, read_choice, read_name, read_number, read_objec
 from ..typing import Array
 from ..volume.reparameterisation import Reparameterisation
 from .grids import DeformedGrid
-from .radial import CurvedDisplay, Distortion, Lens, RadialCurve
+from .radial import CurvedDisplay, Distortion, MagicLens, RadialCurve
 from .stack import Backwards, Part
 
 MAXIMUM_MAPPINGS = 32
@@ -80,7 +80,7 @@ def simple_mapping(kind: str, given: Mapping[str, float], points: Array | None =
     """A mapping of a kind from its numbers (see ImageMapping). Raises ValueError."""
     centre = float(given.get("centre_x", 0.5)), float(given.get("centre_y", 0.5))
     if kind == "LENS":
-        return Lens(given["radius"], given["magnification"], given["falloff"], centre)
+        return MagicLens(given["radius"], given["magnification"], given["falloff"], centre)
     if kind == "DISTORTION":
         k1, k2, k3, k4, k5, k6 = (float(given[name]) for name in COEFFICIENTS)
         return Distortion((k1, k2, k3), (k4, k5, k6), given["radius"], centre)

@@ -236,7 +236,7 @@ class Distortion(Radial):
 
 
 @dataclass(frozen=True)
-class Lens(Radial):
+class MagicLens(Radial):
     """A magic lens: within a circle the picture is magnified, outside of it it stays.
 
     radius: of the circle, above 0. magnification: above 0, less than 1 shrinks. falloff: the share of

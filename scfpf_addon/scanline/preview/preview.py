@@ -21,9 +21,9 @@ from .preview_data import (
     copied_shelves,
     is_asleep,
     is_whole,
-    let_go,
     make_preview,
     previews,
+    release_pointers,
     remove_copy,
     remove_preview,
     set_asleep,
@@ -117,7 +117,7 @@ def _surface_signature(slot, weighted: bool) -> tuple | None:
     return surface.session_uid, surface.scfpf_surface.kind, weight, len(surface.modifiers), drawn
 
 
-def tend(scene, structure_changed: bool, depsgraph=None, may_remove: bool = True) -> None:
+def sync(scene, structure_changed: bool, depsgraph=None, may_remove: bool = True) -> None:
     """Bring the previews of a scene in step with it; remove any that has lost its camera or a part.
 
     structure_changed: the depsgraph has told of an edit of the scene or a collection. depsgraph:
@@ -268,7 +268,7 @@ def _settle_viewports() -> None:
 def _scene_updated(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT":
         changed = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
-        tend(scene, changed, depsgraph)
+        sync(scene, changed, depsgraph)
         _follow_strokes(depsgraph)
         versions.settle_view_layers()
 
@@ -276,7 +276,7 @@ def _scene_updated(scene, depsgraph) -> None:
 @persistent
 def _frame_changed(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT":
-        tend(scene, False, may_remove=False)
+        sync(scene, False, may_remove=False)
         versions.settle_view_layers()
 
 
@@ -284,7 +284,7 @@ def _frame_changed(scene, depsgraph) -> None:
 def _history_changes(*_) -> None:
     """Before undo and redo."""
     for source in previews():
-        let_go(source)
+        release_pointers(source)
 
 
 @persistent
@@ -323,7 +323,7 @@ def _saved(*_) -> None:
 def _tend_all() -> None:
     for scene in bpy.data.scenes:
         if scene.is_editable:
-            tend(scene, True)
+            sync(scene, True)
 
 
 HANDLERS = {

@@ -219,14 +219,14 @@ def _set_modifier(source, part, group):
     return before
 
 
-def let_go(source) -> None:
+def release_pointers(source) -> None:
     """Take from a preview what handlers have it point to, before another step of undo; see ``table_object``.
 
     Following the scene afterwards brings all of it back.
     """
     settings = source.scfpf_preview
     if settings.table is not None:
-        table_object.let_go(settings.table)
+        table_object.release_pointers(settings.table)
     for part in settings.parts:
         for member in list(part.members.objects) if part.members is not None else ():
             part.members.objects.unlink(member)

@@ -89,7 +89,7 @@ def _is_another_s(table, camera, key: str) -> bool:
     return parent is not None and parent != camera and parent.get(key) == table
 
 
-def let_go(table) -> None:
+def release_pointers(table) -> None:
     """Take from a table all that points to other data, before Blender goes to another step of undo.
 
     Handlers change tables after the step was stored. Where two steps agree on an object Blender keeps it as
@@ -102,7 +102,7 @@ def let_go(table) -> None:
 
 
 def is_made(table) -> bool:
-    """Whether a table has what computes it; not between ``let_go`` and ``table_object``."""
+    """Whether a table has what computes it; not between ``release_pointers`` and ``table_object``."""
     modifier = table.modifiers.get(MODIFIER)
     return modifier is not None and modifier.node_group is not None
 

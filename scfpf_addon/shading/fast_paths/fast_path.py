@@ -29,7 +29,7 @@ def short_way(
     """What makes the picture, or None where it has to be made in the general way; ``background``: (3,)."""
     if scene is None or type(shading) is not Shading:
         return None
-    if shading.tracer is not None or shading.held_out is not None or shading.phong.sky is not None:
+    if shading.tracer is not None or shading.held_out is not None or shading.coefficients.sky is not None:
         return None
     if shading.catchers is not None or any(lamp.light.kind != "SUN" for lamp in shading.lamps):
         return None
@@ -47,7 +47,7 @@ def short_way(
         return SunsShadowed(places, scene, shading, rays, rays.window(scene), behind) if rays else None
     if places.scrambled and not all(_is_alike(lamp) for lamp in shading.lamps):
         return None
-    colors = SunColors(shading.surface, shading.phong, shading.lamps, behind)
+    colors = SunColors(shading.surface, shading.coefficients, shading.lamps, behind)
     return SunsAlone(projection, places, scene, colors, rays, rays.window(scene) if rays else None)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...casting.visible_triangles import TrianglesSeen
 from ...projection.typing import IndexArray
-from ..lights.light_table import LightTable, Seen
+from ..lights.light_table import LightTable, ViewTerms
 from ..lights.lighting import Lamp
 from ..materials.microfacet import facets
 from ..scene.surface import TINY, SurfaceTable
@@ -31,7 +31,7 @@ class SunColors:
     """
 
     surface: SurfaceTable
-    phong: LightTable
+    coefficients: LightTable
     lamps: tuple[Lamp, ...]
     background: Single
 
@@ -81,13 +81,13 @@ class SunColors:
             _interpolate(self.surface.smooth, triangle, seen.weights, normal, rows[5:8])
             np.copysign(_length(normal, length), facing, out=side)
             _dot(normal, way, facing, term)
-        if self.phong.glossy:
+        if self.coefficients.glossy:
             _length(way, length)
             facing /= side
             facing /= length
         material = self._materials(triangle)
-        viewed = self.phong.seen(material, facing) if self.phong.glossy else Seen()
-        emitted = self.phong.unlit(material, viewed)
+        viewed = self.coefficients.seen(material, facing) if self.coefficients.glossy else ViewTerms()
+        emitted = self.coefficients.unlit(material, viewed)
         begun = not self.lamps or bool(emitted.any())
         if begun:
             color[:] = emitted
@@ -96,21 +96,21 @@ class SunColors:
             np.einsum("cn,c->n", normal, along, out=received)
             received /= side
             np.maximum(received, 0, out=received)
-            if self.phong.glossy and lamp.light.mirrored:
+            if self.coefficients.glossy and lamp.light.mirrored:
                 np.einsum("cn,c->n", way, along, out=term)
                 term /= length
-                density, cosine = facets(received, facing, term, self.phong.alpha.take(material))
+                density, cosine = facets(received, facing, term, self.coefficients.alpha.take(material))
             if lamp.light.receivers is not None and self.surface.linked is not None:
                 linked = self.surface.linked.take(triangle, mode="wrap")
                 received *= lamp.light.receivers.take(linked)
             tint = lamp.color[:, None]
             if lamp.light.scattered:
                 arrived = received if viewed.under is None else received * viewed.under
-                _add(color, self.phong.diffuse.take(material, axis=1) * tint, arrived, term, begun)
+                _add(color, self.coefficients.diffuse.take(material, axis=1) * tint, arrived, term, begun)
                 begun = True
-            if self.phong.glossy and lamp.light.mirrored:
+            if self.coefficients.glossy and lamp.light.mirrored:
                 density *= received
-                shine = self.phong.shine(material, cosine, viewed)
+                shine = self.coefficients.shine(material, cosine, viewed)
                 density = np.multiply(shine, density, out=shine)
                 if density.ndim == 1:
                     _add(color, tint, density, term, begun)

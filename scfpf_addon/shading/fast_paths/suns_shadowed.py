@@ -83,7 +83,7 @@ class SunsShadowed:
         surface = self.shading.surface
         weights = surface.cast_scene.barycentric(position, triangle) if surface.weighted else None
         points = surface.points(triangle, weights, position, ways)
-        return radiance(points, self.shading.phong, self.shading.lamps, sample, surface.cast_scene)
+        return radiance(points, self.shading.coefficients, self.shading.lamps, sample, surface.cast_scene)
 
     def _places(
         self, triangle: IndexArray, origins: Float32Array, ways: Float32Array, counts: CastCounts

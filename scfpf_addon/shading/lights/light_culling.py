@@ -21,7 +21,7 @@ SLACK = 1e-3
 CONFINED = ("AREA", "SPOT")
 
 
-def reaching(lights: tuple[Light, ...], vertices: Array) -> list[Light]:
+def cull_lights(lights: tuple[Light, ...], vertices: Array) -> list[Light]:
     """The lights that have power and may reach the box round the vertices (V, 3), in world space."""
     shining = [light for light in lights if np.any(light.color)]
     if not any(light.kind in CONFINED for light in shining):

@@ -39,7 +39,7 @@ FAINT = 2e-3
 SHINES, FEW = 4096, 64
 
 
-class Seen(NamedTuple):
+class ViewTerms(NamedTuple):
     """What N points make of light as they are seen from where they are, (N,) each.
 
     under: share of the scattered light that the layer above it lets through; None for all. more: light that
@@ -207,11 +207,11 @@ class LightTable:
         cosines = _single((np.arange(SHINES) + 0.5) / SHINES)
         return (dielectric_share(cosines, self.ior[:, None]) * self.coat[:, None]).reshape(-1)
 
-    def seen(self, material: IndexArray, facing: Single) -> Seen:
+    def seen(self, material: IndexArray, facing: Single) -> ViewTerms:
         """What points make of light under a cosine to the viewer, (N,); material: (N,), or (1,) for all."""
         under = more = grazed = None
         if not (self._covered or self._sends_again or self._glows):
-            return Seen()
+            return ViewTerms()
         place = _column(facing, VIEWS)
         row = place + by_material(self.row, material)
         if self._covered and self.few:
@@ -228,9 +228,9 @@ class LightTable:
             more = self.missing.take(row)
         if self._glows:
             grazed = self.grazed.take(row)
-        return Seen(under, more, grazed)
+        return ViewTerms(under, more, grazed)
 
-    def unlit(self, material: IndexArray, seen: Seen) -> Single:
+    def unlit(self, material: IndexArray, seen: ViewTerms) -> Single:
         """Radiance that needs no lamp, (3, N) or (3, 1)."""
         light = by_material(self.emitted, material)
         if seen.under is not None and self._passes:
@@ -243,7 +243,7 @@ class LightTable:
             light = light + mirrored
         return light
 
-    def shine(self, material: IndexArray, cosine: Single, seen: Seen) -> Single:
+    def shine(self, material: IndexArray, cosine: Single, seen: ViewTerms) -> Single:
         """What facets reflect of light under a cosine to them, (N,) or, of metals, (3, N)."""
         if self.dielectric:
             if self.few:

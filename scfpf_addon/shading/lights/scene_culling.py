@@ -16,10 +16,10 @@ from ...casting.scene.culling import within_volume
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
 from ..scene.shading_scene import Scene
-from .shadow_culling import may_shade
+from .shadow_culling import cull_shadow_casters
 
 
-def within_reach(
+def cull_scene(
     scene: Scene, projection: Projection, alone: bool = True, exact: bool = False
 ) -> tuple[Scene, CastScene | None]:
     """The part of a scene that a projection can meet, built to cast at; the rest is left for shadows.
@@ -59,7 +59,7 @@ def _within_reach(
 
     def beyond() -> tuple[Array, NDArray[np.int32]]:
         """All vertices (V, 3), and the triangles (K, 3) outside the volume that may shade what is in it."""
-        rest = may_shade(scene, part.geometry, projection.volume)
+        rest = cull_shadow_casters(scene, part.geometry, projection.volume)
         rest &= ~kept
         return whole.vertices, whole.triangles.take(np.flatnonzero(rest), axis=0)
 

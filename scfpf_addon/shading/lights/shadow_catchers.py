@@ -11,7 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...casting.common.cancellation import stop_here
+from ...casting.common.cancellation import raise_if_cancelled
 from ...casting.common.ray_visibility import CATCHER, SHADOW, visible_to
 from ...casting.continuation import WaysOut
 from ...casting.scene.cast_scene import CastScene
@@ -124,7 +124,7 @@ class Catchers:
             places = range(0, lamp.places.shape[1], -(-lamp.places.shape[1] // MOST_PLACES))
             full = np.zeros_like(own)
             for place in places:
-                stop_here()
+                raise_if_cancelled()
                 its = lamp.incidence(points.position, place)
                 full += np.maximum(dot(points.normal, its.direction), 0) * its.strength
             full *= (received == 0) | (own > 0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...casting.common.geometry import Geometry
-from ...casting.common.parallel import portions
+from ...casting.common.parallel import chunks
 from ...casting.scene.cast_scene import ORIGIN_OFFSET
 from ...casting.scene.culling import flat_sides
 from ...casting.scene.half_spaces import HalfSpaces, highest
@@ -35,7 +35,7 @@ OFFSET = 4.0 * ORIGIN_OFFSET
 SKEW = 1e-3
 
 
-def may_shade(scene: Scene, shown: Geometry, volume: ViewingVolume) -> BoolArray:
+def cull_shadow_casters(scene: Scene, shown: Geometry, volume: ViewingVolume) -> BoolArray:
     """Which triangles (T,) of a scene may cast a shadow on a part of it, where the volume meets that."""
     whole = scene.geometry
     everything = np.ones(len(whole.triangles), bool)
@@ -70,7 +70,7 @@ def _roundness(shown: Geometry, vertices: Array) -> float:
     most = 0.0
     if shown.corner_normals is None:
         return most
-    for some in portions(len(shown.triangles)):
+    for some in chunks(len(shown.triangles)):
         corners = [vertices.take(shown.triangles[some, k], axis=1, mode="clip") for k in range(3)]
         normals = shown.corner_normals[some, : 1 if shown.flat else 3].transpose(1, 2, 0)
         for own, normal in enumerate(np.ascontiguousarray(normals, np.float64)):

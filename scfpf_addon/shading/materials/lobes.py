@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
-from ..nodes.context import Place, dot
+from ..nodes.context import ShadingContext, dot
 from ..nodes.graph import MaterialGraph, registers
 from ..nodes.inputs import fresnel_dielectric
 from ..nodes.operations import OPERATIONS
@@ -81,7 +81,7 @@ class Sent:
         )
 
 
-def lobes(graph: MaterialGraph, place: Place) -> Iterator[Body | Sent]:
+def lobes(graph: MaterialGraph, place: ShadingContext) -> Iterator[Body | Sent]:
     """The lobes of a material at its hits."""
     results = registers(graph, place, OPERATIONS)
     for closure in graph.closures:
@@ -100,7 +100,7 @@ def clean(values: Array) -> Array:
 class _Reader:
     """The inputs of a closure at n hits."""
 
-    def __init__(self, values: Mapping[str, Array], weight: Array, place: Place) -> None:
+    def __init__(self, values: Mapping[str, Array], weight: Array, place: ShadingContext) -> None:
         self._values, self._place = values, place
         self.count = place.count
         self.weight = self.spread(weight)

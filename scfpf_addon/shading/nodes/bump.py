@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import Place, dot, unit
+from .context import ShadingContext, dot, unit
 from .graph import Evaluator, registers
 from .inputs import towards_viewer
 
@@ -22,7 +22,10 @@ STEP = 1e-5
 
 
 def bump(
-    table: Mapping[str, Evaluator], inputs: Sequence[Array], settings: Mapping[str, Any], place: Place
+    table: Mapping[str, Evaluator],
+    inputs: Sequence[Array],
+    settings: Mapping[str, Any],
+    place: ShadingContext,
 ) -> tuple[Array, ...]:
     """Strength, distance, normal → normal, on the side of the viewer. table: all operations."""
     strength, distance, normal = inputs
@@ -33,7 +36,7 @@ def bump(
     first = unit(np.cross(place.flat, axis, axis=0))
     second = np.cross(place.flat, first, axis=0)
 
-    def height(where: Place) -> Array:
+    def height(where: ShadingContext) -> Array:
         """The height (1, n) or (1, 1) that the nodes give other places."""
         ref = settings["output"]
         values: Array = registers(settings["height"], where, table)[ref.operation][ref.output]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import Place, dot
+from .context import ShadingContext, dot
 from .graph import Evaluator
 from .numbers import LUMINANCE, divided, power
 
@@ -146,7 +146,7 @@ BLENDS: dict[str, Blend] = {
 }
 
 
-def mix(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def mix(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Mix node, of numbers, vectors or colours: factor, A, B."""
     share = inputs[0]
     if settings["clamp_factor"]:
@@ -159,7 +159,7 @@ def mix(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
     return (np.clip(value, 0.0, 1.0) if settings["clamp_result"] else value,)
 
 
-def table(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def table(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """A ramp: colour and alpha of a table (S, 4) over [0, 1]."""
     values = settings["table"]
     at = np.clip(np.nan_to_num(inputs[0][0]), 0.0, 1.0) * (len(values) - 1)
@@ -171,7 +171,7 @@ def table(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]
     return found[:, :3].T, found[:, 3:].T
 
 
-def curves(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def curves(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """RGB, Vector and Float Curves: factor, value; a table (S, C) over [low, high], straight on beyond it."""
     factor, value = inputs
     values, low, high = settings["table"], settings["low"], settings["high"]
@@ -186,19 +186,19 @@ def curves(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...
     return (value + factor * (np.stack(channels) - value),)
 
 
-def invert(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def invert(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Invert Color node."""
     share, color = inputs
     return (color + share * (1.0 - 2.0 * color),)
 
 
-def gamma(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def gamma(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Gamma node: what is not above 0 stays."""
     color, exponent = inputs
     return (np.where(color > 0.0, power(np.maximum(color, 0.0), exponent), color),)
 
 
-def blackbody(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def blackbody(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Blackbody node: Planck's spectrum at a temperature, of luminance 1, within Rec.709.
 
     Cycles takes a fit to the same; of its channels 2 % at most differ where they are above a tenth.
@@ -217,13 +217,13 @@ def _observed(lobes: Sequence[tuple[float, ...]]) -> Array:
     return total
 
 
-def bright_contrast(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def bright_contrast(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Brightness/Contrast node."""
     color, bright, contrast = inputs
     return (np.maximum((1.0 + contrast) * color + bright - contrast * 0.5, 0.0),)
 
 
-def hue_saturation(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def hue_saturation(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Hue/Saturation/Value node: hue, saturation, value, factor, colour."""
     hue, saturation, value, share, color = inputs
     h, s, v = hsv_from_rgb(color)
@@ -234,7 +234,7 @@ def hue_saturation(inputs: Inputs, settings: Settings, place: Place) -> tuple[Ar
     return (np.maximum(color + share * (changed - color), 0.0),)
 
 
-def separate_color(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def separate_color(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Separate Color node."""
     (color,) = inputs
     if settings["mode"] == "HSV":
@@ -244,7 +244,7 @@ def separate_color(inputs: Inputs, settings: Settings, place: Place) -> tuple[Ar
     return color[0:1], color[1:2], color[2:3]
 
 
-def combine_color(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def combine_color(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Combine Color node."""
     color = np.concatenate(np.broadcast_arrays(*inputs))
     if settings["mode"] == "HSV":
@@ -254,7 +254,7 @@ def combine_color(inputs: Inputs, settings: Settings, place: Place) -> tuple[Arr
     return (color,)
 
 
-def grey(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def grey(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The RGB to BW node."""
     return (dot(inputs[0], LUMINANCE),)
 

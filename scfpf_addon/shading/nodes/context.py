@@ -14,7 +14,7 @@ from .image import ImageData
 
 
 @dataclass(frozen=True)
-class Place:
+class ShadingContext:
     """n hits. triangle: (n,). barycentric: (2, n), weights of the second and third corner.
 
     position: (3, n) world space. normal: (3, n) unit, shading normal, on the side of the viewer.
@@ -71,7 +71,7 @@ class Place:
         length: Array = np.sqrt(np.maximum(dot(along, along), dot(across, across)))
         return length
 
-    def beside(self, step: Array) -> Place:
+    def beside(self, step: Array) -> ShadingContext:
         """The places ``step`` (3, n) away in the triangles' planes, with the same normals."""
         first, second, third = self.corners()
         along, across = second - first, third - first

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import Place, unit
+from .context import ShadingContext, unit
 from .graph import Evaluator
 from .sky_model import XYZ_TO_RGB
 
@@ -46,7 +46,9 @@ SCALE = 0.06
 LOWEST = 1e-3
 
 
-def daylight(inputs: Sequence[Array], settings: Mapping[str, Any], _place: Place) -> tuple[Array, ...]:
+def daylight(
+    inputs: Sequence[Array], settings: Mapping[str, Any], _place: ShadingContext
+) -> tuple[Array, ...]:
     """Vector → colour. settings: sun (3,) towards it, unit; turbidity; scale."""
     way, sun = unit(inputs[0]), np.asarray(settings["sun"], np.float64)
     turbidity = settings["turbidity"]

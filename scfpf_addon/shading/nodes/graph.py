@@ -15,12 +15,12 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 
 from ...projection.typing import Array
-from .context import Place
+from .context import ShadingContext
 
 ClosureKind = Literal["PRINCIPLED", "DIFFUSE", "GLOSSY", "EMISSION", "TRANSPARENT", "GLASS", "REFRACTION"]
 
 # What an operation does: its inputs, its settings, where the hits are → its outputs.
-Evaluator: TypeAlias = Callable[[Sequence[Array], Mapping[str, Any], Place], tuple[Array, ...]]
+Evaluator: TypeAlias = Callable[[Sequence[Array], Mapping[str, Any], ShadingContext], tuple[Array, ...]]
 
 
 class Ref(NamedTuple):
@@ -80,7 +80,9 @@ class MaterialGraph:
         return operation.kind == "CONSTANT" and bool(np.all(operation.settings["value"] == value))
 
 
-def registers(graph: MaterialGraph, place: Place, table: Mapping[str, Evaluator]) -> list[tuple[Array, ...]]:
+def registers(
+    graph: MaterialGraph, place: ShadingContext, table: Mapping[str, Evaluator]
+) -> list[tuple[Array, ...]]:
     """The outputs of all operations at the hits."""
     results: list[tuple[Array, ...]] = []
     # Numbers that are none may come of any input; what shades takes them for 0.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import Place, dot, fit, unit
+from .context import ShadingContext, dot, fit, unit
 from .graph import Evaluator
 
 Settings = Mapping[str, Any]
@@ -19,7 +19,7 @@ Inputs = Sequence[Array]
 LEAST_FACING = 1e-4
 
 
-def layer(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def layer(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """What is stored on triangles: as a vector or colour, its mean, its fourth channel, whether it is."""
     value, there = place.layer(settings["name"], settings["channels"])
     # Alpha of what is not there is 1, as in Cycles.
@@ -29,7 +29,7 @@ def layer(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]
     return three, number, alpha, there
 
 
-def position(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def position(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """World position, moved by a matrix (4, 4): to an object's or the camera's space."""
     matrix = settings.get("matrix")
     if matrix is None:
@@ -37,12 +37,12 @@ def position(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, .
     return (np.einsum("ij,jn->in", matrix[:3, :3], place.position) + matrix[:3, 3:],)
 
 
-def geometry(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def geometry(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Geometry node: normal, true normal, incoming, backfacing."""
     return place.normal, place.flat, place.view, place.back
 
 
-def reflection(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def reflection(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Texture Coordinate node's Reflection: where the view is mirrored to."""
     return (2.0 * dot(place.normal, place.view) * place.normal - place.view,)
 
@@ -61,14 +61,14 @@ def fresnel_dielectric(cosine: Array, ior: Array) -> Array:
     return np.where(within, 0.5 * across**2 * (1.0 + along**2), 1.0)
 
 
-def fresnel(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def fresnel(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Fresnel node: IOR, normal."""
     ior, normal = np.maximum(inputs[0], 1e-5), inputs[1]
     ior = np.where(place.back > 0.0, 1.0 / ior, ior)
     return (fresnel_dielectric(dot(normal, place.view), ior),)
 
 
-def layer_weight(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def layer_weight(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Layer Weight node: blend, normal → Fresnel, Facing."""
     blend, normal = inputs
     ior = np.maximum(1.0 - blend, 1e-5)
@@ -81,7 +81,7 @@ def layer_weight(inputs: Inputs, settings: Settings, place: Place) -> tuple[Arra
     return fresnel_dielectric(dot(normal, place.view), ior), 1.0 - facing
 
 
-def normal_map(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def normal_map(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Normal Map node: strength, colour → normal on the side of the viewer.
 
     TANGENT: over the directions in which texture coordinates grow. WORLD: as it is.
@@ -103,7 +103,7 @@ def normal_map(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array,
     return (towards_viewer(unit(mapped) * side, place),)
 
 
-def towards_viewer(normal: Array, place: Place) -> Array:
+def towards_viewer(normal: Array, place: ShadingContext) -> Array:
     """Normals turned as little as makes them face the viewer; what is no direction is the place's own."""
     normal = np.where(np.isfinite(normal).all(axis=0) & (dot(normal, normal) > 0.0), normal, place.normal)
     facing = dot(normal, place.view)
@@ -111,7 +111,7 @@ def towards_viewer(normal: Array, place: Place) -> Array:
     return np.where(facing < LEAST_FACING, turned, normal)
 
 
-def normal(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def normal(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The shading normal, for sockets to which nothing is linked."""
     return (place.normal,)
 

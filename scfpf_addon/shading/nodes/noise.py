@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array
-from .context import Place
+from .context import ShadingContext
 
 Words = NDArray[np.uint32]
 
@@ -106,7 +106,7 @@ def _offset(seed: float, axis: int) -> float:
     return 100.0 + 100.0 * float(hashed(*keys)[0]) / 0xFFFFFFFF
 
 
-def noise(inputs: Sequence[Array], settings: Mapping[str, Any], place: Place) -> tuple[Array, ...]:
+def noise(inputs: Sequence[Array], settings: Mapping[str, Any], place: ShadingContext) -> tuple[Array, ...]:
     """The Noise Texture: vector, scale, detail, roughness, lacunarity, distortion → factor, colour."""
     count = settings["dimensions"]
     n = max(each.shape[1] for each in inputs)

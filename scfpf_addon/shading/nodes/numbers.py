@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import Place, dot, unit
+from .context import ShadingContext, dot, unit
 from .graph import Evaluator
 
 # Share of red, green and blue in the grey of a colour (Rec.709, Blender's working space).
@@ -112,7 +112,7 @@ MATH: dict[str, Callable[[Array, Array, Array], Array]] = {
 }
 
 
-def math(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def math(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Math node."""
     value = MATH[settings["operation"]](*inputs)
     return (np.clip(value, 0.0, 1.0) if settings["clamp"] else value,)
@@ -174,7 +174,7 @@ VECTOR_VALUE: dict[str, Callable[[Array, Array], Array]] = {
 }
 
 
-def vector_math(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def vector_math(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Vector Math node: Vector, Value."""
     operation = settings["operation"]
     if operation in VECTOR_VALUE:
@@ -195,7 +195,7 @@ def rotation(angles: Array) -> Array:
     return matrix
 
 
-def mapping(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def mapping(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Mapping node: vector, location, rotation, scale."""
     vector, location, angles, scale = inputs
     turn, kind = rotation(angles), settings["kind"]
@@ -207,7 +207,7 @@ def mapping(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ..
     return (turned + location if kind == "POINT" else turned,)
 
 
-def clamp(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def clamp(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Clamp node."""
     value, low, high = inputs
     if settings["range"]:
@@ -215,7 +215,7 @@ def clamp(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]
     return (np.minimum(np.maximum(value, low), high),)
 
 
-def map_range(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def map_range(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Map Range node, of numbers and of vectors: value, from min, from max, to min, to max, steps."""
     value, low, high, to_low, to_high, steps = inputs
     share = divided(value - low, high - low)
@@ -234,12 +234,12 @@ def map_range(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, 
     return (result,)
 
 
-def constant(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def constant(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """A value that is the same everywhere: (1,) or (3,)."""
     return (np.asarray(settings["value"], np.float64).reshape(-1, 1),)
 
 
-def convert(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def convert(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """One kind of socket linked to another: GREY of a colour, MEAN of a vector, SPREAD of a number."""
     (value,) = inputs
     if settings["to"] == "GREY":
@@ -249,23 +249,23 @@ def convert(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ..
     return (np.repeat(value, 3, axis=0),)
 
 
-def combine(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def combine(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """Three numbers as a vector."""
     return (np.concatenate(np.broadcast_arrays(*inputs)),)
 
 
-def separate(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def separate(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """A vector as three numbers."""
     (value,) = inputs
     return value[0:1], value[1:2], value[2:3]
 
 
-def multiply(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def multiply(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """Products, of weights of shaders and the like."""
     return (inputs[0] * inputs[1],)
 
 
-def rest(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def rest(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The two shares of a mix of shaders: 1 - f and f, f in [0, 1]."""
     share = np.clip(inputs[0], 0.0, 1.0)
     return 1.0 - share, share

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...projection.typing import Array
 from ..tables import between
-from .context import Place, unit
+from .context import ShadingContext, unit
 from .graph import Evaluator
 from .sky_model import COLUMNS, ROWS, Air, sky_table, sun_color
 
@@ -23,7 +23,7 @@ LIMB, LIMB_MEAN = 0.6, 0.8
 FADE, NEAR_AIR = 2.5, 2e-5
 
 
-def sky(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def sky(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """Vector → colour. settings: air (``Air``), rotation of the sun about Z from +Y to +X, size (the
     sun's angle, 0 for none), scale of the sky and intensity of its disc.
     """

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import Place, unit
+from .context import ShadingContext, unit
 from .graph import Evaluator
 from .image import sample
 
@@ -48,7 +48,7 @@ PROJECTIONS: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 }
 
 
-def image(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def image(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Image Texture node: colour and alpha.
 
     Colours are premultiplied by alpha unless ``straight``: as Cycles has them when alpha is used.
@@ -79,14 +79,14 @@ PANORAMAS: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 }
 
 
-def environment(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def environment(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Environment Texture node: a picture of all directions."""
     u, v = PANORAMAS[settings["projection"]](unit(inputs[0]))
     picture = place.images.get(settings["image"])
     return (sample(picture, u, v, settings["interpolation"], "REPEAT", False)[:3],)
 
 
-def checker(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def checker(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Checker Texture: vector, two colours, scale → colour, factor."""
     vector, one, other, scale = inputs
     place_in = (vector * scale + CHECKER_SHIFT) * (1.0 - CHECKER_SHIFT)
@@ -106,7 +106,7 @@ GRADIENTS: dict[str, Callable[[Array, Array, Array], Array]] = {
 }
 
 
-def gradient(inputs: Inputs, settings: Settings, place: Place) -> tuple[Array, ...]:
+def gradient(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Gradient Texture: colour, factor."""
     factor = np.clip(GRADIENTS[settings["kind"]](*inputs[0]), 0.0, 1.0)[None]
     return np.repeat(factor, 3, axis=0), factor

@@ -21,7 +21,7 @@ from ..scene.surface import SurfaceTable
 from ..typing import Single
 from .cryptomatte import MOST_LAYERS, CryptoFilm
 from .light_passes import LIGHT_MISS, LIGHT_PASSES
-from .motion_vectors import Neighbour, Place, moved_places
+from .motion_vectors import MotionSample, Neighbour, moved_places
 
 # Depth where nothing is hit, as in Blender's own engines.
 FARTHEST_DEPTH = 1e10
@@ -60,7 +60,7 @@ class DataPasses:
         return sum(name.startswith(f"CRYPTO_{kind}_") for name in self.names)
 
 
-class Seen(NamedTuple):
+class PassSamples(NamedTuple):
     """The n projectors of a tile that hit, in cast space.
 
     x, y: (n,) where in the image. hits: of all the same.
@@ -85,14 +85,14 @@ class PassSource:
     cast_scene: CastScene
     surface: SurfaceTable
 
-    def position(self, seen: Seen) -> Array:
+    def position(self, seen: PassSamples) -> Array:
         """World position, (3, n)."""
         position: Array = seen.hits.position / self.cast_scene.scale + np.reshape(
             self.cast_scene.centre, (3, 1)
         )
         return position
 
-    def depth(self, seen: Seen) -> Array:
+    def depth(self, seen: PassSamples) -> Array:
         """See ``DataPasses.depth_plane``, (1, n)."""
         plane = self.wanted.depth_plane
         if plane is not None:
@@ -104,13 +104,13 @@ class PassSource:
         length = projector_length(self.projection.volume.spans, points, seen.hits.t)
         return length[None] / self.cast_scene.scale
 
-    def normal(self, seen: Seen) -> Array:
+    def normal(self, seen: PassSamples) -> Array:
         """Shading normal on the side of the viewer, unit, world axes, (3, n)."""
         hits = seen.hits
         points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         return points.normal.astype(np.float64)
 
-    def uv(self, seen: Seen) -> Array:
+    def uv(self, seen: PassSamples) -> Array:
         """Texture coordinates and 1, as Cycles has it, or 0 where a mesh has none, (3, n)."""
         corners = self.scene.geometry.uv
         if corners is None:
@@ -121,30 +121,30 @@ class PassSource:
         there = ~np.isnan(u)
         return np.where(there, np.stack([u, v, np.ones_like(u)]), 0.0)
 
-    def parameters(self, seen: Seen) -> Array:
+    def parameters(self, seen: PassSamples) -> Array:
         """(u, v, t) of the hit, (3, n)."""
         image = self.projection.parameters(seen.x, seen.y)
         return np.stack([image.u, image.v, seen.hits.t])
 
-    def perspective_depth(self, seen: Seen) -> Array:
+    def perspective_depth(self, seen: PassSamples) -> Array:
         """See ``perspective_depth``, (1, n)."""
         image = self.projection.parameters(seen.x, seen.y)
         return perspective_depth(self.projection.volume, image.u, image.v, seen.hits.t)[None]
 
-    def tangent(self, seen: Seen) -> Array:
+    def tangent(self, seen: PassSamples) -> Array:
         """The projector's direction at the hit, away from the viewer, unit, world axes, (3, n)."""
         tangent = seen.hits.tangent
         length = np.sqrt(np.einsum("cn,cn->n", tangent, tangent))
         return tangent / np.where(length > 0.0, length, 1.0)
 
-    def vector(self, seen: Seen) -> Array:
+    def vector(self, seen: PassSamples) -> Array:
         """From where a hit is in the image to where it was in the frame before, and from where it will be in
         the frame after to where it is: pixels along x and y of each, (4, n), as Cycles has it.
         """
         if self.wanted.neighbours is None:
             raise ValueError("motion vectors need the frames before and after")
         geometry, hits = self.scene.geometry, seen.hits
-        now = Place(
+        now = MotionSample(
             self.position(seen),
             geometry.triangles[hits.triangle],
             hits.barycentric,
@@ -156,12 +156,12 @@ class PassSource:
         pixels = np.reshape(self.size, (2, 1))
         return np.concatenate([before * pixels, -after * pixels])
 
-    def object_index(self, seen: Seen) -> Array:
+    def object_index(self, seen: PassSamples) -> Array:
         """The user's number of the object, (1, n); the scene must know them."""
         number = self.scene.geometry.object_index[seen.hits.triangle]
         return np.array(self.scene.object_index, np.float64).take(number)[None]
 
-    def material_index(self, seen: Seen) -> Array:
+    def material_index(self, seen: PassSamples) -> Array:
         """The user's number of the material, (1, n); the scene must know them."""
         number = self.scene.geometry.material[seen.hits.triangle]
         return np.array(self.scene.material_index, np.float64).take(number)[None]
@@ -174,7 +174,7 @@ class PassKind(NamedTuple):
 
     channels: int
     miss: float
-    values: Callable[[PassSource, Seen], Array] | None
+    values: Callable[[PassSource, PassSamples], Array] | None
 
 
 PASSES = {
@@ -210,7 +210,7 @@ def empty_passes(wanted: DataPasses, height: int, width: int) -> dict[str, Singl
     }
 
 
-def fill_passes(source: PassSource, seen: Seen, where: IndexArray, into: dict[str, Single]) -> None:
+def fill_passes(source: PassSource, seen: PassSamples, where: IndexArray, into: dict[str, Single]) -> None:
     """Write what is seen at the pixels ``where`` (n,) into the passes of a tile, each (pixels, channels)."""
     for name, pixels in into.items():
         values = PASSES[name].values

@@ -22,7 +22,7 @@ class Neighbour(NamedTuple):
     vertices: Array | None
 
 
-class Place(NamedTuple):
+class MotionSample(NamedTuple):
     """N hits as they are now: position (3, N), world; their triangles' vertex numbers (N, 3) and weights of
     second and third corner (2, N); u, v, t and x, y (N,).
     """
@@ -35,7 +35,7 @@ class Place(NamedTuple):
     y: Array
 
 
-def moved_places(neighbour: Neighbour, vertices: Array, now: Place) -> Array:
+def moved_places(neighbour: Neighbour, vertices: Array, now: MotionSample) -> Array:
     """How far hits are away in a neighbouring frame's picture, (2, N), in shares of its width and height.
 
     vertices: (V, 3) of this frame. The search starts from where they are now, so that in a folded

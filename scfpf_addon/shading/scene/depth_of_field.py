@@ -52,7 +52,7 @@ class Aperture:
 
 
 @dataclass(frozen=True)
-class Lens:
+class DepthOfField:
     """An aperture at a volume's centre of projection.
 
     centre: (3,). axes: (3, 3), the unit vectors right, up and forwards, in columns. flat: things
@@ -64,7 +64,7 @@ class Lens:
     axes: Array
     flat: bool
 
-    def transformed(self, matrix: Array) -> Lens:
+    def transformed(self, matrix: Array) -> DepthOfField:
         """The lens moved by a (4, 4) matrix that scales evenly and does not turn."""
         scale = float(matrix[0, 0])
         return replace(
@@ -75,7 +75,7 @@ class Lens:
             centre=matrix[:3, :3] @ self.centre + matrix[:3, 3],
         )
 
-    def focused(self, distance: float) -> Lens:
+    def focused(self, distance: float) -> DepthOfField:
         """The lens with things sharp at another distance."""
         return replace(self, aperture=replace(self.aperture, focus=distance))
 
@@ -103,7 +103,7 @@ class Lens:
 class ThroughLens(Projection):
     """A projection whose n projectors each have a place on a lens: shares (2, n)."""
 
-    lens: Lens | None = None
+    lens: DepthOfField | None = None
     share: Array | None = None
 
     def projectors(self, x: Array, y: Array) -> Projectors:
@@ -118,7 +118,7 @@ class ThroughLens(Projection):
         return replace(self, share=None if self.share is None else self.share[:, which])
 
 
-def through(projection: Projection, lens: Lens, share: Array) -> ThroughLens:
+def through(projection: Projection, lens: DepthOfField, share: Array) -> ThroughLens:
     """The projection through a lens, in the same space."""
     return ThroughLens(
         projection.volume,
@@ -131,7 +131,7 @@ def through(projection: Projection, lens: Lens, share: Array) -> ThroughLens:
     )
 
 
-def lens_of(projection: Projection, aperture: Aperture, axes: Array) -> Lens | None:
+def lens_of(projection: Projection, aperture: Aperture, axes: Array) -> DepthOfField | None:
     """The lens of a volume; None where depth of field is not defined.
 
     It is where the volume has two control surfaces whose projectors all come from one point in front
@@ -160,7 +160,7 @@ def lens_of(projection: Projection, aperture: Aperture, axes: Array) -> Lens | N
         return None
     if np.einsum("cn,cn->n", from_centre, way).min() < -CENTRAL_SHARE * reach:
         return None
-    return Lens(aperture, centre, axes, _is_flat(projection.volume, centre, axes[:, 2]))
+    return DepthOfField(aperture, centre, axes, _is_flat(projection.volume, centre, axes[:, 2]))
 
 
 def _is_flat(volume: ViewingVolume, centre: Array, forwards: Array) -> bool:

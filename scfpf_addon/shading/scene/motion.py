@@ -11,7 +11,7 @@ import numpy as np
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
 from ..sampling.sample_sets import THIRD, shuffled
-from .depth_of_field import Lens
+from .depth_of_field import DepthOfField
 from .shading_scene import Scene
 
 # Nodes of the table that inverts a shutter's curve.
@@ -26,7 +26,7 @@ class Moment(NamedTuple):
 
     projection: Projection
     scene: Scene
-    lens: Lens | None = None
+    lens: DepthOfField | None = None
 
 
 @lru_cache

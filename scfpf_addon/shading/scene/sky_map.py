@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...casting.common.cancellation import stop_here
+from ...casting.common.cancellation import raise_if_cancelled
 from ...projection.typing import Array, IndexArray
 from ..typing import Single
 
@@ -61,7 +61,7 @@ class WorldLight:
     @classmethod
     def of(cls, panorama: Array) -> WorldLight:
         """Of radiance (3, ROWS, COLUMNS), see ``map_directions``."""
-        stop_here()
+        raise_if_cancelled()
         luminance = np.tensordot(LUMINANCE, panorama, 1)
         areas = map_areas(COLUMNS, ROWS)[:, None]
         limit = brightness_limit(luminance, areas)
@@ -74,7 +74,7 @@ class WorldLight:
             even = panorama * (1.0 - small)
         else:
             limit, even = np.full_like(limit, np.inf), panorama
-        stop_here()
+        raise_if_cancelled()
         even *= areas
         hiding = gathered(even, HIDING_ROWS)
         order = np.argsort(curve_places(HIDING_ROWS))

@@ -9,11 +9,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ...casting.common.cancellation import stop_here
+from ...casting.common.cancellation import raise_if_cancelled
 from ...casting.common.geometry import Geometry
 from ...projection.typing import Array, IndexArray
 from ..materials.lobes import clean
-from ..nodes.context import Place, fit, unit
+from ..nodes.context import ShadingContext, fit, unit
 from ..nodes.graph import MaterialGraph, registers
 from ..nodes.image import ImageData, linear_from_srgb
 from ..nodes.operations import OPERATIONS
@@ -26,7 +26,7 @@ MOST_AT_ONCE = 1 << 15
 BRIGHTEST = 1e12
 
 
-class Surroundings(Place):
+class Surroundings(ShadingContext):
     """Directions (3, n), unit, as nodes ask for places: what is generated is the direction itself."""
 
     @classmethod
@@ -108,7 +108,7 @@ def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Ar
     count = direction.shape[1]
     light = np.zeros((3, count))
     for first in range(0, count, MOST_AT_ONCE):
-        stop_here()
+        raise_if_cancelled()
         some = slice(first, first + MOST_AT_ONCE)
         place = Surroundings.of(unit(direction[:, some]), images, blur)
         results = registers(graph, place, OPERATIONS)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from ..passes.data_passes import DataPasses
 from ..sampling.adaptive import Adaptive
 from ..sampling.pixel_filter import PixelFilter
-from ..scene.depth_of_field import Lens
-from .stylised_settings import Drawn
+from ..scene.depth_of_field import DepthOfField
+from .stylised_settings import Stylised
 
 
 class Border(NamedTuple):
@@ -47,8 +47,8 @@ class FrameSettings:
     exposure: float = 1.0
     scrambled: bool = False
     adaptive: Adaptive | None = None
-    lens: Lens | None = None
-    drawn: Drawn | None = None
+    lens: DepthOfField | None = None
+    drawn: Stylised | None = None
 
     def __post_init__(self) -> None:
         if min(self.width, self.height) < 1:

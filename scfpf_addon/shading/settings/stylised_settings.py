@@ -71,7 +71,7 @@ class Hatching:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class Stylised:
     """fill: what is between the lines: the picture as rendered, the materials' colours in steps of light or
     without light, or paper alone. steps: of light, darkest: the share of its colour that the darkest one
     has. softness: in [0, 1], the share of a step over which one goes over into the next. exposure: of
@@ -102,7 +102,7 @@ class Drawn:
         toned = self.hatching is not None and self.hatching.kind == "TONE"
         return toned or (self.fill == "TOON" and self.steps > 1)
 
-    def scaled(self, factor: float) -> Drawn:
+    def scaled(self, factor: float) -> Stylised:
         """The same drawing in a picture whose sides have so many times the pixels."""
         lines, hatching = self.lines, self.hatching
         if lines:

@@ -14,7 +14,7 @@ from ...casting.common.hits import CastCounts
 from ...casting.tiles import TileJob
 from ...projection.typing import IndexArray
 from ..passes.data_passes import DataPasses
-from ..settings.stylised_settings import OUTER, Drawn
+from ..settings.stylised_settings import OUTER, Stylised
 from ..tracing.hit_colors import Shading
 from ..typing import Single
 from .canvas import measure, see
@@ -29,7 +29,7 @@ from .strokes import (
     tone_of,
     tone_strokes,
 )
-from .tones import DrawnShading, on_paper
+from .tones import StylisedShading, on_paper
 
 if TYPE_CHECKING:
     from ..pipeline import Pipeline
@@ -47,12 +47,12 @@ class Drawing:
     found. light: as white clay shows it, None where nothing depends on it.
     """
 
-    drawn: Drawn
+    drawn: Stylised
     fine: Pipeline
     light: Shading | None
 
     @classmethod
-    def of(cls, pipeline: Pipeline, drawn: Drawn) -> Drawing:
+    def of(cls, pipeline: Pipeline, drawn: Stylised) -> Drawing:
         """Prepared once a frame."""
         settings, detail = pipeline.settings, drawn.detail
         finer = replace(
@@ -65,7 +65,7 @@ class Drawing:
             lens=None,
             drawn=None,
         )
-        light = pipeline.shading.light if isinstance(pipeline.shading, DrawnShading) else None
+        light = pipeline.shading.light if isinstance(pipeline.shading, StylisedShading) else None
         return cls(drawn, replace(pipeline, settings=finer, passes=None, lens=None, moments=()), light)
 
     @property
@@ -110,8 +110,8 @@ class Drawing:
         if job.stop.is_set():
             return line, hatch
         x, y = self.fine.pixel_centres(fine_rows)
-        hits, onward = self.fine.followed(x, y, CastCounts(), True)
-        if onward is None or not np.any(hits.triangle >= 0):
+        hits, continuation = self.fine.followed(x, y, CastCounts(), True)
+        if continuation is None or not np.any(hits.triangle >= 0):
             return line, hatch
         view = see(self.fine, hits)
         lines, hatching = self.drawn.lines, self.drawn.hatching
@@ -131,7 +131,7 @@ class Drawing:
                 ink = depth_lines(view, hatching, detail)[mine]
             else:
                 where = np.flatnonzero(view.hit[mine])
-                light = self.light.color(hits, where + mine.start, 0, onward)
+                light = self.light.color(hits, where + mine.start, 0, continuation)
                 ink = np.zeros(mine.stop - mine.start, np.float32)
                 right, up = (axis[where] for axis in in_pixels(rows, columns, detail))
                 ink[where] = tone_strokes(right, up, tone_of(light, self.drawn.exposure), hatching, detail)

@@ -8,14 +8,14 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from ...casting.common.hits import Hits
-from ...casting.continuation import Onward
+from ...casting.continuation import Continuation
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import IndexArray
 from ..lights.ray_visibility import uncaught
 from ..passes.light_passes import LightParts
 from ..scene.shading_scene import Materials, Scene
 from ..settings.frame_settings import FrameSettings
-from ..settings.stylised_settings import Drawn
+from ..settings.stylised_settings import Stylised
 from ..tracing.hit_colors import Shading
 from ..typing import Single
 from .strokes import tone_of
@@ -32,7 +32,7 @@ def without_light(scene: Scene) -> Scene:
     return replace(scene, lights=(), world_color=np.ones(3), world=None)
 
 
-def stepped(tone: Single, drawn: Drawn) -> Single:
+def stepped(tone: Single, drawn: Stylised) -> Single:
     """Tones (n,) in [0, 1] in so many steps, from ``darkest`` to 1."""
     if drawn.steps == 1:
         return np.ones_like(tone)
@@ -51,21 +51,21 @@ def stepped(tone: Single, drawn: Drawn) -> Single:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DrawnShading(Shading):
+class StylisedShading(Shading):
     """The shading of a scene, and what colours its drawn picture: even light, times steps of light.
 
     flat: in even light, None where colours have no part. light: as white clay shows it, None where it
     has none.
     """
 
-    drawn: Drawn
+    drawn: Stylised
     flat: Shading | None
     light: Shading | None
 
     @classmethod
-    def drawn_of(
-        cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings, drawn: Drawn
-    ) -> DrawnShading:
+    def stylised_of(
+        cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings, drawn: Stylised
+    ) -> StylisedShading:
         """Prepared for frames of these settings."""
         plain = Shading.of(scene, cast_scene, settings)
         parts = {each.name: getattr(plain, each.name) for each in fields(Shading)}
@@ -84,15 +84,15 @@ class DrawnShading(Shading):
         hits: Hits,
         where: IndexArray,
         sample: int | IndexArray,
-        onward: Onward,
+        continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
         """As ``Shading.color``. parts: of the picture as it would be rendered."""
         if self.drawn.fill == "RENDERED":
-            return super().color(hits, where, sample, onward, parts)
+            return super().color(hits, where, sample, continuation, parts)
         if parts:
-            super().color(hits, where, sample, onward, parts)
-        color = self._filled(hits, where, sample, onward)
+            super().color(hits, where, sample, continuation, parts)
+        color = self._filled(hits, where, sample, continuation)
         caught = np.zeros(0, np.intp)
         if self.catchers:
             caught = np.flatnonzero(self.catchers.meets(hits.triangle.take(where)))
@@ -100,10 +100,12 @@ class DrawnShading(Shading):
             own = sample if isinstance(sample, int) else sample[caught]
             if len(color) == 3:
                 color = np.concatenate([color, np.ones_like(color[:1])])
-            color[:, caught] = super().color(hits, where[caught], own, onward)
+            color[:, caught] = super().color(hits, where[caught], own, continuation)
         return color
 
-    def _filled(self, hits: Hits, where: IndexArray, sample: int | IndexArray, onward: Onward) -> Single:
+    def _filled(
+        self, hits: Hits, where: IndexArray, sample: int | IndexArray, continuation: Continuation
+    ) -> Single:
         """As ``color``, as if no thing was a shadow catcher, for those have no fill."""
         if self.flat is None:
             paper = np.ones((4, len(where)), np.float32)
@@ -111,10 +113,10 @@ class DrawnShading(Shading):
             if self.held_out is not None:
                 paper *= ~self.held_out.take(hits.triangle.take(where))
             return paper
-        color = self.flat.color(hits, where, sample, onward)
+        color = self.flat.color(hits, where, sample, continuation)
         if self.drawn.fill == "FLAT" or self.light is None:
             return color
-        light = self.light.color(hits, where, 0, onward)[:3]
+        light = self.light.color(hits, where, 0, continuation)[:3]
         brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
         # Where no light falls none has a colour.
         tint = np.divide(light, brightest, out=np.ones_like(light), where=brightest > 0)
@@ -122,7 +124,7 @@ class DrawnShading(Shading):
         return color
 
 
-def on_paper(pixels: Single, drawn: Drawn, transparent: bool) -> None:
+def on_paper(pixels: Single, drawn: Stylised, transparent: bool) -> None:
     """Fade pixels (n, 4), premultiplied, and lay them on paper if there is any: in place."""
     color = drawn.paper.astype(np.float32)
     if drawn.fade > 0.0:

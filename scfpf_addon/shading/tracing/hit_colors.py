@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...casting.common.hits import Hits
-from ...casting.continuation import Onward
+from ...casting.continuation import Continuation
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import BoolArray, IndexArray
-from ..lights.light_culling import reaching
+from ..lights.light_culling import cull_lights
 from ..lights.light_table import LightTable
 from ..lights.lighting import Lamp, radiance
 from ..lights.ray_visibility import catches, held_out, shadowed, shadowing
@@ -34,7 +34,7 @@ class Shading:
     """
 
     surface: SurfaceTable
-    phong: LightTable
+    coefficients: LightTable
     lamps: tuple[Lamp, ...]
     tracer: Tracer | None
     held_out: BoolArray | None = None
@@ -43,44 +43,44 @@ class Shading:
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
         """Prepared for frames of these settings. Lights without power or reach are left out."""
-        lights = reaching(scene.lights, scene.geometry.vertices)
+        lights = cull_lights(scene.lights, scene.geometry.vertices)
         sky = sky_of(scene, cast_scene, settings.samples)
         shadows = any(light.casts_shadow for light in lights) or sky is not None
         cast_shadows = shadows or catches(scene.geometry)
         surface = SurfaceTable.of(scene.geometry, cast_scene, cast_shadows, settings.threads)
-        phong = LightTable.of(scene.materials, scene.world_color, sky)
+        coefficients = LightTable.of(scene.materials, scene.world_color, sky)
         lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
         lamps += sky.lamps if sky else ()
         lamps = tuple(shadowed(lamp, scene.geometry, cast_scene) for lamp in lamps)
         catchers = Catchers.of(scene, cast_scene, lamps, settings)
-        tracer = Tracer.of(scene, surface, phong, lamps, settings.transparent, catchers)
-        return cls(surface, phong, lamps, tracer, held_out(scene.geometry), catchers)
+        tracer = Tracer.of(scene, surface, coefficients, lamps, settings.transparent, catchers)
+        return cls(surface, coefficients, lamps, tracer, held_out(scene.geometry), catchers)
 
     def color(
         self,
         hits: Hits,
         where: IndexArray,
         sample: int | IndexArray,
-        onward: Onward,
+        continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
-        sample: a number, or with no tracer one for each hit. onward: follows the projectors of ``hits`` on.
-        parts: of n hits, gets what the colours are the sum of.
+        sample: a number, or with no tracer one for each hit. continuation: follows the projectors of ``hits``
+        on. parts: of n hits, gets what the colours are the sum of.
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            pixel, behind = onward.pixels_of(where), onward.of(where)
-            return tracer.color(hits.take(where), sample, pixel, behind, onward.leaving(where), parts)
+            pixel, behind = continuation.pixels_of(where), continuation.of(where)
+            return tracer.color(hits.take(where), sample, pixel, behind, continuation.leaving(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
             position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
         points = self.surface.points(triangle, barycentric, position, tangent)
-        color = radiance(points, self.phong, self.lamps, sample, self.surface.cast_scene, parts)
+        color = radiance(points, self.coefficients, self.lamps, sample, self.surface.cast_scene, parts)
         if self.catchers:
-            color = self.catchers.over(color, triangle, points, sample, onward.leaving(where), parts)
+            color = self.catchers.over(color, triangle, points, sample, continuation.leaving(where), parts)
         if self.held_out is None:
             return color
         held = self.held_out.take(triangle)

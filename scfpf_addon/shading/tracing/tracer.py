@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...casting.common.cancellation import stop_here
+from ...casting.common.cancellation import raise_if_cancelled
 from ...casting.common.hits import Hits
 from ...casting.common.ray_visibility import GLASS, HOLDOUT, MIRROR, visible_to
 from ...casting.continuation import Behind, WaysOut, cast_rays
@@ -27,7 +27,7 @@ from ..lights.lighting import Lamp, radiance
 from ..lights.shadow_catchers import Catchers
 from ..materials.lobes import Body, Sent, SentKind, lobes
 from ..materials.reflection import EVEN, MIRROR_ROUGHNESS, reflected, sent_on_at_once
-from ..nodes.context import Place, dot, unit
+from ..nodes.context import ShadingContext, dot, unit
 from ..passes.light_passes import LightParts
 from ..sampling.samples import Bits, scramble
 from ..scene.shading_scene import Materials, Scene
@@ -108,7 +108,7 @@ class Tracer:
 
     scene: Scene
     surface: SurfaceTable
-    phong: LightTable
+    coefficients: LightTable
     lamps: tuple[Lamp, ...]
     has_graph: BoolArray
     transparent: bool
@@ -121,7 +121,7 @@ class Tracer:
         cls,
         scene: Scene,
         surface: SurfaceTable,
-        phong: LightTable,
+        coefficients: LightTable,
         lamps: tuple[Lamp, ...],
         transparent: bool,
         catchers: Catchers | None = None,
@@ -135,7 +135,7 @@ class Tracer:
         mirrors, glass = (
             surface.cast_scene.only(visible_to(scene.geometry.visibility, ray)) for ray in (MIRROR, GLASS)
         )
-        return cls(scene, surface, phong, lamps, has_graph, transparent, mirrors, glass, catchers)
+        return cls(scene, surface, coefficients, lamps, has_graph, transparent, mirrors, glass, catchers)
 
     def needed(self, triangle: IndexArray) -> bool:
         """Whether any of the triangles has a material of nodes."""
@@ -175,8 +175,8 @@ class Tracer:
                 wave = self._catch(wave, self.catchers, sample, film, ways_out, split)
             sent = []
             for some, last in self._by_limit(wave):
-                onward = self._gather(some, sample, film, split, last)
-                sent += [self._send(some, each, film, behind, chances, split) for each in onward]
+                continuation = self._gather(some, sample, film, split, last)
+                sent += [self._send(some, each, film, behind, chances, split) for each in continuation]
             if not sent:
                 break
             wave = joined(sent)
@@ -250,31 +250,31 @@ class Tracer:
         cast_scene = self.surface.cast_scene
         if len(plain):
             parts = LightParts(len(plain)) if split else None
-            table, lamps = (self._shining, ()) if last else (self.phong, self.lamps)
+            table, lamps = (self._shining, ()) if last else (self.coefficients, self.lamps)
             color = radiance(points.take(plain), table, lamps, sample, cast_scene, parts)
             add(film, wave.pixel[plain], wave.share[:, plain] * color)
             if split and parts:
                 split.gather(wave.pixel[plain], wave.share[:, plain], parts, wave.straight[plain])
         bodies: list[tuple[IndexArray, Body]] = []
-        onward: list[tuple[IndexArray, Sent]] = []
+        continuation: list[tuple[IndexArray, Sent]] = []
         for number in np.unique(points.material):
             if not self.has_graph[number]:
                 continue
             everywhere = np.flatnonzero(points.material == number)
             for first in range(0, len(everywhere), MOST_AT_ONCE):
-                stop_here()
+                raise_if_cancelled()
                 which = everywhere[first : first + MOST_AT_ONCE]
                 place = self.place(hits, points, which)
                 for lobe in lobes(self.scene.materials.graphs[int(number)], place):
                     if isinstance(lobe, Body):
                         bodies.append((which, lobe))
                     elif lobe.kind == "THROUGH" or not last:
-                        onward.append((which, lobe))
+                        continuation.append((which, lobe))
         if bodies:
             self._light(wave, points, bodies, sample, film, split, last)
-        return onward
+        return continuation
 
-    def place(self, hits: Hits, points: SurfacePoints, which: IndexArray) -> Place:
+    def place(self, hits: Hits, points: SurfacePoints, which: IndexArray) -> ShadingContext:
         """Where the hits ``which`` are, as nodes ask for it."""
         cast_scene = self.surface.cast_scene
         triangle = hits.triangle.take(which).astype(np.intp)
@@ -282,7 +282,7 @@ class Tracer:
         view = -unit(tangent)
         flat = self.surface.flat.take(triangle, 1).astype(np.float64)
         back = (dot(flat, view) < 0.0).astype(np.float64)
-        return Place(
+        return ShadingContext(
             self.scene.geometry,
             self.scene.images,
             triangle,
@@ -314,7 +314,7 @@ class Tracer:
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
         materials = _stacked([body.materials for _, body in bodies], some)
-        world = (np.zeros(3), None) if last else (self.scene.world_color, self.phong.sky)
+        world = (np.zeros(3), None) if last else (self.scene.world_color, self.coefficients.sky)
         table = LightTable.of(materials, *world, per_hit=True)
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
         parts = LightParts(len(some)) if split else None
@@ -328,14 +328,14 @@ class Tracer:
     def _send(
         self,
         wave: Wave,
-        onward: tuple[IndexArray, Sent],
+        continuation: tuple[IndexArray, Sent],
         film: Array,
         behind: Behind,
         chances: Chances,
         split: LightParts | None,
     ) -> Wave:
         """What is met by what a lobe sends on; what meets nothing is added to the film."""
-        which, lobe = onward
+        which, lobe = continuation
         share = wave.share[:, which] * lobe.tint
         depth = wave.depth[:, which].copy()
         for row in DEPTHS[lobe.kind]:

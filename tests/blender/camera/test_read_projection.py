@@ -361,7 +361,7 @@ def as_grid(far, place, value):
     far.modifiers.clear()
     far.scfpf_surface.kind = "GRID"
     points = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 1.0], [0.0]), axis=-1)[:, :, 0]
-    write_grid = importlib.import_module(f"{bridge_package()}.mesh_grid").write_grid
+    write_grid = importlib.import_module(f"{bridge_package()}.blender.mesh_grid").write_grid
     write_grid(far.data, points)
     far.data.vertices[place].co.y = value
     far.data.update()

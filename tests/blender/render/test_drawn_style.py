@@ -127,15 +127,15 @@ def test_it_is_saved_animated_and_undone(engine_scene, options, tmp_path):
 
 
 def test_every_setting_counts(addon, engine_scene, options):
-    drawn_of = addon("bridge.settings.stylised_properties").drawn_of
-    assert drawn_of(engine_scene, 48) is None
+    stylised_of = addon("bridge.settings.stylised_properties").stylised_of
+    assert stylised_of(engine_scene, 48) is None
     for name in names(options):
         assert options.bl_rna.properties[name].description, name
         looks = set()
         for hatching in ("TONE", "DEPTH"):
             bpy.ops.scfpf.drawn_style(style="PAPER")
             options.hatching = hatching
-            before = repr(drawn_of(engine_scene, 48))
+            before = repr(stylised_of(engine_scene, 48))
             value = getattr(options, name)
             if isinstance(value, bool):
                 setattr(options, name, not value)
@@ -146,7 +146,7 @@ def test_every_setting_counts(addon, engine_scene, options):
                 setattr(options, name, value + 1 if value == int(value) and value >= 1 else value + 0.1)
             else:
                 setattr(options, name, (0.5, 0.25, 0.125))
-            looks.add(before != repr(drawn_of(engine_scene, 48)))
+            looks.add(before != repr(stylised_of(engine_scene, 48)))
         assert True in looks, name
 
 

@@ -149,7 +149,7 @@ def test_exception_in_the_core_is_a_message(addon, engine_scene, monkeypatch, er
 STAGES = {
     "reading": ("bridge.scene.read_scene", "read_mesh"),
     "projection": ("bridge.render.render_job", "read_projection"),
-    "building": ("bridge.render.scene_preparation", "within_reach"),
+    "building": ("bridge.render.scene_preparation", "cull_scene"),
     "casting": ("shading.pipeline", "cast"),
     "passes": ("shading.pipeline", "fill_passes"),
     "announcing": ("bridge.render.render_delivery", "list_render_passes"),
@@ -323,7 +323,7 @@ def test_cancelled_render_delivers_what_is_done(addon, engine_scene, monkeypatch
     engine = addon("bridge.render.render_engine")
     asked = []
 
-    class Stopped:
+    class Cancelled:
         """The engine, with a test_break that answers True from the third time on."""
 
         def __init__(self, real):
@@ -337,7 +337,7 @@ def test_cancelled_render_delivers_what_is_done(addon, engine_scene, monkeypatch
             return len(asked) > 2
 
     real = engine.SCFPF_RenderEngine._make
-    monkeypatch.setattr(engine.SCFPF_RenderEngine, "_make", lambda self, *rest: real(Stopped(self), *rest))
+    monkeypatch.setattr(engine.SCFPF_RenderEngine, "_make", lambda self, *rest: real(Cancelled(self), *rest))
     engine_scene.camera.scfpf.samples = 64
     engine_scene.render.resolution_x = engine_scene.render.resolution_y = 1024
     picture = f12(engine_scene)[COMBINED]

@@ -109,9 +109,9 @@ def test_the_last_one_asked_for_is_painted_and_the_scene_is_built_once(addon, mo
     kept = painter._kept
     # The same triangles read again are the same scene; a moved vertex is another.
     again = addon("bridge.scene.read_scene").read_scene(bpy.context.evaluated_depsgraph_get())
-    assert kept_scene.KeptScene.of(again.geometry, kept) is kept
+    assert kept_scene.SceneCache.of(again.geometry, kept) is kept
     again.geometry.vertices[0, 0] += 1e-9
-    assert kept_scene.KeptScene.of(again.geometry, kept) is not kept
+    assert kept_scene.SceneCache.of(again.geometry, kept) is not kept
 
 
 def test_faults_are_messages(addon, module, painter, engine_scene, monkeypatch, capfd):

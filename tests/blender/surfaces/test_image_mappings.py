@@ -49,7 +49,7 @@ def test_a_stack_is_what_its_mappings_are_one_after_the_other(addon, camera, loo
     add("DISPLAY", arc=1.2, distance=1.5)
     x, y = np.array([0.3, 0.6, 0.8]), np.array([0.2, 0.55, 0.7])
     stack = [
-        radial.Lens(0.4, 3.0, 0.6, (0.35, 0.25)),
+        radial.MagicLens(0.4, 3.0, 0.6, (0.35, 0.25)),
         radial.Distortion((0.05, 0.01, 0.0), (0.02, 0.0, 0.0), 1.25),
         radial.CurvedDisplay(1.2, 1.5),
     ]

@@ -15,7 +15,7 @@ from benchmarks.hard_scenes import open_fan, sphere
 from benchmarks.scenes import bent_projection, boxes, columns
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.hits import CastCounts
-from scfpf_addon.casting.curves.projector_batch import Bundle
+from scfpf_addon.casting.curves.projector_batch import ProjectorBatch
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Disc, Point, SphereSector
@@ -45,9 +45,9 @@ def surroundings(scene, triangles):
 def plane_depth(scene, inside, x, y, triangle, t):
     """Where projectors meet the planes of triangles, nearest to t, (N,); 2 where they do not."""
     points, _ = inside.projectors(x, y)
-    bundle = Bundle(inside.volume.spans, points)
+    batch = ProjectorBatch(inside.volume.spans, points)
     span = inside.volume.spans.locate(np.minimum(t, 1.0))[0]
-    found = bundle.solve(scene, np.maximum(triangle, 0), span, t - 0.05, np.minimum(t + 0.05, 1.0))
+    found = batch.solve(scene, np.maximum(triangle, 0), span, t - 0.05, np.minimum(t + 0.05, 1.0))
     return np.where((triangle >= 0) & ~np.isnan(found.t), found.t, 2.0)
 
 

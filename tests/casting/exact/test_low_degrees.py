@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scfpf_addon.casting.curves.plane_roots import short_cubic_roots
-from scfpf_addon.casting.curves.projector_batch import Bundle, _restricted, _single_roots
+from scfpf_addon.casting.curves.projector_batch import ProjectorBatch, _restricted, _single_roots
 from scfpf_addon.projection.volume.basis import span_basis
 from scfpf_addon.projection.volume.bezier import bernstein, bernstein_derivative
 
@@ -67,7 +67,7 @@ def test_places_and_tangents_are_bernstein_s(seed, size, degree):
     generator = np.random.default_rng(seed)
     points = generator.normal(size=(degree + 1, 3, 50)) * 10.0**size
     t = generator.random(50)
-    position, tangent = Bundle(span_basis("BEZIER", degree + 1), points).at(t)
+    position, tangent = ProjectorBatch(span_basis("BEZIER", degree + 1), points).at(t)
     rounding = 1e-14 * degree * np.abs(points).max()
     assert np.abs(position - np.einsum("kn,kcn->cn", bernstein(degree, t), points)).max() <= rounding
     assert (
@@ -82,5 +82,5 @@ def test_a_projector_that_stops_has_no_tangent_to_the_last_bit(degree):
     for end, beside, t in ((0, 1, 0.0), (degree, degree - 1, 1.0)):
         still = points.copy()
         still[beside] = still[end]
-        _, tangent = Bundle(span_basis("BEZIER", degree + 1), still).at(np.full(10_000, t))
+        _, tangent = ProjectorBatch(span_basis("BEZIER", degree + 1), still).at(np.full(10_000, t))
         assert not tangent.any()

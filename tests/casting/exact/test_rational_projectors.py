@@ -10,7 +10,7 @@ import pytest
 from benchmarks.scenes import SCENES, bent_projection
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.hits import CastCounts
-from scfpf_addon.casting.curves.projector_batch import Bundle
+from scfpf_addon.casting.curves.projector_batch import ProjectorBatch
 from scfpf_addon.casting.curves.schedule import plan, sample_curves, scene_reach
 from scfpf_addon.casting.exact.chord_bounds import certain_chords
 from scfpf_addon.casting.frame import pixel_centres
@@ -241,9 +241,9 @@ def test_nothing_of_a_projector_inside_the_scene_is_out_of_reach(seed):
 
 
 def stationary(kind, points, weights=None):
-    """A bundle of one projector with these control points (K, 3)."""
+    """A batch of one projector with these control points (K, 3)."""
     points = np.asarray(points, np.float64)
-    return Bundle(span_basis(kind, len(points), weights), points[:, :, None])
+    return ProjectorBatch(span_basis(kind, len(points), weights), points[:, :, None])
 
 
 STEPS = np.array(
@@ -268,11 +268,11 @@ def test_coincident_ends_have_the_direction_of_the_way_to_them(kind, weights, to
         points[-together:] = points[-1]
     else:
         points[:together] = points[0]
-    bundle = stationary(kind, points, weights and weights[:count])
+    batch = stationary(kind, points, weights and weights[:count])
     t = np.array([end])
-    tangent = bundle.at(t)[1]
+    tangent = batch.at(t)[1]
     assert not tangent.any()
-    bundle.steer(t, tangent)
+    batch.steer(t, tangent)
     # The limit of the chord to the end, seen from the last places that differ from it in float64.
     points_there = points - points[-1 if end else 0]
     neighbour = points_there[-together - 1] if end else points_there[together]

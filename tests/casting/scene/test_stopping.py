@@ -6,8 +6,8 @@ from threading import Event, Thread, get_ident
 import numpy as np
 import pytest
 
-from scfpf_addon.casting.common.cancellation import Stopped, stop_here, watching
-from scfpf_addon.casting.common.parallel import beside, in_threads
+from scfpf_addon.casting.common.cancellation import Cancelled, cancelled_by, raise_if_cancelled
+from scfpf_addon.casting.common.parallel import beside, parallel_map
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.tiles import run_tiles
 
@@ -23,12 +23,12 @@ def test_rays_are_where_work_ends(scene):
     stop = Event()
     single = tuple(np.asarray(each, np.float32) for each in RAY)
     casts = (lambda: scene.trace(*single), lambda: scene.occluded(*RAY), lambda: scene.prisms.trace(*single))
-    with watching(stop):
+    with cancelled_by(stop):
         for cast in casts:
             cast()
         stop.set()
         for cast in casts:
-            with pytest.raises(Stopped):
+            with pytest.raises(Cancelled):
                 cast()
     for cast in casts:
         cast()
@@ -48,7 +48,7 @@ def test_a_cancelled_picture_ends_amid_tiles_that_never_would(scene):
     tiles = [slice(0, 1), slice(1, 2), slice(2, 3)]
     assert not run_tiles(work, tiles, 2, lambda *_: None, cancelled=started.is_set)
     assert 1 <= len(ended) <= 2
-    stop_here()
+    raise_if_cancelled()
 
 
 def test_a_failing_tile_ends_the_others_and_is_what_is_raised(scene):
@@ -104,15 +104,15 @@ def test_without_threads_what_is_cancelled_ends_and_what_fails_is_raised(monkeyp
     assert done == [0, 1, 2]
     with pytest.raises(ZeroDivisionError):
         run_tiles(lambda job: 1 // 0, parts, 4, lambda *_: None)
-    assert in_threads(lambda part: part.start**2, parts, 4) == [n**2 for n in range(20)]
+    assert parallel_map(lambda part: part.start**2, parts, 4) == [n**2 for n in range(20)]
     with pytest.raises(ZeroDivisionError):
-        in_threads(lambda part: 1 // part.start, parts, 4)
+        parallel_map(lambda part: 1 // part.start, parts, 4)
     assert beside(lambda: done.append("beside"), lambda: len(done)) == 4
 
 
 def test_portions_and_work_beside_raise_what_threads_raise(few_threads):
     parts = [slice(n, n + 1) for n in range(20)]
-    assert in_threads(lambda part: part.start, parts, 4) == list(range(20))
+    assert parallel_map(lambda part: part.start, parts, 4) == list(range(20))
     with pytest.raises(ZeroDivisionError):
         beside(lambda: 1 // 0, lambda: None)
     with pytest.raises(KeyError):

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.scenes import bent_projection, boxes, columns, frame_at, sheet, terrain
 from scfpf_addon.casting.cast import CastCounts, cast
-from scfpf_addon.casting.curves.projector_batch import Bundle
+from scfpf_addon.casting.curves.projector_batch import ProjectorBatch
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastError, CastScene
 from scfpf_addon.projection.surfaces.surface import Cylinder, Disc, Grid, Plane, Point, SphereSector
@@ -254,13 +254,15 @@ def test_holes_of_a_surface_show_nothing(reference):
 def test_a_projector_that_stands_still_for_an_instant_has_a_direction():
     points = np.zeros((3, 3, 3))
     points[:, 2] = [[0, 0, 0], [0, 0, -1], [-4, -2, -1]]
-    bundle = Bundle(span_basis("BEZIER", 3), points)
+    batch = ProjectorBatch(span_basis("BEZIER", 3), points)
     t = np.array([0.0, 0.0, 1.0])
-    tangent = bundle.at(t)[1]
+    tangent = batch.at(t)[1]
     assert not tangent.any()
-    bundle.steer(t, tangent)
+    batch.steer(t, tangent)
     assert (tangent[2] < 0).all() and not tangent[:2].any()
-    cubic = Bundle(span_basis("BEZIER", 4), np.array([0.0, 0, 0, -2])[:, None, None] * np.ones((1, 3, 1)))
+    cubic = ProjectorBatch(
+        span_basis("BEZIER", 4), np.array([0.0, 0, 0, -2])[:, None, None] * np.ones((1, 3, 1))
+    )
     tangent = cubic.at(np.zeros(1))[1]
     cubic.steer(np.zeros(1), tangent)
     assert (tangent < 0).all()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scfpf_addon.projection.file_limits import PresetError
 from scfpf_addon.projection.mappings.grids import DeformedGrid, STMap
 from scfpf_addon.projection.mappings.kinds import KINDS, mapping_data, read_mappings
-from scfpf_addon.projection.mappings.radial import CurvedDisplay, Distortion, Lens, RadialCurve
+from scfpf_addon.projection.mappings.radial import CurvedDisplay, Distortion, MagicLens, RadialCurve
 from scfpf_addon.projection.mappings.stack import Backwards, Part, Stack, is_disc, mapped_places, seen_through
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.inverse import find_in_image
@@ -41,16 +41,18 @@ MAPPINGS = {
     "barrel": Distortion((0.1, 0.02, 0.003), radius=1.2, centre=(0.45, 0.55)),
     "division": Distortion((0.0, 0.0, 0.0), (-0.08, 0.0, 0.0), centre=(0.52, 0.5)),
     "rational": Distortion((-0.1, 0.03, 0.001), (0.05, 0.01, 0.002)),
-    "lens": Lens(0.6, 2.5, 0.4, (0.4, 0.6)),
-    "shrinking lens": Lens(0.5, 0.8, 0.8),
+    "lens": MagicLens(0.6, 2.5, 0.4, (0.4, 0.6)),
+    "shrinking lens": MagicLens(0.5, 0.8, 0.8),
     "display": CurvedDisplay(1.9),
     "far display": CurvedDisplay(1.2, 1.7),
     "near display": CurvedDisplay(1.2, 0.6),
     "grid": wavy_grid(),
     "ST map": st_map(),
     "backwards": Backwards(Distortion((0.2, 0.0, 0.0))),
-    "part": Part(Lens(0.5, 3.0, 0.5), 0.4),
-    "stack": Stack((Lens(0.4, 2.0, 0.5, (0.3, 0.4)), wavy_grid(), Distortion((-0.05, 0, 0))), Rectangle()),
+    "part": Part(MagicLens(0.5, 3.0, 0.5), 0.4),
+    "stack": Stack(
+        (MagicLens(0.4, 2.0, 0.5, (0.3, 0.4)), wavy_grid(), Distortion((-0.05, 0, 0))), Rectangle()
+    ),
 }
 
 
@@ -139,7 +141,7 @@ def test_a_distortion_ends_where_it_turns_back():
 
 @pytest.mark.parametrize("falloff", [0.0, 0.3, 1.0])
 def test_a_lens_magnifies_as_it_says_and_leaves_the_rest(falloff):
-    lens = Lens(0.4, 3.0, falloff, (0.6, 0.45))
+    lens = MagicLens(0.4, 3.0, falloff, (0.6, 0.45))
     step = 1e-5
     seen = lens.map(0.6 + np.array([-step, step]), np.full(2, 0.45), 1.7)
     assert 2 * step / np.ptp(seen.u) == pytest.approx(3.0, rel=2e-3 if falloff == 1.0 else 1e-9)
@@ -214,7 +216,7 @@ def test_a_grid_passes_through_its_points_and_a_regular_one_is_the_identity():
 
 def test_an_st_map_of_a_stack_is_the_stack():
     """Written at pixel centres, read bilinearly: off by an eighth of the curvature times a pixel squared."""
-    stack = (Lens(0.5, 2.0, 0.6, (0.4, 0.5)), Distortion((0.08, 0.0, 0.0)))
+    stack = (MagicLens(0.5, 2.0, 0.6, (0.4, 0.5)), Distortion((0.08, 0.0, 0.0)))
     errors = []
     for width, height in ((320, 180), (640, 360)):
         grid = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
@@ -241,7 +243,7 @@ def test_pixels_without_a_value_show_nothing():
 
 def test_a_stack_goes_from_the_first_to_the_last_and_ends_at_the_border():
     twice = RadialCurve(np.array([[0.0, 0.0], [1.0, 2.0]]))
-    lens = Lens(0.3, 2.0, 0.0, (0.75, 0.5))
+    lens = MagicLens(0.3, 2.0, 0.0, (0.75, 0.5))
     x, y = np.array([0.6, 0.65, 0.9]), np.full(3, 0.5)
     first = Stack((twice, lens), Rectangle()).map(x, y, 1.0)
     np.testing.assert_allclose(first.u[:2], [0.725, 0.775])
@@ -255,7 +257,7 @@ def test_a_polar_base_keeps_its_disc_if_the_rim_stays():
     rim_stays = RadialCurve(np.array([[0.0, 0.0], [0.5, 0.7], [1.0, 1.0]]))
     for aspect in (0.5, 1.0, 1.8):
         assert is_disc(Polar(), aspect) and not is_disc(Rectangle(), aspect)
-        assert is_disc(Stack((rim_stays, Lens(0.2)), Polar()), aspect)
+        assert is_disc(Stack((rim_stays, MagicLens(0.2)), Polar()), aspect)
         assert not is_disc(Stack((Distortion((0.2, 0, 0)),), Polar()), aspect)
         assert not is_disc(Stack((rim_stays,), Rectangle()), aspect)
 
@@ -264,7 +266,7 @@ def test_points_of_space_are_found_in_a_distorted_picture():
     matrix = np.eye(4)
     matrix[2, 3] = -10.0
     volume = ViewingVolume((Plane(2.0, 1.0), Plane(20.0, 10.0, matrix=matrix)))
-    stack = Stack((Lens(0.5, 2.0, 0.5), Distortion((0.3, 0.0, 0.0))), Rectangle())
+    stack = Stack((MagicLens(0.5, 2.0, 0.5), Distortion((0.3, 0.0, 0.0))), Rectangle())
     projection = Projection(volume, stack, (0.1, 0.9), (0.0, 1.0), aspect=2.0)
     x, y = picture(60)
     image = projection.parameters(x, y)

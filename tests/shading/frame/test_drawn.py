@@ -20,9 +20,9 @@ from scfpf_addon.shading.settings.stylised_settings import (
     MATERIAL,
     OBJECT,
     SILHOUETTE,
-    Drawn,
     Hatching,
     Lines,
+    Stylised,
 )
 from scfpf_addon.shading.stylised.edges import Segments
 from scfpf_addon.shading.stylised.strokes import LAYERS, cover_lines
@@ -35,7 +35,7 @@ def drawn_with(**options):
     """Settings of a small picture of lines (or whatever is given) on white paper."""
     size = options.pop("size", (96, 64))
     given = {"lines": Lines(EVERY_KIND, 1.0, 1.0), "fill": "PAPER", "on_paper": True, **options}
-    return FrameSettings(*size, samples=1, drawn=Drawn(**given), threads=2)
+    return FrameSettings(*size, samples=1, drawn=Stylised(**given), threads=2)
 
 
 def ink(projection, scene, settings):
@@ -173,7 +173,7 @@ def test_a_lines_width_is_its_integral():
 
 
 def test_widths_follow_the_picture(build):
-    drawn = Drawn(Lines(width=2.0, inner_width=1.0), Hatching(width=1.0, spacing=6.0)).scaled(0.5)
+    drawn = Stylised(Lines(width=2.0, inner_width=1.0), Hatching(width=1.0, spacing=6.0)).scaled(0.5)
     assert (drawn.lines.width, drawn.lines.inner_width) == (1.0, 0.5)
     assert (drawn.hatching.width, drawn.hatching.spacing) == (0.5, 3.0)
 
@@ -321,5 +321,5 @@ def test_passes_stay_as_they_are_and_off_is_off(build, view):
     plain = render_frame(bent(build), scene, replace(settings, passes=passes, drawn=None))
     for name, values in plain.passes.items():
         assert np.array_equal(values, drawn.passes[name])
-    same = render_frame(bent(build), scene, replace(settings, drawn=Drawn(fill="RENDERED")))
+    same = render_frame(bent(build), scene, replace(settings, drawn=Stylised(fill="RENDERED")))
     assert np.array_equal(same.pixels, plain.pixels)

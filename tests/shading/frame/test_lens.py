@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.casting.scene.cast_scene import CastScene
-from scfpf_addon.projection.editing.interpolation import projection_between
+from scfpf_addon.projection.editing.interpolation import interpolated_projection
 from scfpf_addon.projection.surfaces.surface import Cylinder, Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
@@ -108,7 +108,7 @@ def test_a_moving_volume_blurs_what_stands_still(build):
     still = frustum()
     before, after = frustum((-0.5, 0, 0)), frustum((0.5, 0, 0))
     moments = tuple(
-        Moment(projection_between(before, after, float(share)), scene)
+        Moment(interpolated_projection(before, after, float(share)), scene)
         for share in shutter_times(32, 0.0, 1.0)
     )
     frame = render_frame(still, scene, FrameSettings(80, 4, samples=32), moments=moments)
@@ -147,7 +147,7 @@ def test_only_the_shutter_times_that_samples_see_are_made_ready(build, monkeypat
 
 
 def test_surfaces_half_way():
-    half = projection_between(frustum(), frustum((2.0, 0.0, 4.0)), 0.25)
+    half = interpolated_projection(frustum(), frustum((2.0, 0.0, 4.0)), 0.25)
     u, v = np.array([0.1, 0.7]), np.array([0.2, 0.9])
     middle = frustum((0.5, 0.0, 1.0))
     for one, other in zip(half.volume.surfaces, middle.volume.surfaces, strict=True):

@@ -102,8 +102,8 @@ def test_tiles_look_before_all_rays(heavy, monkeypatch, error):
     """Of rays there is never more than one batch between two looks, and after the last look none."""
     projection, scene, moments = heavy
     asked = Asked(monkeypatch)
-    watching = cancellation.watching
-    monkeypatch.setattr("scfpf_addon.casting.tiles.watching", lambda _event: watching(asked))
+    cancelled_by = cancellation.cancelled_by
+    monkeypatch.setattr("scfpf_addon.casting.tiles.cancelled_by", lambda _event: cancelled_by(asked))
     settings = FrameSettings(WIDTH, HEIGHT, samples=2, pixel_error=error, threads=1)
     whole = render_frame(projection, scene, settings, moments=moments)
     rows = max(rows.stop - rows.start for rows in image_tiles(WIDTH, HEIGHT))
@@ -113,7 +113,7 @@ def test_tiles_look_before_all_rays(heavy, monkeypatch, error):
     assert asked.most <= {0.1: 4 * rows * WIDTH, 0.0: 1 << 15}[error]
     for share in (0.3, 0.8):
         asked.looks, asked.at = 0, 1 + int(share * looks)
-        with pytest.raises(cancellation.Stopped):
+        with pytest.raises(cancellation.Cancelled):
             render_frame(projection, scene, settings, moments=moments)
         # The thread takes the next tile, which ends at its first look.
         assert asked.after == 0
@@ -127,7 +127,7 @@ def test_what_is_made_before_the_first_tile_may_end_too(heavy, monkeypatch):
 
     def begin(_job, *_rest):
         begun.append(asked[0])
-        raise cancellation.Stopped
+        raise cancellation.Cancelled
 
     monkeypatch.setattr(Pipeline, "render_tile", begin)
 
@@ -139,7 +139,7 @@ def test_what_is_made_before_the_first_tile_may_end_too(heavy, monkeypatch):
         asked[0] = 0
         return look
 
-    with pytest.raises(cancellation.Stopped):
+    with pytest.raises(cancellation.Cancelled):
         render_frame(projection, scene, settings, cancelled=cancelled(None), moments=moments)
     count, begun[:] = begun[0], []
     # Blocks of the sky's map, and each thing that Embree builds.
@@ -158,10 +158,10 @@ def test_what_cannot_be_stopped_says_so(heavy, monkeypatch):
     made = CastScene._prisms_made
 
     def making(self):
-        built.append(cancellation.is_unstoppable())
+        built.append(cancellation.is_uncancellable())
         return made(self)
 
     monkeypatch.setattr(CastScene, "_prisms_made", making)
     settings = FrameSettings(WIDTH, HEIGHT, samples=4, pixel_error=0.0, threads=2)
     render_frame(projection, scene, settings, moments=moments)
-    assert built == [True, True] and not cancellation.is_unstoppable()
+    assert built == [True, True] and not cancellation.is_uncancellable()

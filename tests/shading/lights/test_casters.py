@@ -16,7 +16,7 @@ from scfpf_addon.casting.scene.half_spaces import MOST_PLANES, SAMPLES, WORTH
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import ViewingVolume
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.lights.shadow_culling import may_shade
+from scfpf_addon.shading.lights.shadow_culling import cull_shadow_casters
 from scfpf_addon.shading.sampling.sample_sets import BALL_REACH, lamp_positions
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
@@ -54,7 +54,7 @@ def test_pictures_are_those_of_the_whole_scene(build, lamp, heights, smooth):
     settings = FrameSettings(32, 32, samples=2)
     geometry = scene.geometry
     shown = within_volume(geometry.vertices, geometry.triangles, view.volume)
-    shading = may_shade(scene, geometry.part(shown), view.volume) & ~shown
+    shading = cull_shadow_casters(scene, geometry.part(shown), view.volume) & ~shown
     # Less than what is not shown; more than nothing.
     assert 0.005 < shading.mean() < 0.6 * (1 - shown.mean())
     made = render_frame(view, scene, settings).pixels
@@ -70,7 +70,7 @@ def test_a_sun_of_half_a_turn_is_hidden_by_all_that_is_above(build):
         sun = Light("SUN", POWER, build.placed(), angle=angle)
         scene = build.scene([build.square(1), build.square(1, 5.0, (9, 0))], [sun])
         shown = scene.geometry.part(np.array([True, True, False, False]))
-        assert may_shade(scene, shown, build.looking_down(2, -1).volume)[2:].all()
+        assert cull_shadow_casters(scene, shown, build.looking_down(2, -1).volume)[2:].all()
 
 
 @pytest.mark.parametrize("length", [1 - 4e-4, 1.0, 1 + 4e-4])
@@ -81,7 +81,7 @@ def test_axes_of_a_sun_may_be_a_little_too_long(build, length):
         [build.square(1, 1e5), build.square(1, 1e5 + 50.0, (20, 0))], [Light("SUN", POWER, matrix, angle=1.2)]
     )
     shown = scene.geometry.part(np.array([True, True, False, False]))
-    assert may_shade(scene, shown, build.looking_down(1e5 + 2, 1e5 - 1).volume)[2:].all()
+    assert cull_shadow_casters(scene, shown, build.looking_down(1e5 + 2, 1e5 - 1).volume)[2:].all()
 
 
 def test_round_lamps_light_from_where_they_are_thought_to(build):
@@ -95,23 +95,23 @@ def test_round_lamps_light_from_where_they_are_thought_to(build):
     volume = ViewingVolume(
         tuple(Plane(matrix=build.placed(-ahead * farthest, shines=-farthest)) for ahead in (0.0, 3.0))
     )
-    assert may_shade(scene, scene.geometry.part(np.array([True, True, False])), volume)[2]
+    assert cull_shadow_casters(scene, scene.geometry.part(np.array([True, True, False])), volume)[2]
 
 
 def test_a_sky_is_hidden_by_everything(build):
     scene = replace(scattered(build, [], False), world=object())
     shown = scene.geometry.part(np.arange(len(scene.geometry.triangles)) == 0)
-    assert may_shade(scene, shown, build.looking_down(2, -1).volume).all()
+    assert cull_shadow_casters(scene, shown, build.looking_down(2, -1).volume).all()
 
 
 def test_all_may_shade_a_catcher_in_even_light(build):
     """Alone there does a world of one colour cast shadows."""
     scene = build.scene([build.square(), build.square(0.2, 9.0, (5, 5))], world=(0.1, 0.1, 0.1))
     shown, volume = np.array([True, True, False, False]), build.looking_down(1, -1).volume
-    assert not may_shade(scene, scene.geometry.part(shown), volume)[2:].any()
+    assert not cull_shadow_casters(scene, scene.geometry.part(shown), volume)[2:].any()
     visibility = np.array([EVERYWHERE | CATCHER] * 2 + [EVERYWHERE] * 2, np.uint8)
     caught = replace(scene, geometry=replace(scene.geometry, visibility=visibility))
-    assert may_shade(caught, caught.geometry.part(shown), volume).all()
+    assert cull_shadow_casters(caught, caught.geometry.part(shown), volume).all()
 
 
 def frustum(generator):
@@ -168,7 +168,7 @@ def test_what_stands_between_a_sun_and_a_volume(build, seed, count):
     scene = build.scene([specks], [Light("SUN", POWER, build.placed(shines=shines))])
     # What is shown reaches beyond the volume.
     shown = build.scene([build.square(30.0, height) for height in (-30.0, 30.0)]).geometry
-    found = may_shade(scene, shown, volume)
+    found = cull_shadow_casters(scene, shown, volume)
     assert found[towards_it(places, corners, towards, -1e-6)].all()
     extra = found & ~towards_it(places, corners, towards, 0.02)
     # Of many, planes that leave out next to nothing are not asked.

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.lights.light_culling import reaching
+from scfpf_addon.shading.lights.light_culling import cull_lights
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
 from scfpf_addon.shading.tracing import hit_colors
@@ -41,9 +41,9 @@ def test_no_light_that_reaches_something_is_left_out(build, monkeypatch, kind):
     view = build.looking_down(2, -1)
     settings = FrameSettings(16, 12, samples=4)
     made = []
-    monkeypatch.setattr(hit_colors, "reaching", lambda *given: made.extend(reaching(*given)) or made)
+    monkeypatch.setattr(hit_colors, "cull_lights", lambda *given: made.extend(cull_lights(*given)) or made)
     some = render_frame(view, scene, settings).pixels
-    monkeypatch.setattr(hit_colors, "reaching", lambda lights, _vertices: list(lights))
+    monkeypatch.setattr(hit_colors, "cull_lights", lambda lights, _vertices: list(lights))
     assert np.array_equal(render_frame(view, scene, settings).pixels, some)
     assert 0.3 * len(lights) < len(made) < 0.95 * len(lights)
 
@@ -54,7 +54,7 @@ def test_what_surely_reaches_nothing_is_left_out(build):
     dark = Light("SUN", 0 * WHITE, towards)
     for kind in ("AREA", "SPOT"):
         lights = (Light(kind, WHITE, away), Light(kind, WHITE, towards), dark)
-        assert reaching(lights, corners) == [lights[1]]
+        assert cull_lights(lights, corners) == [lights[1]]
     always = (Light("SUN", WHITE, away), Light("POINT", WHITE, away))
-    assert reaching(always, corners) == list(always)
-    assert reaching((Light("AREA", WHITE, away),), np.full((1, 3), np.nan))
+    assert cull_lights(always, corners) == list(always)
+    assert cull_lights((Light("AREA", WHITE, away),), np.full((1, 3), np.nan))

@@ -29,7 +29,7 @@ from scfpf_addon.shading.scene.depth_of_field import Aperture, lens_of
 from scfpf_addon.shading.scene.shading_scene import Light, Materials
 from scfpf_addon.shading.scene.surface import SurfacePoints, SurfaceTable
 from scfpf_addon.shading.settings.frame_settings import Border, FrameSettings
-from scfpf_addon.shading.settings.stylised_settings import Drawn
+from scfpf_addon.shading.settings.stylised_settings import Stylised
 from scfpf_addon.shading.tracing.hit_colors import Shading
 
 # Colours differ by float32's rounding, most where a highlight is sharp: its power enlarges it.
@@ -171,7 +171,7 @@ def sun(build, **changed):
         ({"kind": "AREA"}, False, {}, False),
         ({}, True, {}, False),
         ({}, False, {"pixel_error": 0.0}, False),
-        ({}, False, {"drawn": Drawn()}, False),
+        ({}, False, {"drawn": Stylised()}, False),
     ],
 )
 def test_only_simple_pictures_take_the_short_way(build, light, curved, wanted, alone):
@@ -209,7 +209,7 @@ def test_a_lens_takes_the_general_way(build):
 KNOWN = {
     Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
     "moments drawing",
-    Shading: "surface phong lamps tracer held_out catchers",
+    Shading: "surface coefficients lamps tracer held_out catchers",
     LightTable: "emitted through emission diffuse over f0 sent coat ior front edge again glow alpha "
     "row missing grazed layered few sky even",
     SurfaceTable: "cast_scene flat smooth bulge shadows material linked",

@@ -9,7 +9,7 @@ import pytest
 from scfpf_addon.casting.common.ray_visibility import CAMERA, EVERYWHERE, HOLDOUT, SHADOW, visible_to
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.lights.scene_culling import within_reach
+from scfpf_addon.shading.lights.scene_culling import cull_scene
 from scfpf_addon.shading.picking.pick import pick
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
@@ -48,7 +48,7 @@ def test_projectors_pass_through_what_is_not_visible_to_them(build, pixel_error,
 def test_what_casts_shadows_only_is_built_for_shadows_only(build):
     lamp = Light("SUN", np.full(3, 2.0), build.placed(shines=(0.5, 0, -1)))
     scene, ball = ball_over_ground(build, EVERYWHERE & ~CAMERA, [lamp])
-    part, cast_scene = within_reach(scene, build.looking_down(2, -1, size=1.8))
+    part, cast_scene = cull_scene(scene, build.looking_down(2, -1, size=1.8))
     assert len(part.geometry.triangles) == len(cast_scene.triangles) == (~ball).sum()
     shading = Shading.of(part, cast_scene, FrameSettings(4, 4))
     assert shading.lamps[0].occluders is None

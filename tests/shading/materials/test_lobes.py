@@ -7,7 +7,7 @@ import pytest
 from scfpf_addon.casting.common.geometry import Geometry
 from scfpf_addon.shading.lights.light_table import LightTable
 from scfpf_addon.shading.materials.lobes import Body, Sent, ior_of, lobes
-from scfpf_addon.shading.nodes.context import Place
+from scfpf_addon.shading.nodes.context import ShadingContext
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 
 COUNT = 4
@@ -32,7 +32,9 @@ def at_surface(cosine, back=0.0):
     up = np.repeat([[0.0], [0.0], [1.0]], COUNT, axis=1)
     view = np.repeat([[np.sqrt(1 - cosine**2)], [0.0], [cosine]], COUNT, axis=1)
     nothing = np.zeros((2, COUNT))
-    return Place(geometry, {}, np.zeros(COUNT, int), nothing, up, up, up, view, np.full((1, COUNT), back))
+    return ShadingContext(
+        geometry, {}, np.zeros(COUNT, int), nothing, up, up, up, view, np.full((1, COUNT), back)
+    )
 
 
 def shader(kind, weight=1.0, cosine=0.8, back=0.0, **inputs):

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.geometry import Geometry, Layer
-from scfpf_addon.casting.continuation import Onward
+from scfpf_addon.casting.continuation import Continuation
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.nodes.context import Place
+from scfpf_addon.shading.nodes.context import ShadingContext
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.nodes.image import MISSING, ImageData, linear_from_srgb, sample
 from scfpf_addon.shading.nodes.inputs import fresnel_dielectric
@@ -85,12 +85,12 @@ def test_what_follows_on_a_projector_is_where_its_height_says(degree, pixel_erro
     x, y = (a.ravel() for a in np.meshgrid((np.arange(12) + 0.5) / 12, (np.arange(12) + 0.5) / 12))
     pixel = (1 / 12, 1 / 12)
     hits = cast(scene, inside, x, y, pixel, pixel_error, columns=12)
-    onward = Onward(scene, inside, x, y, hits.mask, None, pixel, pixel_error)
+    continuation = Continuation(scene, inside, x, y, hits.mask, None, pixel, pixel_error)
     which = np.arange(len(x))
     for number, z in enumerate(heights):
         assert (geometry.material[hits.triangle] == number).all()
         assert np.abs(hits.t - (3 - z) / 6).max() < 1e-9
-        hits = onward.hits(which, hits.t, hits.triangle)
+        hits = continuation.hits(which, hits.t, hits.triangle)
     assert (hits.triangle < 0).all()
 
 
@@ -145,7 +145,7 @@ def test_a_layer_is_interpolated_in_float64_on_the_hit_triangle():
     x, y = np.random.default_rng(0).random((2, 500))
     hits = cast(scene, projection, x, y, (0.1, 0.1))
     nothing = np.zeros((3, 500))
-    place = Place(
+    place = ShadingContext(
         geometry, {}, hits.triangle, hits.barycentric, nothing, nothing, nothing, nothing, nothing[:1]
     )
     found, there = place.layer("UV:", 3)

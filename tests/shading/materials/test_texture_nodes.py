@@ -8,7 +8,7 @@ import pytest
 
 from scfpf_addon.casting.common.geometry import Geometry, Layer
 from scfpf_addon.shading.nodes import inputs, noise, textures
-from scfpf_addon.shading.nodes.context import Place, unit
+from scfpf_addon.shading.nodes.context import ShadingContext, unit
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.nodes.image import ImageData
 from scfpf_addon.shading.nodes.operations import OPERATIONS
@@ -30,7 +30,7 @@ def at_triangle(view=(0.0, 0.0, 1.0), back=0.0, layers=None, images=None, count=
     zero = np.zeros(1, np.int32)
     geometry = Geometry(CORNERS, np.array([[0, 1, 2]], np.int32), one, zero, zero, layers=layers or {})
     up = np.repeat(column(0, 0, 1), count, axis=1)
-    return Place(
+    return ShadingContext(
         geometry,
         images or {},
         np.zeros(count, np.intp),
