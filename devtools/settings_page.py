@@ -143,7 +143,7 @@ def titled(name: str, label: str | None) -> str:
 
 def sizes() -> Iterator[Row]:
     """The sizes of control surfaces, each once."""
-    tree = parsed(BRIDGE / "surface_nodes.py")
+    tree = parsed(BRIDGE / "surfaces" / "surface_nodes.py")
     known, found = texts(tree), {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in SIZES:
