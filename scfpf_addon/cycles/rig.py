@@ -221,7 +221,7 @@ def _follow(rig, depsgraph) -> None:
     seen = _seen.get(rig.session_uid)
     try:
         require_cycles(settings.scene)
-        if not is_made(settings.table):  # after a step of undo
+        if not is_made(settings.table):  # the camera had too few surfaces after a step of undo
             update_nodes(rig)
         projection, now = look(settings.camera, settings.scene, depsgraph)
         if seen == now and not settings.problem:
@@ -328,9 +328,19 @@ def _history_changed(*_) -> None:
     _seen.clear()
     for rig in rigs():
         restore_pointers(rig, _released.get(rig.session_uid, 0))
+        _renew_table(rig)
     _released.clear()
     hidden_surfaces.forget()
     prices.changed()
+
+
+def _renew_table(rig) -> None:
+    """Make again what ``release_pointers`` took from a rig's table, in scenes that nothing evaluates too."""
+    if is_whole(rig) and not is_made(rig.scfpf_rig.table):
+        try:
+            update_nodes(rig)
+        except RigError as error:
+            rig.scfpf_rig.problem = str(error)
 
 
 @persistent

@@ -342,15 +342,18 @@ def release_pointers(rig) -> int:
 
 
 def restore_pointers(rig, table: int) -> None:
-    """Give a rig and its camera back the table that ``release_pointers`` took, a session id, if it exists."""
+    """Give a rig and its camera back the table that ``release_pointers`` took, a session id, if it exists.
+
+    A rig that undo has brought back has its table; its camera may have lost the pointer to it.
+    """
     settings = rig.scfpf_rig
-    found = next((obj for obj in bpy.data.objects if obj.session_uid == table), None)
-    if found is None or settings.camera is None or not settings.camera.is_editable:
+    camera = settings.camera
+    if camera is None or not camera.is_editable:
         return
     if settings.table is None:
-        settings.table = found
-    if settings.camera.get(RIG_TABLE_KEY) is None:
-        settings.camera[RIG_TABLE_KEY] = found
+        settings.table = next((obj for obj in bpy.data.objects if obj.session_uid == table), None)
+    if settings.table is not None and camera.get(RIG_TABLE_KEY) is None:
+        camera[RIG_TABLE_KEY] = settings.table
 
 
 def write_sheets(rig, chords: ChordPlan) -> None:

@@ -153,6 +153,40 @@ def test_undo_and_redo(camera, rig_of):
     assert rig_of() is not None and rig_of().scfpf_rig.chords > 1
 
 
+def test_undo_in_one_scene_leaves_the_rig_of_another_as_it_is(camera, tmp_path):
+    """Nothing evaluates that scene; its picture is the same."""
+    switch(camera)
+    scene, own = bpy.context.scene, bpy.context.scene.name
+    scene.render.filepath = str(tmp_path / "picture.exr")
+
+    def picture():
+        bpy.ops.render.render(scene=own, write_still=True)
+        return pixels_of(tmp_path / "picture.exr")
+
+    before = picture()
+    bpy.ops.scene.new(type="EMPTY")
+    for message in ("First", "Second", "Third"):
+        bpy.ops.ed.undo_push(message=message)
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    assert bpy.context.scene.name != own
+    assert (picture() == before).all()
+
+
+def test_a_camera_knows_its_table_when_undo_brings_its_scene_back(camera, rig_of):
+    bpy.ops.scene.new(type="EMPTY")
+    bpy.context.window.scene = bpy.data.objects[camera.name].users_scene[0]
+    switch(camera)
+    table = rig_of().scfpf_rig.table.name
+    for message in ("First", "Second"):
+        bpy.ops.ed.undo_push(message=message)
+    bpy.ops.scene.delete("EXEC_DEFAULT", True)
+    bpy.context.view_layer.update()
+    assert table not in bpy.data.objects
+    assert bpy.ops.ed.undo() == {"FINISHED"}
+    settings = rig_of().scfpf_rig
+    assert settings.camera["scfpf_rig_table"] == settings.table == bpy.data.objects[table]
+
+
 def test_other_cameras_and_our_own_pictures_do_not_see_it(addon, camera, tmp_path):
     """Not through its sheets, and not from where its screen is; with no add-on's help: drivers tell."""
     scene = bpy.context.scene
