@@ -15,6 +15,7 @@ from ..bridge.blender import versions
 from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.camera.read_projection import ProjectionError
 from ..bridge.render.render_job import RenderError, picture_size
+from ..bridge.sync.handlers import sync as sync_volumes
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import is_made
 from . import aov_passes, disturbed_materials, hidden_surfaces, prices
@@ -109,6 +110,8 @@ def switch_off(rig) -> None:
         _look_through(settings.scene, settings.camera, False)
     _seen.pop(rig.session_uid, None)
     remove_rig(rig)
+    # The rig's camera may have been made flexible.
+    sync_volumes()
     _hide_surfaces()
 
 

@@ -13,6 +13,7 @@ from bpy.app.handlers import persistent
 
 from ...bridge.blender import versions
 from ...bridge.blender.mesh_grid import uv_layer
+from ...bridge.sync.handlers import sync as sync_volumes
 from ..table.mapping_table import picture_signature
 from . import preview_viewports
 from .preview_data import (
@@ -91,6 +92,8 @@ def _remove(source) -> None:
     _faces.pop(uid, None)
     _names.pop(uid, None)
     _known.discard(uid)
+    # The viewport's camera may have been made flexible.
+    sync_volumes()
 
 
 def _camera_signature(camera, scene) -> tuple:

@@ -253,3 +253,21 @@ def test_two_cameras_edited_by_turns(two, shown):
         if kept is not None:
             assert np.abs(shown(other) - kept).max() == 0
     assert np.abs(shown(down) - first).max() > 0.01
+
+
+@pytest.mark.parametrize("operator", ["preview_toggle", "cycles_rig"])
+def test_what_is_removed_with_its_scene_takes_the_volume_object_of_its_camera_along(operator):
+    """The camera of a preview or a rig is an ordinary one, which artists may make flexible."""
+    bpy.ops.scene.new(type="EMPTY")
+    bpy.ops.scfpf.camera_add()
+    before = bpy.data.objects[:]
+    getattr(bpy.ops.scfpf, operator)()
+    camera = next(obj for obj in bpy.data.objects if obj not in before and obj.type == "CAMERA")
+    camera.scfpf.enabled = True
+    bpy.context.view_layer.update()
+    assert camera.scfpf.volume_object is not None
+    name = camera.name
+    bpy.ops.scene.delete("EXEC_DEFAULT", True)
+    bpy.context.view_layer.update()
+    assert name not in bpy.data.objects
+    assert not any(obj.scfpf_surface.is_volume for obj in bpy.data.objects)
