@@ -136,7 +136,7 @@ def _prepared(
 ) -> Pipeline | None:
     """The pipeline, None when cancelled on the way. As for ``render_frame``."""
     # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
-    alone = not moments and settings.passes.neighbours is None and settings.lens is None
+    alone = not moments and settings.passes.neighbours is None and settings.depth_of_field is None
     try:
         with cancelled_by(Asking(cancelled)):
             pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)

@@ -60,8 +60,8 @@ class Pipeline:
     """What the threads share while a frame is made.
 
     projection: in cast space. places: where samples are. cast_scene and
-    shading are None where there is nothing to hit. geometry: what cast_scene was made of. lens: in
-    cast space. world: what is seen where nothing is, instead of the background. moments: what takes the
+    shading are None where there is nothing to hit. geometry: what cast_scene was made of. depth_of_field:
+    in cast space. world: what is seen where nothing is, instead of the background. moments: what takes the
     place of this one for the picture, while the shutter is open. drawing: what draws over finished tiles.
     """
 
@@ -72,7 +72,7 @@ class Pipeline:
     cast_scene: CastScene | None
     shading: Shading | None
     passes: PassSource | None
-    lens: DepthOfField | None
+    depth_of_field: DepthOfField | None
     geometry: Geometry | None
     world: World | None = None
     moments: tuple[Pipeline, ...] = ()
@@ -95,10 +95,10 @@ class Pipeline:
             scene, cast_scene = cull_scene(scene, projection, alone, settings.pixel_error == 0.0)
         everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
         inside = projection.transformed(cast_scene.matrix) if cast_scene else projection
-        drawn, (background, world) = settings.drawn, scene.backdrop
+        stylised, (background, world) = settings.stylised, scene.backdrop
         shading: Shading | None = None
-        if everything and cast_scene and drawn:
-            shading = StylisedShading.stylised_of(scene, everything, settings, drawn)
+        if everything and cast_scene and stylised:
+            shading = StylisedShading.stylised_of(scene, everything, settings, stylised)
         elif everything and cast_scene:
             shading = Shading.of(scene, everything, settings)
         made = cls(
@@ -119,11 +119,13 @@ class Pipeline:
             )
             if cast_scene and shading and settings.passes.names
             else None,
-            settings.lens.transformed(cast_scene.matrix) if settings.lens and cast_scene else settings.lens,
+            settings.depth_of_field.transformed(cast_scene.matrix)
+            if settings.depth_of_field and cast_scene
+            else settings.depth_of_field,
             scene.geometry if cast_scene else None,
-            None if drawn and drawn.on_paper else world,
+            None if stylised and stylised.on_paper else world,
         )
-        return replace(made, drawing=Drawing.of(made, drawn)) if drawn else made
+        return replace(made, drawing=Drawing.of(made, stylised)) if stylised else made
 
     def with_moments(self, scene: Scene, moments: tuple[Moment, ...]) -> Pipeline:
         """The pipeline, of ``scene``, of a picture that is exposed while things move."""
@@ -131,15 +133,15 @@ class Pipeline:
         bare = replace(self.settings, passes=DataPasses())
         for moment in moments:
             raise_if_cancelled()
-            settings = replace(bare, lens=moment.lens)
+            settings = replace(bare, depth_of_field=moment.depth_of_field)
             same = next((known for seen, known in made if seen is moment.scene), None)
             if same is None:
                 each = Pipeline.of(moment.projection, moment.scene, settings, None, False)
             else:
                 # All but the projection is there.
                 matrix = same.cast_scene.matrix if same.cast_scene else np.eye(4)
-                lens = moment.lens.transformed(matrix) if moment.lens else None
-                each = replace(same, projection=moment.projection.transformed(matrix), lens=lens)
+                lens = moment.depth_of_field and moment.depth_of_field.transformed(matrix)
+                each = replace(same, projection=moment.projection.transformed(matrix), depth_of_field=lens)
             made.append((moment.scene, each))
         # There is one background behind all samples.
         return replace(self, moments=tuple(replace(e, background=self.background) for _, e in made[1:]))
@@ -154,8 +156,8 @@ class Pipeline:
     @property
     def behind(self) -> Array:
         """The colour of the picture where nothing is hit, (3,)."""
-        drawn = self.settings.drawn
-        return drawn.paper if drawn and drawn.on_paper else self.background
+        stylised = self.settings.stylised
+        return stylised.paper if stylised and stylised.on_paper else self.background
 
     def at(self, sample: int) -> Pipeline:
         """What a sample sees."""
@@ -292,7 +294,7 @@ class Pipeline:
     def expose(self, pixels: Single, passes: dict[str, Single]) -> None:
         """Brighten finished pixels (n, 4) and passes of light by the film's exposure.
 
-        A drawn picture has an exposure of its own.
+        A stylised image has an exposure of its own.
         """
         exposure = np.float32(self.settings.exposure)
         if exposure != 1.0 and self.drawing is None:
@@ -346,7 +348,7 @@ class Pipeline:
 
     def cast_sample(self, rows: slice, sample: int, counts: CastCounts) -> tuple[Hits, Continuation | None]:
         """What a sample of the pixels of whole rows hits, and what follows it on."""
-        if self.lens is None:
+        if self.depth_of_field is None:
             return self.followed(*self.places.of_rows(rows, sample), counts, True)
         pixel = row_pixels(rows, self.settings.width)
         x, y = self.places.of_pixels(pixel, sample)
@@ -385,7 +387,7 @@ class Pipeline:
             now, many = self.at(together[0]), len(together)
             places = [self.places.of_pixels(pixel, sample) for sample in together]
             x, y = (np.stack(axis, axis=1).ravel() for axis in zip(*places, strict=True))
-            if now.lens is not None:
+            if now.depth_of_field is not None:
                 share = np.stack([self.places.on_lens(pixel, sample) for sample in together], axis=2)
                 now = now.through_lens(share.reshape(2, -1))
             hits, continuation = now.followed(x, y, counts, False)
@@ -398,7 +400,11 @@ class Pipeline:
 
     def through_lens(self, share: Array) -> Pipeline:
         """The pipeline for projectors that each pass the lens at a place of its own, shares (2, n)."""
-        return replace(self, projection=through(self.projection, self.lens, share)) if self.lens else self
+        return (
+            replace(self, projection=through(self.projection, self.depth_of_field, share))
+            if self.depth_of_field
+            else self
+        )
 
     def color(
         self,

@@ -191,8 +191,8 @@ def read_inputs(
             threads=render.threads if render.threads_mode == "FIXED" else 0,
             border=border,
             passes=DataPasses(passes, plane, identifiers=marks),
-            lens=lens,
-            drawn=stylised_of(depsgraph.scene_eval, width),
+            depth_of_field=lens,
+            stylised=stylised_of(depsgraph.scene_eval, width),
             **sampling_of(depsgraph.scene_eval),
         ),
     )

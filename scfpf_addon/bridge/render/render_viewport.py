@@ -220,7 +220,7 @@ def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInp
             samples=FREE_SAMPLES,
             transparent=render.film_transparent,
             threads=render.threads if render.threads_mode == "FIXED" else 0,
-            drawn=stylised_of(depsgraph.scene_eval, width),
+            stylised=stylised_of(depsgraph.scene_eval, width),
             **sampling_of(depsgraph.scene_eval),
         ),
     )

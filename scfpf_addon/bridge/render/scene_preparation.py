@@ -57,7 +57,7 @@ def build(inputs, kept: SceneCache | None, keep: bool) -> Built:
         _build_the_rest(inputs, made.cast_scene)
         return Built(inputs, made.cast_scene, made, triangles, perf_counter() - started)
     settings = inputs.settings
-    alone = not inputs.moments and settings.passes.neighbours is None and settings.lens is None
+    alone = not inputs.moments and settings.passes.neighbours is None and settings.depth_of_field is None
     scene, cast_scene = cull_scene(inputs.scene, inputs.projection, alone, settings.pixel_error == 0.0)
     part = replace(inputs, scene=scene)
     _build_the_rest(inputs, cast_scene)
@@ -98,8 +98,8 @@ def coarse_picture(inputs, cast_scene: CastScene | None, cancelled: Callable[[],
         passes=DataPasses(),
         scrambled=False,
         adaptive=None,
-        lens=None,
-        drawn=whole.drawn and replace(whole.drawn.scaled(1 / COARSE), detail=1),
+        depth_of_field=None,
+        stylised=whole.stylised and replace(whole.stylised.scaled(1 / COARSE), detail=1),
     )
     frame = render_frame(inputs.projection, inputs.scene, settings, cast_scene, cancelled=cancelled)
     if frame is None:

@@ -137,7 +137,7 @@ def coarser(inputs: RenderInputs):
                 border=border,
                 scrambled=False,
                 adaptive=None,
-                lens=None,
-                drawn=whole.drawn and replace(whole.drawn.scaled(1 / step), detail=1),
+                depth_of_field=None,
+                stylised=whole.stylised and replace(whole.stylised.scaled(1 / step), detail=1),
             ),
         )

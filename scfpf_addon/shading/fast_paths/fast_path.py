@@ -37,7 +37,7 @@ def short_way(
     straight = spans.direct and spans.degree == 1 and spans.point_weights is None
     if not straight or type(projection) is not Projection:
         return None
-    if settings.pixel_error == 0.0 or settings.lens is not None:
+    if settings.pixel_error == 0.0 or settings.depth_of_field is not None:
         return None
     behind = np.zeros(4, np.float32)
     if not settings.transparent:

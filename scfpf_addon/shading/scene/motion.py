@@ -19,14 +19,15 @@ NODES = 257
 
 
 class Moment(NamedTuple):
-    """A projection, in world space, and a scene at one time. lens: in world space.
+    """A projection, in world space, and a scene at one time. depth_of_field: in
+    world space.
 
     What stands still is one scene: the same object in all moments, and in the frame.
     """
 
     projection: Projection
     scene: Scene
-    lens: DepthOfField | None = None
+    depth_of_field: DepthOfField | None = None
 
 
 @lru_cache

@@ -30,9 +30,9 @@ class FrameSettings:
     that the whole image would have. passes: besides the picture. pixel_filter: by which
     samples lie about the pixel's centre. exposure: what the picture's and the passes' light is multiplied
     with, but drawn pictures. scrambled: each pixel has places of its own for
-    them. adaptive: which pixels get fewer, and that they are scrambled. lens: in world space, for
-    straight projectors only. drawn: how the picture, not its passes, is drawn. Raises ValueError for what
-    makes no picture.
+    them. adaptive: which pixels get fewer, and that they are scrambled. depth_of_field: in world
+    space, for straight projectors only. stylised: the style of the image, not of its passes. Raises
+    ValueError for settings that make no image.
     """
 
     width: int
@@ -47,8 +47,8 @@ class FrameSettings:
     exposure: float = 1.0
     scrambled: bool = False
     adaptive: Adaptive | None = None
-    lens: DepthOfField | None = None
-    drawn: Stylised | None = None
+    depth_of_field: DepthOfField | None = None
+    stylised: Stylised | None = None
 
     def __post_init__(self) -> None:
         if min(self.width, self.height) < 1:

@@ -62,11 +62,13 @@ class Drawing:
             pixel_error=settings.pixel_error * detail,
             border=None,
             passes=DataPasses(),
-            lens=None,
-            drawn=None,
+            depth_of_field=None,
+            stylised=None,
         )
         light = pipeline.shading.light if isinstance(pipeline.shading, StylisedShading) else None
-        return cls(drawn, replace(pipeline, settings=finer, passes=None, lens=None, moments=()), light)
+        return cls(
+            drawn, replace(pipeline, settings=finer, passes=None, depth_of_field=None, moments=()), light
+        )
 
     @property
     def margin(self) -> int:

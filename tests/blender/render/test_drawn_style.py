@@ -79,8 +79,8 @@ def test_a_viewport_shows_it_coarse_ones_too(addon, engine_scene, options):
     )
     inputs = job.read_inputs(bpy.context.evaluated_depsgraph_get(), engine_scene.camera, (480, 280))
     # Ten times the picture's size, in which a line has ten times the pixels.
-    assert inputs.settings.drawn.lines.width == pytest.approx(20)
-    widths = [step.settings.drawn.lines.width for step in painter.coarser(inputs)]
+    assert inputs.settings.stylised.lines.width == pytest.approx(20)
+    widths = [step.settings.stylised.lines.width for step in painter.coarser(inputs)]
     assert widths == pytest.approx([2.5, 10])
     frame = addon("shading.frame")
     coarse = next(iter(painter.coarser(inputs)))
@@ -88,8 +88,8 @@ def test_a_viewport_shows_it_coarse_ones_too(addon, engine_scene, options):
     assert pixels.shape[:2] == (35, 60) and pixels.max() == 1 and pixels[..., 0].min() < 0.1
     options.use_drawn = False
     inputs = job.read_inputs(bpy.context.evaluated_depsgraph_get(), engine_scene.camera, (48, 28))
-    assert inputs.settings.drawn is None
-    assert all(step.settings.drawn is None for step in painter.coarser(inputs))
+    assert inputs.settings.stylised is None
+    assert all(step.settings.stylised is None for step in painter.coarser(inputs))
 
 
 def test_lines_have_their_share_of_the_picture_at_any_percentage(engine_scene, options):

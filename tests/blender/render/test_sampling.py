@@ -110,7 +110,7 @@ def test_bent_projectors_have_none_and_say_so(addon, view):
     camera.data.dof.use_dof = True
     assert np.array_equal(f12(view)["ViewLayer.Combined"], sharp)
     inputs = addon("bridge.render.render_job").prepare(view, view.view_layers[0], camera)
-    assert inputs.settings.lens is None
+    assert inputs.settings.depth_of_field is None
     assert any("Depth of field is not defined" in warning for warning in inputs.scene.warnings)
 
 

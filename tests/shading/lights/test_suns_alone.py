@@ -171,7 +171,7 @@ def sun(build, **changed):
         ({"kind": "AREA"}, False, {}, False),
         ({}, True, {}, False),
         ({}, False, {"pixel_error": 0.0}, False),
-        ({}, False, {"drawn": Stylised()}, False),
+        ({}, False, {"stylised": Stylised()}, False),
     ],
 )
 def test_only_simple_pictures_take_the_short_way(build, light, curved, wanted, alone):
@@ -202,12 +202,12 @@ def test_a_lens_takes_the_general_way(build):
     wanted = FrameSettings(8, 6)
     assert Pipeline.of(projection, scene, wanted, None).suns_alone is not None
     assert lens is not None
-    assert Pipeline.of(projection, scene, replace(wanted, lens=lens), None).suns_alone is None
+    assert Pipeline.of(projection, scene, replace(wanted, depth_of_field=lens), None).suns_alone is None
 
 
 # All that the short way's condition has been thought through for.
 KNOWN = {
-    Pipeline: "projection settings background places cast_scene shading passes lens geometry world "
+    Pipeline: "projection settings background places cast_scene shading passes depth_of_field geometry world "
     "moments drawing",
     Shading: "surface coefficients lamps tracer held_out catchers",
     LightTable: "emitted through emission diffuse over f0 sent coat ior front edge again glow alpha "
@@ -218,7 +218,7 @@ KNOWN = {
     Light: "kind color matrix casts_shadow radius angle size ellipse spread sphere spot_angle spot_blend "
     "receivers blockers scattered mirrored",
     FrameSettings: "width height samples pixel_error transparent threads border passes pixel_filter "
-    "exposure scrambled adaptive lens drawn",
+    "exposure scrambled adaptive depth_of_field stylised",
 }
 
 

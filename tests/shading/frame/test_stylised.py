@@ -35,7 +35,7 @@ def drawn_with(**options):
     """Settings of a small picture of lines (or whatever is given) on white paper."""
     size = options.pop("size", (96, 64))
     given = {"lines": Lines(EVERY_KIND, 1.0, 1.0), "fill": "PAPER", "on_paper": True, **options}
-    return FrameSettings(*size, samples=1, drawn=Stylised(**given), threads=2)
+    return FrameSettings(*size, samples=1, stylised=Stylised(**given), threads=2)
 
 
 def ink(projection, scene, settings):
@@ -271,7 +271,7 @@ def test_shadows_that_are_caught_are_those_of_the_rendered_picture(build):
     for fill in ("RENDERED", "TOON", "FLAT", "PAPER"):
         settings = replace(drawn_with(lines=None, fill=fill, on_paper=False), transparent=True)
         made[fill] = render_frame(build.looking_down(1, -1), scene, settings).pixels[..., 3]
-        lined = replace(settings, drawn=replace(settings.drawn, lines=Lines(EVERY_KIND, 1.0, 1.0)))
+        lined = replace(settings, stylised=replace(settings.stylised, lines=Lines(EVERY_KIND, 1.0, 1.0)))
         rim = render_frame(build.looking_down(1, -1), scene, lined).pixels[..., 3] - made[fill]
         assert np.ptp(np.flatnonzero(rim.any(axis=0))) < 35
     assert all(np.array_equal(alpha, made["RENDERED"]) for alpha in made.values())
@@ -305,7 +305,7 @@ def test_a_border_and_threads_make_no_difference(build, view):
 def test_the_tiling_makes_no_difference(build, view, monkeypatch, kind):
     """Of straight projectors, which share no chords: a tile of all rows, and tiles of one row."""
     scene, settings = view
-    settings = replace(settings, drawn=replace(settings.drawn, hatching=Hatching(kind)))
+    settings = replace(settings, stylised=replace(settings.stylised, hatching=Hatching(kind)))
     pictures = []
     for fewest in (1, 40):
         monkeypatch.setattr(tiles, "FEWEST_TILES", fewest)
@@ -318,8 +318,8 @@ def test_passes_stay_as_they_are_and_off_is_off(build, view):
     passes = DataPasses(("DEPTH", "NORMAL", "OBJECT_INDEX", "DIFFUSE", "SPECULAR", "ENVIRONMENT", "SHADOW"))
     scene = replace(scene, object_index=(1, 2, 3))
     drawn = render_frame(bent(build), scene, replace(settings, passes=passes))
-    plain = render_frame(bent(build), scene, replace(settings, passes=passes, drawn=None))
+    plain = render_frame(bent(build), scene, replace(settings, passes=passes, stylised=None))
     for name, values in plain.passes.items():
         assert np.array_equal(values, drawn.passes[name])
-    same = render_frame(bent(build), scene, replace(settings, drawn=Stylised(fill="RENDERED")))
+    same = render_frame(bent(build), scene, replace(settings, stylised=Stylised(fill="RENDERED")))
     assert np.array_equal(same.pixels, plain.pixels)

@@ -75,7 +75,7 @@ def test_a_points_disc_of_confusion_is_as_large_as_the_thin_lens_equation_has_it
         emission=(1, 1, 1),
     )
     lens = lens_of(frustum(), Aperture(0.2, 4.0), AXES)
-    settings = FrameSettings(160, 8, samples=256, lens=lens)
+    settings = FrameSettings(160, 8, samples=256, depth_of_field=lens)
     row = render_frame(frustum(), scene, settings).pixels[4, :, 0]
     # The frame is 8 wide at depth 8, the middle of the edge in its middle; the lens' shadow is a disc.
     x = ((np.arange(160) + 0.5) / 160 - 0.5) * 8 / 0.2
@@ -92,7 +92,7 @@ def test_what_the_blurred_lens_alone_sees_is_there(build):
     scene = build.scene([wall], emission=(1, 1, 1))
     sharp = FrameSettings(160, 2, samples=256)
     assert not render_frame(frustum(), scene, sharp).pixels[..., :3].any()
-    settings = replace(sharp, lens=lens_of(frustum(), Aperture(0.2, 4.0), AXES))
+    settings = replace(sharp, depth_of_field=lens_of(frustum(), Aperture(0.2, 4.0), AXES))
     row = render_frame(frustum(), scene, settings).pixels[1, :, 0]
     x = np.clip((4.02 - ((np.arange(160) + 0.5) / 160 - 0.5) * 8) / 0.2, -1, 1)
     expected = (np.arccos(x) - x * np.sqrt(1 - x**2)) / np.pi
