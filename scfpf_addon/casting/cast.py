@@ -81,14 +81,13 @@ def cast(
         counts.projectors += int(np.count_nonzero(mask))
         batch = ProjectorBatch(spans, points)
         return complete(cast_exact(scene, batch, mask, columns, counts), batch)
-    if spans.degree > 1 or spans.point_weights is not None:
+    if not spans.is_polyline:
         return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
     points, mask, farthest = usable_projectors(projection, x, y)
-    single = spans.direct
-    if single and farthest <= FAR:
+    if spans.is_straight and farthest <= FAR:
         return cast_straight(scene, points, mask, (0.0, 1.0), counts, weighted)
     reach = scene_reach(spans, points, scene)
-    if single:
+    if spans.is_straight:
         return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
     counts.projectors += int(np.count_nonzero(mask))
     batch = ProjectorBatch(spans, points)

@@ -47,9 +47,9 @@ def chord_map(
     points, mask, _ = usable_projectors(projection, x, y)
     if not len(x) or pixel_error == 0.0:
         return made
-    if spans.degree == 1 and spans.point_weights is None:
+    if spans.is_polyline:
         reach = scene_reach(spans, points, scene)
-        if spans.direct:
+        if spans.is_straight:
             made.count[mask] = 1
         elif reach is not None:
             made.count[mask] = _chord(corners(spans, reach), t[mask]) + 1

@@ -90,9 +90,9 @@ class Continuation:
         going = start < 1.0
         start = np.minimum(start, 1.0)
         spans = batch.spans
-        if spans.direct and spans.point_weights is None and (spans.degree == 1 or self.pixel_error == 0.0):
+        if spans.is_straight or (spans.is_bezier and self.pixel_error == 0.0):
             rest = restrict(points, start, np.ones_like(start))
-            if spans.degree == 1:
+            if spans.is_straight:
                 found = cast_straight(self.scene, rest, going, (0.0, 1.0), CastCounts())
             else:
                 found = cast_exact(self.scene, ProjectorBatch(spans, rest), going, None, CastCounts())
@@ -121,7 +121,7 @@ class Continuation:
         reach = scene_reach(spans, points, self.scene)
         if reach is None:
             return None
-        if spans.degree == 1 and spans.point_weights is None:
+        if spans.is_polyline:
             return corners(spans, reach)
         curves = sample_curves(self.projection, self.x, self.y, self.mask, self.pixel_size)
         return plan(spans, curves, reach, UNSHIFTED * max(self.pixel_error, SMALLEST_ERROR), 1)

@@ -74,7 +74,7 @@ def _build_the_rest(inputs, cast_scene: CastScene | None) -> None:
     spans = inputs.projection.volume.spans
     if inputs.settings.pixel_error == 0.0:
         _ = cast_scene.prisms
-    elif spans.degree > 1 or spans.point_weights is not None:
+    elif not spans.is_polyline:
         _ = cast_scene.occupancy
     if any(light.casts_shadow for light in inputs.scene.lights):
         # What stands beyond the volume is built when the first shadow is asked for.

@@ -86,7 +86,7 @@ class ProjectorBatch:
 
     def at(self, t: Array) -> tuple[Array, Array]:
         """Position and tangent dQ/dt at t (N,), each (3, N)."""
-        if self.spans.direct and self.spans.point_weights is None:
+        if self.spans.is_bezier:
             return self._at_quadratic(t) if self.spans.degree == 2 else self._at_bezier(t)
         weights, slopes = self.spans.weights(t)
         return (
@@ -134,10 +134,8 @@ class ProjectorBatch:
 
     def place(self, t: Array) -> Array:
         """The position at t (N,), (3, N)."""
-        if self.spans.direct and self.spans.point_weights is None:
-            weights = bernstein(self.spans.degree, t)
-        else:
-            weights = self.spans.weights(t)[0]
+        spans = self.spans
+        weights = bernstein(spans.degree, t) if spans.is_bezier else spans.weights(t)[0]
         position: Array = np.einsum("kn,kcn->cn", weights, self.points)
         return position
 

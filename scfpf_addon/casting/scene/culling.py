@@ -100,10 +100,8 @@ def flat_sides(volume: ViewingVolume) -> HalfSpaces | None:
 
     Its planes hold the sides of the volume, its ends, and a box along ``_frame``.
     """
-    surfaces, spans = volume.surfaces, volume.spans
-    if len(surfaces) != 2 or spans.degree != 1 or not spans.direct:
-        return None
-    if any(type(surface) not in (Point, Plane, BilinearPatch) for surface in surfaces):
+    surfaces = volume.surfaces
+    if len(surfaces) != 2 or any(type(surface) not in (Point, Plane, BilinearPatch) for surface in surfaces):
         return None
     around = np.array([0.0, 1.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0, 1.0])
     with np.errstate(invalid="ignore", over="ignore"):

@@ -158,7 +158,7 @@ def _shape(projection: Projection) -> tuple[bool, float]:
 
 def _breaks(spans: SpanBasis, curves: Curves, pixel_error: float) -> tuple[Array, Array, float]:
     """The fewest breaks that keep an error in pixels, MOST_CHORDS at most; their shifts, their error."""
-    if spans.degree == 1 and spans.point_weights is None:
+    if spans.is_polyline:
         return spans.breaks, np.zeros(len(spans.breaks)), 0.0
     totals = [_demand(spans, span, curves) for span in range(len(spans.matrices))]
     few, many = 0, MOST_CHORDS + 1

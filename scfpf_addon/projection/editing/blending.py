@@ -71,7 +71,7 @@ def _common(first: Projection, second: Projection) -> tuple[BasisKind, list[Arra
         return "BEZIER", [_elevation(s.degree, degree) @ s.matrices[0] for s in spans], np.zeros(0)
     counts = [len(s.matrices) for s in spans]
     pieces = lcm(*counts)
-    straight = all(s.degree == 1 and s.point_weights is None for s in spans)
+    straight = all(s.is_polyline for s in spans)
     if not straight or pieces > MOST_PIECES:
         pieces *= max(1, -(-FEWEST_PIECES // pieces))
     pieces = min(pieces, MOST_PIECES)

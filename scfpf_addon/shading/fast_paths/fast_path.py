@@ -33,9 +33,7 @@ def short_way(
         return None
     if shading.catchers is not None or any(lamp.light.kind != "SUN" for lamp in shading.lamps):
         return None
-    spans = projection.volume.spans
-    straight = spans.direct and spans.degree == 1 and spans.point_weights is None
-    if not straight or type(projection) is not Projection:
+    if not projection.volume.spans.is_straight or type(projection) is not Projection:
         return None
     if settings.pixel_error == 0.0 or settings.depth_of_field is not None:
         return None

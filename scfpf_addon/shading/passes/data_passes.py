@@ -250,7 +250,7 @@ class CryptoPasses:
 
 def projector_length(spans: SpanBasis, points: Array, t: Array) -> Array:
     """Length of projectors with control points (K, 3, n) from the near surface to t (n,), (n,)."""
-    nodes, shares = np.polynomial.legendre.leggauss(LENGTH_NODES if spans.degree > 1 else 1)
+    nodes, shares = np.polynomial.legendre.leggauss(1 if spans.is_polyline else LENGTH_NODES)
     length = np.zeros(len(t))
     for start, end in pairwise(spans.breaks):
         half = (np.clip(t, start, end) - start) / 2

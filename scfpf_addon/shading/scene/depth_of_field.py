@@ -137,7 +137,7 @@ def lens_of(projection: Projection, aperture: Aperture, axes: Array) -> DepthOfF
     It is where the volume has two control surfaces whose projectors all come from one point in front
     of which they begin. axes: (3, 3), the camera's right, up and forward directions in columns.
     """
-    if len(projection.volume.surfaces) != 2 or projection.volume.spans.degree != 1:
+    if len(projection.volume.surfaces) != 2:
         return None
     grid = (np.arange(LOOKED_AT) + 0.5) / LOOKED_AT
     made = projection.projectors(np.tile(grid, LOOKED_AT), np.repeat(grid, LOOKED_AT))

@@ -72,3 +72,22 @@ def test_bad_bases_are_refused():
         span_basis("BEZIER", 1)
     with pytest.raises(ValueError, match="unknown"):
         span_basis("CATMULL_ROM", 3)
+
+
+@pytest.mark.parametrize(
+    ("basis", "bezier", "polyline", "straight"),
+    [
+        (span_basis("BEZIER", 2), True, True, True),
+        (span_basis("B_SPLINE", 2), True, True, True),
+        (span_basis("POLYLINE", 2), True, True, True),
+        (span_basis("NURBS", 2, (2.0, 2.0)), True, True, True),
+        # On a line as well, but t does not advance evenly along it.
+        (span_basis("NURBS", 2, (1.0, 2.0)), False, False, False),
+        (span_basis("POLYLINE", 3), False, True, False),
+        (span_basis("BEZIER", 3), True, False, False),
+        (span_basis("B_SPLINE", 5), False, False, False),
+        (span_basis("NURBS", 3, (1.0, 2.0, 1.0)), False, False, False),
+    ],
+)
+def test_a_basis_tells_whether_its_curves_are_straight(basis, bezier, polyline, straight):
+    assert (basis.is_bezier, basis.is_polyline, basis.is_straight) == (bezier, polyline, straight)

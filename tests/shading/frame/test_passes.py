@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from scfpf_addon.projection.surfaces.surface import Plane
+from scfpf_addon.projection.volume.basis import span_basis
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.passes.data_passes import DataPasses, perspective_depth
+from scfpf_addon.shading.passes.data_passes import DataPasses, perspective_depth, projector_length
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
 
 NAMES = ("DEPTH", "POSITION", "NORMAL", "UV", "PARAMETERS", "PERSPECTIVE_DEPTH", "TANGENT")
@@ -110,3 +111,11 @@ def test_perspective_depth_of_a_frustum_is_the_papers(near, far):
     np.testing.assert_allclose(perspective_depth(frustum, half, half, t), expected, atol=1e-12)
     box = Projection(ViewingVolume((plane(near, 2.0), plane(far, 2.0)))).volume
     np.testing.assert_allclose(perspective_depth(box, half, half, t), t, atol=1e-12)
+
+
+def test_depth_is_a_length_where_t_does_not_advance_evenly():
+    spans, points = span_basis("NURBS", 2, (1.0, 3.0)), np.zeros((2, 3, 2))
+    points[1, 2] = 5.0
+    t = np.array([0.3, 0.8])
+    expected = 5.0 * spans.weights(t)[0][1]
+    np.testing.assert_allclose(projector_length(spans, points, t), expected, rtol=1e-9)
