@@ -21,7 +21,7 @@ from scfpf_addon.shading.nodes.image import MISSING, ImageData, linear_from_srgb
 from scfpf_addon.shading.nodes.inputs import fresnel_dielectric
 from scfpf_addon.shading.scene.shading_scene import LightPaths, Materials, Scene
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
-from scfpf_addon.shading.tracing.tracer import mirrored, refracted
+from scfpf_addon.shading.tracing.lobe_sampling import mirrored, refracted
 
 
 def plane_at(z, size):
