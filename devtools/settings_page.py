@@ -24,7 +24,7 @@ GROUPS = (
         "A control surface",
         tuple(("settings/camera_properties", f"SCFPF_Surface{name}") for name in ("Slot", "Settings")),
     ),
-    ("A blend", (("settings/blend_properties", "SCFPF_BlendEnds"),)),
+    ("A blend", (("settings/camera_properties", "SCFPF_BlendEnds"),)),
     ("Image Mappings", (("settings/mapping_properties", "SCFPF_ImageMapping"),)),
     ("Sampling, Film, Motion Blur", (("settings/sampling", "SCFPF_Sampling"),)),
     ("Passes", (("render/render_passes", "SCFPF_ViewLayer"),)),

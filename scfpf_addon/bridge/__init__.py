@@ -7,7 +7,6 @@ from .mappings import read_mappings
 from .overlays import image_marks, viewport_overlay
 from .render import command_line, render_engine, render_passes, result_undo
 from .settings import (
-    blend_properties,
     camera_properties,
     mapping_properties,
     sampling,
@@ -18,7 +17,6 @@ from .sync import handlers
 
 # What files and Blender's render job need: see ``render.type_registration``.
 TYPES = (
-    blend_properties,
     mapping_properties,
     camera_properties,
     sampling,

@@ -11,13 +11,13 @@ import time
 from functools import lru_cache
 from typing import NamedTuple
 
-import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
 from ...projection.mappings.grids import STMap
 from ...projection.mappings.kinds import COEFFICIENTS, KINDS, ImageMapping, changed, simple_mapping
 from ...projection.volume.reparameterisation import Reparameterisation
+from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.mesh_grid import SurfaceError, grid_points
 from ..volume.missing_objects import absent_text
 from ..volume.volume_object import is_absent, keeps_evaluated
@@ -237,11 +237,9 @@ HANDLERS = {
 
 
 def register():
-    for name, function in HANDLERS.items():
-        # Before the handlers that ask whether a stack has changed.
-        getattr(bpy.app.handlers, name).insert(0, function)
+    # Other handlers ask whether a stack has changed.
+    add_handlers(HANDLERS, at_front=True)
 
 
 def unregister():
-    for name, function in HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(function)
+    remove_handlers(HANDLERS)

@@ -23,6 +23,7 @@ from ...projection.diagrams.diagram import (
     volume_signature,
 )
 from ...projection.diagrams.line_colors import line_colors
+from ..blender.app_handlers import add_handlers, remove_handlers
 from ..camera.read_projection import ProjectionError, read_projection
 from ..render.render_job import RenderError, picture_aspect
 from ..sync.handlers import concerned
@@ -343,8 +344,7 @@ _viewport_handlers = []
 
 
 def register():
-    for name, function in HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(function)
+    add_handlers(HANDLERS)
     _viewport_handlers.append(
         bpy.types.SpaceView3D.draw_handler_add(draw_viewport, (), "WINDOW", "POST_VIEW")
     )
@@ -353,6 +353,5 @@ def register():
 def unregister():
     while _viewport_handlers:
         bpy.types.SpaceView3D.draw_handler_remove(_viewport_handlers.pop(), "WINDOW")
-    for name, function in HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(function)
+    remove_handlers(HANDLERS)
     drawings.clear()

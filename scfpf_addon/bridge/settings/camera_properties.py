@@ -24,10 +24,8 @@ from ..camera import flexible_camera
 from ..camera.camera_blend import LARGEST_BLEND, SMALLEST_BLEND
 from ..surfaces import surface_nodes
 from ..volume import edit_mode
-from .blend_properties import SCFPF_BlendEnds
 from .mapping_properties import SCFPF_ImageMapping
-
-OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
+from .property_options import ANIMATABLE, MARK, OVERRIDABLE, STATIC
 
 BASES = (
     (
@@ -72,14 +70,6 @@ KINDS = (
 )
 
 
-def _changed(owner, context):
-    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
-
-
-# Of properties that no panel shows.
-MARK = {"options": {"HIDDEN"}, "update": _changed, "override": OVERRIDABLE}
-
-
 def _volume_changed(owner, context):
     """The volume object follows an edit of a surface pointer."""
     flexible_camera.surfaces_edited(owner.id_data)
@@ -111,6 +101,10 @@ def _may_be_volume(settings, candidate) -> bool:
     return candidate.type == "MESH" and candidate.parent == settings.id_data
 
 
+def _may_be_end(ends, candidate) -> bool:
+    return candidate.type == "CAMERA" and candidate.scfpf.enabled and candidate != ends.id_data
+
+
 class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
     """One place in a flexible camera's ordered list of control surfaces.
 
@@ -135,8 +129,7 @@ class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
         max=LARGEST_WEIGHT,
         precision=3,
         step=10,
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
 
 
@@ -166,6 +159,31 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
         name="Hidden With Camera In",
         description="The view layers, one a line, in which this control surface is hidden with its camera",
         **MARK,
+    )
+
+
+class SCFPF_BlendEnds(bpy.types.PropertyGroup):
+    """The two ends of a camera made by Blend Cameras, from which Update Blend makes it anew."""
+
+    first: PointerProperty(
+        name="From",
+        description="The flexible camera at Blend 0. Press Update Blend after choosing another one",
+        type=bpy.types.Object,
+        poll=_may_be_end,
+        **ANIMATABLE,
+    )
+    second: PointerProperty(
+        name="To",
+        description="The flexible camera at Blend 1, instead of a preset. Press Update Blend after "
+        "choosing another one",
+        type=bpy.types.Object,
+        poll=_may_be_end,
+        **ANIMATABLE,
+    )
+    preset: StringProperty(
+        name="Preset",
+        description="File name of the preset at Blend 1, if no camera is chosen",
+        **ANIMATABLE,
     )
 
 
@@ -200,9 +218,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         description="The control surface that is selected in the list",
         default=0,
         min=0,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     edit_volume: BoolProperty(
         name="Edit Volume",
@@ -217,16 +233,14 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         description="How a projector runs from the near surface through the others to the far one",
         items=BASES,
         default="BEZIER",
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     reparameterisation: EnumProperty(
         name="Reparameterization",
         description="How positions in the picture become the surfaces' parameters u and v",
         items=REPARAMETERISATIONS,
         default="RECTANGLE",
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     mappings: CollectionProperty(
         name="Image Mappings",
@@ -239,9 +253,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         description="The mapping that is selected in the list",
         default=0,
         min=0,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     u_range: FloatVectorProperty(
         name="U Range",
@@ -250,8 +262,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=(0.0, 1.0),
         min=0.0,
         max=1.0,
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     v_range: FloatVectorProperty(
         name="V Range",
@@ -260,14 +271,12 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=(0.0, 1.0),
         min=0.0,
         max=1.0,
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     blend_factor: FloatProperty(
         name="Blend",
         description="Blend between two cameras: 0 is the first one's picture, 1 the second's; other "
-        "values go beyond "
-        "them",
+        "values go beyond them",
         default=0.0,
         min=SMALLEST_BLEND,
         max=LARGEST_BLEND,
@@ -275,9 +284,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         soft_max=1.0,
         precision=3,
         step=1,
-        options={"ANIMATABLE"},
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     blend_ends: PointerProperty(
         name="Blend Ends",
@@ -288,16 +295,14 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     pixel_error: FloatProperty(
         name="Pixel Error",
         description="Largest error of a curved projector, in pixels: smaller is slower, 1 is for drafts, "
-        "0 is exact "
-        "and needs more memory",
+        "0 is exact and needs more memory",
         default=0.1,
         min=0.0,
         soft_max=1.0,
         max=100.0,
         precision=3,
         step=1,
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     samples: IntProperty(
         name="Samples",
@@ -306,16 +311,13 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         min=1,
         soft_max=16,
         max=1024,
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     show_projectors: BoolProperty(
         name="Show Projectors",
         description="Draw the control surfaces and some projectors in the 3D viewport",
         default=True,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     projector_count: IntProperty(
         name="Projectors Drawn",
@@ -324,17 +326,13 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         min=2,
         soft_max=21,
         max=101,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     show_folds: BoolProperty(
         name="Show Folds",
         description="Draw projectors red where the volume is turned inside out and the picture mirrored",
         default=True,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     iso_surfaces: IntProperty(
         name="Iso-Surfaces",
@@ -343,9 +341,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         min=0,
         soft_max=9,
         max=64,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     iso_t: FloatProperty(
         name="Iso-Surface at",
@@ -353,17 +349,13 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=0.5,
         min=0.0,
         max=1.0,
-        options={"ANIMATABLE"},
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     show_pick: BoolProperty(
         name="Show Picked Projector",
         description="Draw the projector through the position in the picture that was picked last",
         default=False,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     pick: FloatVectorProperty(
         name="Picked Position",
@@ -372,20 +364,16 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=(0.5, 0.5),
         min=0.0,
         max=1.0,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     pick_t: FloatProperty(
         name="Picked t",
-        description="t at which the picked projector meets the scene: 0 near surface, 1 far one, -1 for "
-        "nothing",
+        description="t at which the picked projector meets the scene: 0 near surface, 1 far one, "
+        "-1 for nothing",
         default=-1.0,
         min=-1.0,
         max=1.0,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     pick_distance: FloatProperty(
         name="Picked Distance",
@@ -393,25 +381,19 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=0.0,
         min=0.0,
         subtype="DISTANCE",
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     pick_object: StringProperty(
         name="Picked Object",
         description="Name of the object that the picked projector met",
         default="",
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     show_found: BoolProperty(
         name="Show Found Object",
         description="Mark the object that was found last in the picture",
         default=False,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     found_box: FloatVectorProperty(
         name="Found Object's Box",
@@ -420,17 +402,13 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=(0.0, 0.0, 1.0, 1.0),
         min=0.0,
         max=1.0,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     found_object: StringProperty(
         name="Found Object",
         description="Name of the object that was searched for, and how much of it is visible",
         default="",
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     fit: EnumProperty(
         name="Fit",
@@ -441,9 +419,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
             ("HEIGHT", "Height", "The height along the camera's Y axis; the width stays"),
         ),
         default="NONE",
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     fitted_aspect: FloatProperty(
         name="Fitted Aspect",
@@ -451,37 +427,30 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default=1.0,
         min=1e-6,
         max=1e6,
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     volume_object: PointerProperty(
         name="Volume Object",
         description="The object that keeps every control surface evaluated, hidden ones too",
         type=bpy.types.Object,
         poll=_may_be_volume,
-        update=_changed,
-        override=OVERRIDABLE,
+        **ANIMATABLE,
     )
     report: StringProperty(
         name="Last Render",
         description="Size and time of the last render through this camera",
         default="",
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
     statistics: StringProperty(
         name="Statistics",
         description="Rays, chords, triangles and memory of the last render through this camera",
         default="",
-        options=set(),
-        update=_changed,
-        override=OVERRIDABLE,
+        **STATIC,
     )
 
 
-CLASSES = (SCFPF_SurfaceSlot, SCFPF_SurfaceSettings, SCFPF_CameraSettings)
+CLASSES = (SCFPF_SurfaceSlot, SCFPF_SurfaceSettings, SCFPF_BlendEnds, SCFPF_CameraSettings)
 
 
 def register():

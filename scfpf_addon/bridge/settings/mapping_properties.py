@@ -18,9 +18,7 @@ from bpy.props import (
 from ...projection.mappings.kinds import COEFFICIENT, INFLUENCE, KINDS, PLACE, RADIUS
 from ..camera import flexible_camera
 from ..mappings import mapping_edits
-
-OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
-NUMBER = {"override": OVERRIDABLE}
+from .property_options import ANIMATABLE, OVERRIDABLE
 
 MAPPING_KINDS = (
     ("RADIAL_CURVE", "Radial Curve", "A curve from the distance in the picture to the distance to look up"),
@@ -28,10 +26,7 @@ MAPPING_KINDS = (
     (
         "DISTORTION",
         "Lens Distortion",
-        (
-            "Distort as a photographic lens: Brown's polynomial over a second one (the division model, "
-            "OpenCV's)"
-        ),
+        "Distort as a photographic lens: Brown's polynomial over a second one (the division model, OpenCV's)",
     ),
     ("ST_MAP", "ST Map", "An image whose red and green are the position to look up at each pixel"),
     (
@@ -41,10 +36,6 @@ MAPPING_KINDS = (
     ),
     ("DISPLAY", "Curved Display", "Correct for a curved screen, so that its viewer sees a flat picture"),
 )
-
-
-def _changed(owner, context):
-    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
 
 
 def _kind_changed(mapping, context):
@@ -71,15 +62,12 @@ def _may_be_curve(_mapping, candidate) -> bool:
 class SCFPF_ImageMapping(bpy.types.PropertyGroup):
     """One mapping of the image. Change the order through ``mapping_edits``, which takes animation along."""
 
-    name: StringProperty(
-        name="Name", description="Name of the mapping in the list", update=_changed, **NUMBER
-    )
+    name: StringProperty(name="Name", description="Name of the mapping in the list", **ANIMATABLE)
     enabled: BoolProperty(
         name="Enabled",
         description="Let the mapping act on the picture",
         default=True,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     kind: EnumProperty(
         name="Kind",
@@ -88,27 +76,24 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         default="LENS",
         options=set(),
         update=_kind_changed,
-        **NUMBER,
+        override=OVERRIDABLE,
     )
     influence: FloatProperty(
         name="Influence",
         description="Strength of the mapping: 0 has no effect, 1 is the full effect, more exaggerates it, "
-        "less than 0"
-        " reverses it",
+        "less than 0 reverses it",
         default=1.0,
         min=INFLUENCE.low,
         max=INFLUENCE.high,
         soft_min=0.0,
         soft_max=1.0,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     backwards: BoolProperty(
         name="Backwards",
         description="Use the inverse mapping: remove a distortion instead of adding it",
         default=False,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     centre: FloatVectorProperty(
         name="Center",
@@ -121,22 +106,19 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         soft_max=1.0,
         step=1,
         precision=4,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     radius: FloatProperty(
         name="Radius",
         description="Radius of the lens, or unit of distance of the polynomials, in halves of the "
-        "picture's shorter "
-        "side",
+        "picture's shorter side",
         default=0.5,
         min=RADIUS.low,
         max=RADIUS.high,
         soft_max=3.0,
         step=1,
         precision=3,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     magnification: FloatProperty(
         name="Magnification",
@@ -146,8 +128,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         max=KINDS["LENS"]["magnification"].high,
         soft_min=0.25,
         soft_max=8.0,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     falloff: FloatProperty(
         name="Falloff",
@@ -156,8 +137,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         min=0.0,
         max=1.0,
         subtype="FACTOR",
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     numerator: FloatVectorProperty(
         name="K1 to K3",
@@ -171,8 +151,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         soft_max=1.0,
         step=1,
         precision=4,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     denominator: FloatVectorProperty(
         name="K4 to K6",
@@ -186,8 +165,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         soft_max=1.0,
         step=1,
         precision=4,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     arc: FloatProperty(
         name="Arc",
@@ -196,8 +174,7 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         min=math.radians(KINDS["DISPLAY"]["arc_degrees"].low),
         max=math.radians(KINDS["DISPLAY"]["arc_degrees"].high),
         subtype="ANGLE",
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     distance: FloatProperty(
         name="Viewer Distance",
@@ -207,35 +184,30 @@ class SCFPF_ImageMapping(bpy.types.PropertyGroup):
         max=KINDS["DISPLAY"]["distance"].high,
         soft_min=0.5,
         soft_max=4.0,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     curve: PointerProperty(
         name="Curve",
         description="The node group that holds the radial curve",
         type=bpy.types.NodeTree,
         poll=_may_be_curve,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     image: PointerProperty(
         name="Image",
         description="The ST map: red and green are the horizontal and vertical position to look up, from "
-        "0 to 1. "
-        "Where alpha is 0 the picture is empty",
+        "0 to 1. Where alpha is 0 the picture is empty",
         type=bpy.types.Image,
-        update=_changed,
-        **NUMBER,
+        **ANIMATABLE,
     )
     grid: PointerProperty(
         name="Grid",
         description="A mesh whose UV map is a regular grid over the picture. X and Y of its vertices, "
-        "from 0 to 1, "
-        "are the positions to look up there",
+        "from 0 to 1, are the positions to look up there",
         type=bpy.types.Object,
         poll=_may_be_grid,
         update=_grid_changed,
-        **NUMBER,
+        override=OVERRIDABLE,
     )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``Scene.scfpf_sampling``: where samples are taken, and what of it a frame needs."""
+"""``Scene.scfpf_sampling``: the settings of sampling, as properties and as a frame takes them."""
 
 from __future__ import annotations
 
@@ -9,17 +9,14 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, Po
 from ...shading.sampling.adaptive import Adaptive
 from ...shading.sampling.pixel_filter import PixelFilter
 from ..scene.light_paths import read_exposure
+from .property_options import noted
 
-# Blender lets a filter have no width.
+# Blender allows a filter width of 0.
 SMALLEST_WIDTH = 0.01
 
 
-def _changed(owner, context):
-    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
-
-
 class SCFPF_Sampling(bpy.types.PropertyGroup):
-    """Sampling settings of the SCFPF engine and the Render button, besides the number of samples."""
+    """Sampling settings of the SCFPF engine and the Render button, apart from the number of samples."""
 
     pixel_filter: EnumProperty(
         name="Pixel Filter",
@@ -34,7 +31,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
             ),
         ),
         default="BLACKMAN_HARRIS",
-        update=_changed,
+        update=noted,
     )
     pattern: EnumProperty(
         name="Pattern",
@@ -44,13 +41,13 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
             ("SCRAMBLED", "Scrambled", "Sobol points, in another order in each pixel: fine noise, no steps"),
         ),
         default="SAME",
-        update=_changed,
+        update=noted,
     )
     use_adaptive: BoolProperty(
         name="Adaptive Sampling",
         description="Take fewer samples where those of a pixel hardly differ, and all of them where they do",
         default=False,
-        update=_changed,
+        update=noted,
     )
     adaptive_threshold: FloatProperty(
         name="Noise Threshold",
@@ -61,7 +58,7 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
         max=1.0,
         precision=4,
         step=0.1,
-        update=_changed,
+        update=noted,
     )
     adaptive_least: IntProperty(
         name="Min Samples",
@@ -70,23 +67,22 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
         min=2,
         soft_max=64,
         max=1024,
-        update=_changed,
+        update=noted,
     )
     motion_steps: IntProperty(
         name="Motion Steps",
         description="Number of times at which the scene is read while the shutter is open. If anything "
-        "moves, each is"
-        " kept in memory",
+        "moves, each is kept in memory",
         default=8,
         min=2,
         soft_max=32,
         max=256,
-        update=_changed,
+        update=noted,
     )
 
 
 def sampling_of(scene) -> dict[str, object]:
-    """The part of ``FrameSettings`` that an evaluated scene's sampling and film settings give."""
+    """Return the fields of ``FrameSettings`` that depend on an evaluated scene's sampling and film."""
     options = scene.scfpf_sampling
     adaptive = Adaptive(options.adaptive_threshold, options.adaptive_least) if options.use_adaptive else None
     return {

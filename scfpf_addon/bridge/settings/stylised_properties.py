@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``Scene.scfpf_drawn``: pictures as if drawn, and what of it a frame needs."""
+"""``Scene.scfpf_drawn``: the settings of Drawn Style, as properties and as a frame takes them."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from ...shading.settings.stylised_settings import (
     Lines,
     Stylised,
 )
+from .property_options import ANIMATABLE
 
-OVERRIDE = {"LIBRARY_OVERRIDABLE"}
-# A line of the widest soft width at twice the size of a picture; wider ones take long to draw.
+# Pixels. Wider lines take long to draw.
 WIDEST = 64.0
-# The property that switches each kind of lines.
+# The kind of lines that each property switches on.
 LINE_KINDS = {
     "use_silhouette": SILHOUETTE,
     "use_object": OBJECT,
@@ -41,14 +41,8 @@ LINE_KINDS = {
 PIXELS = "in pixels at 100 % resolution: other percentages scale it"
 
 
-def _changed(owner, context):
-    """Nothing to do: having a callback at all makes edits from Python reach the depsgraph."""
-
-
 def _switch(name, description, default):
-    return BoolProperty(
-        name=name, description=description, default=default, override=OVERRIDE, update=_changed
-    )
+    return BoolProperty(name=name, description=description, default=default, **ANIMATABLE)
 
 
 def _color(name, description, default):
@@ -60,8 +54,7 @@ def _color(name, description, default):
         min=0.0,
         max=1.0,
         default=default,
-        override=OVERRIDE,
-        update=_changed,
+        **ANIMATABLE,
     )
 
 
@@ -72,14 +65,13 @@ def _number(name, description, default, low, high, **options):
         default=default,
         min=low,
         max=high,
-        override=OVERRIDE,
-        update=_changed,
+        **ANIMATABLE,
         **options,
     )
 
 
 class SCFPF_Drawn(bpy.types.PropertyGroup):
-    """Settings of drawn pictures of the SCFPF engine and the Render button; only Combined follows them."""
+    """Settings of Drawn Style in the SCFPF engine and the Render button; only Combined follows them."""
 
     use_drawn: _switch(
         "Drawn Style", "Draw the picture: lines, flat shades and paper. Other passes stay as they are", False
@@ -145,8 +137,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
             ("PAPER", "Paper", "Paper only"),
         ),
         default="TOON",
-        override=OVERRIDE,
-        update=_changed,
+        **ANIMATABLE,
     )
     steps: IntProperty(
         name="Steps",
@@ -155,8 +146,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         min=2,
         soft_max=8,
         max=64,
-        override=OVERRIDE,
-        update=_changed,
+        **ANIMATABLE,
     )
     softness: _number(
         "Softness",
@@ -195,8 +185,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
             ("TONE", "Tone", "Strokes where there is less light, in up to three layers"),
         ),
         default="NONE",
-        override=OVERRIDE,
-        update=_changed,
+        **ANIMATABLE,
     )
     hatch_width: _number(
         "Stroke Width", f"Width of strokes, {PIXELS}", 1.0, 0.1, WIDEST, soft_max=6.0, step=10
@@ -209,8 +198,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         min=2,
         soft_max=256,
         max=4096,
-        override=OVERRIDE,
-        update=_changed,
+        **ANIMATABLE,
     )
     hatch_spacing: _number(
         "Spacing", f"Between the middles of strokes, {PIXELS}", 6.0, 1.0, 1000.0, soft_max=40.0, step=10
@@ -235,55 +223,53 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     detail: IntProperty(
         name="Detail",
         description="Places along each side of a pixel at which lines are searched: more find finer "
-        "lines. Each place"
-        " takes about as long as a sample",
+        "lines. Each place takes about as long as a sample",
         default=2,
         min=1,
         max=4,
-        override=OVERRIDE,
-        update=_changed,
+        **ANIMATABLE,
     )
 
 
 def stylised_of(scene, width: int) -> Stylised | None:
-    """The drawing settings of an evaluated scene for a width in pixels, or None if Drawn Style is off."""
+    """Return the style of an evaluated scene for an image width in pixels, None if Drawn Style is off."""
     options = scene.scfpf_drawn
     if not options.use_drawn:
         return None
     lines = hatching = None
     if options.use_lines:
         lines = Lines(
-            sum(bit for name, bit in LINE_KINDS.items() if getattr(options, name)),
-            options.line_width,
-            options.inner_width,
-            np.array(options.line_color, np.float64),
-            options.crease_angle,
-            options.depth_jump,
+            kinds=sum(bit for name, bit in LINE_KINDS.items() if getattr(options, name)),
+            width=options.line_width,
+            inner_width=options.inner_width,
+            color=np.array(options.line_color, np.float64),
+            crease_angle=options.crease_angle,
+            jump=options.depth_jump,
         )
     if options.hatching != "NONE":
         hatching = Hatching(
-            options.hatching,
-            options.hatch_width,
-            np.array(options.hatch_color, np.float64),
-            options.hatch_count,
-            options.hatch_spacing,
-            options.hatch_angle,
-            options.use_cross,
+            kind=options.hatching,
+            width=options.hatch_width,
+            color=np.array(options.hatch_color, np.float64),
+            count=options.hatch_count,
+            spacing=options.hatch_spacing,
+            angle=options.hatch_angle,
+            cross=options.use_cross,
         )
-    drawn = Stylised(
-        lines,
-        hatching,
-        options.fill,
-        options.steps,
-        options.softness,
-        options.darkest,
-        options.exposure,
-        options.fade,
-        np.array(options.paper_color, np.float64),
-        options.use_paper,
-        options.detail,
+    style = Stylised(
+        lines=lines,
+        hatching=hatching,
+        fill=options.fill,
+        steps=options.steps,
+        softness=options.softness,
+        darkest=options.darkest,
+        exposure=options.exposure,
+        fade=options.fade,
+        paper=np.array(options.paper_color, np.float64),
+        on_paper=options.use_paper,
+        detail=options.detail,
     )
-    return drawn.scaled(width / scene.render.resolution_x)
+    return style.scaled(width / scene.render.resolution_x)
 
 
 def register():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ready-made drawn styles: values of ``Scene.scfpf_drawn``; what a style does not name gets its default."""
+"""Ready-made styles: values of ``Scene.scfpf_drawn``. Properties that a style omits get their defaults."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Style(NamedTuple):
-    """name, description: as the menu shows them. values: of properties of ``SCFPF_Drawn``."""
+    """A look for the menu. values: by names of properties of ``SCFPF_Drawn``."""
 
     name: str
     description: str
@@ -66,9 +66,9 @@ STYLES = {
 
 
 def apply_style(scene, identifier: str, plain_view: bool = True) -> None:
-    """Switch the scene's Drawn Style on with the values of a style. plain_view: show colours as they are.
+    """Switch Drawn Style on in a scene, with the values of a style.
 
-    Raises KeyError for a style that there is not.
+    plain_view: choose the view transform that shows colours unchanged. Raises KeyError for an unknown style.
     """
     style, options = STYLES[identifier], scene.scfpf_drawn
     for name in options.bl_rna.properties.keys():

@@ -121,12 +121,12 @@ def test_what_is_set_back_is_named_on_the_camera(tmp_path):
 
 
 def test_sound_settings_are_left_alone(tmp_path, addon):
-    settle = addon("bridge.settings.validation").settle
+    reset_invalid = addon("bridge.settings.validation").reset_invalid
     scene = Scene()
     for group in (scene.settings, scene.scene.scfpf_sampling, scene.scene.scfpf_drawn):
-        assert settle(group) == []
+        assert reset_invalid(group) == []
     for surface in scene.surfaces:
-        assert settle(surface.scfpf_surface) == []
+        assert reset_invalid(surface.scfpf_surface) == []
 
 
 def test_surfaces_of_an_older_version_get_limits_on_loading(addon, tmp_path):
