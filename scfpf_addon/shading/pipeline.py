@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +22,6 @@ from ..casting.scene.cast_scene import CastScene
 from ..casting.tiles import TileJob
 from ..projection.typing import Array, IndexArray
 from ..projection.volume.viewing_volume import Projection
-from .fast_paths.fast_path import short_way
-from .fast_paths.suns_alone import SunsAlone
-from .fast_paths.suns_shadowed import SunsShadowed
 from .film import Film
 from .lights.ray_visibility import seen_directly
 from .lights.scene_culling import cull_scene
@@ -146,13 +142,6 @@ class Pipeline:
         # There is one background behind all samples.
         return replace(self, moments=tuple(replace(e, background=self.background) for _, e in made[1:]))
 
-    @cached_property
-    def suns_alone(self) -> SunsAlone | SunsShadowed | None:
-        """The short way to pictures that are simple enough for it."""
-        return short_way(
-            self.projection, self.settings, self.places, self.behind, self.cast_scene, self.shading
-        )
-
     @property
     def behind(self) -> Array:
         """The colour of the picture where nothing is hit, (3,)."""
@@ -188,22 +177,6 @@ class Pipeline:
             if job.stop.is_set():
                 return TileCounts(counts, hit_count)
             now = self.at(sample)
-            if now.suns_alone and light is None:
-                # A single sample needs no film.
-                straight = inside is None and self.settings.samples == 1
-                count = (job.rows.stop - job.rows.start) * self.settings.width
-                color = pixels.T if straight else np.empty((4, count), np.float32)
-                triangle = now.suns_alone.sample(job.rows, sample, counts, color)
-                hit_count += int(np.count_nonzero(triangle >= 0))
-                if inside is not None:
-                    color, triangle = color[:, inside], triangle[inside]
-                if not straight:
-                    film.add_whole(color)
-                if crypto.wanted and now.geometry:
-                    where = np.flatnonzero(triangle >= 0)
-                    crypto.add(where, now.geometry, triangle[where])
-                job.done = (sample + 1) / self.settings.samples
-                continue
             hits, continuation = now.cast_sample(job.rows, sample, counts)
             hit_count += int(np.count_nonzero(hits.triangle >= 0))
             if job.stop.is_set():

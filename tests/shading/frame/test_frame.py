@@ -277,8 +277,7 @@ def test_settings_that_make_no_picture_are_refused(wrong):
 def test_the_report_counts(build):
     scene = build.scene([build.square(0.5, centre=(0.5, 0.5))])
     report = render_frame(build.looking_down(1, -1), scene, FrameSettings(8, 4, samples=3)).report
-    # A quarter of the picture is the part that can show anything.
-    assert (report.projectors, report.chords, report.hit_fraction) == (96, 24, 0.25)
+    assert (report.projectors, report.chords, report.hit_fraction) == (96, 96, 0.25)
     assert report.straight and report.error_bound == 0 and not report.folded
     assert 0 <= report.build_seconds <= report.seconds
 
