@@ -1,27 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The house is as docs/architecture.md has it: layers, a row for every file, nothing too long to hold."""
+"""Layers, import circles, and sizes of folders, classes and functions."""
 
 import ast
 import functools
 import pathlib
-import re
+from graphlib import CycleError, TopologicalSorter
+
+import pytest
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-PAGE = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
-ROOMS = PAGE[PAGE.index("## Rooms") : PAGE.index("## Where to add")]
-# From the ground up: each may use what stands before it.
+# From the ground up: a layer may import those before it.
 LAYERS = ("projection", "casting", "shading", "bridge", "scanline", "cycles", "operators", "panels")
 PURE = LAYERS[:3]
-LONGEST_FILE, LONGEST_FUNCTION = 500, 80
+PRODUCT = ("scfpf_addon", "operators", "panels")
+MOST_MODULES, LONGEST_FILE, LONGEST_CLASS, LONGEST_FUNCTION = 16, 500, 200, 60
+# Below this many lines a module needs a reason to be one.
+SHORTEST_MODULE = 30
+REASONS = {
+    "scfpf_addon/projection/typing.py": "type names of the pure packages",
+    "scfpf_addon/shading/typing.py": "type names of shading",
+}
+# Blender reads property groups and panels as one class each.
+DECLARATIVE = ("PropertyGroup", "Panel")
 
 
 def is_code(path):
-    """Whether a file is ours, not something that was made or installed here."""
+    """Whether a file is part of the repository's code, not generated or installed."""
     parts = path.relative_to(ROOT).parts
-    return not any(part.startswith(".") or part in ("dist", "build", "wheels") for part in parts)
+    return not any(part.startswith(".") or part in ("dist", "build", "wheels", "output") for part in parts)
 
 
 FILES = sorted(path for path in ROOT.rglob("*.py") if is_code(path))
+MODULES = {path.relative_to(ROOT).with_suffix("").parts: path for path in FILES}
+FOLDERS = sorted({path.parent for path in FILES})
+
+
+def title(path):
+    return path.relative_to(ROOT).as_posix()
 
 
 @functools.cache
@@ -30,76 +45,107 @@ def parsed(path):
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def layer_of(path):
-    """The layer that a file of the extension belongs to; None for other files."""
-    parts = path.relative_to(ROOT).parts
+def is_product(path):
+    return path.relative_to(ROOT).parts[0] in PRODUCT
+
+
+@functools.cache
+def imported(path):
+    """The modules that a file imports, as tuples of names, type-only and local imports included."""
+    package = path.relative_to(ROOT).with_suffix("").parts
+    found = set()
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.Import):
+            found |= {tuple(alias.name.split(".")) for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = package[: -node.level] if node.level else ()
+            start = (*base, *(node.module or "").split(".")) if node.module else base
+            for alias in node.names:
+                full = (*start, alias.name)
+                found.add(full if full in MODULES or (*full, "__init__") in MODULES else start)
+    return found
+
+
+def layer_of(parts):
+    """The layer of a module, None outside of the extension."""
     part = parts[1] if parts[0] == "scfpf_addon" and len(parts) > 2 else parts[0]
     return part if part in LAYERS else None
 
 
-def imported(path):
-    """The modules that a file imports, in full, wherever in it."""
-    package = path.relative_to(ROOT).with_suffix("").parts
-    for node in ast.walk(parsed(path)):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            base = ".".join(package[: -node.level]) if node.level else ""
-            start = ".".join(part for part in (base, node.module) if part)
-            yield from (f"{start}.{alias.name}" for alias in node.names)
-
-
-def named_rooms():
-    """Every path in the first column of the table; the first one of a cell gives the others its folder."""
-    for line in ROOMS.splitlines():
-        cells = line.split(" | ")
-        if not line.startswith("| `"):
-            continue
-        folder = ""
-        for name in re.findall(r"`([^`]+)`", cells[0]):
-            folder = name.rpartition("/")[0] if "/" in name else folder
-            yield name if "/" in name or name == "dev.py" else f"{folder}/{name}", cells[1]
-
-
 def test_arrows_point_one_way():
-    for path in FILES:
-        layer = layer_of(path)
+    for parts, path in MODULES.items():
+        layer = layer_of(parts)
         if layer is None:
             continue
         allowed = LAYERS[: LAYERS.index(layer) + 1]
         for module in imported(path):
-            parts = module.removeprefix("scfpf_addon.").split(".")
-            assert parts[0] not in LAYERS or parts[0] in allowed, f"{path.relative_to(ROOT)} imports {module}"
-            if layer in PURE:
-                assert parts[0] not in ("bpy", "mathutils", "gpu"), (
-                    f"{path.relative_to(ROOT)} imports {module}"
-                )
+            other = module[1] if module[0] == "scfpf_addon" and len(module) > 1 else module[0]
+            assert other not in LAYERS or other in allowed, f"{title(path)} imports {'.'.join(module)}"
+            assert layer not in PURE or other not in ("bpy", "mathutils", "gpu"), title(path)
 
 
-def test_every_room_is_there():
-    rooms = dict(named_rooms())
-    assert len(rooms) > 100
-    for name in rooms:
-        place = ROOT / name
-        assert place.exists() or (ROOT / "scfpf_addon" / name).exists(), f"docs/architecture.md names {name}"
-
-
-def test_every_file_has_a_room():
-    """A row of its own, or its name without .py in the row of its folder."""
-    rooms = dict(named_rooms())
-    for path in FILES:
-        name = str(path.relative_to(ROOT).as_posix()).removeprefix("scfpf_addon/")
-        if path.name == "__init__.py" or name in rooms or name.startswith("tests/"):
+def entries_imported():
+    """For each folder: what each of its entries, modules and folders, imports of the others."""
+    graphs = {}
+    for parts, path in MODULES.items():
+        if parts[-1] == "__init__" or not is_product(path):
             continue
-        folder = rooms.get(f"{path.parent.relative_to(ROOT).as_posix().removeprefix('scfpf_addon/')}/", "")
-        assert re.search(rf"`{path.stem}(\.py)?`", folder), f"docs/architecture.md has no room for {name}"
+        for other in imported(path):
+            if other not in MODULES or other == parts:
+                continue
+            same = next(n for n, pair in enumerate(zip(parts, other, strict=False)) if pair[0] != pair[1])
+            graphs.setdefault(parts[:same], {}).setdefault(parts[same], set()).add(other[same])
+    return graphs
+
+
+def test_no_folder_has_an_import_circle():
+    graphs = entries_imported()
+    assert len(graphs) > 30
+    for folder, graph in graphs.items():
+        try:
+            TopologicalSorter(graph).prepare()
+        except CycleError as error:
+            pytest.fail(f"{'/'.join(folder)}: {' imports '.join(reversed(error.args[1]))}")
+
+
+def test_folders_are_small():
+    for folder in FOLDERS:
+        modules = [path for path in folder.glob("*.py") if path.name != "__init__.py"]
+        assert len(modules) <= MOST_MODULES, f"{title(folder)} has {len(modules)} modules"
 
 
 def test_nothing_is_too_long():
+    faults = []
     for path in FILES:
-        name, tree = path.relative_to(ROOT), parsed(path)
-        assert len(path.read_text(encoding="utf-8").splitlines()) <= LONGEST_FILE, name
-        for node in ast.walk(tree):
-            if isinstance(node, ast.FunctionDef):
-                lines = node.end_lineno - node.lineno + 1
-                assert lines <= LONGEST_FUNCTION, f"{name}: {node.name} has {lines} lines"
+        if len(path.read_text(encoding="utf-8").splitlines()) > LONGEST_FILE:
+            faults.append(f"{title(path)} is longer than {LONGEST_FILE} lines")
+        for node in ast.walk(parsed(path)):
+            if not isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+                continue
+            is_class = isinstance(node, ast.ClassDef)
+            if is_class and any(ast.unparse(base).endswith(DECLARATIVE) for base in node.bases):
+                continue
+            lines = node.end_lineno - node.lineno + 1
+            if lines > (LONGEST_CLASS if is_class else LONGEST_FUNCTION):
+                faults.append(f"{title(path)}: {node.name} has {lines} lines")
+    assert not faults, "\n".join(faults)
+
+
+def test_modules_are_no_fragments():
+    short = {
+        title(path)
+        for path in FILES
+        if is_product(path)
+        and path.name != "__init__.py"
+        and len(path.read_text(encoding="utf-8").splitlines()) < SHORTEST_MODULE
+    }
+    assert short == set(REASONS)
+
+
+def test_tests_mirror_the_folders():
+    """Each folder of tests for a package is named as one of its folders, or holds what concerns several."""
+    for package in PURE:
+        own = {path.name for path in (ROOT / "scfpf_addon" / package).iterdir() if path.is_dir()}
+        for folder in (ROOT / "tests" / package).iterdir():
+            if folder.is_dir() and folder.name != "__pycache__":
+                assert folder.name in own | {"whole", "frame"}, title(folder)

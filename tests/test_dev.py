@@ -85,11 +85,12 @@ def test_options_of_pytest_reach_pytest_only():
 
 def test_named_tests_run_where_they_belong(monkeypatch):
     monkeypatch.chdir(ROOT / "tests")
-    plan = testing.plan(["test_dev.py", "blender/test_package.py::test_manifest_is_valid", "-k", "x or y"])
+    manifest = "blender/interface/test_package.py::test_manifest_is_valid"
+    plan = testing.plan(["test_dev.py", manifest, "-k", "x or y"])
     assert plan == {
         "pure": [f"{ROOT / 'tests' / 'test_dev.py'}", "-k", "x or y"],
         "blender": [
-            f"{ROOT / 'tests' / 'blender' / 'test_package.py'}::test_manifest_is_valid",
+            f"{ROOT / 'tests' / 'blender' / 'interface' / 'test_package.py'}::test_manifest_is_valid",
             "-k",
             "x or y",
         ],
@@ -99,7 +100,7 @@ def test_named_tests_run_where_they_belong(monkeypatch):
 def test_coverage_is_of_pure_tests_only():
     nowhere = environments.Environment("none", ROOT, "not a Python")
     with pytest.raises(environments.Failure, match="tests/projection"):
-        coverage.test(nowhere, [str(ROOT / "tests" / "blender" / "test_package.py")])
+        coverage.test(nowhere, [str(ROOT / "tests" / "blender" / "interface" / "test_package.py")])
 
 
 @pytest.mark.parametrize(

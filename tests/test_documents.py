@@ -12,7 +12,10 @@ from devtools import pictures, settings_page
 from tests.british import british
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
-PAGES = (ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = (ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md")))
+DECISIONS = [path for path in PAGES if path.parent.name == "decisions" and path.name != "README.md"]
+# The most words of a page, its tables and code aside.
+MOST_WORDS = {"README.md": 900, "architecture.md": 2000, "performance.md": 800, "accuracy.md": 1000}
 GUIDE = ROOT / "docs" / "guide.md"
 CODE = ("scfpf_addon", "operators", "panels")
 # Keys of preset files and of node groups in saved files, which stay as they are.
@@ -29,6 +32,28 @@ def anchors(text):
     """The places of a page that can be linked to, as GitHub names them."""
     titles = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+def words(text):
+    """The number of words of a page without its tables and indented code."""
+    lines = [line for line in text.splitlines() if not line.startswith(("|", "    "))]
+    return len(" ".join(lines).split())
+
+
+@pytest.mark.parametrize("name", MOST_WORDS)
+def test_pages_are_short(name):
+    (page,) = (path for path in PAGES if path.name == name and path.parent.name != "decisions")
+    assert words(page.read_text(encoding="utf-8")) <= MOST_WORDS[name]
+
+
+def test_decisions_are_few_and_say_why():
+    assert 20 <= len(DECISIONS) <= 30
+    for path in DECISIONS:
+        text = path.read_text(encoding="utf-8")
+        assert 100 <= words(text) <= 200, path.name
+        assert re.search(r"^\d{4}-\d\d-\d\d$", text, re.MULTILINE), f"{path.name} has no date"
+        for part in ("Context", "Decision", "Consequence"):
+            assert f"**{part}.**" in text, path.name
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

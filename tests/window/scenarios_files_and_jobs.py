@@ -1,9 +1,48 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What may happen while a render runs: Esc, edits, a closed window, another file."""
+"""A file saved and opened again; Esc, edits, a closed window or another file in mid-render."""
+
+import pathlib
+import tempfile
 
 import bpy
 import numpy as np
-from driver import DRAW, IMAGE, build_scene, set_slow
+from driver import DRAW, IMAGE, build_scene, set_slow, surfaces, volume
+
+
+def saves(driver):
+    """Save, start afresh, open: the same volume, the same picture, the same lines, the same render."""
+    build_scene(percentage=25)
+    driver.add_camera("cylindrical_panorama")
+    for kind in ("SPHERE", "NURBS"):
+        with driver.override():
+            bpy.ops.scfpf.surface_add("INVOKE_DEFAULT", True, kind=kind)
+    driver.look("FRONT")
+    driver.start_render()
+    yield from driver.finished()
+    camera = bpy.context.scene.camera
+    before, picture, lines = volume(camera), driver.pixels(), driver.surface_lines()
+    assert len(surfaces(camera)) == 4 and lines.sum() > 1000
+    driver.shot("before")
+    with tempfile.TemporaryDirectory() as folder:
+        path = str(pathlib.Path(folder, "saved.blend"))
+        with driver.override():
+            assert bpy.ops.wm.save_as_mainfile(filepath=path) == {"FINISHED"}
+            bpy.ops.wm.read_homefile()
+        yield DRAW
+        assert IMAGE not in bpy.data.images and not bpy.context.scene.camera.scfpf.enabled
+        driver.shot("fresh-file")
+        with driver.override():
+            bpy.ops.wm.open_mainfile(filepath=path)
+        yield 2 * DRAW
+    driver.shot("opened")
+    camera = bpy.context.scene.camera
+    assert volume(camera) == before
+    assert np.array_equal(driver.pixels(), picture), "the picture did not outlive the file"
+    changed = (driver.surface_lines() ^ lines).sum()
+    assert changed < 0.02 * lines.sum(), f"{changed} of {lines.sum()} green pixels are others"
+    driver.start_render()
+    yield from driver.finished()
+    assert np.array_equal(driver.pixels(), picture), "the file opened renders otherwise"
 
 
 def cancels(driver):
@@ -102,4 +141,4 @@ def file_opened_during_render(driver):
     assert IMAGE not in bpy.data.images
 
 
-SCENARIOS = (cancels, edits_during_render, window_closed_during_render, file_opened_during_render)
+SCENARIOS = (saves, cancels, edits_during_render, window_closed_during_render, file_opened_during_render)
