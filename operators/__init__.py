@@ -13,7 +13,7 @@ from .camera import (
     stylised,
     tutorial,
 )
-from .picture import find, pick, render
+from .image import find, pick, render
 from .volume import edit_volume, framing, image_fit, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.

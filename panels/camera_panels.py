@@ -6,11 +6,13 @@ import textwrap
 import bpy
 
 from ..operators.common.target import camera_of, flexible_camera_of
-from ..operators.picture.pick import pick_readout
+from ..operators.image.pick import pick_readout
 from ..scfpf_addon.bridge.camera.image_fit import needs_fit
 from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
 from ..scfpf_addon.bridge.render import render_job
+from ..scfpf_addon.bridge.render.image_size import image_aspect
+from ..scfpf_addon.bridge.render.render_errors import RenderError
 from ..scfpf_addon.bridge.render.result_image import result_image
 from ..scfpf_addon.bridge.surfaces.surface_nodes import SurfaceError, parameter_properties
 from ..scfpf_addon.bridge.sync.handlers import sharers
@@ -105,8 +107,8 @@ def draw_text(layout, text: str, icon: str) -> None:
 def draw_fit(layout, scene, camera) -> None:
     """A button while the resolution has another shape than the volume was made for."""
     try:
-        wanted = needs_fit(camera, render_job.picture_aspect(scene))
-    except render_job.RenderError:
+        wanted = needs_fit(camera, image_aspect(scene))
+    except RenderError:
         return  # Rendering says that the picture is too large.
     if wanted:
         layout.operator("scfpf.volume_fit_picture", icon="MOD_LENGTH")

@@ -20,7 +20,7 @@ from ...scfpf_addon.bridge.camera.flexible_camera import (
     replace_surfaces,
 )
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
-from ...scfpf_addon.bridge.render.render_job import picture_aspect
+from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.bridge.volume.missing_objects import absent_text
 from ...scfpf_addon.projection.editing.blending import BlendError, blended
 from ..common.target import flexible_camera_of, poll_flexible_camera
@@ -56,7 +56,7 @@ def _blend(context, first, second, camera):
     if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
         raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
     inward = np.linalg.inv(world)
-    own = read_projection(first, context.evaluated_depsgraph_get(), picture_aspect(context.scene))
+    own = read_projection(first, context.evaluated_depsgraph_get(), image_aspect(context.scene))
     own = own.transformed(inward)
     return own, blended(own, second.transformed(inward))
 
@@ -78,13 +78,13 @@ def _give(context, camera, blend) -> None:
         give_shapes(camera, blend)
     camera.scfpf.basis = blend.basis
     camera.scfpf.reparameterisation = "POLAR" if blend.polar else "RECTANGLE"
-    camera.scfpf.fitted_aspect = picture_aspect(context.scene)
+    camera.scfpf.fitted_aspect = image_aspect(context.scene)
 
 
 def _preset_before(context, camera, preset):
     """A preset's projection as it is where a camera stands, in world space."""
     world = np.array(camera.matrix_world, np.float64)
-    return preset.projection(picture_aspect(context.scene)).transformed(world)
+    return preset.projection(image_aspect(context.scene)).transformed(world)
 
 
 def _done(camera) -> str:
@@ -109,7 +109,7 @@ class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         (first,) = _chosen(context)
-        aspect = picture_aspect(context.scene)
+        aspect = image_aspect(context.scene)
         second = read_projection(camera, context.evaluated_depsgraph_get(), aspect)
         made = blend_camera(context, first, second, camera.name)
         made.scfpf.blend_ends.second = camera
@@ -168,7 +168,7 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
         first = _end(context, camera, ends.first)
         if ends.second is not None:
             other = _end(context, camera, ends.second)
-            aspect = picture_aspect(context.scene)
+            aspect = image_aspect(context.scene)
             second = read_projection(other, context.evaluated_depsgraph_get(), aspect)
             name = other.name
         else:

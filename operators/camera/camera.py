@@ -6,7 +6,7 @@ import numpy as np
 from bpy.props import EnumProperty
 
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
-from ...scfpf_addon.bridge.render.render_job import picture_aspect
+from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.errors import BAD_INPUT, refused
 from ..common.local_view import show_in_local_view
 from ..common.placement import Box, camera_like_view, camera_seeing, fit_depth, scene_box
@@ -49,7 +49,7 @@ class SCFPF_OT_camera_add(bpy.types.Operator):
     def execute(self, context):
         scene = context.scene
         try:
-            aspect = picture_aspect(scene)
+            aspect = image_aspect(scene)
             preset = None if self.preset == _VIEW[0] else shipped_preset(self.preset)
         except BAD_INPUT as error:
             return refused(self, error)

@@ -8,7 +8,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 
 from ...scfpf_addon.bridge.camera import camera_preset
-from ...scfpf_addon.bridge.render.render_job import picture_aspect
+from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of
@@ -76,7 +76,7 @@ class _SavesVolume(Tool):
         """The volume as it is now. Raises what BAD_INPUT lists."""
         if not self.name.strip():
             raise PresetError("Give the preset a name")
-        aspect = picture_aspect(context.scene)
+        aspect = image_aspect(context.scene)
         depsgraph = context.evaluated_depsgraph_get()
         return camera_preset.preset_of(camera, depsgraph, aspect, self.name, self.description)
 

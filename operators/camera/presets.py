@@ -8,7 +8,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from ...scfpf_addon.bridge.camera.flexible_camera import apply_preset
-from ...scfpf_addon.bridge.render.render_job import picture_aspect
+from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
 from ..common.errors import BAD_INPUT, refused
 from ..common.placement import around_subject, reaching_scale, scene_box
@@ -59,7 +59,7 @@ def shipped_preset(identifier: str):
 
 def use_preset(context, camera, preset, fit: bool) -> None:
     """Replace the camera's volume by a preset's. fit: as the operators' property of that name."""
-    aspect = picture_aspect(context.scene)
+    aspect = image_aspect(context.scene)
     box = (scene_box(context, selected_only=True) or scene_box(context)) if fit else None
     scale = 1.0
     if box is not None and preset.subject is not None:

@@ -4,7 +4,8 @@
 import bpy
 
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
-from ...scfpf_addon.bridge.render.render_job import picture_aspect, reason
+from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ...scfpf_addon.bridge.render.render_errors import reason
 from ...scfpf_addon.scanline.preview.preview import show, switch_off, switch_on
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
@@ -41,7 +42,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             return refused(self, error)
         depsgraph = context.evaluated_depsgraph_get()
         try:
-            read_projection(camera, depsgraph, picture_aspect(context.scene))
+            read_projection(camera, depsgraph, image_aspect(context.scene))
         except BAD_INPUT as error:
             # The preview stays: it follows once the volume is mended.
             self.report({"WARNING"}, reason(error))

@@ -4,7 +4,7 @@
 import bpy
 
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
-from ...scfpf_addon.bridge.render.render_job import RenderError
+from ...scfpf_addon.bridge.render.render_errors import RenderError
 from ...scfpf_addon.bridge.volume.missing_objects import missing_text
 
 NO_CAMERA = (

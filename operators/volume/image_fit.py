@@ -4,7 +4,7 @@
 import bpy
 
 from ...scfpf_addon.bridge.camera.image_fit import fit_to_picture
-from ...scfpf_addon.bridge.render.render_job import picture_aspect
+from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.tool import Tool
 
 
@@ -15,7 +15,7 @@ class SCFPF_OT_volume_fit_picture(Tool, bpy.types.Operator):
     bl_label = "Fit to Resolution"
 
     def edit(self, context, camera):
-        fit_to_picture(camera, context.evaluated_depsgraph_get(), picture_aspect(context.scene))
+        fit_to_picture(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_volume_fit_picture,))

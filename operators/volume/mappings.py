@@ -8,11 +8,11 @@ from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.mappings import mapping_edits
 from ...scfpf_addon.bridge.mappings.mapping_edits import MappingError
 from ...scfpf_addon.bridge.mappings.st_map_image import CONTENTS, write_st_map
-from ...scfpf_addon.bridge.render.render_job import picture_aspect, picture_size
+from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
 from ..common.tool import Tool
-from ..picture.image_click import PictureClick
+from ..image.image_click import PictureClick
 
 MAPPING_NAMES = {kind: name for kind, name, _ in MAPPING_KINDS}
 
@@ -138,8 +138,8 @@ class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         scene = context.scene
-        projection = read_projection(camera, context.evaluated_depsgraph_get(), picture_aspect(scene))
-        image, warning = write_st_map(projection, picture_size(scene), self.content, self.inverse)
+        projection = read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(scene))
+        image, warning = write_st_map(projection, image_size(scene), self.content, self.inverse)
         for area in context.screen.areas if context.screen else ():
             if area.ui_type == "IMAGE_EDITOR":
                 area.spaces.active.image = image

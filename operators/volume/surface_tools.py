@@ -6,7 +6,7 @@ from bpy.props import EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.camera import surface_edits, volume_edits
 from ...scfpf_addon.bridge.camera.surface_scale import is_scaled
-from ...scfpf_addon.bridge.render.render_job import picture_aspect, picture_size
+from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.surfaces import lattice_object
 from ...scfpf_addon.bridge.surfaces.surface_nodes import PARAMETRIC_KINDS
 from ...scfpf_addon.projection.editing.respacing import EVEN
@@ -26,7 +26,7 @@ DIRECTIONS = (
 
 def kept_share(scene, camera) -> float:
     """The share of its size by which a surface may change and the picture stay: the pixel error's."""
-    error = camera.scfpf.pixel_error / max(picture_size(scene))
+    error = camera.scfpf.pixel_error / max(image_size(scene))
     return max(error, CHANGED_SHARE)
 
 
@@ -218,7 +218,7 @@ class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
         change = surface_edits.convert_to_lattice(
             camera,
             context.evaluated_depsgraph_get(),
-            picture_aspect(context.scene),
+            image_aspect(context.scene),
             (self.points_w, self.points_v, self.points_u),
             self.interpolation,
         )

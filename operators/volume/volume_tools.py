@@ -6,7 +6,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.camera import volume_edits
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
-from ...scfpf_addon.bridge.render.render_job import picture_aspect
+from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.placement import SHAPES, scene_box
 from ..common.target import flexible_camera_of
 from ..common.tool import Tool, poll_two
@@ -34,7 +34,7 @@ class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
         exact = volume_edits.insert_surface(
             camera,
             context.evaluated_depsgraph_get(),
-            picture_aspect(context.scene),
+            image_aspect(context.scene),
             camera.scfpf.active_surface,
             self.resolution,
         )
@@ -115,7 +115,7 @@ class SCFPF_OT_surface_snap_to_view(Tool, bpy.types.Operator):
         view = context.region_data
         window = view.window_matrix
         context.evaluated_depsgraph_get()  # surfaces that have just been moved
-        half_width = min(1 / window[0][0], picture_aspect(context.scene) / window[1][1])
+        half_width = min(1 / window[0][0], image_aspect(context.scene) / window[1][1])
         # In perspective the last row of the window matrix divides by depth.
         parallel = window[3][3] != 0
         seen = volume_edits.View(view.view_matrix.inverted(), half_width, parallel)
@@ -182,7 +182,7 @@ class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
         box = scene_box(context, selected_only=True)
         if box is None:
             raise FlexibleCameraError("The selected objects are disabled in renders: select others")
-        aspect = picture_aspect(context.scene)
+        aspect = image_aspect(context.scene)
         volume_edits.fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
 
 

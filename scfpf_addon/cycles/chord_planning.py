@@ -10,7 +10,7 @@ import numpy as np
 
 from ..bridge.blender.rig_mark import has_other_animation
 from ..bridge.camera.read_projection import read_projection
-from ..bridge.render.render_job import picture_aspect, picture_size
+from ..bridge.render.image_size import image_aspect, image_size
 from ..bridge.volume.volume_object import sync_volume_object
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.mapping_table import picture_signature
@@ -114,14 +114,14 @@ def planned(context, camera) -> tuple[ChordPlan, bool]:
 
 
 def _read(context, camera) -> Projection:
-    return read_projection(camera, context.evaluated_depsgraph_get(), picture_aspect(context.scene))
+    return read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
 
 
 def chords_of(camera, scene, projections: list[Projection]) -> ChordPlan:
     """Plan the chords of projections as a camera's settings ask for it. Raises RigError."""
     lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
     try:
-        return plan_chords(projections, picture_size(scene), camera.scfpf.pixel_error, lines)
+        return plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)
     except PlanError as error:
         raise RigError(str(error)) from error
 
@@ -149,7 +149,7 @@ def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
     """The projection as it is, and what tells it from another: what nodes do not follow, and the rest."""
     own = camera.scfpf
     check_surfaces(camera)
-    projection = read_projection(camera, depsgraph, picture_aspect(scene))
+    projection = read_projection(camera, depsgraph, image_aspect(scene))
     surfaces = tuple(
         (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
     )
@@ -158,7 +158,7 @@ def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
     structure = (surfaces, own.basis, own.reparameterisation, picture, focus and focus.session_uid)
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
     points = projection.projectors(x, y).points.astype(np.float32).tobytes()
-    return projection, (structure, points, picture_size(scene), own.pixel_error)
+    return projection, (structure, points, image_size(scene), own.pixel_error)
 
 
 class Price(NamedTuple):

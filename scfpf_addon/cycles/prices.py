@@ -9,7 +9,7 @@ from __future__ import annotations
 import bpy
 
 from ..bridge.camera.read_projection import ProjectionError
-from ..bridge.render.render_job import RenderError
+from ..bridge.render.render_errors import RenderError
 from .chord_planning import Price, chords_of, look, price_of_plan
 from .rig_data import RigError
 

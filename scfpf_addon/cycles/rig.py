@@ -14,7 +14,8 @@ from bpy.app.handlers import persistent
 from ..bridge.blender import versions
 from ..bridge.blender.slot_animation import curve_collections
 from ..bridge.camera.read_projection import ProjectionError
-from ..bridge.render.render_job import RenderError, picture_size
+from ..bridge.render.image_size import image_size
+from ..bridge.render.render_errors import RenderError
 from ..bridge.sync.handlers import sync as sync_volumes
 from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.table_object import is_made
@@ -248,7 +249,7 @@ def _settle(rig, projection: Projection, structure_changed: bool) -> str:
     chords = chords_of(settings.camera, settings.scene, [projection])
     _note_crossing(rig, projection, chords)
     breaks, shifts = present_chords(rig)
-    size = picture_size(settings.scene)
+    size = image_size(settings.scene)
     error = chord_error(projection, size, breaks, shifts)
     fine = error <= max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR)
     fine = fine and all(has >= wants for has, wants in zip(settings.cells, chords.cells, strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 from ..bridge.blender import versions
 from ..bridge.blender.rig_mark import RIG_KEY, WIDTH
 from ..bridge.camera.flexible_camera import sync_volume_object
-from ..bridge.render.render_job import picture_size
+from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
 from ..bridge.volume.missing_objects import absent_text
 from ..bridge.volume.volume_object import holds
@@ -360,7 +360,7 @@ def write_sheets(rig, chords: ChordPlan) -> None:
     """Make the rig's mesh that of a plan, and note what the plan promises. Raises RigError without Cycles."""
     settings = rig.scfpf_rig
     require_cycles(settings.scene)
-    size = picture_size(settings.scene)
+    size = image_size(settings.scene)
     arrays = portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc)
     seen = seen_places(settings.camera, settings.scene, arrays.places, chords.disc)
     _fill(settings.portals.data, arrays, seen)

@@ -25,7 +25,8 @@ from ...projection.diagrams.diagram import (
 from ...projection.diagrams.line_colors import line_colors
 from ..blender.app_handlers import add_handlers, remove_handlers
 from ..camera.read_projection import ProjectionError, read_projection
-from ..render.render_job import RenderError, picture_aspect
+from ..render.image_size import image_aspect
+from ..render.render_errors import RenderError
 from ..sync.handlers import concerned
 
 SHADER = "POLYLINE_UNIFORM_COLOR"
@@ -304,7 +305,7 @@ def draw_viewport() -> None:
     if not cameras:
         return
     try:
-        aspect = picture_aspect(scene)
+        aspect = image_aspect(scene)
     except RenderError:
         # Rendering says that the picture is too large; its shape is not known here.
         return

@@ -13,7 +13,9 @@ import bpy
 
 from ..blender.rig_mark import camera_behind
 from ..settings.stylised_styles import STYLES, apply_style
-from .render_job import RENDER_ERRORS, RenderJob, prepare, reason
+from .render_errors import RENDER_ERRORS, reason
+from .render_inputs import prepare
+from .render_job import RenderJob
 from .result_image import FILE_FORMATS, ResultError, require_place, save_result, with_ending, write_result
 
 # Blender's own limit, both ways.

@@ -11,7 +11,7 @@ import numpy as np
 from ...casting.common.cancellation import is_uncancellable
 from ...casting.common.geometry import Geometry
 from ...shading.typing import Single
-from .render_job import RenderInputs
+from .render_inputs import RenderInputs
 from .render_passes import crypto_names, list_render_passes, stamp_manifests
 from .scene_preparation import BUILDING
 

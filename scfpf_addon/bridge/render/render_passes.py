@@ -82,7 +82,7 @@ def crypto_names(scene) -> dict[str, list[str]]:
     }
 
 
-def passes_of_clear_things(scene, passes: tuple[str, ...]) -> str:
+def transparency_warning(scene, passes: tuple[str, ...]) -> str:
     """Return the warning about data passes of a ``shading.scene.Scene`` with things that are seen through.
 
     passes: names of ``shading.passes.PASSES``. "" where none shows such things.

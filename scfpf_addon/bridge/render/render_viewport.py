@@ -18,13 +18,12 @@ from mathutils import Matrix
 from ...projection.surfaces.surface import BilinearPatch
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
 from ...shading.scene.shading_scene import Scene
-from ...shading.settings.frame_settings import Border, FrameSettings
+from ...shading.settings.frame_settings import Border
 from ..camera.stereo_views import EYES, Eye, eye_of, frame_matrix
 from ..scene.read_images import KnownImages, with_images
 from ..scene.read_scene import read_scene
-from ..settings.sampling import sampling_of
-from ..settings.stylised_properties import stylised_of
-from .render_job import RENDER_ERRORS, RenderInputs, read_inputs, reason
+from .render_errors import RENDER_ERRORS, reason
+from .render_inputs import RenderInputs, frame_settings, read_inputs
 from .view_painter import Commission, Painting, ViewPainter
 
 # Seconds between two looks at whether there is something new to draw.
@@ -209,21 +208,9 @@ def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInp
         corners = np.array([[-1, -1, depth, 1], [1, -1, depth, 1], [-1, 1, depth, 1], [1, 1, depth, 1]])
         corners = corners @ to_world.T
         ends.append(BilinearPatch(corners=corners[:, :3] / corners[:, 3:]))
-    width, height = size
-    render = depsgraph.scene_eval.render
-    return RenderInputs(
-        Projection(ViewingVolume(tuple(ends)), aspect=width / height),
-        scene,
-        FrameSettings(
-            width,
-            height,
-            samples=FREE_SAMPLES,
-            transparent=render.film_transparent,
-            threads=render.threads if render.threads_mode == "FIXED" else 0,
-            stylised=stylised_of(depsgraph.scene_eval, width),
-            **sampling_of(depsgraph.scene_eval),
-        ),
-    )
+    aspect = size[0] / size[1]
+    settings = frame_settings(depsgraph.scene_eval, size, samples=FREE_SAMPLES)
+    return RenderInputs(Projection(ViewingVolume(tuple(ends)), aspect=aspect), scene, settings)
 
 
 def stop_all() -> None:

@@ -1,43 +1,89 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Preparation of F12 and the Render button: the scene for casting, and a coarse picture."""
+"""The stages of a render: the scene is built for casting, then a coarse image and the image are made."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from ...casting.scene.cast_scene import CastScene
+from ...casting.common.geometry import Geometry
+from ...casting.scene.cast_scene import CastScene, NothingToCastAt
 from ...shading.frame import Frame, render_frame
 from ...shading.lights.scene_culling import cull_scene
-from ...shading.passes.data_passes import DataPasses
 from ...shading.typing import Single
-from .scene_cache import SceneCache
+from .coarse_image import coarse_image
+from .render_inputs import RenderInputs
 
 # What a window's header says meanwhile.
 BUILDING = "Building the acceleration structure, which cannot be canceled"
-# Pixels across a square of the coarse picture that a window shows at first: it costs a
-# sixty-fourth of one sample.
-COARSE = 8
 
 
-class Built(NamedTuple):
-    """inputs: with no more of the scene than ``cast_scene`` was made of. kept: for the next picture.
+@dataclass(frozen=True)
+class SceneCache:
+    """A geometry built for casting, reused by the next image while the triangles stay the same."""
 
-    triangles: of the whole scene. seconds: that it took.
+    geometry: Geometry
+    cast_scene: CastScene | None
+
+    @classmethod
+    def of(cls, geometry: Geometry, cache: SceneCache | None) -> SceneCache:
+        """Return ``cache`` if its triangles are the same, else build the geometry. Raises CastError."""
+        if cache is not None and same_triangles(geometry, cache.geometry):
+            return cache
+        try:
+            return cls(geometry, CastScene(geometry.vertices, geometry.triangles))
+        except NothingToCastAt:
+            return cls(geometry, None)
+
+
+def same_triangles(a: Geometry, b: Geometry) -> bool:
+    """Whether two geometries have the same triangles in the same places."""
+    return np.array_equal(a.triangles, b.triangles) and np.array_equal(a.vertices, b.vertices)
+
+
+class PreparedScene(NamedTuple):
+    """A scene that is ready for casting.
+
+    inputs: with only the part of the scene that ``cast_scene`` was built from. cache: for the next image.
+    triangles: of the whole scene. seconds: that preparation took.
     """
 
-    inputs: Any
+    inputs: RenderInputs
     cast_scene: CastScene | None
-    kept: SceneCache | None
+    cache: SceneCache | None
     triangles: int
     seconds: float
 
-    def reported(self, frame: Frame) -> Frame:
-        """The frame with a report that counts what was done here."""
+    def render(
+        self,
+        cancelled: Callable[[], bool],
+        show_coarse: Callable[[Single], None] | None = None,
+        **delivery,
+    ) -> Frame | None:
+        """Render the image, None when cancelled. Its report includes the preparation.
+
+        show_coarse: is given a coarse image (H, W, 4) first. delivery: further arguments of ``render_frame``.
+        """
+        inputs = self.inputs
+        if show_coarse is not None:
+            coarse = coarse_image(inputs, self.cast_scene, cancelled)
+            if coarse is not None:
+                show_coarse(coarse)
+        frame = render_frame(
+            inputs.projection,
+            inputs.scene,
+            inputs.settings,
+            self.cast_scene,
+            cancelled=cancelled,
+            moments=inputs.moments,
+            **delivery,
+        )
+        if frame is None:
+            return None
         report = frame.report
         seconds, building = report.seconds + self.seconds, report.build_seconds + self.seconds
         return frame._replace(
@@ -45,29 +91,31 @@ class Built(NamedTuple):
         )
 
 
-def build(inputs, kept: SceneCache | None, keep: bool) -> Built:
-    """The scene that projectors are cast at.
+def prepare_scene(inputs: RenderInputs, cache: SceneCache | None, keep: bool) -> PreparedScene:
+    """Build the scene that projectors are cast at. Raises CastError.
 
-    inputs: RenderInputs. keep: with persistent data all of the scene is built, and kept for the next picture:
-    a camera that moves would ask for another part of it. kept: of the picture before.
+    cache: of the image before. keep: whether to cache (persistent data). Then the whole scene is built: a
+    moving camera would need another part of it in the next image. Otherwise only the part is built that the
+    volume can meet; the caller should hold no reference to ``inputs``, so that the rest is freed.
     """
     started, triangles = perf_counter(), len(inputs.scene.geometry.triangles)
     if keep:
-        made = SceneCache.of(inputs.scene.geometry, kept)
-        _build_the_rest(inputs, made.cast_scene)
-        return Built(inputs, made.cast_scene, made, triangles, perf_counter() - started)
-    settings = inputs.settings
-    alone = not inputs.moments and settings.passes.neighbours is None and settings.depth_of_field is None
-    scene, cast_scene = cull_scene(inputs.scene, inputs.projection, alone, settings.pixel_error == 0.0)
-    part = replace(inputs, scene=scene)
-    _build_the_rest(inputs, cast_scene)
-    return Built(part, cast_scene, None, triangles, perf_counter() - started)
+        cache = SceneCache.of(inputs.scene.geometry, cache)
+        cast_scene = cache.cast_scene
+    else:
+        settings = inputs.settings
+        alone = not inputs.moments and settings.passes.neighbours is None and settings.depth_of_field is None
+        exact = settings.pixel_error == 0.0
+        scene, cast_scene = cull_scene(inputs.scene, inputs.projection, alone, exact)
+        inputs, cache = replace(inputs, scene=scene), None
+    _build_on_demand_parts(inputs, cast_scene)
+    return PreparedScene(inputs, cast_scene, cache, triangles, perf_counter() - started)
 
 
-def _build_the_rest(inputs, cast_scene: CastScene | None) -> None:
-    """What would be built at its first use, in the middle of a picture, where nothing says that it is.
+def _build_on_demand_parts(inputs: RenderInputs, cast_scene: CastScene | None) -> None:
+    """Build the parts that casting would build at their first use, while no header announces it.
 
-    Raises CastError where there is not enough memory for it.
+    Raises CastError if memory does not suffice.
     """
     if cast_scene is None or inputs.moments:
         return
@@ -77,34 +125,5 @@ def _build_the_rest(inputs, cast_scene: CastScene | None) -> None:
     elif not spans.is_polyline:
         _ = cast_scene.occupancy
     if any(light.casts_shadow for light in inputs.scene.lights):
-        # What stands beyond the volume is built when the first shadow is asked for.
+        # The part beyond the volume is built when the first shadow ray is cast.
         cast_scene.occluded(np.zeros((3, 1)), np.zeros((3, 1)), np.zeros(1))
-
-
-def coarse_picture(inputs, cast_scene: CastScene | None, cancelled: Callable[[], bool]) -> Single | None:
-    """What a picture will be, (H, W, 4), in squares of COARSE pixels; None when cancelled.
-
-    inputs: RenderInputs.
-    """
-    whole = inputs.settings
-    width, height = -(-whole.width // COARSE), -(-whole.height // COARSE)
-    settings = replace(
-        whole,
-        width=width,
-        height=height,
-        samples=1,
-        pixel_error=max(whole.pixel_error, 1.0),
-        border=None,
-        passes=DataPasses(),
-        scrambled=False,
-        adaptive=None,
-        depth_of_field=None,
-        stylised=whole.stylised and replace(whole.stylised.scaled(1 / COARSE), detail=1),
-    )
-    frame = render_frame(inputs.projection, inputs.scene, settings, cast_scene, cancelled=cancelled)
-    if frame is None:
-        return None
-    left, bottom, right, top = whole.region
-    rows = np.arange(bottom, top) * height // whole.height
-    columns = np.arange(left, right) * width // whole.width
-    return frame.pixels[rows[:, None], columns]

@@ -4,20 +4,14 @@
 from __future__ import annotations
 
 import threading
-import traceback
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from ...shading.frame import render_frame
-from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
-from .render_job import NO_THREAD, RENDER_ERRORS, RenderInputs, reason
-from .scene_cache import SceneCache
-
-# The first picture has squares of this many pixels, the next ones are finer.
-COARSE_STEPS = (8, 2)
-# Pixel error of all but the last picture, if the last one's is smaller.
-COARSE_ERROR = 1.0
+from .coarse_image import coarse_inputs
+from .render_errors import NO_THREAD, failure_message
+from .render_inputs import RenderInputs
+from .scene_preparation import SceneCache
 
 
 class Painting(NamedTuple):
@@ -30,8 +24,7 @@ class Painting(NamedTuple):
     is_final: bool
 
 
-@dataclass(frozen=True)
-class Commission:
+class Commission(NamedTuple):
     """What to paint: inputs, whose border is shown at ``place`` of the region."""
 
     inputs: RenderInputs
@@ -46,7 +39,7 @@ class ViewPainter:
         self._wanted: Commission | None = None
         self._thread: threading.Thread | None = None
         self._stopped = False
-        self._kept: SceneCache | None = None
+        self._cache: SceneCache | None = None
         # The newest painting, and what went wrong instead; the number tells one from the next.
         self.painting: Painting | None = None
         self.message = ""
@@ -88,13 +81,8 @@ class ViewPainter:
                     return
             try:
                 self._paint(commission)
-            except RENDER_ERRORS as error:
-                self._show(None, reason(error))
             except Exception as error:  # A thread has nowhere to raise.
-                traceback.print_exc()
-                self._show(
-                    None, f"SCFPF failed: look at the system console for the place ({type(error).__name__})"
-                )
+                self._show(None, failure_message(error))
 
     def _given_up(self) -> bool:
         return self._stopped or self._wanted is not None
@@ -105,39 +93,11 @@ class ViewPainter:
 
     def _paint(self, commission: Commission) -> None:
         inputs = commission.inputs
-        self._kept = SceneCache.of(inputs.scene.geometry, self._kept)
-        for step in (*coarser(inputs), inputs):
+        self._cache = SceneCache.of(inputs.scene.geometry, self._cache)
+        for step in (*coarse_inputs(inputs), inputs):
             frame = render_frame(
-                step.projection, step.scene, step.settings, self._kept.cast_scene, cancelled=self._given_up
+                step.projection, step.scene, step.settings, self._cache.cast_scene, cancelled=self._given_up
             )
             if frame is None:
                 return
             self._show(Painting(frame.pixels, commission.place, step is inputs))
-
-
-def coarser(inputs: RenderInputs):
-    """Inputs of the same picture with fewer pixels and one sample a pixel."""
-    whole = inputs.settings
-    for step in COARSE_STEPS:
-        width, height = max(whole.width // step, 1), max(whole.height // step, 1)
-        region = whole.region
-        # Shown stretched to the same place, which it covers but for a part of a coarse pixel.
-        left, right = (round(x * width / whole.width) for x in (region.left, region.right))
-        bottom, top = (round(y * height / whole.height) for y in (region.bottom, region.top))
-        left, bottom = min(left, width - 1), min(bottom, height - 1)
-        border = Border(left, bottom, max(right, left + 1), max(top, bottom + 1))
-        yield replace(
-            inputs,
-            settings=replace(
-                whole,
-                width=width,
-                height=height,
-                samples=1,
-                pixel_error=max(whole.pixel_error, COARSE_ERROR),
-                border=border,
-                scrambled=False,
-                adaptive=None,
-                depth_of_field=None,
-                stylised=whole.stylised and replace(whole.stylised.scaled(1 / step), detail=1),
-            ),
-        )

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What samples see while the shutter is open: the scene read at several times."""
+"""The scene read at several times: the moments of motion blur, and the frames around for motion vectors."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
+from typing import NamedTuple
 
+import bpy
 import numpy as np
 
 from ...projection.editing.interpolation import interpolated_projection
@@ -17,68 +20,85 @@ from ...shading.scene.depth_of_field import DepthOfField
 from ...shading.scene.motion import Moment, shutter_times
 from ...shading.scene.shading_scene import Scene
 
-# Where the shutter's curve is looked at.
+# Number of points at which the shutter's curve is evaluated.
 CURVE_STEPS = 65
-# Moments of a moving camera, at most: each is a projection more.
+# Largest number of moments of a moving camera: each adds a projection.
 MOST_MOMENTS = 256
 
-# A reader of a depsgraph as it is now, and of the projection alone.
+View = tuple[Projection, DepthOfField | None]
 Seen = tuple[Projection, Scene, DepthOfField | None]
-ReadAll = Callable[[], Seen]
-ReadView = Callable[[], tuple[Projection, DepthOfField | None]]
-SetFrame = Callable[..., None]
-Cancelled = Callable[[], bool]
 
 
-def read_moments(
-    scene,
-    samples: int,
-    still: Scene,
-    set_frame: SetFrame,
-    read: ReadAll,
-    read_view: ReadView,
-    stopped: Cancelled,
-) -> tuple[Moment, ...]:
-    """The moments of a frame, () without motion blur, or once the render is to stop.
+class MotionReader(NamedTuple):
+    """Reader of an evaluated scene at other times than its frame.
 
-    scene: evaluated. still: the scene at the frame itself. set_frame(frame, subframe=…): evaluates
-    another time. Where only the camera moves each sample has a moment of its own, its
-    surfaces between those of the times that were read.
+    still: the scene at the frame itself. set_frame(frame, subframe=…): evaluates another time. read,
+    read_view: read everything, or the view alone, at that time. cancelled(): whether the render is.
     """
-    render = scene.render
+
+    scene: bpy.types.Scene
+    still: Scene
+    set_frame: Callable[..., None]
+    read: Callable[[], Seen]
+    read_view: Callable[[], View]
+    cancelled: Callable[[], bool]
+
+    @property
+    def frame(self) -> float:
+        """The frame of the scene, subframe included."""
+        return self.scene.frame_current + self.scene.frame_subframe
+
+    @contextmanager
+    def other_times(self) -> Iterator[Callable[[float], None]]:
+        """Yield the function that evaluates a time; afterwards the frame itself is evaluated again."""
+        frame = self.frame
+
+        def go_to(time: float) -> None:
+            whole = math.floor(time)
+            self.set_frame(whole, subframe=time - whole)
+
+        try:
+            yield go_to
+        finally:
+            go_to(frame)
+
+
+def read_moments(reader: MotionReader, samples: int) -> tuple[Moment, ...]:
+    """The moments of a frame, () without motion blur or once the render is cancelled.
+
+    samples: of a pixel. If only the camera moves, each sample has a moment of its own, with surfaces
+    interpolated between those of the times that were read.
+    """
+    scene, still, render = reader.scene, reader.still, reader.scene.render
     count = min(scene.scfpf_sampling.motion_steps, samples)
     if not render.use_motion_blur or render.motion_blur_shutter <= 0.0 or count < 2:
         return ()
-    frame = scene.frame_current + scene.frame_subframe
-    opens, closes = shutter(render, frame)
+    opens, closes = shutter(render, reader.frame)
     weight = shutter_curve(render)
     times = shutter_times(count, opens, closes, weight)
-    try:
-        seen: list[Seen] = []
+    seen: list[Seen] = []
+    ends: list[View] = []
+    with reader.other_times() as go_to:
         for time in times:
-            if stopped():
+            if reader.cancelled():
                 return ()
-            _go_to(set_frame, time)
-            projection, there, lens = read()
+            go_to(time)
+            projection, there, lens = reader.read()
             known_scenes = (still, *(known for _, known, _ in seen))
-            seen.append(
-                (projection, next((known for known in known_scenes if same(known, there)), there), lens)
-            )
+            there = next((known for known in known_scenes if same(known, there)), there)
+            seen.append((projection, there, lens))
         if any(there is not still for _, there, _ in seen):
             return tuple(Moment(*each) for each in seen)
-        ends = []
         for time in (opens, closes):
-            _go_to(set_frame, time)
-            ends.append(read_view())
-    finally:
-        _go_to(set_frame, frame)
+            go_to(time)
+            ends.append(reader.read_view())
     views = [ends[0], *((projection, lens) for projection, _, lens in seen), ends[1]]
     known = np.array([opens, *times, closes])
     wanted = shutter_times(min(samples, MOST_MOMENTS), opens, closes, weight)
-    return tuple(Moment(projection, still, lens) for projection, lens in _between(views, known, wanted))
+    return tuple(Moment(projection, still, lens) for projection, lens in _interpolated(views, known, wanted))
 
 
-def _between(views, known: Array, wanted: Array):
+def _interpolated(views: list[View], known: Array, wanted: Array) -> Iterator[View]:
     """The views at the times ``wanted`` from those at the times ``known``."""
     for time in wanted:
         after = min(max(int(np.searchsorted(known, time)), 1), len(known) - 1)
@@ -86,38 +106,35 @@ def _between(views, known: Array, wanted: Array):
         share = float((time - known[after - 1]) / span) if span > 0.0 else 0.0
         (one, lens), (other, lens_after) = views[after - 1], views[after]
         if lens is not None and lens_after is not None:
-            lens = replace(
-                lens,
-                centre=lens.centre + (lens_after.centre - lens.centre) * share,
-                aperture=lens.aperture if share < 0.5 else lens_after.aperture,
-                axes=lens.axes if share < 0.5 else lens_after.axes,
-            )
+            nearer = lens if share < 0.5 else lens_after
+            centre = lens.centre + (lens_after.centre - lens.centre) * share
+            lens = replace(lens, centre=centre, aperture=nearer.aperture, axes=nearer.axes)
         yield (one if same(one, other) else interpolated_projection(one, other, share)), lens
 
 
-def read_neighbours(frame: float, still: Scene, set_frame: SetFrame, read: ReadAll):
-    """The frames before and after, for motion vectors; see ``read_moments``."""
+def read_neighbours(reader: MotionReader) -> tuple[Neighbour, Neighbour]:
+    """The frames before and after, for motion vectors."""
     found = []
-    try:
-        for step in (-1.0, 1.0):
-            _go_to(set_frame, frame + step)
-            projection, there, _lens = read()
-            alike = np.array_equal(there.geometry.triangles, still.geometry.triangles)
+    # Going to another time changes the reader's frame.
+    frame = reader.frame
+    with reader.other_times() as go_to:
+        for time in (frame - 1.0, frame + 1.0):
+            go_to(time)
+            projection, there, _lens = reader.read()
+            alike = np.array_equal(there.geometry.triangles, reader.still.geometry.triangles)
             found.append(Neighbour(projection, there.geometry.vertices if alike else None))
-    finally:
-        _go_to(set_frame, frame)
     return found[0], found[1]
 
 
 def shutter(render, frame: float) -> tuple[float, float]:
-    """When the shutter opens and closes, in frames."""
+    """The times at which the shutter opens and closes, in frames."""
     before = {"START": 0.0, "CENTER": 0.5, "END": 1.0}[render.motion_blur_position]
     opens = frame - before * render.motion_blur_shutter
     return opens, opens + render.motion_blur_shutter
 
 
 def shutter_curve(render) -> Array | None:
-    """How far the shutter is open at equal steps, None if always fully."""
+    """The openness of the shutter at equal steps (CURVE_STEPS,), None if it is always the same."""
     mapping = render.motion_blur_shutter_curve
     mapping.initialize()
     curve = mapping.curves[0]
@@ -125,13 +142,8 @@ def shutter_curve(render) -> Array | None:
     return None if np.all(open_ == open_[0]) else open_
 
 
-def _go_to(set_frame: SetFrame, time: float) -> None:
-    whole = math.floor(time)
-    set_frame(whole, subframe=time - whole)
-
-
 def same(a, b) -> bool:
-    """Whether two of our values are equal throughout: arrays, dataclasses, tuples, numbers."""
+    """Whether two values are equal throughout: arrays, dataclasses, tuples, numbers."""
     if a is b:
         return True
     if type(a) is not type(b):

@@ -72,8 +72,13 @@ class Instances:
     linked: NDArray[np.int32] | None = None
 
 
+def never() -> bool:
+    """Cancel nothing."""
+    return False
+
+
 def read_scene(
-    depsgraph, may_be_empty: bool = False, with_uv: bool = False, stopped: Callable[[], bool] | None = None
+    depsgraph, may_be_empty: bool = False, with_uv: bool = False, cancelled: Callable[[], bool] = never
 ) -> Scene:
     """Everything that a picture of the depsgraph's view layer shows.
 
@@ -89,7 +94,7 @@ def read_scene(
     """
     reader = _SceneReader(depsgraph, with_uv)
     for instance in depsgraph.object_instances:
-        if stopped and stopped():
+        if cancelled():
             break
         reader.add(instance)
     reader.complete()

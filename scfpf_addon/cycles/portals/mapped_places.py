@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...bridge.mappings.mapping_edits import MappingError
-from ...bridge.render.render_job import picture_aspect
+from ...bridge.render.image_size import image_aspect
 from ...projection.mappings.stack import mapped_places
 from ...projection.typing import Array
 from ...scanline.table.mapping_table import picture_mappings
@@ -33,7 +33,7 @@ def seen_places(camera, scene, places: Array, disc: bool) -> Array:
         return result
     if not mappings:
         return result
-    aspect, polar = picture_aspect(scene), camera.scfpf.reparameterisation == "POLAR"
+    aspect, polar = image_aspect(scene), camera.scfpf.reparameterisation == "POLAR"
     x, y = disc_places(*places[:2], aspect) if disc else places[:2]
     seen = mapped_places(mappings, x, y, aspect)
     if polar:

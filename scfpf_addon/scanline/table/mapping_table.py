@@ -14,7 +14,7 @@ import numpy as np
 
 from ...bridge.mappings.mapping_edits import MappingError
 from ...bridge.mappings.read_mappings import mapping_signature, read_mappings
-from ...bridge.render.render_job import picture_aspect
+from ...bridge.render.image_size import image_aspect
 from ...bridge.surfaces.surface_nodes import PARAMETRIC_KINDS, SurfaceError, surface_parameters
 from ...projection.mappings.stack import BORDER, is_disc, mapped_places, seen_through
 from ...projection.volume.reparameterisation import Polar, reparameterisation
@@ -38,7 +38,7 @@ def picture_signature(camera, scene) -> tuple | str:
     if not mappings:
         return ()
     settings = camera.scfpf
-    return mappings, picture_aspect(scene), tuple(settings.u_range), tuple(settings.v_range)
+    return mappings, image_aspect(scene), tuple(settings.u_range), tuple(settings.v_range)
 
 
 def picture_mappings(camera, scene) -> tuple:
@@ -66,7 +66,7 @@ def store_picture(table, camera, scene, least_cells: tuple[int, int]) -> dict[st
         mappings = picture_mappings(camera, scene)
     except MappingError:
         return {"Pictured": UNUSED, "Disc": 1}
-    aspect, settings = picture_aspect(scene), camera.scfpf
+    aspect, settings = image_aspect(scene), camera.scfpf
     base = reparameterisation(settings.reparameterisation)
     disc = is_disc(seen_through(mappings, base), aspect)
     cells = tuple(max(pair) for pair in zip(least_cells, FEWEST_CELLS, strict=True))

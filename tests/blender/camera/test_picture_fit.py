@@ -14,7 +14,7 @@ U, V, T = np.random.default_rng(51).random((3, 60))
 def shown(addon):
     def positions(camera):
         module = addon("bridge.camera.read_projection")
-        aspect = addon("bridge.render.render_job").picture_aspect(bpy.context.scene)
+        aspect = addon("bridge.render.image_size").image_aspect(bpy.context.scene)
         bpy.context.view_layer.update()
         depsgraph = bpy.context.evaluated_depsgraph_get()
         return module.read_projection(camera, depsgraph, aspect).volume.evaluate(U, V, T).position
@@ -25,7 +25,7 @@ def shown(addon):
 @pytest.fixture
 def wanted(addon):
     def needed(camera):
-        aspect = addon("bridge.render.render_job").picture_aspect(bpy.context.scene)
+        aspect = addon("bridge.render.image_size").image_aspect(bpy.context.scene)
         return addon("bridge.camera.image_fit").needs_fit(camera, aspect)
 
     return needed

@@ -201,8 +201,7 @@ def test_other_cameras_and_our_own_pictures_do_not_see_it(addon, camera, tmp_pat
     assert (render(tmp_path / "with.exr") == plain).all()
     scene.camera = rig_camera
     assert not (render(tmp_path / "rig.exr") == plain).all()
-    jobs = addon("bridge.render.render_job")
-    inputs = jobs.prepare(bpy.context.scene, bpy.context.view_layer, camera)
+    inputs = addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera)
     assert sorted(inputs.scene.geometry.object_names) == ["Blue", "Green", "Red"]
     members = addon("scanline.preview.preview_members").shown_objects(bpy.context.view_layer)
     assert sorted(member.name for member in members.values()) == ["Blue", "Green", "Red"]

@@ -363,7 +363,7 @@ def test_a_lamp_lights_a_diffuse_plane_as_in_cycles(addon, tmp_path, shape, dist
     addon("bridge.camera.flexible_camera").volume_from_camera(camera, scene)
     camera.scfpf.samples = 16
     jobs = addon("bridge.render.render_job")
-    job = jobs.RenderJob(jobs.prepare(scene, bpy.context.view_layer, camera))
+    job = jobs.RenderJob(addon("bridge.render.render_inputs").prepare(scene, bpy.context.view_layer, camera))
     job.start()
     ours = job.result().pixels
     scene.render.engine = "CYCLES"

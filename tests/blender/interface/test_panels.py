@@ -143,7 +143,9 @@ def test_progress_replaces_the_button_while_a_render_runs(addon, camera):
     jobs = addon("bridge.render.render_job")
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 2048
     camera.scfpf.samples = 64
-    job = jobs.start(jobs.prepare(bpy.context.scene, bpy.context.view_layer, camera))
+    job = jobs.start(
+        addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera)
+    )
     try:
         record = drawn(bpy.types.SCFPF_PT_view)
         job.cancel()

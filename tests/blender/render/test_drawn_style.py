@@ -73,23 +73,23 @@ def test_paper_and_flat_colours_know_no_world(engine_scene, options):
 
 def test_a_viewport_shows_it_coarse_ones_too(addon, engine_scene, options):
     bpy.ops.scfpf.drawn_style(style="LINES")
-    painter, job = (
-        addon("bridge.render.view_painter"),
-        addon("bridge.render.render_job"),
+    coarse_image, job = (
+        addon("bridge.render.coarse_image"),
+        addon("bridge.render.render_inputs"),
     )
     inputs = job.read_inputs(bpy.context.evaluated_depsgraph_get(), engine_scene.camera, (480, 280))
     # Ten times the picture's size, in which a line has ten times the pixels.
     assert inputs.settings.stylised.lines.width == pytest.approx(20)
-    widths = [step.settings.stylised.lines.width for step in painter.coarser(inputs)]
+    widths = [step.settings.stylised.lines.width for step in coarse_image.coarse_inputs(inputs)]
     assert widths == pytest.approx([2.5, 10])
     frame = addon("shading.frame")
-    coarse = next(iter(painter.coarser(inputs)))
+    coarse = next(iter(coarse_image.coarse_inputs(inputs)))
     pixels = frame.render_frame(coarse.projection, coarse.scene, coarse.settings).pixels
     assert pixels.shape[:2] == (35, 60) and pixels.max() == 1 and pixels[..., 0].min() < 0.1
     options.use_drawn = False
     inputs = job.read_inputs(bpy.context.evaluated_depsgraph_get(), engine_scene.camera, (48, 28))
     assert inputs.settings.stylised is None
-    assert all(step.settings.stylised is None for step in painter.coarser(inputs))
+    assert all(step.settings.stylised is None for step in coarse_image.coarse_inputs(inputs))
 
 
 def test_lines_have_their_share_of_the_picture_at_any_percentage(engine_scene, options):

@@ -34,7 +34,7 @@ def width_of(camera, addon):
 
 
 def readout(addon, camera):
-    return " ".join(addon("operators.picture.pick").pick_readout(camera.scfpf))
+    return " ".join(addon("operators.image.pick").pick_readout(camera.scfpf))
 
 
 def test_pick_stores_position_t_distance_and_object(addon, camera):
@@ -105,7 +105,7 @@ def image_editor():
 
 
 def test_the_place_under_the_mouse_is_found_in_the_picture_only(addon, camera, image_editor):
-    click, area = addon("operators.picture.image_click"), image_editor
+    click, area = addon("operators.image.image_click"), image_editor
     window = bpy.context.window_manager.windows[0]
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 32
     bpy.ops.scfpf.render()

@@ -247,13 +247,13 @@ def test_duplicate_with_hidden_surfaces_renders_before_anything_is_evaluated(eng
 
 
 def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene, tmp_path):
-    kept_scene, pipeline = (
-        addon("bridge.render.scene_cache"),
+    preparation, pipeline = (
+        addon("bridge.render.scene_preparation"),
         addon("shading.lights.scene_culling"),
     )
     built = []
 
-    class Counted(kept_scene.CastScene):
+    class Counted(preparation.CastScene):
         def __init__(self, *arguments):
             built.append(engine_scene.frame_current)
             super().__init__(*arguments)
@@ -272,7 +272,7 @@ def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene,
         engine_scene.render.use_persistent_data = keeps
         engine_scene.render.filepath = str(tmp_path / f"{len(made)}_")
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(kept_scene, "CastScene", Counted)
+            patch.setattr(preparation, "CastScene", Counted)
             patch.setattr(pipeline, "CastScene", Counted)
             built.clear()
             assert bpy.ops.render.render(animation=True) == {"FINISHED"}
@@ -286,7 +286,7 @@ def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene,
 def test_button_builds_nothing_again_with_persistent_data(addon, engine_scene, monkeypatch, keeps):
     """The volume alone is moved, then a thing, then persistent data is switched off."""
     built = []
-    for module in ("bridge.render.scene_cache", "shading.lights.scene_culling"):
+    for module in ("bridge.render.scene_preparation", "shading.lights.scene_culling"):
 
         class Counted(addon(module).CastScene):
             def __init__(self, *arguments):
@@ -306,7 +306,7 @@ def test_button_builds_nothing_again_with_persistent_data(addon, engine_scene, m
     engine_scene.render.use_persistent_data = False
     button()
     assert len(built) == counts[-1] + 1
-    assert addon("bridge.render.render_job")._kept is None
+    assert addon("bridge.render.render_job")._cache is None
 
 
 # What Blender builds around a picture

@@ -133,7 +133,7 @@ def test_missing_embreex_says_so(addon, engine_scene, monkeypatch):
 
 
 @pytest.mark.parametrize("error", [MemoryError(), ZeroDivisionError("in the core"), KeyError("x")])
-@pytest.mark.parametrize("where", ["read_inputs", "render_frame"])
+@pytest.mark.parametrize("where", [("render_engine", "read_inputs"), ("scene_preparation", "render_frame")])
 def test_exception_in_the_core_is_a_message(addon, engine_scene, monkeypatch, error, where):
     expected = f12(engine_scene)[COMBINED]
 
@@ -141,14 +141,14 @@ def test_exception_in_the_core_is_a_message(addon, engine_scene, monkeypatch, er
         raise error
 
     with monkeypatch.context() as patch:
-        patch.setattr(addon("bridge.render.render_engine"), where, fail)
+        patch.setattr(addon(f"bridge.render.{where[0]}"), where[1], fail)
         refused(engine_scene, "not enough memory" if isinstance(error, MemoryError) else type(error).__name__)
     assert np.array_equal(f12(engine_scene)[COMBINED], expected)
 
 
 STAGES = {
     "reading": ("bridge.scene.read_scene", "read_mesh"),
-    "projection": ("bridge.render.render_job", "read_projection"),
+    "projection": ("bridge.render.render_inputs", "read_projection"),
     "building": ("bridge.render.scene_preparation", "cull_scene"),
     "casting": ("shading.pipeline", "cast"),
     "passes": ("shading.pipeline", "fill_passes"),
@@ -229,15 +229,14 @@ def test_exception_in_a_tile_after_others_are_delivered(addon, engine_scene, mon
 
 def test_absurd_size_is_refused(addon, engine_scene):
     """Without allocating it: Blender has its own result by then, so the engine's check alone is asked."""
-    job = addon("bridge.render.render_job")
-    with pytest.raises(job.RenderError, match="GB of memory"):
-        job.require_size(65536, 65536)
+    with pytest.raises(addon("bridge.render.render_errors").RenderError, match="GB of memory"):
+        addon("bridge.render.image_size").require_size(65536, 65536)
 
 
 def test_a_picture_that_free_memory_does_not_hold_is_refused(addon, engine_scene, monkeypatch):
     button()
     before = image()
-    monkeypatch.setattr(addon("bridge.render.render_job"), "available_memory", lambda: 10_000_000)
+    monkeypatch.setattr(addon("bridge.render.image_size"), "available_memory", lambda: 10_000_000)
     engine_scene.render.resolution_x = engine_scene.render.resolution_y = 1500
     refused(engine_scene, "1500 × 1500 pixels would need about 0.1 GB of memory and 0.0 GB are free")
     with pytest.raises(RuntimeError, match=r"0\.0 GB are free; lower the resolution"):
@@ -259,7 +258,9 @@ def test_two_renders_at_once(addon, engine_scene):
     """The button's thread is at work: F12 goes on beside it, another press of the button says so."""
     job = addon("bridge.render.render_job")
     expected = f12(engine_scene)[COMBINED]
-    inputs = job.prepare(engine_scene, bpy.context.view_layer, engine_scene.camera)
+    inputs = addon("bridge.render.render_inputs").prepare(
+        engine_scene, bpy.context.view_layer, engine_scene.camera
+    )
     running = job.start(replace(inputs, settings=replace(inputs.settings, samples=100_000)))
     try:
         assert np.array_equal(f12(engine_scene)[COMBINED], expected)
@@ -298,11 +299,11 @@ def said(addon, monkeypatch):
 
 def test_header_tells_stages_progress_time_and_memory(addon, engine_scene, monkeypatch, said):
     monkeypatch.setattr(addon("bridge.render.render_delivery"), "TICK", 0.0)
-    build = addon("bridge.render.render_engine").build
+    prepare_scene = addon("bridge.render.render_engine").prepare_scene
     monkeypatch.setattr(
         addon("bridge.render.render_engine"),
-        "build",
-        lambda *given: said.append(("built", ())) or build(*given),
+        "prepare_scene",
+        lambda *given: said.append(("built", ())) or prepare_scene(*given),
     )
     f12(engine_scene)
     stats = [given[1] for name, given in said if name == "update_stats"]

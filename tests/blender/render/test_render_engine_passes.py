@@ -69,7 +69,7 @@ def test_passes_switched_off_are_not_there(engine_scene):
 
 
 def test_data_passes_of_things_that_are_seen_through_are_named(addon, view):
-    prepare = addon("bridge.render.render_job").read_inputs
+    prepare = addon("bridge.render.render_inputs").read_inputs
     material = new_material("Leaf")
     shader = add(material.node_tree, "ShaderNodeBsdfPrincipled", Alpha=0.5)
     show(material.node_tree, shader.outputs[0])

@@ -74,11 +74,11 @@ def test_size_is_that_of_blenders_own_render(camera, resolution, percentage, siz
 def test_pixel_aspect_counts_in_the_aspect(addon, camera):
     settings = bpy.context.scene.render
     settings.pixel_aspect_x, settings.pixel_aspect_y = 2, 1
-    job = addon("bridge.render.render_job")
-    assert job.picture_aspect(bpy.context.scene) == pytest.approx(2 * 64 / 36)
-    assert job.prepare(bpy.context.scene, bpy.context.view_layer, camera).projection.aspect == pytest.approx(
-        2 * 64 / 36
-    )
+    sizes = addon("bridge.render.image_size")
+    assert sizes.image_aspect(bpy.context.scene) == pytest.approx(2 * 64 / 36)
+    assert addon("bridge.render.render_inputs").prepare(
+        bpy.context.scene, bpy.context.view_layer, camera
+    ).projection.aspect == pytest.approx(2 * 64 / 36)
 
 
 def test_second_render_updates_the_same_image(camera):
@@ -285,7 +285,7 @@ def test_failure_of_the_thread_is_raised_where_the_result_is_asked_for(addon, ca
     def fail(*_arguments, **_options):
         raise MemoryError
 
-    monkeypatch.setattr(job, "render_frame", fail)
+    monkeypatch.setattr(addon("bridge.render.scene_preparation"), "render_frame", fail)
     with pytest.raises(RuntimeError, match="not enough memory"):
         bpy.ops.scfpf.render()
     assert np.array_equal(pixels(), old)
@@ -298,11 +298,11 @@ def test_failure_of_the_thread_is_raised_where_the_result_is_asked_for(addon, ca
 def test_cancelled_job_stops_its_thread_and_gives_no_picture(addon, camera):
     module = addon("bridge.render.render_job")
     make_slow(camera)
-    inputs = module.prepare(bpy.context.scene, bpy.context.view_layer, camera)
+    inputs = addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera)
     threads = threading.active_count()
     job = module.start(inputs)
     assert module.current() is job and job.running
-    with pytest.raises(module.RenderError, match="already running"):
+    with pytest.raises(addon("bridge.render.render_errors").RenderError, match="already running"):
         module.start(inputs)
     with pytest.raises(RuntimeError, match="already running"):
         bpy.ops.scfpf.render()
@@ -317,7 +317,7 @@ def test_cancelled_job_stops_its_thread_and_gives_no_picture(addon, camera):
 
 def test_tiles_of_a_running_job_add_up_to_the_picture(addon, camera):
     module = addon("bridge.render.render_job")
-    inputs = module.prepare(bpy.context.scene, bpy.context.view_layer, camera)
+    inputs = addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera)
     job = module.RenderJob(inputs, with_tiles=True)
     assert job.new_tiles() is None
     job.start()
@@ -329,9 +329,13 @@ def test_tiles_of_a_running_job_add_up_to_the_picture(addon, camera):
 
 def test_a_coarse_picture_of_the_whole_comes_first(addon, camera, monkeypatch):
     module = addon("bridge.render.render_job")
-    job = module.RenderJob(module.prepare(bpy.context.scene, bpy.context.view_layer, camera), with_tiles=True)
+    job = module.RenderJob(
+        addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera),
+        with_tiles=True,
+    )
     shown = []
-    monkeypatch.setattr(module, "render_frame", lambda *_given, **_named: shown.append(job.new_tiles()))
+    preparation = addon("bridge.render.scene_preparation")
+    monkeypatch.setattr(preparation, "render_frame", lambda *_given, **_named: shown.append(job.new_tiles()))
     assert job.building
     job.start()
     job.wait()
@@ -351,8 +355,10 @@ def test_invoked_without_windows_it_runs_straight_through(camera):
 def test_disabling_the_extension_ends_a_render(addon, camera):
     module = addon("bridge.render.render_job")
     make_slow(camera)
-    job = module.start(module.prepare(bpy.context.scene, bpy.context.view_layer, camera))
-    operators = addon("operators.picture.render")
+    job = module.start(
+        addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera)
+    )
+    operators = addon("operators.image.render")
     operators.unregister()
     try:
         assert not job.running and job.cancelled
@@ -362,7 +368,7 @@ def test_disabling_the_extension_ends_a_render(addon, camera):
 
 def test_inputs_hold_no_blender_data(addon, camera):
     module = addon("bridge.render.render_job")
-    inputs = module.prepare(bpy.context.scene, bpy.context.view_layer, camera)
+    inputs = addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera)
     expected = render()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     job = module.RenderJob(inputs)
@@ -414,7 +420,7 @@ def test_picture_survives_save_and_reload_and_renders_the_same(camera, tmp_path)
 
 def test_the_film_is_let_go_of_before_the_picture_is_packed(addon, camera, monkeypatch):
     """Of a picture of 16384 × 16384 either takes 4 GB."""
-    operator, held = addon("operators.picture.render"), []
+    operator, held = addon("operators.image.render"), []
     show, keep = operator.show_progress, operator.keep_result
 
     def shown(pixels):
@@ -443,7 +449,10 @@ def test_a_picture_that_no_file_can_hold_is_shown_with_a_warning(addon, camera, 
 
 def test_the_picture_in_the_making_is_the_film_itself(addon, camera):
     job = addon("bridge.render.render_job")
-    running = job.start(job.prepare(bpy.context.scene, bpy.context.view_layer, camera), with_tiles=True)
+    running = job.start(
+        addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera),
+        with_tiles=True,
+    )
     frame = running.result()
     assert running.new_tiles() is frame.pixels
     job.stop()

@@ -97,7 +97,7 @@ def test_a_frame_beyond_reason_is_painted_coarsely(addon, module, engine_scene):
 
 
 def test_the_last_one_asked_for_is_painted_and_the_scene_is_built_once(addon, module, painter, engine_scene):
-    kept_scene = addon("bridge.render.scene_cache")
+    preparation = addon("bridge.render.scene_preparation")
     scene = addon("bridge.scene.read_scene").read_scene(bpy.context.evaluated_depsgraph_get())
     for zoom in (1.0, 1.5, 2.0):
         context, depsgraph = viewport(engine_scene, zoom=zoom)
@@ -106,12 +106,12 @@ def test_the_last_one_asked_for_is_painted_and_the_scene_is_built_once(addon, mo
     while painter.busy:
         time.sleep(0.01)
     assert painter.painting.is_final and painter.painting.place == last.place
-    kept = painter._kept
+    cache = painter._cache
     # The same triangles read again are the same scene; a moved vertex is another.
     again = addon("bridge.scene.read_scene").read_scene(bpy.context.evaluated_depsgraph_get())
-    assert kept_scene.SceneCache.of(again.geometry, kept) is kept
+    assert preparation.SceneCache.of(again.geometry, cache) is cache
     again.geometry.vertices[0, 0] += 1e-9
-    assert kept_scene.SceneCache.of(again.geometry, kept) is not kept
+    assert preparation.SceneCache.of(again.geometry, cache) is not cache
 
 
 def test_faults_are_messages(addon, module, painter, engine_scene, monkeypatch, capfd):

@@ -109,7 +109,7 @@ def test_bent_projectors_have_none_and_say_so(addon, view):
     sharp = f12(view)["ViewLayer.Combined"]
     camera.data.dof.use_dof = True
     assert np.array_equal(f12(view)["ViewLayer.Combined"], sharp)
-    inputs = addon("bridge.render.render_job").prepare(view, view.view_layers[0], camera)
+    inputs = addon("bridge.render.render_inputs").prepare(view, view.view_layers[0], camera)
     assert inputs.settings.depth_of_field is None
     assert any("Depth of field is not defined" in warning for warning in inputs.scene.warnings)
 
@@ -176,11 +176,10 @@ def test_settings_survive_a_file(view, tmp_path):
 
 
 def test_adaptive_sampling_takes_fewer(addon, view):
-    job = addon("bridge.render.render_job")
     frame = addon("shading.frame")
 
     def projectors():
-        inputs = job.prepare(view, view.view_layers[0], view.camera)
+        inputs = addon("bridge.render.render_inputs").prepare(view, view.view_layers[0], view.camera)
         return frame.render_frame(inputs.projection, inputs.scene, inputs.settings).report.projectors
 
     everywhere = projectors()

@@ -104,11 +104,10 @@ def test_the_preview_is_hidden_from_everything_else(camera, data):
 @pytest.mark.usefixtures("light_nodes")
 def test_the_scene_reader_leaves_the_preview_out(camera, data, addon):
     add_cube()
-    job = addon("bridge.render.render_job")
     scene, view_layer = bpy.context.scene, bpy.context.view_layer
-    before = job.prepare(scene, view_layer, camera).scene.geometry
+    before = addon("bridge.render.render_inputs").prepare(scene, view_layer, camera).scene.geometry
     toggle(camera)
-    after = job.prepare(scene, view_layer, camera).scene.geometry
+    after = addon("bridge.render.render_inputs").prepare(scene, view_layer, camera).scene.geometry
     assert after.object_names == before.object_names
     assert len(after.triangles) == len(before.triangles)
     read_scene = addon("bridge.scene.read_scene").read_scene

@@ -94,8 +94,9 @@ def test_as_a_render_has_it(shown, addon):
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     addon("bridge.camera.flexible_camera").volume_from_camera(camera, scene)
-    job = addon("bridge.render.render_job")
-    geometry = job.prepare(scene, bpy.context.view_layer, camera).scene.geometry
+    geometry = (
+        addon("bridge.render.render_inputs").prepare(scene, bpy.context.view_layer, camera).scene.geometry
+    )
     # What only casts shadows is in no preview.
     seen = geometry.object_index[geometry.visibility & addon("casting.common.ray_visibility").CAMERA != 0]
     assert shown() == {geometry.object_names[number] for number in seen}

@@ -220,7 +220,6 @@ def test_the_films_exposure_brightens_pictures_and_passes_of_light(stage, tmp_pa
 
 
 def test_layers_may_be_without_motion_blur(addon, stage):
-    jobs = addon("bridge.render.render_job")
     sun()
     moved = bpy.data.objects["Cube"]
     for frame in (0, 2):
@@ -228,9 +227,9 @@ def test_layers_may_be_without_motion_blur(addon, stage):
         moved.keyframe_insert("location", frame=frame)
     stage.render.use_motion_blur = True
     layer = bpy.context.view_layer
-    assert jobs.prepare(stage, layer, stage.camera).moments
+    assert addon("bridge.render.render_inputs").prepare(stage, layer, stage.camera).moments
     layer.use_motion_blur = False
-    assert jobs.prepare(stage, layer, stage.camera).moments == ()
+    assert addon("bridge.render.render_inputs").prepare(stage, layer, stage.camera).moments == ()
 
 
 def gradient(world):

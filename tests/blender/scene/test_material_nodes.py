@@ -397,7 +397,7 @@ def test_images_that_nothing_shows_are_not_loaded(addon):
         other.data.materials.append(image_material(images[name]))
         other.location, other.hide_render = location, name == "hidden"
         scene.collection.objects.link(other)
-    prepare = addon("bridge.render.render_job").prepare
+    prepare = addon("bridge.render.render_inputs").prepare
     inputs = prepare(scene, bpy.context.view_layer, scene.camera)
     assert set(inputs.scene.images) == {"seen"}
 

@@ -194,7 +194,7 @@ def test_images_of_a_world_that_nothing_shows_are_not_read(addon):
     glow = new_material("Glow")
     show(glow.node_tree, add(glow.node_tree, "ShaderNodeEmission", Color=(1, 0.5, 0.2)).outputs[0])
     ball(glow)
-    prepare = addon("bridge.render.render_job").prepare
+    prepare = addon("bridge.render.render_inputs").prepare
     for transparent, material, wanted in ((False, glow, True), (True, glow, False), (True, diffuse(), True)):
         scene.render.film_transparent = transparent
         bpy.context.object.data.materials[0] = material

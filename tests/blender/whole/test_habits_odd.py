@@ -201,7 +201,7 @@ def test_what_is_picked_through_a_linked_camera_is_refused(tmp_path, camera):
 
 def test_a_click_after_what_it_was_for_is_gone(addon, camera, monkeypatch):
     """Between the button and the click Blender goes on: the mapping may be removed, or undone."""
-    click = addon("operators.picture.image_click")
+    click = addon("operators.image.image_click")
     monkeypatch.setattr(click, "image_position", lambda *_: (0.25, 0.75))
     said = []
 
@@ -254,9 +254,9 @@ def test_another_file_keeps_nothing_of_a_render(addon, camera):
     render = bpy.context.scene.render
     render.resolution_x = render.resolution_y = 8
     render.use_persistent_data = True
-    assert bpy.ops.scfpf.render() == {"FINISHED"} and job._kept is not None
+    assert bpy.ops.scfpf.render() == {"FINISHED"} and job._cache is not None
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert job._kept is None
+    assert job._cache is None
 
 
 def test_what_an_override_has_from_its_file_stays_until_it_is_local(addon, camera, tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.bridge.render import render_job
+from ...scfpf_addon.bridge.render.render_inputs import prepare
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
@@ -65,7 +66,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
             camera = editable_camera(context, "")
             take_up_edits(context)
             uid = camera.session_uid
-            inputs = render_job.prepare(context.scene, context.view_layer, camera)
+            inputs = prepare(context.scene, context.view_layer, camera)
             pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
             points = points_of(inputs.scene, names)
             points = points if points.size else origins

@@ -5,6 +5,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ...scfpf_addon.bridge.render import render_job
+from ...scfpf_addon.bridge.render.render_inputs import prepare
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
@@ -59,7 +60,7 @@ class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
             camera = editable_camera(context, self.camera)
             take_up_edits(context)
             uid = camera.session_uid
-            inputs = render_job.prepare(context.scene, context.view_layer, camera)
+            inputs = prepare(context.scene, context.view_layer, camera)
             size = 1 / inputs.settings.width, 1 / inputs.settings.height
             found = pick(inputs.projection, inputs.scene, self.x, self.y, size)
         except BAD_INPUT as error:

@@ -8,6 +8,7 @@ from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
 from ...scfpf_addon.bridge.render import render_job
+from ...scfpf_addon.bridge.render.render_inputs import prepare
 from ...scfpf_addon.bridge.render.result_image import (
     discard_progress,
     keep_result,
@@ -120,7 +121,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             camera = chosen_camera(context, self.camera)
             take_up_edits(context)
             self._camera_uid = camera.session_uid
-            inputs = render_job.prepare(context.scene, context.view_layer, camera)
+            inputs = prepare(context.scene, context.view_layer, camera)
             keep = context.scene.render.use_persistent_data
             self._job = render_job.start(inputs, with_tiles, keep)
         except BAD_INPUT as error:

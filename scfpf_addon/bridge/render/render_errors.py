@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The errors that bad input to a render raises, and the messages to the user about them."""
+
+from __future__ import annotations
+
+import traceback
+
+from ...casting.scene.cast_scene import CastError
+from ..camera.ordinary_camera import FrustumError
+from ..camera.read_projection import ProjectionError
+from ..camera.stereo_views import MultiViewError
+from ..scene.read_scene import SceneError
+from ..scene.render_depsgraph import RenderDepsgraphError
+
+NO_THREAD = "The system starts no more threads: close other programs, or restart Blender, and render again"
+
+
+class RenderError(ValueError):
+    """A render is not possible; the message has the remedy."""
+
+
+# All errors that ``render_inputs.prepare`` and a job's ``result`` raise for bad input; others are bugs.
+RENDER_ERRORS = (
+    CastError,
+    FrustumError,
+    MemoryError,
+    MultiViewError,
+    ProjectionError,
+    RenderDepsgraphError,
+    RenderError,
+    SceneError,
+)
+
+
+def reason(error: BaseException) -> str:
+    """The message of one of RENDER_ERRORS: Python may raise a MemoryError without a text."""
+    return (
+        str(error)
+        or "There is not enough memory for this picture: lower the resolution, or close other programs"
+    )
+
+
+def failure_message(error: Exception) -> str:
+    """The message of any error; of a bug it names the error, and the traceback goes to the console."""
+    if isinstance(error, RENDER_ERRORS):
+        return reason(error)
+    traceback.print_exception(error)
+    return f"SCFPF failed: look at the system console for the place ({type(error).__name__}: {error})"
