@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Raw Embree: a scene's triangles as embreex casts at them, and nothing of ours."""
+"""Raw Embree: a scene's triangles in embreex, without this project's code."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scfpf_addon.casting.scene.cast_scene import CastScene, _load_embreex
-from scfpf_addon.casting.scene.embree_meshes import mesh_in_embree
+from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.casting.scene.embree_meshes import build_mesh
 
 
 def raw_embree(scene: CastScene) -> Callable[..., NDArray[np.int32]]:
-    """Casts rays, (3, N) float32 twice and limits (N,), at a scene's triangles, none of them in pairs."""
-    raw, kept, _ = mesh_in_embree(_load_embreex(), scene.vertices.T, scene.triangles)
+    """Return a function that casts rays, (3, N) float32 twice and limits (N,), at a scene's triangles."""
+    raw, kept, _ = build_mesh(scene.vertices.T, scene.triangles)
 
     def cast(origins: NDArray[Any], ways: NDArray[Any], limits: NDArray[Any]) -> NDArray[np.int32]:
         found: NDArray[np.int32] = raw.run(origins.T, ways.T, limits)

@@ -29,8 +29,8 @@ from benchmarks.document import check_files, replace_section
 from benchmarks.scenes import SCENES, bent_projection
 from demo.render_demo import enable_add_on
 from scfpf_addon.casting.common import memory
+from scfpf_addon.casting.common.hits import CastError
 from scfpf_addon.casting.common.memory import peak_memory
-from scfpf_addon.casting.scene.cast_scene import CastError
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.scene.shading_scene import Scene
 from scfpf_addon.shading.settings.frame_settings import FrameSettings

@@ -16,7 +16,7 @@ from ..scfpf_addon.bridge.render.render_errors import RenderError
 from ..scfpf_addon.bridge.render.result_image import result_image
 from ..scfpf_addon.bridge.surfaces.surface_nodes import SurfaceError, parameter_properties
 from ..scfpf_addon.bridge.sync.handlers import sharers
-from ..scfpf_addon.casting.scene.cast_scene import caster_fault
+from ..scfpf_addon.casting.scene.embreex import caster_fault
 from ..scfpf_addon.cycles.engine_choice import engine_name, ignored_camera
 from ..scfpf_addon.cycles.rig_data import rig_of
 from ..scfpf_addon.projection.editing.volume_edits import EditingError

@@ -9,13 +9,13 @@ import numpy as np
 
 from ..projection.typing import Array, BoolArray
 from ..projection.volume.viewing_volume import Projection
-from .common.hits import CastCounts, Hits
+from .common.hits import CastCounts, CastError, Hits
 from .curves.bends import bend_groups
 from .curves.chords import cast_chords, complete
 from .curves.projector_batch import ProjectorBatch
 from .curves.schedule import corners, plan, sample_curves, scene_reach, split
 from .exact.exact_cast import cast_exact
-from .scene.cast_scene import CastError, CastScene
+from .scene.cast_scene import CastScene
 from .scene.occupancy import boxes_of_blocks, stretches
 from .straight import cast_straight
 

@@ -149,12 +149,12 @@ class Continuation:
             start = np.where(inside, begin[:, rays], start)
             origins, ways = start.astype(np.float32), (end - start).astype(np.float32)
             limits = np.full(len(rays), 1.0 + OVERLAP, np.float32)
-            found = self.scene.trace(origins, ways, limits)
+            found = self.scene.mesh.trace(origins, ways, limits)
             hit = np.flatnonzero(found >= 0)
             if len(hit):
                 met = rays[hit]
                 triangle[met], chord_of[met] = found[hit], chord
-                far = self.scene.trace_distance(origins[:, hit], ways[:, hit], limits[hit])
+                far = self.scene.mesh.trace_distance(origins[:, hit], ways[:, hit], limits[hit])
                 since = np.maximum(first[met], low)
                 share[met] = since + np.minimum(far, 1.0) * (high - since)
         return self._solved(batch, hits, first, triangle, chord_of, share)

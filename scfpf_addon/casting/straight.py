@@ -74,7 +74,7 @@ def cast_straight(
     start, way = points[0], points[1] - points[0]
     first, last = reach
     origins, directions, limits = float32_rays(start, way, mask, reach)
-    found = scene.trace(origins, directions, limits)
+    found = scene.mesh.trace(origins, directions, limits)
     count = int(np.count_nonzero(mask))
     counts.projectors, counts.rays = counts.projectors + count, counts.rays + count
     counts.chords += count
@@ -84,7 +84,7 @@ def cast_straight(
     hit = found >= 0
     lost = lost[hit[lost]]
     if len(lost):
-        share = scene.trace_distance(origins[:, lost], directions[:, lost], limits[lost])
+        share = scene.mesh.trace_distance(origins[:, lost], directions[:, lost], limits[lost])
         t[lost] = first + (last - first) * np.minimum(share, 1.0)
         counts.unresolved += len(lost)
     hit &= t <= 1.0

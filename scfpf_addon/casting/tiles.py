@@ -11,8 +11,8 @@ from threading import Event
 from typing import TypeVar
 
 from .common.cancellation import cancelled_by
+from .common.hits import CastError
 from .common.parallel import started, thread_count
-from .scene.cast_scene import CastError
 
 Result = TypeVar("Result")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import traceback
 
-from ...casting.scene.cast_scene import CastError
+from ...casting.common.hits import CastError
 from ..camera.ordinary_camera import FrustumError
 from ..camera.read_projection import ProjectionError
 from ..camera.stereo_views import MultiViewError

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...casting.common.geometry import Geometry
-from ...casting.scene.cast_scene import CastScene, NothingToCastAt
+from ...casting.common.hits import NothingToCastAt
+from ...casting.scene.cast_scene import CastScene
 from ...shading.frame import Frame, render_frame
 from ...shading.lights.scene_culling import cull_scene
 from ...shading.typing import Single

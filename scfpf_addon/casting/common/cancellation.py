@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Work that is given up in its middle: whatever a thread does, it ends at the next rays that it casts."""
+"""Cancellation of a thread's work: it ends at the next rays that the thread casts."""
 
 from __future__ import annotations
 
@@ -10,64 +10,64 @@ from typing import Protocol
 
 
 class Cancelled(Exception):
-    """The thread's work is given up."""
+    """The thread's work has been cancelled."""
 
 
 class Signal(Protocol):
-    """Says whether work is to be given up: an event, or what asks the user."""
+    """A cancellation signal: an event, or an object that asks the user."""
 
     def is_set(self) -> bool:
-        """Whether it is."""
+        """Whether the work is cancelled."""
 
 
 class _Watched(local):
-    """The signal that each thread looks at."""
+    """The cancellation signal of each thread."""
 
-    stop: Signal | None = None
+    signal: Signal | None = None
 
 
 _watched = _Watched()
 
 
 @contextmanager
-def cancelled_by(stop: Signal) -> Iterator[None]:
-    """While this lasts ``raise_if_cancelled`` raises Cancelled in this thread once the signal is set."""
-    before, _watched.stop = _watched.stop, stop
+def cancelled_by(signal: Signal) -> Iterator[None]:
+    """Within this context ``raise_if_cancelled`` raises Cancelled in this thread once the signal is set."""
+    before, _watched.signal = _watched.signal, signal
     try:
         yield
     finally:
-        _watched.stop = before
+        _watched.signal = before
 
 
-class _Unstoppable:
-    """How many threads are where they cannot stop."""
+class _Uncancellable:
+    """The number of threads whose work cannot be cancelled at the moment."""
 
     def __init__(self) -> None:
         self.count, self.lock = 0, Lock()
 
 
-_unstoppable = _Unstoppable()
+_working = _Uncancellable()
 
 
 @contextmanager
 def uncancellable() -> Iterator[None]:
-    """While this lasts there is work that does not end when it is to: Embree builds."""
-    with _unstoppable.lock:
-        _unstoppable.count += 1
+    """Within this context the thread cannot be cancelled, because Embree builds."""
+    with _working.lock:
+        _working.count += 1
     try:
         yield
     finally:
-        with _unstoppable.lock:
-            _unstoppable.count -= 1
+        with _working.lock:
+            _working.count -= 1
 
 
 def is_uncancellable() -> bool:
-    """Whether any thread does such work."""
-    return _unstoppable.count > 0
+    """Whether the work of any thread cannot be cancelled at the moment."""
+    return _working.count > 0
 
 
 def raise_if_cancelled() -> None:
-    """A place at which this thread's work may end: raises Cancelled if it is to."""
-    stop = _watched.stop
-    if stop is not None and stop.is_set():
+    """Raise Cancelled if this thread's work has been cancelled."""
+    signal = _watched.signal
+    if signal is not None and signal.is_set():
         raise Cancelled

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What casting answers."""
+"""The results of casting: hits, counts and errors."""
 
 from __future__ import annotations
 
@@ -10,6 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, IndexArray
+
+
+class CastError(ValueError):
+    """Casting is impossible; the message says what to do."""
+
+
+class NothingToCastAt(CastError):
+    """The scene has no triangle that a ray could hit."""
 
 
 class Hits(NamedTuple):
@@ -33,7 +41,7 @@ class Hits(NamedTuple):
 
     @classmethod
     def empty(cls, count: int) -> Hits:
-        """``count`` projectors that hit nothing, to be filled in."""
+        """Hits of ``count`` projectors that meet nothing, to be filled in."""
         return cls(
             np.full(count, np.inf),
             np.full(count, -1, np.int32),
@@ -45,18 +53,11 @@ class Hits(NamedTuple):
 
     @classmethod
     def unplaced(cls, count: int) -> Hits:
-        """As ``empty``, but position and tangent are anything until ``chords.complete`` gives them."""
-        return cls(
-            np.full(count, np.inf),
-            np.full(count, -1, np.int32),
-            np.zeros((2, count)),
-            np.empty((3, count)),
-            np.empty((3, count)),
-            np.zeros(count, bool),
-        )
+        """As ``empty``, but position and tangent are undefined until ``chords.complete`` computes them."""
+        return cls.empty(count)._replace(position=np.empty((3, count)), tangent=np.empty((3, count)))
 
     def take(self, index: IndexArray) -> Hits:
-        """Copies of the hits at ``index``."""
+        """Copy the hits at ``index``."""
         return Hits(
             self.t.take(index),
             self.triangle.take(index),
@@ -75,16 +76,15 @@ class Hits(NamedTuple):
 
 @dataclass
 class CastCounts:
-    """What a cast did; sums over tiles with ``add``.
+    """Counts of the work of a cast; ``add`` sums them over tiles.
 
-    projectors: projectors that were cast. rays: rays traced for them in all.
-    chords: rays of the first march (1 a projector when straight). walked: hits
-    solved on a neighbour of the triangle that a chord hit. refined: projectors
-    followed again by finer chords, because their curve does not have what a chord hit.
-    tested: curves met with triangles in exact casting. unresolved: hits that keep
-    the answer of the finest chord; in exact casting, walks that were cut short.
-    error_bound: the largest distance between curve and chords met on the sampled
-    projectors, in pixels; ``add`` keeps the larger.
+    projectors: projectors cast. rays: rays traced for them. chords: rays of the first march
+    (1 per straight projector). walked: hits solved on a neighbour of the triangle that a
+    chord hit. refined: projectors followed again by finer chords, because their curve misses
+    the triangle that a chord hit. tested: curves intersected with triangles in exact casting.
+    unresolved: hits that keep the answer of the finest chord; in exact casting, steps of
+    traversals that were cut short. error_bound: the largest distance between curve and chords
+    on the sampled projectors, in pixels; ``add`` keeps the larger.
     """
 
     projectors: int = 0

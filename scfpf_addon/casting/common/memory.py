@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much memory is free, and how much was taken."""
+"""Memory of the system: how much is available, and the peak of this process."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 
 class MemoryStatus(ctypes.Structure):
-    """MEMORYSTATUSEX of the Windows API; types of fixed size, so that it is the same everywhere."""
+    """MEMORYSTATUSEX of the Windows API, in types of fixed size, so that tests run on other systems."""
 
     _fields_ = (
         ("length", ctypes.c_uint32),
@@ -31,9 +31,9 @@ class MemoryCounters(ctypes.Structure):
 
 
 def available_memory() -> int | None:
-    """Bytes that may be taken without pushing others out, None where that is not known.
+    """Return the bytes that can be allocated without swapping, or None if unknown.
 
-    Windows: GlobalMemoryStatusEx. Linux: MemAvailable. Elsewhere all that is built in.
+    Windows: GlobalMemoryStatusEx. Linux: MemAvailable. Elsewhere: all memory of the machine.
     """
     if sys.platform == "win32":
         return windows_available(_kernel())
@@ -48,13 +48,13 @@ def available_memory() -> int | None:
 
 
 def shortage(needed: float) -> tuple[str, str] | None:
-    """So many bytes and how many there are, for a message; None where they are free, or nobody knows."""
+    """Return the bytes needed and available as text for a message, or None if they suffice or are unknown."""
     free = available_memory()
     return None if free is None or needed <= free else (f"{needed / 1e9:.1f} GB", f"{free / 1e9:.1f} GB")
 
 
 def peak_memory() -> int:
-    """The most bytes that this process has held at a time, all of it since it began; 0: not known."""
+    """Return the most bytes that this process has held at one time since it began; 0 if unknown."""
     if sys.platform == "win32":
         return windows_peak(_kernel())
     import resource  # not on Windows
@@ -64,13 +64,13 @@ def peak_memory() -> int:
 
 
 def windows_available(kernel: Any) -> int | None:
-    """``available_memory`` by kernel32.dll."""
+    """As ``available_memory``, from kernel32.dll."""
     status = MemoryStatus(length=ctypes.sizeof(MemoryStatus))
     return int(status.available) if kernel.GlobalMemoryStatusEx(ctypes.byref(status)) else None
 
 
 def windows_peak(kernel: Any) -> int:
-    """``peak_memory`` by kernel32.dll."""
+    """As ``peak_memory``, from kernel32.dll."""
     counters = MemoryCounters(length=ctypes.sizeof(MemoryCounters))
     kernel.GetCurrentProcess.restype = ctypes.c_void_p
     process = ctypes.c_void_p(kernel.GetCurrentProcess())

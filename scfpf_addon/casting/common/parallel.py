@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Long arrays a portion at a time, in threads: what is made of a portion stays in a core's cache, and takes
-no memory that the system would have to be asked for.
+"""Long arrays in chunks, in threads.
+
+The intermediate arrays of a chunk stay in a core's cache and reuse memory that the process already has.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from typing import TypeVar
 
 Result = TypeVar("Result")
 
-# Vertices or triangles in a portion.
+# Vertices or triangles in a chunk.
 AT_ONCE = 1 << 15
 
-# Portions below which one thread is done before others have begun.
+# Fewer chunks than this are done in one thread before others have started.
 WORTH_THREADS = 8
 
 
 def thread_count(threads: int = 0) -> int:
-    """``threads``, or for 0 the number of cores that this process may use."""
+    """Return ``threads``, or for 0 the number of cores that this process may use."""
     if threads > 0:
         return threads
     if hasattr(os, "sched_getaffinity"):
@@ -30,12 +31,12 @@ def thread_count(threads: int = 0) -> int:
 
 
 def chunks(count: int) -> list[slice]:
-    """So many things, AT_ONCE at a time."""
+    """Return slices of AT_ONCE that cover an array of length ``count``."""
     return [slice(start, min(start + AT_ONCE, count)) for start in range(0, count, AT_ONCE)]
 
 
 def started(work: Callable[[], None], count: int) -> list[Thread]:
-    """Threads that do ``work``, ``count`` of them or as many as the system starts: perhaps none."""
+    """Start ``count`` threads that do ``work``, or as many as the system allows, perhaps none."""
     threads: list[Thread] = []
     for _ in range(count):
         thread = Thread(target=work, name="SCFPF work")
@@ -48,10 +49,10 @@ def started(work: Callable[[], None], count: int) -> list[Thread]:
 
 
 def parallel_map(work: Callable[[slice], Result], parts: list[slice], threads: int = 0) -> list[Result]:
-    """What ``work`` makes of each part, in their order, made in threads (0: all cores) that have ended.
+    """Return the results of ``work`` on each part, in their order; the threads (0: one a core) have ended.
 
-    Each part must be written by its own work alone. What ``work`` raises is raised here; NumPy's
-    errstate of the caller does not reach it. The caller's thread works where no other can be started.
+    Each part must be written by its own work alone. Exceptions of ``work`` are raised here; NumPy's
+    errstate of the caller does not apply in it. The caller's thread works if no other can be started.
     """
     if len(parts) < WORTH_THREADS:
         return [work(some) for some in parts]
@@ -83,9 +84,9 @@ def parallel_map(work: Callable[[slice], Result], parts: list[slice], threads: i
 
 
 def beside(work: Callable[[], None], other: Callable[[], Result]) -> Result:
-    """Return the result of ``other`` while a thread does ``work``; one after the other if no thread starts.
+    """Return the result of ``other`` while a thread does ``work``, or both in turn if no thread starts.
 
-    What either raises is raised here, once both have ended.
+    Exceptions of either are raised here, once both have ended.
     """
     errors: list[BaseException] = []
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""To which rays triangles are visible: bits of a byte each."""
+"""Ray visibility of triangles: one bit of a byte for each kind of ray."""
 
 from __future__ import annotations
 
@@ -8,17 +8,20 @@ from numpy.typing import NDArray
 
 from ...projection.typing import BoolArray
 
-# Projectors; rays that look for shadows; what mirrors and what glass send on.
+# Projectors, shadow rays, rays of glossy lobes, rays of transmission lobes.
 CAMERA, SHADOW, MIRROR, GLASS = 1, 2, 4, 8
 EVERYWHERE = CAMERA | SHADOW | MIRROR | GLASS
-# Not a ray: what hides things and leaves a hole in the picture.
+# Not a ray: the triangle is a holdout, which hides others and leaves a hole in the image.
 HOLDOUT = 16
-# Nor this: what is seen of things is but the shadows on them.
+# Nor this: the triangle is a shadow catcher, of which only the shadows on it are seen.
 CATCHER = 32
 
 
 def visible_to(visibility: NDArray[np.uint8] | None, ray: int) -> BoolArray | None:
-    """Which triangles rays of a kind meet, (T,); None for all. visibility: (T,), None where all see all."""
+    """Return which triangles a kind of ray meets, (T,), or None if it meets all.
+
+    visibility: (T,), None if every ray meets every triangle.
+    """
     if visibility is None:
         return None
     there: BoolArray = (visibility & ray) != 0

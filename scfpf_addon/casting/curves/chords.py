@@ -19,10 +19,9 @@ from numpy.typing import NDArray
 
 from ...projection.typing import BoolArray, IndexArray
 from ..common.hits import CastCounts, Hits
-from ..common.records import Records
 from ..scene.cast_scene import CastScene
 from ..scene.occupancy import Stretches, everywhere
-from .march import OVERLAP, Traced, march
+from .march import OVERLAP, Records, Traced, march
 from .projector_batch import ProjectorBatch, Solutions
 from .schedule import Schedule
 
@@ -128,7 +127,9 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
     def trace(start: NDArray[Any], way: NDArray[Any], limits: NDArray[np.float32]) -> Traced:
         """``CastScene.trace`` as the march asks for it: triangles (N,), and no places along the rays."""
         single = np.float32
-        found = work.scene.trace(start.astype(single, copy=False), way.astype(single, copy=False), limits)
+        found = work.scene.mesh.trace(
+            start.astype(single, copy=False), way.astype(single, copy=False), limits
+        )
         return found, None
 
     records, _, rays = march(source, schedule.ends, held, where.members(), mask, trace)
@@ -149,7 +150,7 @@ def _at_once(
     way = np.einsum("kn,kcn->cn", ways.T.take(chord, 1), controls)
     work.counts.rays += len(chord)
     work.counts.chords += len(chord)
-    found = work.scene.trace(
+    found = work.scene.mesh.trace(
         start.astype(np.float32, copy=False),
         way.astype(np.float32, copy=False),
         np.full(len(chord), 1.0 + OVERLAP, np.float32),
@@ -169,7 +170,7 @@ def _chord_hits(work: Work, records: Records) -> Solutions:
     controls = work.batch.points.take(records.projector, 2)
     start, end = (np.einsum("nk,kcn->cn", work.schedule.ends[records.chord + k], controls) for k in (0, 1))
     way, limits = end - start, np.full(len(low), 1.0 + OVERLAP, np.float32)
-    share = work.scene.trace_distance(start.astype(np.float32), way.astype(np.float32), limits)
+    share = work.scene.mesh.trace_distance(start.astype(np.float32), way.astype(np.float32), limits)
     share = np.minimum(share.astype(np.float64), 1.0)
     weights = np.clip(work.scene.barycentric(start + way * share, records.triangle), 0.0, 1.0)
     weights /= np.maximum(weights.sum(axis=0), 1.0)

@@ -1,16 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The wave that casts the chords of a tile: all its projectors take the same steps in t."""
+"""The wavefront that casts the chords of a tile: all its projectors take the same steps in t."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, IndexArray
-from ..common.records import Records
 
 # Chords overlap by this share of their length, so that no hit falls between two.
 OVERLAP = 1e-5
@@ -19,7 +18,20 @@ OVERLAP = 1e-5
 # this share of it: picking out single ones costs as much as casting some for nothing.
 MOST_DEAD = 0.5
 
-# What rays have met: triangles (N,), -1 for none, and where, if that is asked for.
+
+class Records(NamedTuple):
+    """Hits of chords before the curves are solved: projector, chord and triangle, each (M,)."""
+
+    projector: NDArray[np.intp]
+    chord: NDArray[np.intp]
+    triangle: NDArray[np.int32]
+
+    def take(self, index: IndexArray) -> Records:
+        """The records at ``index``."""
+        return Records(self.projector.take(index), self.chord.take(index), self.triangle.take(index))
+
+
+# The triangles that rays meet (N,), -1 for none, and where on the rays, or None if that is not needed.
 Traced = tuple[NDArray[np.int32], NDArray[Any] | None]
 Trace = Callable[[NDArray[Any], NDArray[Any], NDArray[np.float32]], Traced]
 

@@ -26,7 +26,8 @@ from ...projection.typing import Array, BoolArray
 from ...projection.volume.basis import SpanBasis
 from ...projection.volume.bezier import restrict
 from ...projection.volume.viewing_volume import Projection, image_derivatives
-from ..scene.cast_scene import LARGEST_COORDINATE, CastScene
+from ..scene.cast_scene import CastScene
+from ..scene.cast_triangles import LARGEST_COORDINATE
 from ..scene.projector_boxes import piece_bounds, piece_edges, piece_weights
 
 # Projectors of a tile that its schedule looks at, besides its corners.

@@ -79,7 +79,7 @@ def _seen(walk: Walk, start: Array, way: Array, after: float) -> NDArray[np.int3
     """The first triangles on straight ways (3, M), -1 for none, from a little before to ``after`` as much."""
     slack = way * (RESTART / np.maximum(np.sqrt(np.einsum("cn,cn->n", way, way)), SHORTEST))
     walk.counts.rays += way.shape[1]
-    return walk.scene.trace(
+    return walk.scene.mesh.trace(
         (start - slack).astype(np.float32),
         (way + (1.0 + after) * slack).astype(np.float32),
         np.ones(way.shape[1], np.float32),

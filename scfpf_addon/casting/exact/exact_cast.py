@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, IndexArray
-from ..common.hits import CastCounts, Hits
+from ..common.hits import CastCounts, CastError, Hits
 from ..curves.march import march
 from ..curves.projector_batch import ProjectorBatch
-from ..scene.cast_scene import CastError, CastScene
+from ..scene.cast_scene import CastScene
 from ..scene.occupancy import boxes_of_blocks, stretches
 from .chord_bounds import MOST_CHORDS, certain_chords
 from .direct_hits import settle
@@ -246,7 +246,7 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32], length: Array) ->
         slack = way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST))
         origins, ways = (start - slack).astype(np.float32), (way + 2.0 * slack).astype(np.float32)
         walk.counts.rays += len(projector)
-        found = walk.scene.trace(origins, ways, np.ones(len(projector), np.float32))
+        found = walk.scene.mesh.trace(origins, ways, np.ones(len(projector), np.float32))
         other = np.flatnonzero((found >= 0) & (found != walk.hits.triangle.take(projector)))
         if len(other) == 0:
             break
@@ -261,7 +261,7 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32], length: Array) ->
         if len(lost):
             # If not there either, it is passed.
             limits = np.ones(len(lost), np.float32)
-            far = walk.scene.trace_distance(origins[:, lost], ways[:, lost], limits)
+            far = walk.scene.mesh.trace_distance(origins[:, lost], ways[:, lost], limits)
             start[:, lost] += (way[:, lost] + 2.0 * slack[:, lost]) * far
         projector, triangle, end_t, span = projector[other], found[other], end_t[other], span[other]
         start, curves = start[:, other], curves.take(other)

@@ -13,7 +13,7 @@ from ..common.hits import CastCounts, Hits
 from ..curves.march import OVERLAP
 from ..curves.projector_batch import T_ROUNDING, ProjectorBatch, Solutions
 from ..scene.cast_scene import CastScene
-from ..scene.prism_scene import PrismScene
+from ..scene.prisms import PrismScene
 from .chord_bounds import Chords
 
 # A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)

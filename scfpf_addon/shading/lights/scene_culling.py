@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...casting.common.geometry import Geometry
+from ...casting.common.hits import NothingToCastAt
 from ...casting.common.ray_visibility import CAMERA, SHADOW, visible_to
-from ...casting.scene.cast_scene import CastScene, NothingToCastAt, require_room_for_prisms
+from ...casting.scene.cast_scene import CastScene
 from ...casting.scene.culling import within_volume
+from ...casting.scene.prisms import require_room_for_prisms
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
 from ..scene.shading_scene import Scene

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...casting.common.geometry import Geometry
 from ...casting.common.parallel import chunks
-from ...casting.scene.cast_scene import ORIGIN_OFFSET
+from ...casting.scene.cast_triangles import ORIGIN_OFFSET
 from ...casting.scene.culling import flat_sides
 from ...casting.scene.half_spaces import HalfSpaces, highest
 from ...projection.typing import Array, BoolArray

@@ -123,12 +123,10 @@ def test_empty_scene_is_its_background_and_a_warning(engine_scene, capfd):
 
 
 def test_missing_embreex_says_so(addon, engine_scene, monkeypatch):
-    casting = addon("casting.scene.cast_scene")
-
     def missing():
-        raise casting.CastError("embreex is missing")
+        raise addon("casting.common.hits").CastError("embreex is missing")
 
-    monkeypatch.setattr(casting, "_load_embreex", missing)
+    monkeypatch.setattr(addon("casting.scene.cast_scene"), "load_embreex", missing)
     refused(engine_scene, "embreex is missing")
 
 

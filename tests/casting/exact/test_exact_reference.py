@@ -13,10 +13,10 @@ from benchmarks.trade import put_into, volumes
 from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common import memory
-from scfpf_addon.casting.common.hits import CastCounts
+from scfpf_addon.casting.common.hits import CastCounts, CastError
 from scfpf_addon.casting.exact import chord_bounds
 from scfpf_addon.casting.frame import cast_frame, pixel_centres
-from scfpf_addon.casting.scene.cast_scene import CastError, CastScene
+from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from benchmarks.scenes import boxes, columns
-from scfpf_addon.casting.scene import cast_scene as module
-from scfpf_addon.casting.scene.cast_scene import CastError, CastScene
+from scfpf_addon.casting.common.hits import CastError
+from scfpf_addon.casting.scene import embreex as module
+from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.scene.neighbours import edge_neighbours
 
 QUAD = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
@@ -21,7 +22,7 @@ def down(scene, x, y):
     start = np.stack([x, y, np.full(len(x), 5.0)])
     origins = (scene.matrix[:3, :3] @ start + scene.matrix[:3, 3:]).astype(np.float32)
     ways = np.tile(np.float32([[0], [0], [-100]]), len(x)) * np.float32(scene.scale)
-    return scene.trace(origins, ways, np.ones(len(x), np.float32))
+    return scene.mesh.trace(origins, ways, np.ones(len(x), np.float32))
 
 
 def test_the_scene_fits_cast_space_wherever_it_is():

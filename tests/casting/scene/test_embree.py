@@ -11,8 +11,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from scfpf_addon.casting.scene import embree_meshes
-from scfpf_addon.casting.scene.cast_scene import _load_embreex
+from scfpf_addon.casting.scene import embree_meshes, embreex
+from scfpf_addon.casting.scene.embreex import load_embreex
 
 RAYS = 4000
 
@@ -31,8 +31,8 @@ def cast(scene, generator):
 
 def test_embree_takes_the_arrays_as_they_are():
     """This embreex is one whose scenes are found; without, every picture takes much longer."""
-    modules = _load_embreex()
-    _, kept, _ = embree_meshes.mesh_in_embree(modules, *soup(np.random.default_rng(1)))
+    modules = load_embreex()
+    _, kept, _ = embree_meshes.build_mesh(*soup(np.random.default_rng(1)))
     assert not isinstance(kept, modules[1].TriangleMesh)
 
 
@@ -44,7 +44,7 @@ def test_both_ways_meet_the_same(fault, corners, monkeypatch):
         # Pairs of triangles with a common side, every other one with a corner named twice: a triangle.
         faces = np.concatenate([faces, faces[:, 2:]], axis=1)
         faces[::2, 3] = np.roll(faces[::2, 0], 1)
-    quick, _kept, one = embree_meshes.mesh_in_embree(_load_embreex(), vertices, faces)
+    quick, _kept, one = embree_meshes.build_mesh(vertices, faces)
     assert quick.is_committed == 1
     if fault == "no library":
         monkeypatch.setattr(embree_meshes, "_library", lambda module: None)
@@ -52,8 +52,8 @@ def test_both_ways_meet_the_same(fault, corners, monkeypatch):
         monkeypatch.setattr(
             embree_meshes, "SceneObject", type("Other", (ctypes.Structure,), {"_fields_": ()})
         )
-    modules = _load_embreex()
-    slow, mesh, several = embree_meshes.mesh_in_embree(modules, vertices, faces)
+    modules = load_embreex()
+    slow, mesh, several = embree_meshes.build_mesh(vertices, faces)
     assert isinstance(mesh, modules[1].TriangleMesh)
     assert (one, several) == (1, corners - 2)
     by_arrays, copied = (cast(scene, np.random.default_rng(3)) for scene in (quick, slow))
@@ -69,15 +69,15 @@ def test_both_ways_meet_the_same(fault, corners, monkeypatch):
 
 def test_what_memory_does_not_hold_is_said(monkeypatch):
     """Embree tells its error by a number, 4 for memory; embreex would write it to a log."""
-    modules = _load_embreex()
+    modules = load_embreex()
     monkeypatch.setattr(embree_meshes._library(modules[0].__file__), "rtcGetDeviceError", lambda device: 4)
     with pytest.raises(MemoryError, match="not enough memory"):
-        embree_meshes.mesh_in_embree(modules, *soup(np.random.default_rng(4)))
+        embree_meshes.build_mesh(*soup(np.random.default_rng(4)))
 
 
 def test_the_library_is_asked_only_where_it_has_all_functions(monkeypatch):
     monkeypatch.setitem(embree_meshes.FUNCTIONS, "rtcNoSuchFunction", (None,))
-    assert embree_meshes._library.__wrapped__(_load_embreex()[0].__file__) is None
+    assert embree_meshes._library.__wrapped__(load_embreex()[0].__file__) is None
 
 
 def test_a_library_that_does_not_open_is_none(tmp_path):
@@ -89,7 +89,7 @@ def test_an_embree_of_the_program_itself_comes_first(monkeypatch):
     program = SimpleNamespace(
         rtcNewScene=None, **{name: SimpleNamespace() for name in embree_meshes.FUNCTIONS}
     )
-    module = _load_embreex()[0].__file__
+    module = load_embreex()[0].__file__
     monkeypatch.setattr(embree_meshes.sys, "platform", "linux")
     monkeypatch.setattr(embree_meshes.ctypes, "CDLL", {None: program}.__getitem__)
     assert embree_meshes._library.__wrapped__(module) is program
@@ -113,9 +113,10 @@ LOAD = """
 import sys
 sys.path.insert(0, sys.argv[1])
 sys.path.append(sys.argv[2])
-from scfpf_addon.casting.scene.cast_scene import CastError, _load_embreex
+from scfpf_addon.casting.common.hits import CastError
+from scfpf_addon.casting.scene.embreex import load_embreex
 try:
-    print("loaded", _load_embreex()[0].__file__)
+    print("loaded", load_embreex()[0].__file__)
 except CastError as error:
     print(error)
 """
@@ -131,7 +132,7 @@ def loaded(folder):
 
 def test_a_library_that_is_cut_off_is_said_and_not_loaded(installed):
     """The system ends a program that loads one: a disk was full, or a download ended early."""
-    assert embree_meshes.cut_off_library("embreex") == ""
+    assert embreex.truncated_library("embreex") == ""
     library = next(path for path in installed.rglob("*embree4*") if path.is_file())
     start = library.read_bytes()[: 1 << 20]
     library.unlink()

@@ -60,9 +60,9 @@ def compare(vertices, faces, generator, usable=None):
     ends = scene.matrix[:3, :3] @ generator.uniform(-1.2, 1.2, (2, 3, RAYS)) + scene.matrix[:3, 3:]
     origins, ways = ends[0].astype(np.float32), (ends[1] - ends[0]).astype(np.float32)
     limits = np.ones(RAYS, np.float32)
-    found = scene.trace(origins, ways, limits)
+    found = scene.mesh.trace(origins, ways, limits)
     assert (limits == 1).all()
-    again, weights = scene.trace_weights(origins, ways, limits.copy())
+    again, weights = scene.mesh.trace_weights(origins, ways, limits.copy())
     np.testing.assert_array_equal(found, again)
     assert found.dtype == again.dtype == np.int32
     corners = scene.vertices.T[faces]
@@ -118,8 +118,8 @@ def test_the_comparison_sees_quads():
     generator = np.random.default_rng(5)
     vertices, faces = mixed(generator, 40)
     scene, seen = compare(vertices, faces, generator)
-    assert scene._quads is not None and seen > RAYS / 3
-    assert len(scene._quads.faces) < 0.7 * len(faces)
+    assert scene.mesh.quads is not None and seen > RAYS / 3
+    assert len(scene.mesh.quads.faces) < 0.7 * len(faces)
 
 
 @pytest.mark.parametrize("make", [terrain, columns])

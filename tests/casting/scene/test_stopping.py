@@ -22,7 +22,11 @@ def scene():
 def test_rays_are_where_work_ends(scene):
     stop = Event()
     single = tuple(np.asarray(each, np.float32) for each in RAY)
-    casts = (lambda: scene.trace(*single), lambda: scene.occluded(*RAY), lambda: scene.prisms.trace(*single))
+    casts = (
+        lambda: scene.mesh.trace(*single),
+        lambda: scene.occluded(*RAY),
+        lambda: scene.prisms.trace(*single),
+    )
     with cancelled_by(stop):
         for cast in casts:
             cast()

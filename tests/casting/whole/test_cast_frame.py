@@ -11,10 +11,10 @@ import pytest
 from benchmarks.scenes import bent_projection, boxes
 from scfpf_addon.casting import frame as module
 from scfpf_addon.casting import tiles as tiling
-from scfpf_addon.casting.common.hits import CastCounts
+from scfpf_addon.casting.common.hits import CastCounts, CastError
 from scfpf_addon.casting.common.parallel import thread_count
 from scfpf_addon.casting.frame import cast_frame, pixel_centres
-from scfpf_addon.casting.scene.cast_scene import CastError, CastScene
+from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.tiles import image_tiles
 
 WIDTH, HEIGHT = 80, 50

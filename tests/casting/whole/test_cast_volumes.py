@@ -9,9 +9,10 @@ import pytest
 
 from benchmarks.scenes import bent_projection, boxes, columns, frame_at, sheet, terrain
 from scfpf_addon.casting.cast import CastCounts, cast
+from scfpf_addon.casting.common.hits import CastError
 from scfpf_addon.casting.curves.projector_batch import ProjectorBatch
 from scfpf_addon.casting.frame import pixel_centres
-from scfpf_addon.casting.scene.cast_scene import CastError, CastScene
+from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Cylinder, Disc, Grid, Plane, Point, SphereSector
 from scfpf_addon.projection.volume.basis import span_basis
 from scfpf_addon.projection.volume.reparameterisation import Polar

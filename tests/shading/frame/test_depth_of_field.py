@@ -132,8 +132,8 @@ def test_only_the_shutter_times_that_samples_see_are_made_ready(build, monkeypat
     """Prisms of exact casting are built at the first use: none for the frame itself, and none twice."""
     scenes = [build.scene([build.square(0.25, centre=(c / 9, 0.0))]) for c in range(5)]
     view = build.looking_down(1, 0, -1, shifts=[0, 0.2, 0])
-    made, built = CastScene._prisms_made, []
-    monkeypatch.setattr(CastScene, "_prisms_made", lambda self: built.append(self) or made(self))
+    made, built = CastScene._make_prisms, []
+    monkeypatch.setattr(CastScene, "_make_prisms", lambda self: built.append(self) or made(self))
     settings = FrameSettings(6, 4, samples=8, pixel_error=0.0, adaptive=adaptive)
     moments = tuple(Moment(view, scene) for scene in scenes[1:])
     render_frame(view, scenes[0], settings, moments=moments)

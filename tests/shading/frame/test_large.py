@@ -9,8 +9,9 @@ import pytest
 from benchmarks.scenes import bent_projection, terrain
 from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.common import memory, parallel
+from scfpf_addon.casting.common.hits import CastError
 from scfpf_addon.casting.scene import occupancy
-from scfpf_addon.casting.scene.cast_scene import CastError, CastScene
+from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.scene.culling import within_volume
 from scfpf_addon.casting.scene.neighbours import edge_neighbours
 from scfpf_addon.casting.scene.occupancy import Occupancy

@@ -9,7 +9,8 @@ import pytest
 from scfpf_addon.casting.common import cancellation
 from scfpf_addon.casting.common.ray_visibility import CAMERA, CATCHER, GLASS, MIRROR, SHADOW
 from scfpf_addon.casting.scene.cast_scene import CastScene
-from scfpf_addon.casting.scene.prism_scene import PrismScene
+from scfpf_addon.casting.scene.prisms import PrismScene
+from scfpf_addon.casting.scene.traced_mesh import TracedMesh
 from scfpf_addon.casting.tiles import image_tiles
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
@@ -70,7 +71,7 @@ class Asked:
     def __init__(self, monkeypatch, at=None):
         self.looks = self.since = self.most = self.after = 0
         self.at = at
-        for cls in (CastScene, PrismScene):
+        for cls in (TracedMesh, PrismScene):
             monkeypatch.setattr(cls, "_embree", property(self._counting, self._keep), raising=False)
 
     def _keep(self, scene, embree):
@@ -155,13 +156,13 @@ def test_what_cannot_be_stopped_says_so(heavy, monkeypatch):
     """With motion blur prisms are built by the threads, one for each shutter time that is needed."""
     projection, scene, moments = heavy
     built = []
-    made = CastScene._prisms_made
+    made = CastScene._make_prisms
 
     def making(self):
         built.append(cancellation.is_uncancellable())
         return made(self)
 
-    monkeypatch.setattr(CastScene, "_prisms_made", making)
+    monkeypatch.setattr(CastScene, "_make_prisms", making)
     settings = FrameSettings(WIDTH, HEIGHT, samples=4, pixel_error=0.0, threads=2)
     render_frame(projection, scene, settings, moments=moments)
     assert built == [True, True] and not cancellation.is_uncancellable()

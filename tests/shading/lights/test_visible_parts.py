@@ -73,7 +73,7 @@ def test_parts_are_built_once_and_only_where_they_are_parts(build):
     down = np.array([[0.0], [0.0], [-2.0]])
     start = cast_scene.matrix[:3, :3] @ np.array([[0.0], [0.0], [1.0]]) + cast_scene.matrix[:3, 3:]
     for each, triangle in ((cast_scene, ball), (part, ~ball)):
-        found = each.trace(start.astype(np.float32), down.astype(np.float32), np.ones(1, np.float32))
+        found = each.mesh.trace(start.astype(np.float32), down.astype(np.float32), np.ones(1, np.float32))
         assert triangle[found[0]]
 
 

@@ -1,0 +1,234 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangles in cast space, in float64: planes, barycentric weights, neighbours.
+
+Embree works in float32, whose precision is lost far from the origin. So the triangles
+are re-centred and scaled in float64 first. That space is *cast space*. Embree only
+finds candidates there; hits are computed from the float64 triangles.
+"""
+
+from __future__ import annotations
+
+from threading import Lock
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
+from ...projection.volume.median import median
+from ..common.hits import CastError, NothingToCastAt
+from ..common.parallel import chunks, parallel_map
+from .neighbours import edge_neighbours
+
+# A larger coordinate cannot be squared twice in float64; it counts as not finite.
+LARGEST_COORDINATE = 1e60
+
+# A triangle whose height is a smaller share of its length has no usable
+# barycentric coordinates: float64 keeps 16 digits, the inside test needs some.
+FLATTEST = 1e-12
+
+# Secondary rays start this share of the triangle's largest coordinate off its
+# plane: 32 float32 roundings (2⁻²³), since Embree rounds the triangle's corners
+# and the ray's origin. After Wächter & Binder, Ray Tracing Gems (2019), ch. 6.
+ORIGIN_OFFSET = 2.0**-18
+
+# Vertices whose median stands for that of all.
+ENOUGH_FOR_MEDIAN = 1 << 15
+
+
+class CastTriangles:
+    """Triangles in cast space.
+
+    vertices: (V, 3) float64, world space; triangles: (T, 3) int32. Triangles with a vertex that is not
+    finite and those without area are unusable: never hit. All triangles keep their indices.
+    Raises CastError for an index out of range, NothingToCastAt if no triangle is usable.
+
+    centre: (3,) world; scale: cast-space units in a world unit; matrix: (4, 4), world to cast space.
+    vertices: (3, V) in cast space. lower, upper: (3,) bounds in cast space, within [-1, 1].
+    usable: (T,). planes: (4, T) unit normal and offset, so that planes[:3]·p + planes[3] is the
+    height of p over the triangle.
+    """
+
+    def __init__(self, vertices: Array, triangles: NDArray[np.int32]) -> None:
+        vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
+        self.triangles = np.ascontiguousarray(triangles, np.int32).reshape(-1, 3)
+        if self.triangles.size and not 0 <= self.triangles.min() <= self.triangles.max() < len(vertices):
+            raise CastError("a triangle names a vertex that does not exist")
+        finite: BoolArray = np.ones(len(vertices), bool)
+        self.usable: BoolArray = np.ones(len(self.triangles), bool)
+        with np.errstate(invalid="ignore"):
+            if not max(vertices.max(initial=0.0), -vertices.min(initial=0.0)) < LARGEST_COORDINATE:
+                finite = np.all(np.abs(vertices) < LARGEST_COORDINATE, axis=1)
+                self.usable = np.all(finite[self.triangles], axis=1)
+        if not self.usable.any():
+            raise NothingToCastAt("the scene has no triangles: add a mesh, or show one in renders")
+        self._weights: Array | None = None
+        self._neighbours: NDArray[np.int32] | None = None
+        self._tables_lock = Lock()
+        self._place(vertices, finite)
+        self._measure()
+        if not self.usable.any():
+            raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
+
+    def _place(self, vertices: Array, finite: BoolArray) -> None:
+        """Choose cast space and transform the vertices into it."""
+        used = np.zeros(len(vertices), bool)
+        used[self.triangles if self.usable.all() else self.triangles[self.usable]] = True
+        self.centre, self.scale = _cast_space(vertices if used.all() else vertices[used])
+        self.matrix: Array = np.diag([self.scale, self.scale, self.scale, 1.0])
+        self.matrix[:3, 3] = -self.scale * self.centre
+        # Vertices of no usable triangle stay at the origin.
+        kept = finite & used
+        self.vertices: Array = np.zeros((3, len(vertices)))
+        for row, places, middle in zip(self.vertices, vertices.T, self.centre, strict=True):
+            np.subtract(places, middle, out=row, where=kept)
+        self.vertices *= self.scale
+        self.lower: Array = self.vertices.min(axis=1)
+        self.upper: Array = self.vertices.max(axis=1)
+
+    def _measure(self) -> None:
+        """Compute the planes; triangles without area become unusable."""
+        self.planes: Array = np.empty((4, len(self.usable)))
+        self._largest = np.empty(len(self.usable), np.float32)
+        largest = np.abs(self.vertices).max(axis=0).astype(np.float32)
+
+        def measure(some: slice) -> None:
+            """Planes and largest coordinates of a chunk of triangles."""
+            corners = self._corners_of(some)
+            first, along, across = self._edges(corners)
+            normal = _cross(along, across)
+            area = np.einsum("ct,ct->t", normal, normal)
+            longest = np.maximum(np.einsum("ct,ct->t", along, along), np.einsum("ct,ct->t", across, across))
+            self.usable[some] &= area > (FLATTEST * longest) ** 2
+            normal *= np.sqrt(_inverse(area, self.usable[some]))
+            _fill(self.planes[:, some], normal, first)
+            reach = [largest.take(corner, mode="clip") for corner in corners]
+            np.maximum(np.maximum(reach[0], reach[1]), reach[2], out=self._largest[some])
+
+        parallel_map(measure, chunks(len(self.usable)))
+
+    def _corners_of(self, some: slice) -> IndexArray:
+        """The vertices of a chunk of triangles, (3, n), in the layout that NumPy indexes fastest with."""
+        return self.triangles[some].T.astype(np.intp, order="C")
+
+    def _edges(self, corners: IndexArray) -> tuple[Array, Array, Array]:
+        """The first of corners (3, n), and the edges from it to the second and third, (3, n)."""
+        first, along, across = (self.vertices.take(corner, 1, mode="clip") for corner in corners)
+        along -= first
+        across -= first
+        return first, along, across
+
+    @property
+    def weights(self) -> Array:
+        """(8, T): gradients and offsets of the barycentric weights of the second and the third corner.
+
+        Made at first use, since flat shading needs none.
+        """
+        weights = self._weights
+        if weights is None:
+            with self._tables_lock:
+                weights = self._weights = self._make_weights() if self._weights is None else self._weights
+        return weights
+
+    def _make_weights(self) -> Array:
+        weights: Array = np.empty((8, len(self.usable)))
+
+        def weigh(some: slice) -> None:
+            """Gradients and offsets of a chunk of triangles."""
+            first, along, across = self._edges(self._corners_of(some))
+            normal = _cross(along, across)
+            inverse = _inverse(np.einsum("ct,ct->t", normal, normal), self.usable[some])
+            _fill(weights[:4, some], _cross(across, normal) * inverse, first)
+            _fill(weights[4:, some], _cross(normal, along) * inverse, first)
+
+        parallel_map(weigh, chunks(len(self.usable)))
+        return weights
+
+    @property
+    def neighbours(self) -> NDArray[np.int32]:
+        """(3, T): the triangle across the edge opposite each corner, -1 at a border.
+
+        Made at first use, since straight casting does not need it.
+        """
+        with self._tables_lock:
+            if self._neighbours is None:
+                self._neighbours = edge_neighbours(self.triangles)
+            return self._neighbours
+
+    def normals(self, triangles: IndexArray) -> Array:
+        """Unit geometric normals (3, N); corners are counter-clockwise seen from their tip."""
+        normals: Array = self.planes[:3].take(triangles, 1)
+        return normals
+
+    def heights(self, positions: Array, triangles: IndexArray) -> Array:
+        """Heights (N,) of positions (3, N) over the triangles' planes."""
+        plane = self.planes.take(triangles, 1)
+        height: Array = np.einsum("cn,cn->n", plane[:3], positions)
+        height += plane[3]
+        return height
+
+    def barycentric(self, positions: Array, triangles: IndexArray) -> Array:
+        """Weights (2, N) of the triangles' second and third corners at positions (3, N)."""
+        rows = self.weights.take(triangles, 1, mode="wrap")
+        weights = np.empty((2, positions.shape[1]))
+        for target, row in zip(weights, (rows[:4], rows[4:]), strict=True):
+            np.einsum("cn,cn->n", row[:3], positions, out=target)
+            target += row[3]
+        return weights
+
+    def clipped_barycentric(self, positions: Array, triangles: IndexArray) -> Array:
+        """As ``barycentric``, moved into the triangle where positions are outside."""
+        weights = np.clip(self.barycentric(positions, triangles), 0.0, 1.0)
+        weights /= np.maximum(weights.sum(axis=0), 1.0)
+        return weights
+
+    def offset_origins(self, positions: Array, triangles: IndexArray, directions: NDArray[Any]) -> Array:
+        """Origins (3, N) of secondary rays that leave ``triangles`` (N,) at ``positions`` (3, N).
+
+        They are moved off the triangle's plane to the side of ``directions`` (3, N), by ORIGIN_OFFSET of
+        the triangle's largest coordinate.
+        """
+        normal = self.normals(triangles)
+        side = np.copysign(ORIGIN_OFFSET, np.einsum("cn,cn->n", normal, directions))
+        origins: Array = positions + normal * (side * self._largest.take(triangles))
+        return origins
+
+    def offsets(self, triangles: IndexArray) -> Float32Array:
+        """How far ``offset_origins`` moves origins off ``triangles`` (N,), (N,) float32."""
+        offsets: Float32Array = self._largest.take(triangles, mode="wrap")
+        offsets *= np.float32(ORIGIN_OFFSET)
+        return offsets
+
+
+def _cast_space(points: Array) -> tuple[Array, float]:
+    """The centre (3,) and the scale of cast space for points (N, 3)."""
+    # The median, not the middle of the bounds: float32 is finest at the origin, which should lie
+    # among the objects and not in the middle of a sky. A subset determines it well enough.
+    some = points[:: 1 + len(points) // ENOUGH_FOR_MEDIAN]
+    centre: Array = np.array([median(places) for places in some.T])
+    # Axis by axis: NumPy takes several times as long for all three at once.
+    reach = max(
+        float(max(places.max() - middle, middle - places.min()))
+        for places, middle in zip(points.T, centre, strict=True)
+    )
+    return centre, 1.0 / reach if reach > 0.0 else 1.0
+
+
+def _inverse(area: Array, usable: BoolArray) -> Array:
+    """1 over the squared areas (n,), 0 where they are not usable."""
+    return np.divide(1.0, area, out=np.zeros_like(area), where=usable)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products of two (3, n) arrays, (3, n); np.cross takes twice as long."""
+    product, term = np.empty_like(a), np.empty(a.shape[1])
+    for row, (i, j) in zip(product, ((1, 2), (2, 0), (0, 1)), strict=True):
+        np.multiply(a[i], b[j], out=row)
+        row -= np.multiply(a[j], b[i], out=term)
+    return product
+
+
+def _fill(rows: Array, gradient: Array, first: Array) -> None:
+    """Write linear functions of position (4, n) with ``gradient`` (3, n) that are 0 at ``first`` (3, n)."""
+    rows[:3] = gradient
+    rows[3] = -np.einsum("ct,ct->t", gradient, first)

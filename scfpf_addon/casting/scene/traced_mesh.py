@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Triangles in Embree, and the rays that are traced against them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import BoolArray, Float32Array
+from ..common.cancellation import raise_if_cancelled
+from .embree_meshes import build_mesh
+from .quads import Quads
+
+
+class TracedMesh:
+    """Triangles in Embree, pairs of them as quads where most are pairs.
+
+    vertices: (3, V) of any dtype, cast space. triangles: (T, 3) int32. usable: (T,), those that rays can hit.
+    Rays are origins and directions (3, N) float32 and limits (N,) float32 in units of the direction's
+    length; a negative limit switches a ray off. All methods raise Cancelled.
+    """
+
+    def __init__(self, vertices: NDArray[Any], triangles: NDArray[np.int32], usable: BoolArray) -> None:
+        faces = triangles
+        self.quads = Quads.of(triangles, usable)
+        if self.quads:
+            faces = self.quads.faces
+        elif not usable.all():
+            faces = np.where(usable[:, None], faces, faces[:, :1])
+        self._embree, self._kept, self._faces_each = build_mesh(vertices.T, faces)
+
+    def trace(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> NDArray[np.int32]:
+        """The first triangle on each ray, (N,) int32, -1 for none."""
+        raise_if_cancelled()
+        if self.quads:
+            # embreex overwrites the array of limits.
+            rays = origins.T, directions.T, limits.copy()
+            return self.quads.triangles(self._embree.run(*rays, output=True), self._faces_each)
+        found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
+        return found
+
+    def trace_weights(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> tuple[NDArray[np.int32], tuple[Float32Array, Float32Array]]:
+        """As ``trace``, with Embree's weights, each (N,), of the second and third corner.
+
+        The limits are overwritten.
+        """
+        raise_if_cancelled()
+        found = self._embree.run(origins.T, directions.T, limits, output=True)
+        if self.quads:
+            return self.quads.weights(found, self._faces_each)
+        return found["primID"], (found["u"], found["v"])
+
+    def trace_distance(
+        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
+    ) -> Float32Array:
+        """Embree's distance to the first triangle, (N,) float32; the limit if there is none."""
+        raise_if_cancelled()
+        # embreex overwrites the array of limits.
+        found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")
+        return found
+
+    def occluded(self, origins: Float32Array, directions: Float32Array, limits: Float32Array) -> BoolArray:
+        """Whether anything lies on each ray, (N,). A negative limit counts as a hit."""
+        raise_if_cancelled()
+        hit: BoolArray = self._embree.run(origins.T, directions.T, limits, query="OCCLUDED") >= 0
+        return hit
