@@ -66,7 +66,7 @@ class Prisms:
 
     @classmethod
     def of(cls, corners: Array, normals: Array, usable: BoolArray) -> Prisms:
-        """Make prisms of triangles. corners: (3, 3, T) by corner and axis. normals: (3, T), unit. usable (T,)."""
+        """Make prisms. corners: (3, 3, T) by corner and axis. normals: (3, T), unit. usable: (T,)."""
         epsilon = typical_epsilon(corners, usable)
         generator = np.random.default_rng(len(usable))
         above, below = 1.0 + UNEVEN * generator.random((2, len(usable)))
