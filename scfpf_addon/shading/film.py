@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The film: what gathers the samples of a tile's pixels."""
+"""The film of a tile whose pixels all have the same number of samples."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ import numpy as np
 from ..projection.typing import Array, BoolArray, IndexArray
 from .typing import Single
 
-# Pixels that are written at once, channel by channel: they fit a core's cache.
+# Pixels that are written at once, channel by channel, so that they fit a core's cache.
 AT_ONCE = 1 << 12
 
 
 class Film:
     """The mean of samples over the pixels of a tile: a box filter of one pixel.
 
-    count: pixels in the tile. transparent: whether what hits nothing is see-through
-    instead of background (3,), a radiance.
+    count: of pixels. transparent: whether pixels that hit nothing are transparent instead of showing the
+    background (3,), a radiance.
     """
 
     def __init__(self, count: int, background: Array, transparent: bool) -> None:
@@ -26,12 +26,12 @@ class Film:
         if not transparent:
             self._empty[:] = (*background, 1)
 
-    def add(self, shown: BoolArray, hit: IndexArray, color: Single) -> None:
-        """One sample of every pixel.
+    def add(self, _pixel: IndexArray, shown: BoolArray, hit: IndexArray, color: Single) -> None:
+        """Add one sample of every pixel.
 
-        shown: (count,), False where the image shows nothing: transparent black.
-        hit: (n,) the pixels that see the scene, color: (3, n) what they see, or (4, n)
-        with its alpha.
+        shown: (count,), False where the image shows nothing: transparent black. hit: (n,) the pixels that
+        see the scene. color: (3, n) of these, or (4, n) with alpha. The first parameter, for pixels (count,)
+        in order, is that of ``AdaptiveFilm``.
         """
         if len(hit) == len(shown):
             sample = np.empty_like(self._sum)
@@ -41,22 +41,17 @@ class Film:
             alpha = color[3] if len(color) > 3 else np.float32(1)
             for channel, values in zip(sample, (*color[:3], alpha), strict=True):
                 channel[hit] = values
-        self.add_whole(sample)
-
-    def add_whole(self, sample: Single) -> None:
-        """One sample of every pixel, (4, count) with alpha, whatever it sees; the film keeps the array."""
         if self._samples:
             self._sum += sample
         else:
             self._sum = sample
         self._samples += 1
 
-    @property
-    def exposed(self) -> bool:
-        """Whether any sample has been added."""
-        return self._samples > 0
+    def samples(self, _pixel: IndexArray) -> float:
+        """The number of samples of every pixel."""
+        return float(self._samples)
 
-    def develop(self, pixels: Single) -> None:
+    def develop(self, _pixel: IndexArray, pixels: Single) -> None:
         """Write the mean into pixels (count, 4): premultiplied by alpha."""
         for start in range(0, len(pixels), AT_ONCE):
             part = slice(start, start + AT_ONCE)

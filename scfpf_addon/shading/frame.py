@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import NamedTuple
 
@@ -18,17 +18,20 @@ from ..casting.tiles import TileJob, image_tiles, run_tiles
 from ..projection.volume.folds import find_folds
 from ..projection.volume.viewing_volume import Projection
 from .passes.data_passes import empty_passes
-from .pipeline import Pipeline, TileCounts
+from .pipeline import Pipeline
 from .report import RenderReport
 from .scene.motion import Moment
 from .scene.shading_scene import Scene
 from .settings.frame_settings import FrameSettings
+from .tile_rendering import TileCounts, render_tile
 from .typing import Single
 
 
 class Frame(NamedTuple):
-    """A picture. pixels: (H, W, 4) float32, scene-linear, premultiplied by alpha, row 0 at the bottom.
-    passes: by name, each (H, W, channels) float32.
+    """A finished image.
+
+    pixels: (H, W, 4) float32, scene-linear, premultiplied by alpha, row 0 at the bottom. passes: by name,
+    each (H, W, channels) float32.
     """
 
     pixels: Single
@@ -37,14 +40,69 @@ class Frame(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Asking:
+class CallerSignal:
     """A signal that asks the caller of a render."""
 
     cancelled: Callable[[], bool] | None
 
     def is_set(self) -> bool:
-        """Whether the render is to end."""
+        """Whether the render is cancelled."""
         return self.cancelled is not None and self.cancelled()
+
+
+@dataclass(frozen=True)
+class FrameTiles:
+    """The pixels and passes of a frame's border, and the parts of them that tiles fill in.
+
+    pixels: (H, W, 4), of no rows where tiles have arrays of their own.
+    """
+
+    settings: FrameSettings
+    pixels: Single
+    passes: dict[str, Single]
+    _begun: dict[int, tuple[Single, dict[str, Single]]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, settings: FrameSettings, keep: bool, pixels: Single | None) -> FrameTiles:
+        """The empty frame; the parameters are those of ``render_frame``."""
+        region = settings.region
+        height, width = region.top - region.bottom, region.right - region.left
+        if pixels is None:
+            pixels = np.empty((height if keep else 0, width, 4), np.float32)
+        return cls(settings, pixels, empty_passes(settings.passes, len(pixels), width))
+
+    @property
+    def rows(self) -> list[slice]:
+        """The rows of all tiles that the border meets.
+
+        Tiles are whole rows of the whole image whatever the border: their projectors share chords.
+        """
+        region, tiles = self.settings.region, image_tiles(self.settings.width, self.settings.height)
+        return [rows for rows in tiles if rows.stop > region.bottom and rows.start < region.top]
+
+    def in_border(self, rows: slice) -> slice:
+        """The rows of a tile that are in the border, counted from its bottom."""
+        region = self.settings.region
+        start, stop = max(rows.start, region.bottom), min(rows.stop, region.top)
+        return slice(start - region.bottom, stop - region.bottom)
+
+    def begin(self, rows: slice) -> tuple[Single, dict[str, Single]]:
+        """The pixels (n, 4) and passes (n, channels) of a tile, to be filled in."""
+        own, width = self.in_border(rows), self.pixels.shape[1]
+        if len(self.pixels):
+            tile = self.pixels[own], {name: values[own] for name, values in self.passes.items()}
+        else:
+            count = own.stop - own.start
+            empty = empty_passes(self.settings.passes, count, width)
+            tile = np.empty((count, width, 4), np.float32), empty
+        self._begun[rows.start] = tile
+        pixels, passes = tile
+        flat = {name: values.reshape(-1, values.shape[2]) for name, values in passes.items()}
+        return pixels.reshape(-1, 4), flat
+
+    def finish(self, rows: slice) -> tuple[slice, Single, dict[str, Single]]:
+        """The rows of a finished tile in the border, its pixels (rows, W, 4) and passes."""
+        return self.in_border(rows), *self._begun.pop(rows.start)
 
 
 def render_frame(
@@ -59,114 +117,69 @@ def render_frame(
     keep: bool = True,
     pixels: Single | None = None,
 ) -> Frame | None:
-    """The picture that a projection makes of a scene, or None when cancelled.
+    """Render the image that a projection makes of a scene; None when cancelled.
 
     projection: in world space. cast_scene: made of the scene's triangles before, to save building it again.
     progress(share in [0, 1]), cancelled() and on_tile(rows, pixels (rows, W, 4), passes) are called from the
-    calling thread, the last as tiles are finished, in any order; rows count from the border's bottom. What a
-    tile raises is raised here, after all threads have ended. moments: what the samples see while the shutter
-    is open, instead of the projection and the scene, which data passes are made of. keep: without, the frame
-    has no rows: what on_tile was given is all that there is. pixels: the border's (H, W, 4), to be the
-    frame's own: tiles appear in it as they are finished. CastError when the scene's triangles cannot be cast
-    at; a scene without any shows its background.
+    calling thread, the last as tiles are finished, in any order; rows count from the border's bottom.
+    moments: the scene and projection that samples see while the shutter is open; data passes show the
+    others. keep: if False the frame has no rows, only on_tile gets pixels. pixels: the border's (H, W, 4),
+    to be the frame's own: tiles appear in it as they are finished. Raises CastError for triangles that
+    cannot be cast at, and the errors of tiles after all threads have ended. A scene without triangles shows
+    its background.
     """
     started = perf_counter()
-    pipeline = _prepared(projection, scene, settings, cast_scene, cancelled, moments)
-    if pipeline is None:
+    try:
+        with cancelled_by(CallerSignal(cancelled)):
+            pipeline = Pipeline.of(projection, scene, settings, cast_scene, moments)
+    except Cancelled:
         return None
     build_seconds = perf_counter() - started
-    region = settings.region
-    height, width = region.top - region.bottom, region.right - region.left
-    if pixels is None:
-        pixels = np.empty((height if keep else 0, width, 4), np.float32)
-    passes = empty_passes(settings.passes, len(pixels), width)
+    tiles = FrameTiles.of(settings, keep, pixels)
     counts, hits = CastCounts(), 0
-    tiles_made: dict[int, tuple[Single, dict[str, Single]]] = {}
-
-    def made(rows: slice) -> slice:
-        """The rows of a tile that are in the border, counted from its bottom."""
-        return slice(
-            max(rows.start, region.bottom) - region.bottom, min(rows.stop, region.top) - region.bottom
-        )
-
-    def place(rows: slice) -> tuple[Single, dict[str, Single]]:
-        """Where the pixels and passes of a tile are written."""
-        own = made(rows)
-        if keep:
-            return pixels[own], {name: values[own] for name, values in passes.items()}
-        count = own.stop - own.start
-        return np.empty((count, width, 4), np.float32), empty_passes(settings.passes, count, width)
 
     def render(job: TileJob) -> TileCounts:
-        """Make a tile, in a thread."""
-        tile, data = tiles_made[job.rows.start] = place(job.rows)
-        flat = {name: values.reshape(-1, values.shape[2]) for name, values in data.items()}
-        return pipeline.render_tile(job, tile.reshape(-1, 4), flat)
+        """Render a tile, in a thread."""
+        return render_tile(pipeline, job, *tiles.begin(job.rows))
 
     def finished(rows: slice, tile: TileCounts) -> None:
-        """Count what a tile did and hand it on, in the calling thread."""
+        """Add a tile's counts and deliver it, in the calling thread."""
         nonlocal hits
         counts.add(tile.cast)
         hits += tile.hits
-        written = tiles_made.pop(rows.start)
+        made = tiles.finish(rows)
         if on_tile:
-            on_tile(made(rows), *written)
+            on_tile(*made)
 
-    # Tiles are whole rows of the whole image whatever the border: their projectors share chords.
-    tiles = [
-        rows
-        for rows in image_tiles(settings.width, settings.height)
-        if rows.stop > region.bottom and rows.start < region.top
-    ]
-    if not run_tiles(render, tiles, settings.threads, finished, progress, cancelled):
+    if not run_tiles(render, tiles.rows, settings.threads, finished, progress, cancelled):
         return None
     report = report_of(projection, scene, pipeline, counts, hits)
-    return Frame(
-        pixels, replace(report, seconds=perf_counter() - started, build_seconds=build_seconds), passes
-    )
-
-
-def _prepared(
-    projection: Projection,
-    scene: Scene,
-    settings: FrameSettings,
-    cast_scene: CastScene | None,
-    cancelled: Callable[[], bool] | None,
-    moments: tuple[Moment, ...],
-) -> Pipeline | None:
-    """The pipeline, None when cancelled on the way. As for ``render_frame``."""
-    # Vertices of other frames belong to all triangles; a lens sees past the volume's sides.
-    alone = not moments and settings.passes.neighbours is None and settings.depth_of_field is None
-    try:
-        with cancelled_by(Asking(cancelled)):
-            pipeline = Pipeline.of(projection, scene, settings, cast_scene, alone)
-            return pipeline.with_moments(scene, moments) if moments else pipeline
-    except Cancelled:
-        return None
+    report = replace(report, seconds=perf_counter() - started, build_seconds=build_seconds)
+    return Frame(tiles.pixels, report, tiles.passes)
 
 
 def report_of(
     projection: Projection, scene: Scene, pipeline: Pipeline, counts: CastCounts, hits: int
 ) -> RenderReport:
-    """What is said of a frame but the time that it took. projection: in world space."""
+    """The report of a frame, without times. projection: in world space."""
     folds = find_folds(projection)
-    settings = pipeline.settings
+    settings, cast_scene = pipeline.settings, pipeline.view.cast_scene
     return RenderReport(
-        settings.width,
-        settings.height,
-        0.0,
-        0.0,
-        len(projection.volume.surfaces) == 2,
-        counts.projectors,
-        counts.rays,
-        counts.chords,
-        hits / counts.projectors if counts.projectors else 0.0,
-        counts.error_bound,
-        folds.share,
-        folds.mirrored,
-        settings.pixel_error == 0.0,
-        counts.tested,
-        len(scene.geometry.triangles),
-        len(pipeline.cast_scene.triangles) if pipeline.cast_scene else 0,
-        peak_memory(),
+        width=settings.width,
+        height=settings.height,
+        seconds=0.0,
+        build_seconds=0.0,
+        straight=len(projection.volume.surfaces) == 2,
+        projectors=counts.projectors,
+        rays=counts.rays,
+        chords=counts.chords,
+        hit_fraction=hits / counts.projectors if counts.projectors else 0.0,
+        error_bound=counts.error_bound,
+        folded_share=folds.share,
+        mirrored=folds.mirrored,
+        exact=settings.pixel_error == 0.0,
+        tests=counts.tested,
+        triangles=len(scene.geometry.triangles),
+        built=len(cast_scene.triangles) if cast_scene else 0,
+        peak_memory=peak_memory(),
     )

@@ -105,7 +105,7 @@ def prepare_scene(inputs: RenderInputs, cache: SceneCache | None, keep: bool) ->
         cast_scene = cache.cast_scene
     else:
         settings = inputs.settings
-        alone = not inputs.moments and settings.passes.neighbours is None and settings.depth_of_field is None
+        alone = not inputs.moments and settings.sees_volume_alone
         exact = settings.pixel_error == 0.0
         scene, cast_scene = cull_scene(inputs.scene, inputs.projection, alone, exact)
         inputs, cache = replace(inputs, scene=scene), None

@@ -70,7 +70,7 @@ class Catchers:
             full = replace(made, occluders=shadowing(scene.geometry, cast_scene))
             sky = full, replace(made, occluders=others)
         apart = "SHADOW_CATCHER" in settings.passes.names
-        paper = settings.stylised.paper if settings.stylised and settings.stylised.on_paper else None
+        paper = settings.paper
         shown = not settings.transparent and not apart
         background, world = scene.backdrop
         return cls(

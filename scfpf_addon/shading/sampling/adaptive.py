@@ -7,7 +7,7 @@ pixel gets depends on the whole image only.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,20 +108,14 @@ def with_neighbours(chosen: BoolArray) -> BoolArray:
     return result
 
 
-def sample_adaptively(
-    take: Callable[[IndexArray | None, range], None],
-    film: AdaptiveFilm,
-    adaptive: Adaptive,
-    shape: tuple[int, int],
-    own: slice,
-    most: int,
-    stopped: Callable[[float], bool],
-) -> None:
-    """Take samples of a block of pixels until they are certain or have ``most``.
+def adaptive_batches(
+    film: AdaptiveFilm, adaptive: Adaptive, shape: tuple[int, int], own: slice, most: int
+) -> Iterator[tuple[IndexArray | None, range]]:
+    """Yield pixels of a block, None for all, and the samples to take of them next.
 
-    take(pixels, numbers): put the samples ``numbers`` of these pixels of the block, None for all, into
-    the film. shape: rows and columns of the block. own: its rows that are wanted, the others say
-    only which of these are next to something. stopped(share done): whether to give up.
+    The caller adds these samples to the film before it goes on. Pixels come until they are certain or have
+    ``most`` samples. shape: rows and columns of the block. own: its rows that are wanted; the others only
+    say which of these have uncertain neighbours.
     """
     done, goal = 0, min(adaptive.least, most)
     height, width = shape
@@ -129,15 +123,13 @@ def sample_adaptively(
     while True:
         step = 1 if active is None else max(1, min(goal - done, BATCH // len(active)))
         for first in range(done, goal, step):
-            if stopped(first / most):
-                return
-            take(active, range(first, min(first + step, goal)))
+            yield active, range(first, min(first + step, goal))
         if goal >= most:
             return
         everything = np.arange(height * width) if active is None else active
         uncertain = film.uncertain(everything, adaptive.threshold)
         if active is None:
-            # A thing that the first samples have missed here they may have met next door.
+            # The first samples of a pixel may miss a thing that those of its neighbours hit.
             wanted = with_neighbours(uncertain.reshape(shape))
             wanted[: own.start], wanted[own.stop :] = False, False
             active = np.flatnonzero(wanted)

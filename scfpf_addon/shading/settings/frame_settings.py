@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from ...projection.typing import Array
 from ..passes.data_passes import DataPasses
 from ..sampling.adaptive import Adaptive
 from ..sampling.pixel_filter import PixelFilter
@@ -64,3 +65,16 @@ class FrameSettings:
     def region(self) -> Border:
         """The part of the image that is made."""
         return self.border or Border(0, 0, self.width, self.height)
+
+    @property
+    def paper(self) -> Array | None:
+        """The colour (3,) of paper that shows where nothing is hit; None for the world."""
+        return self.stylised.paper if self.stylised and self.stylised.on_paper else None
+
+    @property
+    def sees_volume_alone(self) -> bool:
+        """Whether frames see nothing but the viewing volume of their own time.
+
+        Vertices of the frames before and after belong to all triangles; a lens sees past the volume's sides.
+        """
+        return self.passes.neighbours is None and self.depth_of_field is None

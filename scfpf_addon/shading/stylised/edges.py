@@ -1,34 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where lines are: between neighbouring places, and then where exactly.
+"""The lines between neighbouring places of the image, and their exact positions.
 
-What differs between two places may be an edge, or a surface that is steep or bent. The interval is halved
-until it is a small part of a pixel: what is an edge is one still.
+Two places that differ may have an edge between them, or a steep or bent surface. The interval is halved
+until it is a small part of a pixel: only an edge still differs there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from ...casting.common.cancellation import raise_if_cancelled
 from ...projection.typing import Array, IndexArray
 from ..settings.stylised_settings import CONTOUR, CREASE, MATERIAL, OBJECT, SILHOUETTE, Lines
-from .canvas import View, look
+from ..tracing.scene_view import SceneView
+from .surface_samples import SurfaceSamples, sample_surface
 
-if TYPE_CHECKING:
-    from ..pipeline import Pipeline
-
-# An edge is known to 1/64 of the distance of neighbouring places: far below what a line's rim shows.
+# Edges are located to 1/64 of the distance of neighbouring places, far below the soft rim of a line.
 HALVINGS = 6
-# Places that are cast between neighbours at once.
+# Pairs of neighbours whose edges are searched at once.
 AT_ONCE = 1 << 16
 
 
 class Edges(NamedTuple):
-    """Points on lines, each between two neighbouring places. x, y: (n,) in pixels from the bottom left of the
-    image. kinds: (n,) bits, see ``settings``. place: (n,) the number of the left or lower one of the two
-    places among the view's, axis: (n,) in which they are neighbours.
+    """Points on lines, each between two neighbouring places.
+
+    x, y: (n,) in pixels from the bottom left of the image. kinds: (n,) bits, see ``stylised_settings``.
+    place: (n,) number of the left or lower one of the two places. axis: (n,) in which they are neighbours.
     """
 
     x: Array
@@ -57,10 +56,10 @@ class Segments(NamedTuple):
 
 
 def joined_up(edges: Edges, shape: tuple[int, int]) -> Segments:
-    """The points of edges joined to lines: in each square of four neighbouring places to their middle.
+    """Join the points of edges to lines: in each square of four neighbouring places, to their middle.
 
-    shape: rows and columns of the places. A point that has no other one beside it is left out: it
-    is no line, but an edge of almost the angle that counts, or something finer than the places are.
+    shape: rows and columns of the places. A point without another one beside it is left out: it is not a
+    line, but an edge of almost the crease angle, or a detail finer than the places.
     """
     rows, columns = shape
     row, column = np.divmod(edges.place, columns)
@@ -83,11 +82,13 @@ def joined_up(edges: Edges, shape: tuple[int, int]) -> Segments:
     return Segments(x, y, middle_x[at] - x, middle_y[at] - y, np.tile(edges.kinds, 2)[kept])
 
 
-def kinds_between(a: View, b: View, axis: IndexArray, gap: float, lines: Lines) -> IndexArray:
-    """What lines pass between places of two views, (n,) bits.
+def kinds_between(
+    a: SurfaceSamples, b: SurfaceSamples, axis: IndexArray, gap: float, lines: Lines
+) -> IndexArray:
+    """The kinds of lines between n pairs of places, (n,) bits.
 
-    axis: (n,) in which they are neighbours, gap: how many pixels they are apart. A surface hides
-    another one where b is farther from a than both surfaces' slopes explain, and not on their planes.
+    axis: (n,) in which they are neighbours. gap: their distance in pixels. A surface hides another one
+    where b is farther from a than the slopes of both surfaces explain, and off their planes.
     """
     both = a.hit & b.hit
     rim = (a.hit != b.hit) & a.mask & b.mask
@@ -104,9 +105,9 @@ def kinds_between(a: View, b: View, axis: IndexArray, gap: float, lines: Lines) 
     if lines.kinds & SILHOUETTE:
         found |= SILHOUETTE * (jump | rim)
     if lines.kinds & OBJECT:
-        found |= OBJECT * (rim | (both & (a.thing != b.thing)))
+        found |= OBJECT * (rim | (both & (a.object_index != b.object_index)))
     if lines.kinds & CONTOUR:
-        found |= CONTOUR * (joined & (a.thing == b.thing) & ((a.facing < 0) != (b.facing < 0)))
+        found |= CONTOUR * (joined & (a.object_index == b.object_index) & ((a.facing < 0) != (b.facing < 0)))
     if lines.kinds & MATERIAL:
         found |= MATERIAL * (joined & (a.material != b.material))
     if lines.kinds & CREASE:
@@ -115,16 +116,16 @@ def kinds_between(a: View, b: View, axis: IndexArray, gap: float, lines: Lines) 
     return found
 
 
-def neighbours(view: View, shape: tuple[int, int]) -> Pairs:
-    """The neighbours in rows and columns of places between which a line may be."""
+def neighbours(surface: SurfaceSamples, shape: tuple[int, int]) -> Pairs:
+    """The neighbours in rows and columns of places that may have a line between them."""
     number = np.arange(shape[0] * shape[1]).reshape(shape)
     pairs = ((number[:, :-1], number[:, 1:]), (number[:-1], number[1:]))
-    turned = view.facing < 0
+    turned = surface.facing < 0
     firsts, seconds, axes = [], [], []
     for axis, (first, second) in enumerate(pairs):
         first, second = first.ravel(), second.ravel()
-        # Within a triangle there is nothing but a contour.
-        some = (view.triangle[first] != view.triangle[second]) | (turned[first] != turned[second])
+        # Within a triangle only a contour is possible.
+        some = (surface.triangle[first] != surface.triangle[second]) | (turned[first] != turned[second])
         firsts.append(first[some])
         seconds.append(second[some])
         axes.append(np.full(np.count_nonzero(some), axis))
@@ -132,52 +133,48 @@ def neighbours(view: View, shape: tuple[int, int]) -> Pairs:
 
 
 def strongest(kinds: IndexArray) -> IndexArray:
-    """The lowest bit of each, or more than any where there is none."""
+    """The lowest bit of each, or a number above all bits where none is set."""
     return np.where(kinds > 0, kinds & -kinds, 2 * CREASE)
 
 
-def find_edges(
-    pipeline: Pipeline,
-    view: View,
-    rows: slice,
-    pairs: Pairs,
-    lines: Lines,
-    stopped: Callable[[], bool],
-) -> Edges:
-    """The lines that pass between neighbouring pixels of whole rows, in its pixels.
+def find_edges(view: SceneView, surface: SurfaceSamples, rows: slice, pairs: Pairs, lines: Lines) -> Edges:
+    """Find the lines that pass between neighbouring pixels of whole rows of the view's image.
 
-    view: of all of their centres, with derivatives where there are pairs.
+    surface: at the centres of all these pixels, with derivatives where there are pairs.
     """
-    width, height = pipeline.settings.width, pipeline.settings.height
-    first, second, axis = pairs
     none = np.zeros(0, np.intp)
     parts = [Edges(np.zeros(0), np.zeros(0), none, none, none)]
-    for start in range(0, len(first), AT_ONCE):
+    for start in range(0, len(pairs.first), AT_ONCE):
         some = slice(start, start + AT_ONCE)
-        a, b, along = view.take(first[some]), view.take(second[some]), axis[some]
-        kinds = kinds_between(a, b, along, 1.0, lines)
-        kept = np.flatnonzero(kinds)
-        place = first[some][kept]
-        row, column = np.divmod(place, width)
-        x, y = column + 0.5, row + (rows.start + 0.5)
-        a, b, along, kinds, gap = a.take(kept), b.take(kept), along[kept], kinds[kept], 1.0
-        for _ in range(HALVINGS):
-            if stopped():
-                return parts[0]
-            if not len(kinds):
-                break
-            gap /= 2
-            right, up = gap * (along == 0), gap * (along == 1)
-            middle = look(pipeline, (x + right) / width, (y + up) / height)
-            before = kinds_between(a, middle, along, gap, lines)
-            after = kinds_between(middle, b, along, gap, lines)
-            later = strongest(after) < strongest(before)
-            x, y = x + right * later, y + up * later
-            kinds = np.where(later, after, before)
-            ends, starts = np.flatnonzero(~later), np.flatnonzero(later)
-            a, b = a.put(starts, middle.take(starts)), b.put(ends, middle.take(ends))
-            kept = np.flatnonzero(kinds)
-            a, b, along, kinds, x, y = a.take(kept), b.take(kept), along[kept], kinds[kept], x[kept], y[kept]
-            place = place[kept]
-        parts.append(Edges(x + gap / 2 * (along == 0), y + gap / 2 * (along == 1), kinds, place, along))
+        parts.append(_bisect(view, surface, rows, Pairs(*(each[some] for each in pairs)), lines))
     return Edges(*(np.concatenate(each) for each in zip(*parts, strict=True)))
+
+
+def _bisect(view: SceneView, surface: SurfaceSamples, rows: slice, pairs: Pairs, lines: Lines) -> Edges:
+    """Halve the intervals between neighbours, and keep the halves that have a line."""
+    width, height = view.settings.width, view.settings.height
+    a, b, gap = surface.take(pairs.first), surface.take(pairs.second), 1.0
+    kinds = kinds_between(a, b, pairs.axis, gap, lines)
+    kept = np.flatnonzero(kinds)
+    place, axis = pairs.first[kept], pairs.axis[kept]
+    row, column = np.divmod(place, width)
+    x, y = column + 0.5, row + (rows.start + 0.5)
+    a, b, kinds = a.take(kept), b.take(kept), kinds[kept]
+    for _ in range(HALVINGS):
+        raise_if_cancelled()
+        if not len(kinds):
+            break
+        gap /= 2
+        right, up = gap * (axis == 0), gap * (axis == 1)
+        middle = sample_surface(view, (x + right) / width, (y + up) / height)
+        before = kinds_between(a, middle, axis, gap, lines)
+        after = kinds_between(middle, b, axis, gap, lines)
+        later = strongest(after) < strongest(before)
+        x, y = x + right * later, y + up * later
+        kinds = np.where(later, after, before)
+        ends, starts = np.flatnonzero(~later), np.flatnonzero(later)
+        a, b = a.put(starts, middle.take(starts)), b.put(ends, middle.take(ends))
+        kept = np.flatnonzero(kinds)
+        a, b, kinds, x, y = a.take(kept), b.take(kept), kinds[kept], x[kept], y[kept]
+        place, axis = place[kept], axis[kept]
+    return Edges(x + gap / 2 * (axis == 0), y + gap / 2 * (axis == 1), kinds, place, axis)

@@ -10,8 +10,8 @@ import numpy as np
 from ...projection.typing import Array
 from ..settings.stylised_settings import Hatching
 from ..typing import Single
-from .canvas import View
 from .edges import Segments
+from .surface_samples import SurfaceSamples
 
 # The square of a length below which a piece of a line is a point.
 TINY = 1e-12
@@ -66,15 +66,15 @@ def stripes(distance: Array, width: Array | float, rim: float) -> Array:
     return np.clip((np.asarray(width) / 2 - distance) / rim + 0.5, 0.0, 1.0)
 
 
-def depth_lines(view: View, hatching: Hatching, detail: int) -> Single:
-    """Ink of lines of equal t at the view's places, (n,). detail: its pixels along one of the image's."""
-    slope = np.maximum(view.slope.astype(np.float64) * detail, 1e-30)
-    steps = view.t * hatching.count
+def depth_lines(surface: SurfaceSamples, hatching: Hatching, detail: int) -> Single:
+    """Ink of lines of equal t at the samples, (n,). detail: its pixels along one of the image's."""
+    slope = np.maximum(surface.slope.astype(np.float64) * detail, 1e-30)
+    steps = surface.t * hatching.count
     nearest = np.clip(np.rint(steps), 1, max(hatching.count - 1, 1))
     distance = np.abs(steps - nearest) / hatching.count / slope
     spacing = 1.0 / hatching.count / slope
     ink = stripes(distance, hatching.width, 1.0 / detail)
-    ink *= np.minimum(1.0, spacing / (DENSEST * hatching.width)) * view.hit
+    ink *= np.minimum(1.0, spacing / (DENSEST * hatching.width)) * surface.hit
     return (ink if hatching.count > 1 else np.zeros_like(ink)).astype(np.float32)
 
 

@@ -32,21 +32,21 @@ def without_light(scene: Scene) -> Scene:
     return replace(scene, lights=(), world_color=np.ones(3), world=None)
 
 
-def stepped(tone: Single, drawn: Stylised) -> Single:
+def stepped(tone: Single, style: Stylised) -> Single:
     """Tones (n,) in [0, 1] in so many steps, from ``darkest`` to 1."""
-    if drawn.steps == 1:
+    if style.steps == 1:
         return np.ones_like(tone)
-    place = tone * np.float32(drawn.steps)
-    half = np.float32(max(drawn.softness, 1e-6) / 2)
+    place = tone * np.float32(style.steps)
+    half = np.float32(max(style.softness, 1e-6) / 2)
     level = np.zeros_like(tone)
-    for step in range(1, drawn.steps):
-        if drawn.softness > 0.0:
+    for step in range(1, style.steps):
+        if style.softness > 0.0:
             rise = np.clip((place - step + half) / (2 * half), 0, 1)
             level += rise * rise * (3 - 2 * rise)
         else:
             level += place >= step
-    level *= np.float32((1 - drawn.darkest) / (drawn.steps - 1))
-    level += np.float32(drawn.darkest)
+    level *= np.float32((1 - style.darkest) / (style.steps - 1))
+    level += np.float32(style.darkest)
     return level
 
 
@@ -58,26 +58,27 @@ class StylisedShading(Shading):
     has none.
     """
 
-    drawn: Stylised
+    style: Stylised
     flat: Shading | None
     light: Shading | None
 
     @classmethod
-    def stylised_of(
-        cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings, drawn: Stylised
-    ) -> StylisedShading:
-        """Prepared for frames of these settings."""
+    def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> StylisedShading:
+        """The tables of frames of these settings, which must be stylised."""
+        style = settings.stylised
+        if style is None:
+            raise ValueError("the settings have no style")
         plain = Shading.of(scene, cast_scene, settings)
         parts = {each.name: getattr(plain, each.name) for each in fields(Shading)}
         scene = replace(scene, geometry=uncaught(scene.geometry))
         flat = light = None
-        if drawn.fill in ("TOON", "FLAT"):
+        if style.fill in ("TOON", "FLAT"):
             flat = Shading.of(without_light(scene), cast_scene, settings)
-        if drawn.lit:
+        if style.lit:
             # Lamps are seen from the middle, so that shadows have the edges of drawn ones.
             alone = replace(settings, samples=1, transparent=False)
             light = replace(Shading.of(of_clay(scene), cast_scene, alone), surface=plain.surface)
-        return cls(**parts, drawn=drawn, flat=flat, light=light)
+        return cls(**parts, style=style, flat=flat, light=light)
 
     def color(
         self,
@@ -88,7 +89,7 @@ class StylisedShading(Shading):
         parts: LightParts | None = None,
     ) -> Single:
         """As ``Shading.color``. parts: of the picture as it would be rendered."""
-        if self.drawn.fill == "RENDERED":
+        if self.style.fill == "RENDERED":
             return super().color(hits, where, sample, continuation, parts)
         if parts:
             super().color(hits, where, sample, continuation, parts)
@@ -109,27 +110,27 @@ class StylisedShading(Shading):
         """As ``color``, as if no thing was a shadow catcher, for those have no fill."""
         if self.flat is None:
             paper = np.ones((4, len(where)), np.float32)
-            paper[:3] = self.drawn.paper.astype(np.float32)[:, None]
+            paper[:3] = self.style.paper.astype(np.float32)[:, None]
             if self.held_out is not None:
                 paper *= ~self.held_out.take(hits.triangle.take(where))
             return paper
         color = self.flat.color(hits, where, sample, continuation)
-        if self.drawn.fill == "FLAT" or self.light is None:
+        if self.style.fill == "FLAT" or self.light is None:
             return color
         light = self.light.color(hits, where, 0, continuation)[:3]
         brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
         # Where no light falls none has a colour.
         tint = np.divide(light, brightest, out=np.ones_like(light), where=brightest > 0)
-        color[:3] *= tint * stepped(tone_of(light, self.drawn.exposure), self.drawn)
+        color[:3] *= tint * stepped(tone_of(light, self.style.exposure), self.style)
         return color
 
 
-def on_paper(pixels: Single, drawn: Stylised, transparent: bool) -> None:
+def on_paper(pixels: Single, style: Stylised, transparent: bool) -> None:
     """Fade pixels (n, 4), premultiplied, and lay them on paper if there is any: in place."""
-    color = drawn.paper.astype(np.float32)
-    if drawn.fade > 0.0:
-        pixels[:, :3] *= np.float32(1 - drawn.fade)
-        pixels[:, :3] += pixels[:, 3:] * (color * np.float32(drawn.fade))
-    if drawn.on_paper and not transparent:
+    color = style.paper.astype(np.float32)
+    if style.fade > 0.0:
+        pixels[:, :3] *= np.float32(1 - style.fade)
+        pixels[:, :3] += pixels[:, 3:] * (color * np.float32(style.fade))
+    if style.on_paper and not transparent:
         pixels[:, :3] += (1 - pixels[:, 3:]) * color
         pixels[:, 3] = 1

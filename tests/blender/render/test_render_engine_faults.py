@@ -148,8 +148,8 @@ STAGES = {
     "reading": ("bridge.scene.read_scene", "read_mesh"),
     "projection": ("bridge.render.render_inputs", "read_projection"),
     "building": ("bridge.render.scene_preparation", "cull_scene"),
-    "casting": ("shading.pipeline", "cast"),
-    "passes": ("shading.pipeline", "fill_passes"),
+    "casting": ("shading.tracing.scene_view", "cast"),
+    "passes": ("shading.tile_rendering", "fill_passes"),
     "announcing": ("bridge.render.render_delivery", "list_render_passes"),
     "beginning": ("bridge.render.render_delivery", "stamp_manifests"),
     "reporting": ("shading.frame", "report_of"),
@@ -212,15 +212,15 @@ def test_faces_without_area_for_a_frame_do_not_end_an_animation(engine_scene, tm
 
 def test_exception_in_a_tile_after_others_are_delivered(addon, engine_scene, monkeypatch):
     """Half of the picture is with Blender when a tile fails."""
-    pipeline = addon("shading.pipeline")
-    whole = pipeline.Pipeline.render_tile
+    frame = addon("shading.frame")
+    whole = frame.render_tile
 
-    def fail(self, job, *arguments):
+    def fail(pipeline, job, *arguments):
         if job.rows.start > 20:
             raise FloatingPointError("in a tile")
-        return whole(self, job, *arguments)
+        return whole(pipeline, job, *arguments)
 
-    monkeypatch.setattr(pipeline.Pipeline, "render_tile", fail)
+    monkeypatch.setattr(frame, "render_tile", fail)
     monkeypatch.setattr(addon("bridge.render.render_delivery"), "TICK", 0.0)
     refused(engine_scene, "FloatingPointError: in a tile")
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scfpf_addon.shading import pipeline
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.sampling import adaptive
 from scfpf_addon.shading.sampling.adaptive import Adaptive, with_neighbours
@@ -14,6 +13,7 @@ from scfpf_addon.shading.sampling.pixel_filter import PixelFilter
 from scfpf_addon.shading.scene.motion import Moment
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.settings.frame_settings import Border, FrameSettings
+from scfpf_addon.shading.tracing import scene_view
 
 SETTINGS = FrameSettings(
     96, 64, samples=32, pixel_filter=PixelFilter("GAUSSIAN", 3.0), adaptive=Adaptive(0.02, 4), threads=2
@@ -100,8 +100,8 @@ def test_samples_of_a_moment_are_cast_together_and_the_same(build, view, monkeyp
     moments = (Moment(projection, scene), Moment(projection, moved))
     settings = replace(SETTINGS, width=24, height=8, samples=16)
     calls = []
-    whole = pipeline.cast
-    monkeypatch.setattr(pipeline, "cast", lambda *given: calls.append(1) or whole(*given))
+    whole = scene_view.cast
+    monkeypatch.setattr(scene_view, "cast", lambda *given: calls.append(1) or whole(*given))
     together = render_frame(projection, scene, settings, moments=moments)
     count, calls[:] = len(calls), []
     monkeypatch.setattr(adaptive, "BATCH", 1)

@@ -71,14 +71,15 @@ def test_lamp_and_pixel_positions_are_not_in_step():
 
 def developed(film, count):
     pixels = np.full((count, 4), np.nan, np.float32)
-    film.develop(pixels)
+    film.develop(np.arange(count), pixels)
     return pixels
 
 
 def test_film_averages_hits_background_and_nothing():
     film = Film(3, np.array([0.5, 0.25, 0.125]), transparent=False)
-    film.add(np.array([True, True, False]), np.array([0]), np.array([[4.0], [2.0], [1.0]], np.float32))
-    film.add(np.array([True, True, True]), np.array([0, 2]), np.ones((3, 2), np.float32))
+    color = np.array([[4.0], [2.0], [1.0]], np.float32)
+    film.add(np.arange(3), np.array([True, True, False]), np.array([0]), color)
+    film.add(np.arange(3), np.array([True, True, True]), np.array([0, 2]), np.ones((3, 2), np.float32))
     expected = [[2.5, 1.5, 1, 1], [0.5, 0.25, 0.125, 1], [0.5, 0.5, 0.5, 0.5]]
     assert np.allclose(developed(film, 3), expected)
 
@@ -86,6 +87,6 @@ def test_film_averages_hits_background_and_nothing():
 def test_transparent_film_premultiplies():
     film = Film(2, np.ones(3), transparent=True)
     color = np.full((3, 1), 2, np.float32)
-    film.add(np.ones(2, bool), np.array([1]), color)
-    film.add(np.ones(2, bool), np.array([], np.int64), np.zeros((3, 0), np.float32))
+    film.add(np.arange(2), np.ones(2, bool), np.array([1]), color)
+    film.add(np.arange(2), np.ones(2, bool), np.array([], np.int64), np.zeros((3, 0), np.float32))
     assert developed(film, 2).tolist() == [[0, 0, 0, 0], [1, 1, 1, 0.5]]

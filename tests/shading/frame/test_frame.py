@@ -14,13 +14,12 @@ from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Disc
 from scfpf_addon.projection.volume.reparameterisation import Polar
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
-from scfpf_addon.shading import pipeline
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.materials.reflection import sent_on_at_once
 from scfpf_addon.shading.report import RenderReport
 from scfpf_addon.shading.scene.shading_scene import Light, Scene
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
-from scfpf_addon.shading.tracing import hit_colors
+from scfpf_addon.shading.tracing import hit_colors, scene_view
 
 
 def overhead(build, **more):
@@ -234,7 +233,7 @@ def test_cancelling_drops_the_rest_and_leaves_no_thread(build, monkeypatch):
             casts_then.append(len(casts))
         return bool(finished)
 
-    monkeypatch.setattr(pipeline, "cast", counting)
+    monkeypatch.setattr(scene_view, "cast", counting)
     settings = FrameSettings(160, 160, samples=8, threads=2)
     result = render_frame(projection, scene, settings, None, finished.append, cancelled)
     assert result is None
@@ -249,7 +248,7 @@ def test_cancelling_at_once_renders_nothing(build, monkeypatch):
     assert render_frame(projection, scene, FrameSettings(64, 64), cancelled=lambda: True) is None
 
 
-@pytest.mark.parametrize(("room", "where"), [(pipeline, "cast"), (hit_colors, "radiance")])
+@pytest.mark.parametrize(("room", "where"), [(scene_view, "cast"), (hit_colors, "radiance")])
 def test_what_a_tile_raises_is_raised_after_the_threads_have_ended(build, monkeypatch, room, where):
     projection, scene = busy(build)
     before, calls = threading.active_count(), []

@@ -12,9 +12,9 @@ from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.scene.prisms import PrismScene
 from scfpf_addon.casting.scene.traced_mesh import TracedMesh
 from scfpf_addon.casting.tiles import image_tiles
+from scfpf_addon.shading import frame
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
-from scfpf_addon.shading.pipeline import Pipeline
 from scfpf_addon.shading.scene.motion import Moment
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.scene.sky_map import COLUMNS, ROWS
@@ -130,7 +130,7 @@ def test_what_is_made_before_the_first_tile_may_end_too(heavy, monkeypatch):
         begun.append(asked[0])
         raise cancellation.Cancelled
 
-    monkeypatch.setattr(Pipeline, "render_tile", begin)
+    monkeypatch.setattr(frame, "render_tile", begin)
 
     def cancelled(at):
         def look():

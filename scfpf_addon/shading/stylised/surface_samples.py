@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is seen at many places of the image, as lines are found between them."""
+"""The surface that the image shows at many places, sampled to find the lines between them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,28 +13,26 @@ from ...casting.common.hits import CastCounts, Hits
 from ...projection.typing import Array, BoolArray, IndexArray
 from ...projection.volume.viewing_volume import image_derivatives
 from ..scene.surface import smooth_normal
+from ..tracing.scene_view import SceneView
 from ..typing import Single
-
-if TYPE_CHECKING:
-    from ..pipeline import Pipeline
 
 # Places whose derivatives are made at once: those of a volume of four surfaces take 20 MB.
 AT_ONCE = 1 << 15
-# A surface is not taken to be seen at a flatter angle than this sine: float64 ends at 1e-16.
+# The smallest sine of an angle between surface and projector: float64 ends at 1e-16.
 FLATTEST = 1e-9
 # Keeps a vector of no length from becoming NaN.
 TINY = 1e-300
 
 
-class View(NamedTuple):
-    """n places of the image, what is seen there in cast space.
+class SurfaceSamples(NamedTuple):
+    """The surface at n places of the image, in cast space.
 
-    mask: (n,) whether the image shows something there, hit: (n,) whether that is the scene; the rest
-    counts where it is. t: (n,). position: (3, n). normal: (3, n) of the triangle, on the side of the
-    viewer. facing: (n,) cosine of the shading normal, on that side, with the projector's tangent reversed:
-    below 0 a smooth surface turns away. triangle, thing, material: (n,) numbers. reach: (2, n) how far
-    the surface goes on in a pixel along x and y. footprint: (2, n) how wide a pixel is there. slope:
-    (n,) the length of t's gradient, a pixel.
+    mask: (n,) whether the image shows anything there. hit: (n,) whether that is the scene; the other fields
+    hold only there. t: (n,). position: (3, n). normal: (3, n) of the triangle, on the side of the viewer.
+    facing: (n,) cosine between the shading normal, on that side, and the projector's tangent reversed:
+    negative where a smooth surface turns away. triangle, object_index, material: (n,) numbers.
+    reach: (2, n) distance along the surface of a pixel's step along x and y. footprint: (2, n) size of a
+    pixel there. slope: (n,) length of t's gradient, per pixel.
     """
 
     mask: BoolArray
@@ -44,38 +42,35 @@ class View(NamedTuple):
     normal: Array
     facing: Single
     triangle: NDArray[np.int32]
-    thing: NDArray[np.int32]
+    object_index: NDArray[np.int32]
     material: NDArray[np.int32]
     reach: Single
     footprint: Single
     slope: Single
 
-    def take(self, index: IndexArray) -> View:
+    def take(self, index: IndexArray) -> SurfaceSamples:
         """The places at ``index``."""
-        return View._make(values[..., index] for values in self)
+        return SurfaceSamples._make(values[..., index] for values in self)
 
-    def put(self, where: IndexArray, other: View) -> View:
-        """The same places, with those at ``where`` replaced by other ones, in order."""
-        made = View._make(values.copy() for values in self)
+    def put(self, where: IndexArray, other: SurfaceSamples) -> SurfaceSamples:
+        """A copy in which other samples replace those at ``where``, in order."""
+        made = SurfaceSamples._make(values.copy() for values in self)
         pairs: Iterator[tuple[Any, Any]] = zip(made, other, strict=True)
         for mine, its in pairs:
             mine[..., where] = its
         return made
 
 
-def see(pipeline: Pipeline, hits: Hits) -> View:
-    """What projectors of the pipeline have hit, as yet without derivatives.
-
-    The pipeline must have something to hit.
-    """
-    cast_scene, geometry, shading = pipeline.cast_scene, pipeline.geometry, pipeline.shading
-    if cast_scene is None or geometry is None or shading is None:
-        raise ValueError("there is nothing to see")
+def samples_of_hits(view: SceneView, hits: Hits) -> SurfaceSamples:
+    """The surface at hits of the view's projectors, without derivatives. Raises ValueError without one."""
+    cast_scene, geometry, shading = view.cast_scene, view.scene.geometry, view.shading
+    if cast_scene is None or shading is None:
+        raise ValueError("the view has no triangles")
     count = len(hits.t)
     mask, hit = hits.mask, hits.triangle >= 0
     triangle = np.maximum(hits.triangle, 0).astype(np.intp)
     if shading.held_out is not None:
-        # A hole in the picture has neither rim nor surface.
+        # A hole in the image has neither rim nor surface.
         held = shading.held_out.take(triangle) & hit
         mask, hit = mask & ~held, hit & ~held
     if shading.catchers is not None:
@@ -92,7 +87,7 @@ def see(pipeline: Pipeline, hits: Hits) -> View:
         smooth = smooth_normal(corners, triangle, hits.barycentric.astype(np.float32), turned)
         facing = -np.einsum("cn,cn->n", smooth, ahead.astype(np.float32))
     normal = normal * side
-    return View(
+    return SurfaceSamples(
         mask,
         hit,
         np.where(hit, hits.t, 0.0),
@@ -108,23 +103,24 @@ def see(pipeline: Pipeline, hits: Hits) -> View:
     )
 
 
-def measure(pipeline: Pipeline, view: View, x: Array, y: Array, where: IndexArray) -> None:
-    """Fill in the derivatives of the view's places ``where`` (m,), which must be hits: half of its cost."""
+def add_derivatives(view: SceneView, samples: SurfaceSamples, x: Array, y: Array, where: IndexArray) -> None:
+    """Fill in reach, footprint and slope of the samples ``where`` (m,), which must be hits.
+
+    They are half of the cost of samples.
+    """
     for first in range(0, len(where), AT_ONCE):
         some = where[first : first + AT_ONCE]
-        view.reach[:, some], view.footprint[:, some], view.slope[some] = _derivatives(
-            pipeline, x[some], y[some], view.t[some], view.normal[:, some]
+        samples.reach[:, some], samples.footprint[:, some], samples.slope[some] = _derivatives(
+            view, x[some], y[some], samples.t[some], samples.normal[:, some]
         )
 
 
-def _derivatives(
-    pipeline: Pipeline, x: Array, y: Array, t: Array, normal: Array
-) -> tuple[Array, Array, Array]:
-    """``View.reach``, ``footprint`` and ``slope``, lengths in the pipeline's pixels.
+def _derivatives(view: SceneView, x: Array, y: Array, t: Array, normal: Array) -> tuple[Array, Array, Array]:
+    """Reach, footprint and slope of ``SurfaceSamples``, by pixels of the view.
 
     Q(x, y, t) stays on the plane of the triangle: n·(Qx + Qt tx) = 0 gives the derivative of t.
     """
-    projection = pipeline.projection
+    projection = view.projection
     image = projection.parameters(x, y)
     sample = projection.volume.evaluate(image.u, image.v, t)
     towards = np.einsum("cn,cn->n", normal, sample.dt)
@@ -132,7 +128,7 @@ def _derivatives(
     towards = np.copysign(np.maximum(np.abs(towards), FLATTEST * speed), towards)
     ahead = sample.dt / speed
     reach, footprint, squared = np.empty((2, len(x))), np.empty((2, len(x))), np.zeros(len(x))
-    sizes = pipeline.settings.width, pipeline.settings.height
+    sizes = view.settings.width, view.settings.height
     sides = image_derivatives(sample.du, sample.dv, image.jacobian)
     for axis, (side, pixels) in enumerate(zip(sides, sizes, strict=True)):
         side = side / pixels
@@ -145,8 +141,8 @@ def _derivatives(
     return reach, footprint, np.sqrt(squared)
 
 
-def look(pipeline: Pipeline, x: Array, y: Array) -> View:
-    """What is seen at any places x, y (n,)."""
-    view = see(pipeline, pipeline.cast(x, y, CastCounts(), in_rows=False))
-    measure(pipeline, view, x, y, np.flatnonzero(view.hit))
-    return view
+def sample_surface(view: SceneView, x: Array, y: Array) -> SurfaceSamples:
+    """The surface at any image positions x, y (n,), with derivatives."""
+    samples = samples_of_hits(view, view.cast(x, y, CastCounts(), in_rows=False))
+    add_derivatives(view, samples, x, y, np.flatnonzero(samples.hit))
+    return samples

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A scene as a projection sees it at one moment: projectors are cast at it, and their hits are coloured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...casting.cast import cast
+from ...casting.common.hits import CastCounts, Hits
+from ...casting.continuation import Continuation
+from ...casting.curves.chords import complete
+from ...casting.curves.projector_batch import ProjectorBatch
+from ...casting.frame import pixel_centres
+from ...casting.scene.cast_scene import CastScene
+from ...projection.typing import Array, IndexArray
+from ...projection.volume.viewing_volume import Projection
+from ..passes.light_passes import ENVIRONMENT, LightParts
+from ..scene.depth_of_field import DepthOfField, through
+from ..scene.shading_scene import Scene
+from ..scene.world import World
+from ..settings.frame_settings import FrameSettings
+from ..typing import Single
+from .hit_colors import Shading
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneView:
+    """A scene and the projection that sees it.
+
+    projection, depth_of_field: in cast space. cast_scene, shading: of the triangles that projectors can hit,
+    None for none. world: shown where nothing is hit; None for a uniform background.
+    """
+
+    projection: Projection
+    scene: Scene
+    settings: FrameSettings
+    cast_scene: CastScene | None
+    shading: Shading | None
+    world: World | None
+    depth_of_field: DepthOfField | None
+
+    @property
+    def pixel_size(self) -> tuple[float, float]:
+        """Width and height of a pixel as shares of the image's."""
+        return 1 / self.settings.width, 1 / self.settings.height
+
+    def seen_by(self, projection: Projection, lens: DepthOfField | None) -> SceneView:
+        """The same scene seen by another projection through another lens, both in world space."""
+        if self.cast_scene is None:
+            return replace(self, projection=projection, depth_of_field=lens)
+        matrix = self.cast_scene.matrix
+        inside = projection.transformed(matrix)
+        return replace(self, projection=inside, depth_of_field=lens and lens.transformed(matrix))
+
+    def through_lens(self, share: Array) -> SceneView:
+        """The view whose n projectors each pass the lens at a place of its own, shares (2, n) of it."""
+        lens = self.depth_of_field
+        return replace(self, projection=through(self.projection, lens, share)) if lens else self
+
+    def pixel_centres(self, rows: slice) -> tuple[Array, Array]:
+        """Image positions (x, y) of the centre of each pixel of the rows, each (n,)."""
+        return pixel_centres(self.settings.width, self.settings.height, (rows.start, rows.stop))
+
+    def cast(
+        self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
+    ) -> Hits:
+        """The hits of the projectors at image positions (n,); all miss where there are no triangles.
+
+        weighted: barycentric weights are needed even if all triangles are flat. in_rows: the positions are
+        whole rows of pixels.
+        """
+        if self.cast_scene is None:
+            projectors = self.projection.projectors(x, y)
+            nothing = Hits.empty(len(x))._replace(mask=projectors.valid)
+            return complete(nothing, ProjectorBatch(self.projection.volume.spans, projectors.points))
+        return cast(
+            self.cast_scene,
+            self.projection,
+            x,
+            y,
+            self.pixel_size,
+            self.settings.pixel_error,
+            counts,
+            self.settings.width if in_rows else None,
+            weighted or self.shading is None or self.shading.surface.weighted,
+        )
+
+    def cast_with_continuation(
+        self, x: Array, y: Array, counts: CastCounts, in_rows: bool
+    ) -> tuple[Hits, Continuation | None]:
+        """The hits as ``cast`` has them, and the continuation of their projectors, None without triangles."""
+        hits = self.cast(x, y, counts, in_rows=in_rows)
+        if self.cast_scene is None:
+            return hits, None
+        return hits, Continuation(
+            self.cast_scene,
+            self.projection,
+            x,
+            y,
+            mask=hits.mask,
+            known=None,
+            pixel_size=self.pixel_size,
+            pixel_error=self.settings.pixel_error,
+        )
+
+    def with_world(
+        self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None
+    ) -> tuple[IndexArray, Single, LightParts | None]:
+        """Add projectors that see the world to the hits at ``where`` (n,), their colours and parts.
+
+        They miss, and see it in the direction in which they leave the volume.
+        """
+        clear = self.settings.transparent
+        if self.world is None or (clear and parts is None):
+            return where, color, parts
+        missed = np.flatnonzero(hits.mask & (hits.triangle < 0))
+        if not len(missed):
+            return where, color, parts
+        shown = np.flatnonzero(hits.mask)
+        light = self.world.radiance(hits.tangent.take(missed, axis=1))
+        whole = np.ones((4, len(hits.mask)), np.float32)
+        whole[: len(color), where] = color
+        whole[:3, missed], whole[3, missed] = (0.0, 0.0) if clear else (light, 1.0)
+        if parts:
+            rows = np.zeros((len(parts.rows), len(hits.mask)), np.float32)
+            rows[:, where], rows[ENVIRONMENT, missed] = parts.rows, light
+            parts = LightParts(len(shown))
+            parts.rows[:] = rows[:, shown]
+        return shown, whole.take(shown, axis=1), parts
