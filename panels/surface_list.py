@@ -3,8 +3,7 @@
 
 import bpy
 
-from ..scfpf_addon.bridge.volume.missing_objects import absence
-from ..scfpf_addon.bridge.volume.volume_object import is_absent
+from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent
 
 KIND_ICONS = {
     "NONE": "MESH_DATA",

@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
+from ...scfpf_addon.bridge.blender.scene_objects import absent_text
 from ...scfpf_addon.bridge.camera.camera_blend import (
     give_shapes,
     has_room,
@@ -21,7 +22,6 @@ from ...scfpf_addon.bridge.camera.flexible_camera import (
 )
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ...scfpf_addon.bridge.volume.missing_objects import absent_text
 from ...scfpf_addon.projection.editing.blending import BlendError, blended
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import Tool

@@ -4,8 +4,8 @@
 import bpy
 
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
+from ...scfpf_addon.bridge.blender.scene_objects import missing_text
 from ...scfpf_addon.bridge.render.render_errors import RenderError
-from ...scfpf_addon.bridge.volume.missing_objects import missing_text
 
 NO_CAMERA = (
     "There is no flexible camera to render: add one with Add > Camera > Flexible Camera, or select one"

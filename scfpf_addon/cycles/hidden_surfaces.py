@@ -12,10 +12,10 @@ from __future__ import annotations
 import bpy
 
 from ..bridge.blender.rig_mark import HIDDEN_RAYS, HIDING, has_other_animation, is_hiding
+from ..bridge.blender.scene_objects import holds
 from ..bridge.blender.slot_animation import curve_collections
-from ..bridge.mappings.mapping_edits import grids_of
 from ..bridge.sync.handlers import camera_objects
-from ..bridge.volume.volume_object import holds
+from ..bridge.volume.camera_members import grids_of, surfaces_of
 
 # Lattices are not rendered.
 RENDERED = {"MESH", "SURFACE"}
@@ -64,9 +64,8 @@ def _surfaces(candidates) -> dict[int, bpy.types.Object]:
     for camera in candidates:
         if camera.type != "CAMERA":
             continue
-        settings = camera.scfpf
-        for member in [slot.object for slot in settings.surfaces] + grids_of(settings):
-            if member is not None and member.type in RENDERED:
+        for member in surfaces_of(camera) + grids_of(camera):
+            if member.type in RENDERED:
                 found[member.session_uid] = member
     return found
 

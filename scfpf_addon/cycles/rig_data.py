@@ -12,11 +12,10 @@ import numpy as np
 
 from ..bridge.blender import versions
 from ..bridge.blender.rig_mark import RIG_KEY, WIDTH
+from ..bridge.blender.scene_objects import absent_text, holds
 from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
-from ..bridge.volume.missing_objects import absent_text
-from ..bridge.volume.volume_object import holds
 from ..projection.presets.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
 from ..scanline.nodes.field_nodes import is_current

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...projection.editing.blending import Blend
 from ..blender.mesh_grid import write_grid
-from ..volume.volume_object import link_beside
+from ..blender.scene_objects import link_beside
 
 # How far beyond its two cameras a blend goes.
 SMALLEST_BLEND, LARGEST_BLEND = -2.0, 3.0

@@ -13,13 +13,15 @@ from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.uv_mesh import UVMesh
 from ...projection.volume.viewing_volume import Projection
 from ..blender.rig_mark import is_rig_part
+from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import SURFACES, clear_slots, move_slot, remove_slot, require_own_items
-from ..mappings.mapping_edits import MAPPINGS, clear_mappings, grids_of, write_mappings
+from ..mappings.mapping_edits import MAPPINGS, clear_mappings, write_mappings
 from ..surfaces import lattice_object, nurbs_object, surface_nodes
 from ..surfaces.surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
 from ..surfaces.uv_mesh import mesh_kind
 from ..volume import edit_mode
-from ..volume.volume_object import delete_with_data, is_volume_object, link_beside, sync_volume_object
+from ..volume.camera_members import all_cameras, cameras_with, grids_of, surfaces_of
+from ..volume.volume_object import is_volume_object, sync_volume_object
 from .camera_frame import size_frame
 from .ordinary_camera import FrustumError, frustum
 
@@ -141,17 +143,11 @@ def _take_kind(surface) -> None:
         surface.scfpf_surface.kind = mesh_kind(surface)
 
 
-def flexible_cameras() -> list:
-    """All camera objects of the file that have control surfaces."""
-    return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]
-
-
 def delete_if_unused(camera, surface) -> None:
     """Delete a surface that is the camera's own child and on no camera's list."""
     if surface is None:
         return
-    listed = any(slot.object == surface for other in flexible_cameras() for slot in other.scfpf.surfaces)
-    if listed or surface.parent != camera or not surface.is_editable:
+    if cameras_with(surface) or surface.parent != camera or not surface.is_editable:
         edit_mode.release(surface)
         return
     delete_with_data(surface)
@@ -206,10 +202,9 @@ def surfaces_edited(camera) -> None:
     """Called by the properties when a surface pointer was edited."""
     if camera.is_evaluated or camera.type != "CAMERA" or not camera.is_editable:
         return
-    for slot in camera.scfpf.surfaces:
-        if slot.object is not None:
-            _take_kind(slot.object)
-    edit_mode.obey(camera)
+    for surface in surfaces_of(camera):
+        _take_kind(surface)
+    edit_mode.show_by_mode(camera)
     if camera.scfpf.enabled or camera.scfpf.volume_object:
         sync_volume_object(camera)
 
@@ -368,10 +363,8 @@ def control_objects() -> set[str]:
     ``name_full`` tells a local object from a linked one of the same name.
     """
     names = {part.name_full for part in bpy.data.objects if is_rig_part(part)}
-    for camera in bpy.data.objects:
-        if camera.type == "CAMERA":
-            settings = camera.scfpf
-            members = [slot.object for slot in settings.surfaces] + [settings.volume_object]
-            members += grids_of(settings)
-            names.update(member.name_full for member in members if member is not None)
+    for camera in all_cameras():
+        volume = camera.scfpf.volume_object
+        members = surfaces_of(camera) + grids_of(camera) + ([] if volume is None else [volume])
+        names.update(member.name_full for member in members)
     return names

@@ -10,7 +10,7 @@ import numpy as np
 from ...projection.surfaces.surface import Plane
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
-from ..volume.missing_objects import missing_text
+from ..blender.scene_objects import missing_text
 
 
 class FrustumError(ValueError):

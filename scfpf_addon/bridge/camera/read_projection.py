@@ -16,13 +16,13 @@ from ...projection.volume.lattice import Lattice
 from ...projection.volume.reparameterisation import reparameterisation
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
 from ..blender.mesh_grid import SurfaceError, grid_points, require_finite
+from ..blender.scene_objects import absent_text, is_absent, missing_text
 from ..mappings.mapping_edits import MappingError
 from ..mappings.read_mappings import read_mappings
 from ..surfaces import lattice_object, nurbs_object
 from ..surfaces.surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
 from ..surfaces.uv_mesh import read_reshaped, read_uv_mesh
-from ..volume.missing_objects import absent_text, missing_text
-from ..volume.volume_object import is_absent, keeps_evaluated
+from ..volume.volume_object import keeps_evaluated
 
 # A transform that flattens one axis to less than this share of the longest has
 # no size there: float32 matrices cannot tell it from nought.

@@ -15,15 +15,15 @@ from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.volume.lattice import Lattice
 from ..blender.mesh_grid import grid_points, write_grid
 from ..blender.rig_mark import has_other_animation
+from ..blender.scene_objects import delete_with_data, editable_collections, link_beside
 from ..surfaces import lattice_object, nurbs_object, surface_nodes
 from ..surfaces.surface_nodes import MESH_KINDS, PARAMETRIC_KINDS, surface_parameters
 from ..surfaces.uv_mesh import read_uv_mesh
 from ..volume import edit_mode
-from ..volume.volume_object import delete_with_data, editable_collections, link_beside
+from ..volume.camera_members import cameras_with
 from .flexible_camera import (
     FlexibleCameraError,
     approximate_lens,
-    flexible_cameras,
     make_flexible,
     replace_surfaces,
 )
@@ -176,7 +176,7 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
             slot.object = new
     layer = bpy.context.view_layer
     active, selected = layer.objects.active == surface, surface.select_get(view_layer=layer)
-    if any(surface == slot.object for other in flexible_cameras() for slot in other.scfpf.surfaces):
+    if cameras_with(surface):
         edit_mode.release(surface)
     else:
         for collection in editable_collections(surface):  # or else the new one would come to be there twice

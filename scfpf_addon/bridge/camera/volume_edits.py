@@ -7,7 +7,6 @@ import itertools
 import math
 from typing import NamedTuple
 
-import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
@@ -15,6 +14,7 @@ from ...projection.editing.volume_edits import EditingError, inserted, mirrored
 from ...projection.volume.inverse import invert
 from ...projection.volume.viewing_volume import Projection
 from ..blender.rig_mark import has_other_animation
+from ..blender.scene_objects import link_beside
 from ..blender.slot_animation import SURFACES, move_slot, require_own_items
 from ..mappings.mapping_edits import own_mapping_data
 from ..surfaces import lattice_object, nurbs_object
@@ -25,7 +25,7 @@ from ..surfaces.surface_nodes import (
     set_surface_parameters,
     surface_parameters,
 )
-from ..volume.volume_object import link_beside
+from ..volume.camera_members import all_cameras, cameras_with
 from . import surface_scale
 from .flexible_camera import (
     FlexibleCameraError,
@@ -283,15 +283,10 @@ def make_single_user(camera) -> int:
     """
     copied = 0
     surfaces = _surfaces(camera)
-    others = {
-        slot.object
-        for other in bpy.data.objects
-        if other.type == "CAMERA" and other != camera
-        for slot in other.scfpf.surfaces
-    }
+    others = [other for other in all_cameras() if other != camera]
     for surface in surfaces:
         own = surface
-        if surface in others:
+        if cameras_with(surface, cameras=others):
             own = _own_copy(camera, surface)
             copied += 1
         if own.data.users > 1:

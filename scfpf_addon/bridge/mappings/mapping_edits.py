@@ -10,8 +10,10 @@ import numpy as np
 
 from ...projection.mappings.kinds import COEFFICIENTS, MAXIMUM_MAPPINGS
 from ..blender.mesh_grid import write_grid
+from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import clear_slots, move_slot, remove_slot
-from ..volume.volume_object import delete_with_data, link_beside, sync_volume_object
+from ..volume.camera_members import all_cameras, cameras_with, grids_of
+from ..volume.volume_object import sync_volume_object
 
 MAPPINGS = "mappings"
 # Hidden from Blender's own lists of node groups by the dot.
@@ -135,16 +137,12 @@ def move_mapping(camera, index: int, step: int) -> int:
     return place
 
 
-def grids_of(settings) -> list:
-    """The meshes of a stack's deformed grids."""
-    return [m.grid for m in settings.mappings if m.kind == "GRID" and m.grid is not None]
-
-
 def _remove_unused(camera, curve, grid) -> None:
     if curve is not None and curve.users == 0 and curve.is_editable:
         bpy.data.node_groups.remove(curve)
-    others = {g for obj in bpy.data.objects if obj.type == "CAMERA" for g in grids_of(obj.scfpf)}
-    if grid is not None and grid not in others and grid.parent == camera and grid.is_editable:
+    if grid is None or grid.parent != camera or not grid.is_editable:
+        return
+    if not cameras_with(grid, grids_of):
         delete_with_data(grid)
 
 
@@ -173,18 +171,13 @@ def write_mappings(camera, mappings) -> None:
 
 def own_mapping_data(camera) -> int:
     """Give a camera curves and grids of its own where it shares them; returns how many were copied."""
-    others = {
-        grid
-        for other in bpy.data.objects
-        if other.type == "CAMERA" and other != camera
-        for grid in grids_of(other.scfpf)
-    }
+    others = [other for other in all_cameras() if other != camera]
     copied = 0
     for mapping in camera.scfpf.mappings:
         if mapping.curve is not None and mapping.curve.users > 1:
             mapping.curve = mapping.curve.copy()
             copied += 1
-        if mapping.grid is not None and mapping.grid in others:
+        if mapping.grid is not None and cameras_with(mapping.grid, grids_of, others):
             copy = mapping.grid.copy()
             copy.data = copy.data.copy()
             link_beside(copy, camera)

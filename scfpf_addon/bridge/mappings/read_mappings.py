@@ -19,8 +19,8 @@ from ...projection.mappings.kinds import COEFFICIENTS, KINDS, ImageMapping, chan
 from ...projection.volume.reparameterisation import Reparameterisation
 from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.mesh_grid import SurfaceError, grid_points
-from ..volume.missing_objects import absent_text
-from ..volume.volume_object import is_absent, keeps_evaluated
+from ..blender.scene_objects import absent_text, is_absent
+from ..volume.volume_object import keeps_evaluated
 from .mapping_edits import MappingError, curve_node
 
 # A curve widget is a table of so many steps; at its entries it is exact.

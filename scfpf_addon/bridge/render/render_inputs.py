@@ -12,6 +12,7 @@ from ...shading.passes.data_passes import DataPasses
 from ...shading.scene.motion import Moment
 from ...shading.scene.shading_scene import Scene
 from ...shading.settings.frame_settings import Border, FrameSettings
+from ..blender.scene_objects import absent_text
 from ..camera.ordinary_camera import depth_plane, frustum_projection
 from ..camera.read_depth_of_field import read_lens
 from ..camera.read_projection import read_projection
@@ -22,7 +23,6 @@ from ..scene.read_scene import never, read_scene
 from ..scene.render_depsgraph import with_render_depsgraph
 from ..settings.sampling import sampling_of
 from ..settings.stylised_properties import stylised_of
-from ..volume.missing_objects import absent_text
 from ..volume.volume_object import sync_volume_object
 from .image_size import image_size, shown_aspect
 from .render_errors import RenderError

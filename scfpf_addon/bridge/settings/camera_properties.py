@@ -83,7 +83,7 @@ def _enabled_changed(settings, context):
 def _edit_volume_changed(settings, context):
     """The surfaces come to the front and can be clicked, or get out of the way."""
     if not settings.id_data.is_evaluated:
-        edit_mode.obey(settings.id_data)
+        edit_mode.show_by_mode(settings.id_data)
 
 
 def _kind_changed(settings, context):

@@ -25,7 +25,7 @@ from ...projection.surfaces.uv_mesh import UVMesh
 from ..blender import versions
 from ..blender.mesh_grid import UV_LAYER, SurfaceError, grid_points, write_grid
 from ..blender.node_builder import NodeBuilder
-from ..volume.volume_object import delete_with_data
+from ..blender.scene_objects import delete_with_data
 from . import lattice_object, nurbs_object
 from .gizmos import add_gizmos
 from .shape_attributes import store_shape

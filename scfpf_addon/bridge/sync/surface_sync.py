@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Control surfaces go with their camera: hidden while it is hidden, deleted with it, back with it.
+"""Control surfaces are hidden, shown, deleted and restored with their camera.
 
-A surface that a view layer hides with its camera is marked by the view layer's name, so that what the
-artist has hidden stays hidden. Only surfaces that were made for the camera are deleted with it.
+A surface that is hidden with its camera is marked with the view layer's name, so that surfaces which the
+artist has hidden stay hidden. Only surfaces that were made for the camera are deleted with it.
 """
 
 from __future__ import annotations
@@ -13,22 +13,27 @@ from typing import NamedTuple
 import bpy
 
 from ..blender.rig_mark import is_rig_part
+from ..blender.scene_objects import delete_with_data, editable_collections, holds
 from ..surfaces.surface_nodes import PARAMETRIC_KINDS
-from ..volume.volume_object import delete_with_data, editable_collections, holds
+from ..volume.camera_members import surfaces_of
 
-# Before a view layer's name in a surface's mark: hidden by this module, or by the artist before.
+# The start of a mark, before the view layer's name: hidden by this module, or by the artist before.
 OURS, ARTIST = "+", "-"
 
 
 class _Deleted(NamedTuple):
-    """A surface that went with its camera: session ids, no Blender data."""
+    """The camera of a surface that was deleted with it, and the surface's collections, as session ids."""
 
     camera: int
     collections: tuple[int, ...]
 
 
-class FollowingSurfaces:
-    """Surfaces and their cameras as the last look found them, in session ids."""
+class MadeSurfaces:
+    """The surfaces that were made for cameras, at the last sync, in session ids.
+
+    _own: the camera of each surface that exists. _cameras: all cameras. _deleted: surfaces that were deleted
+    with their camera, which undo may bring back.
+    """
 
     def __init__(self) -> None:
         self._own: dict[int, int] = {}
@@ -39,44 +44,44 @@ class FollowingSurfaces:
         """Forget everything, for another file."""
         self.__init__()
 
-    def undone(self) -> None:
-        """After undo: a surface without a camera may belong to the step, and stays unless it was deleted."""
+    def forget_owners(self) -> None:
+        """Keep existing surfaces after undo: a surface without a camera may belong to the restored step."""
         self._own.clear()
 
-    def follow(self, cameras: Iterable) -> None:
+    def sync(self, cameras: Iterable) -> None:
         """Delete the surfaces of deleted cameras; link those that undo has brought back with their camera.
 
         cameras: all that are in a collection.
         """
-        there = {camera.session_uid: camera for camera in cameras}
-        listed = {slot.object for camera in there.values() for slot in camera.scfpf.surfaces} - {None}
+        existing = {camera.session_uid: camera for camera in cameras}
+        listed = {surface for camera in existing.values() for surface in surfaces_of(camera)}
         known = self._own.keys() | self._deleted.keys()
         lost = []
         for obj in list(bpy.data.objects) if known else ():
             uid = obj.session_uid
             if uid not in known:
                 continue
-            camera = there.get(self._camera_of(uid))
+            camera = existing.get(self._camera_of(uid))
             if camera is None and obj not in listed and _may_go(obj, self._camera_of(uid)):
                 lost.append(obj)
             elif camera is not None and uid in self._deleted:
                 self._bring_back(obj, camera, obj in listed)
         self._delete(lost)
-        self._cameras = set(there)
+        self._cameras = set(existing)
         self._own = {
-            slot.object.session_uid: uid
-            for uid, camera in there.items()
-            for slot in camera.scfpf.surfaces
-            if slot.object is not None and slot.object.parent == camera and is_made(slot.object)
+            surface.session_uid: uid
+            for uid, camera in existing.items()
+            for surface in surfaces_of(camera)
+            if surface.parent == camera and is_made(surface)
         }
 
     def _camera_of(self, uid: int) -> int:
         return self._own[uid] if uid in self._own else self._deleted[uid].camera
 
     def _bring_back(self, surface, camera, is_listed: bool) -> None:
-        """Link a surface where it was: a collection that undo left alone has lost it.
+        """Link a restored surface to its former collections, which undo need not have restored.
 
-        A surface that the artist has deleted, or taken off the list, no longer belongs to the deleted camera.
+        A surface that the artist has deleted or taken off the list is not linked again.
         """
         deleted = self._deleted[surface.session_uid]
         is_back = camera.session_uid not in self._cameras
@@ -99,7 +104,7 @@ class FollowingSurfaces:
 
 
 def is_made(surface) -> bool:
-    """Whether the extension has made a surface for a camera. Older files' parametric ones have no mark."""
+    """Whether the extension has made a surface for a camera. In older files, parametric ones have no mark."""
     own = surface.scfpf_surface
     return own.is_made or (
         own.kind in PARAMETRIC_KINDS and surface.type == "MESH" and not surface.data.vertices
@@ -107,9 +112,9 @@ def is_made(surface) -> bool:
 
 
 def _may_go(surface, camera: int) -> bool:
-    """Whether a surface may be deleted with a camera, a session id.
+    """Whether a surface may be deleted with a camera, given by its session id.
 
-    Mark and parent are asked again: nothing tells when they change.
+    Mark and parent are read again, as they may have changed without a notice.
     """
     if not is_made(surface) or (surface.parent is not None and surface.parent.session_uid != camera):
         return False
@@ -122,14 +127,14 @@ def _is_used_by(user) -> bool:
         return False
     if not isinstance(user, bpy.types.Object):
         return True
-    # Tables and cameras that live on for a pointer are in no collection.
+    # Tables, and deleted cameras that a pointer keeps in the file, are in no collection.
     return bool(user.users_collection) and not user.scfpf_surface.is_volume and not is_rig_part(user)
 
 
 def hide_with_cameras(scene, view_layer, cameras: Iterable) -> None:
-    """Hide the surfaces whose cameras are all hidden in a view layer; show them again with their cameras.
+    """Hide the surfaces whose cameras are all hidden in a view layer; show the others again.
 
-    cameras: all of the file. Only the eye is used, as H does. Linked surfaces stay as they are.
+    cameras: all of the file. This sets the eye, as H does. Linked surfaces stay unchanged.
     """
     shown: dict = {}
     layers = _layers(view_layer.layer_collection)
@@ -138,9 +143,9 @@ def hide_with_cameras(scene, view_layer, cameras: Iterable) -> None:
         if not holds(view_layer.objects, camera):
             continue
         visible = _is_visible(camera, view_layer, hidden)
-        for slot in camera.scfpf.surfaces:
-            if slot.object is not None and slot.object.is_editable:
-                shown[slot.object] = shown.get(slot.object, False) or visible
+        for surface in surfaces_of(camera):
+            if surface.is_editable:
+                shown[surface] = shown.get(surface, False) or visible
     for surface, is_shown in shown.items():
         _follow_eye(surface, scene, view_layer, is_shown)
 
@@ -152,7 +157,7 @@ def _layers(layer) -> list:
 def _is_visible(camera, view_layer, hidden: set[int]) -> bool:
     """Whether a view layer shows a camera. hidden: collections that it does not show.
 
-    ``Object.visible_get`` asks the viewport of the context as well, which may be in its local view.
+    ``Object.visible_get`` also considers the local view of the context's viewport.
     """
     if camera.hide_viewport or camera.hide_get(view_layer=view_layer):
         return False
@@ -160,13 +165,14 @@ def _is_visible(camera, view_layer, hidden: set[int]) -> bool:
 
 
 def show_again(surface) -> None:
-    """Show a surface wherever it was hidden with a camera that it has no more."""
+    """Show a surface in all view layers in which it was hidden with a former camera."""
     for scene in bpy.data.scenes if surface.scfpf_surface.hidden_in else ():
         for view_layer in scene.view_layers:
             _follow_eye(surface, scene, view_layer, True)
 
 
 def _follow_eye(surface, scene, view_layer, is_shown: bool) -> None:
+    """Hide or show a surface in a view layer, and write or remove its mark."""
     marks = surface.scfpf_surface.hidden_in.splitlines()
     place = f"{scene.name}/{view_layer.name}"
     mark = next((m for m in marks if m[1:] == place), None)
@@ -176,7 +182,7 @@ def _follow_eye(surface, scene, view_layer, is_shown: bool) -> None:
         marks.remove(mark)
         if mark[0] == OURS:
             surface.hide_set(False, view_layer=view_layer)
-            # Alt-H selects all that it shows.
+            # Alt-H selects everything that it shows.
             if surface.hide_select and surface.select_get(view_layer=view_layer):
                 surface.select_set(False, view_layer=view_layer)
     else:

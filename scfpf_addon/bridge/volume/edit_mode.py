@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edit-volume mode: a camera's control surfaces shown in front and free for clicking, else out of the way.
+"""The Edit Volume mode: a camera's control surfaces are in front and selectable in it, else unselectable.
 
-The mode is ``Object.scfpf.edit_volume``; what it does is in the surfaces' own switches, so that undo,
-files and Blender's selection need nothing of ours. Out of the mode a surface that Blender draws as a wire is
-drawn as its box: the many black edges would run through our lines. A dense mesh stays one in the mode.
+The mode is ``Object.scfpf.edit_volume``. It sets display properties of the surfaces, which undo, files and
+Blender's selection handle. Outside of the mode, wires become bounding boxes: their many black edges would
+cover the lines of the overlay. A dense mesh remains a box in the mode.
 """
 
 from __future__ import annotations
 
-import bpy
+from .camera_members import all_cameras, cameras_with, surfaces_of
 
-# Meshes of more faces stay boxes in the mode too: in a whole view, lines are a dozen pixels apart then.
+# Meshes of more faces are always boxes: their wires would be less than a dozen pixels apart.
 MOST_WIRED = 1024
 
 
@@ -19,11 +19,11 @@ class EditVolumeError(ValueError):
 
 
 def set_edit_volume(camera, on: bool) -> None:
-    """Switch the mode of one camera; a surface that another camera has too stays free while that is in it.
+    """Switch the mode of one camera. A surface stays selectable while another of its cameras is in the mode.
 
     Raises EditVolumeError for a camera or a surface that is linked from another file; then nothing changes.
     """
-    for obj in (camera, *_surfaces(camera)):
+    for obj in (camera, *surfaces_of(camera)):
         if not obj.is_editable:
             raise EditVolumeError(
                 f"'{obj.name}' is linked from another file: make a library override of it first"
@@ -31,42 +31,36 @@ def set_edit_volume(camera, on: bool) -> None:
     camera.scfpf.edit_volume = on
 
 
-def obey(camera) -> None:
-    """Let a camera's surfaces follow the modes of the cameras that have them; linked ones stay."""
-    cameras = _cameras()
-    for surface in _surfaces(camera):
+def show_by_mode(camera) -> None:
+    """Show the editable surfaces of a camera as the modes of all their cameras demand."""
+    cameras = all_cameras()
+    for surface in surfaces_of(camera):
         if surface.is_editable:
-            free = in_edit_volume(surface, cameras)
-            _set(surface, not free, free)
-
-
-def in_edit_volume(surface, cameras=None) -> bool:
-    """Whether a camera that has the surface is in the mode. cameras: all of the file, if they are known."""
-    return any(
-        other.scfpf.edit_volume and surface in _surfaces(other) and other.users_collection
-        for other in cameras or _cameras()
-    )
+            is_edited = _is_edited(cameras_with(surface, cameras=cameras))
+            _show(surface, not is_edited, is_edited)
 
 
 def release(surface) -> None:
-    """Give a surface that a list has lost the switches of an ordinary object, if no list has it now.
-
-    A deleted camera that lives on for a pointer does not count.
-    """
+    """Show a surface that a list has lost as an ordinary object, unless another list has it."""
     if not surface.is_editable:
         return
-    cameras = _cameras()
-    listed = any(surface in _surfaces(other) and other.users_collection for other in cameras)
-    free = in_edit_volume(surface, cameras)
-    _set(surface, listed and not free, free)
+    # A deleted camera stays in the file while a pointer refers to it.
+    cameras = [camera for camera in cameras_with(surface) if camera.users_collection]
+    is_edited = _is_edited(cameras)
+    _show(surface, bool(cameras) and not is_edited, is_edited)
 
 
-def _set(surface, hide_select: bool, in_front: bool) -> None:
+def _is_edited(cameras) -> bool:
+    """Whether one of the cameras that have a surface is in the mode, and is not deleted."""
+    return any(camera.scfpf.edit_volume and camera.users_collection for camera in cameras)
+
+
+def _show(surface, hide_select: bool, in_front: bool) -> None:
     if surface.hide_select != hide_select:
         surface.hide_select = hide_select
     if surface.show_in_front != in_front:
         surface.show_in_front = in_front
-    # A mesh of the artist's own that is drawn otherwise stays so.
+    # Other display types are the artist's choice.
     as_box = hide_select or (in_front and _is_dense(surface))
     before, after = ("WIRE", "BOUNDS") if as_box else ("BOUNDS", "WIRE")
     if surface.display_type == before:
@@ -74,14 +68,5 @@ def _set(surface, hide_select: bool, in_front: bool) -> None:
 
 
 def _is_dense(surface) -> bool:
-    """Whether a surface's wires would cover it all with black."""
+    """Whether a surface's wires would cover it with black."""
     return surface.type == "MESH" and len(surface.data.polygons) > MOST_WIRED
-
-
-def _surfaces(camera) -> list:
-    return [slot.object for slot in camera.scfpf.surfaces if slot.object is not None]
-
-
-def _cameras():
-    # Whether they are in a collection is asked of few: that looks through all collections.
-    return [obj for obj in bpy.data.objects if obj.type == "CAMERA" and obj.scfpf.surfaces]

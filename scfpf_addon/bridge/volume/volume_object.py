@@ -8,28 +8,8 @@ import bpy
 from ...projection.presets.preset import MAXIMUM_SURFACES
 from ..blender import versions
 from ..blender.node_builder import NodeBuilder
-
-
-def editable_collections(obj):
-    """The collections that hold an object and can be changed."""
-    return [c for c in obj.users_collection if c.is_editable and not c.override_library]
-
-
-def link_beside(new, obj) -> None:
-    """Link a new object where another one is, or to the context's scene where that cannot be."""
-    for collection in editable_collections(obj) or [bpy.context.scene.collection]:
-        collection.objects.link(new)
-
-
-def delete_with_data(obj) -> None:
-    """Delete an object, and its data if nothing else uses it.
-
-    Of any type: Object > Convert may have made a curve of what was a mesh.
-    """
-    data = obj.data
-    bpy.data.objects.remove(obj)
-    if data is not None and data.users == 0:
-        bpy.data.batch_remove([data])
+from ..blender.scene_objects import delete_with_data, editable_collections, holds
+from .camera_members import grids_of
 
 
 def is_volume_object(candidate) -> bool:
@@ -39,30 +19,30 @@ def is_volume_object(candidate) -> bool:
 
 
 def volume_facts(camera) -> tuple:
-    """What ``sync_volume_object`` depends on and sets, as numbers to compare with those of another time."""
+    """Everything that ``sync_volume_object`` reads and sets, as numbers by which changes are noticed."""
     settings = camera.scfpf
     if not settings.enabled:
         return (camera.session_uid,)
     volume = settings.volume_object
-    listed = tuple(_uid(member) for member in members(settings))
+    listed = tuple(_uid(member) for member in members(camera))
     facts = (camera.session_uid, camera.users, camera.is_editable, listed)
     if volume is None:
         return facts
     modifier = _node_modifier(volume)
-    taken = () if modifier is None or modifier.node_group is None else _taken_surfaces(modifier)
+    evaluated = () if modifier is None or modifier.node_group is None else _evaluated_members(modifier)
     return (
         *facts,
         *(_uid(volume), volume.users, _uid(volume.parent), volume.hide_viewport, volume.hide_render),
         modifier is not None and modifier.show_viewport and modifier.show_render,
-        tuple(_uid(surface) for surface in taken),
+        tuple(_uid(surface) for surface in evaluated),
     )
 
 
-def members(settings) -> list:
-    """The objects that a camera's volume object takes: its surfaces, and the grids of its image mappings."""
-    # A longer list is no volume; taking its thousands would hold Blender up.
-    surfaces = [slot.object for slot in settings.surfaces[:MAXIMUM_SURFACES]]
-    return surfaces + [m.grid for m in settings.mappings if m.kind == "GRID" and m.grid is not None]
+def members(camera) -> list:
+    """The objects that a volume object evaluates: surfaces, None at empty places, and grids of mappings."""
+    # A longer list is not a volume, and may be far longer in a damaged file.
+    surfaces = [slot.object for slot in camera.scfpf.surfaces[:MAXIMUM_SURFACES]]
+    return surfaces + grids_of(camera)
 
 
 def _uid(obj) -> int:
@@ -74,7 +54,7 @@ def _node_modifier(volume):
 
 
 def delete_volume_object(volume) -> None:
-    """Delete a volume object that no camera needs any more, with its mesh and an unused node group."""
+    """Delete a volume object without a camera, with its mesh and its node group if nothing else uses it."""
     modifier = _node_modifier(volume)
     group = None if modifier is None else modifier.node_group
     delete_with_data(volume)
@@ -82,30 +62,13 @@ def delete_volume_object(volume) -> None:
         bpy.data.node_groups.remove(group)
 
 
-def is_absent(surface, scene) -> bool:
-    """Whether a scene does not have an object: deleted with X it lives on for its pointer.
-
-    Never an object of another file: linking a camera alone brings its surfaces
-    along without linking them to the scene, and the volume object evaluates them.
-    """
-    return surface.library is None and not holds(scene.objects, surface)
-
-
-def holds(objects, obj) -> bool:
-    """Whether an object is among a scene's or a collection's."""
-    found = objects.get(obj.name)
-    # A linked object, or a library override of it, may have the same name.
-    return found == obj or (found is not None and obj in objects.values())
-
-
 def sync_volume_object(camera):
-    """Make the volume object take every surface of the list; create it where it is missing.
+    """Make the volume object evaluate every member of a camera's volume; create the object if it is missing.
 
-    A property pointer alone does not get an object evaluated; Object Info in a
-    node modifier does, whatever hides the object. The volume object is also
-    linked to the scene's master collection, which nothing can exclude.
-    Call it from operators, never during evaluation or drawing. Returns the
-    object; for a camera that cannot be edited the one there is, or None.
+    A pointer property alone does not make Blender evaluate an object. Object Info in a node modifier does,
+    even for hidden objects. The volume object is also linked to the master collection of the camera's
+    scenes, which nothing can exclude. Do not call this during evaluation or drawing. Returns the volume
+    object; for a camera that cannot be edited the existing one, or None.
     """
     settings = camera.scfpf
     volume = settings.volume_object
@@ -114,19 +77,12 @@ def sync_volume_object(camera):
             _link_volume(volume, camera)
         return volume
     if not _may_serve(volume, camera):
-        volume = _new_volume_object(camera)
-        settings.volume_object = volume
+        volume = settings.volume_object = _new_volume_object(camera)
     if volume.parent != camera:
         volume.parent = camera
     _link_volume(volume, camera)
-    surfaces = members(settings)
-    modifier = _node_modifier(volume)
-    if modifier is None:
-        modifier = volume.modifiers.new("SCFPF Volume", "NODES")
-    # The present one, whatever the artist calls it.
-    present = modifier.node_group
-    group = present if _is_volume_group(present, len(surfaces)) else _volume_group(len(surfaces))
-    # Hidden or disabled, it would evaluate nothing. Eye-hidden it still does.
+    modifier = _node_modifier(volume) or volume.modifiers.new("SCFPF Volume", "NODES")
+    # The volume object evaluates nothing while it or its modifier is disabled; the eye does not matter.
     for owner, switch, value in (
         (volume, "hide_viewport", False),
         (volume, "hide_render", False),
@@ -135,25 +91,32 @@ def sync_volume_object(camera):
     ):
         if getattr(owner, switch) != value:
             setattr(owner, switch, value)
-    before = modifier.node_group
-    if before == group and surfaces == _taken_surfaces(modifier):
-        return volume
-    modifier.node_group = group
-    if before is not None and before.users == 0:
-        bpy.data.node_groups.remove(before)
-    for identifier, surface in zip(_object_inputs(group), surfaces, strict=True):
-        versions.set_modifier_input(modifier, identifier, surface)
-    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
-    modifier.node_group = group
-    volume.update_tag()
+    _set_members(modifier, members(camera))
     return volume
 
 
-def release_pointers(camera) -> int:
-    """Take from a camera and its volume object all pointers that handlers may have set.
+def _set_members(modifier, objects: list) -> None:
+    """Make a volume object's modifier evaluate these objects."""
+    before = modifier.node_group
+    # A group that the artist has renamed serves as well.
+    group = before if _is_volume_group(before, len(objects)) else _volume_group(len(objects))
+    if before == group and objects == _evaluated_members(modifier):
+        return
+    modifier.node_group = group
+    if before is not None and before.users == 0:
+        bpy.data.node_groups.remove(before)
+    for identifier, obj in zip(_object_inputs(group), objects, strict=True):
+        versions.set_modifier_input(modifier, identifier, obj)
+    # Setting an input in 4.5 leaves the depsgraph's relations as they were; assigning the group builds them.
+    modifier.node_group = group
+    modifier.id_data.update_tag()
 
-    Call it before a step of undo or redo; ``restore_pointers`` and ``sync_volume_object`` set them again.
-    Returns the session id of the volume object, 0 if the camera has none or cannot be edited.
+
+def release_pointers(camera) -> int:
+    """Clear all pointers between a camera and its volume object, as is necessary before undo and redo.
+
+    ``restore_pointers`` and ``sync_volume_object`` set them again afterwards. Returns the session id of the
+    volume object, 0 if the camera has none or cannot be edited.
     """
     volume = camera.scfpf.volume_object
     if volume is None or not (camera.is_editable and volume.is_editable):
@@ -170,7 +133,7 @@ def release_pointers(camera) -> int:
 
 
 def restore_pointers(camera, volume) -> None:
-    """Give a camera the volume object that ``release_pointers`` has taken, unless undo has given it one."""
+    """Set the volume object that ``release_pointers`` has cleared, unless undo has set one."""
     if camera.scfpf.volume_object is not None:
         return
     camera.scfpf.volume_object = volume
@@ -190,8 +153,8 @@ def _new_volume_object(camera):
 def _may_serve(volume, camera) -> bool:
     """Whether an object can be the camera's volume object.
 
-    Not another camera's, of which this one is a duplicate. Not a library override either: a node
-    modifier's inputs are not overridden for good, they go back to the library's own surfaces.
+    The volume object of another camera cannot: this camera is then its duplicate. A library override cannot
+    either: reloading resets a node modifier's inputs to the library's own surfaces.
     """
     if volume is None or volume.type != "MESH" or not volume.is_editable or volume.override_library:
         return False
@@ -199,7 +162,7 @@ def _may_serve(volume, camera) -> bool:
 
 
 def _link_volume(volume, camera) -> None:
-    """Link the volume object where the camera is and to the master collection of its scenes."""
+    """Link the volume object to the camera's collections and to the master collection of its scenes."""
     wanted = editable_collections(camera)
     wanted += [
         scene.collection
@@ -222,15 +185,15 @@ def _object_inputs(group) -> list[str]:
     ]
 
 
-def _taken_surfaces(modifier) -> list:
-    """The objects that a volume object's modifier takes, in order."""
+def _evaluated_members(modifier) -> list:
+    """The objects that a volume object's modifier evaluates, in order."""
     return [
         versions.modifier_input(modifier, identifier) for identifier in _object_inputs(modifier.node_group)
     ]
 
 
 def keeps_evaluated(camera, surface, depsgraph) -> bool:
-    """Whether the camera's volume object makes a surface evaluate in a depsgraph, hidden or not."""
+    """Whether the camera's volume object evaluates a surface in a depsgraph, hidden or not."""
     volume = camera.scfpf.volume_object
     hide, show = (
         ("hide_viewport", "show_viewport") if depsgraph.mode == "VIEWPORT" else ("hide_render", "show_render")
@@ -243,20 +206,20 @@ def keeps_evaluated(camera, surface, depsgraph) -> bool:
         modifier.type == "NODES"
         and modifier.node_group is not None
         and getattr(modifier, show)
-        and surface in _taken_surfaces(modifier)
+        and surface in _evaluated_members(modifier)
         for modifier in volume.modifiers
     )
 
 
 def _is_volume_group(group, count: int) -> bool:
-    """Whether a node group, or None, can be that of a volume of ``count`` surfaces."""
+    """Whether a node group, or None, can serve a volume of ``count`` surfaces."""
     return group is not None and group.bl_idname == "GeometryNodeTree" and len(_object_inputs(group)) == count
 
 
 def _volume_group(count: int):
-    """The node group of a volume of ``count`` surfaces: Object Info of each, no geometry.
+    """The node group of a volume of ``count`` surfaces: Object Info of each, without any geometry.
 
-    The objects are inputs of the modifier, not of the group, so that duplicates remap them.
+    The objects are inputs of the modifier, not values in the group, so that duplicates remap them.
     """
     name = f"SCFPF Volume {count}"
     existing = bpy.data.node_groups.get((name, None))

@@ -11,10 +11,9 @@ from __future__ import annotations
 import bpy
 
 from ...bridge.blender import versions
+from ...bridge.blender.scene_objects import absent_text, delete_with_data, holds
 from ...bridge.camera.flexible_camera import sync_volume_object
 from ...bridge.surfaces.lattice_object import KIND as LATTICE_KIND
-from ...bridge.volume.missing_objects import absent_text
-from ...bridge.volume.volume_object import delete_with_data, holds
 from ...projection.presets.preset import MAXIMUM_SURFACES
 from ..remap import remap_nodes
 from ..table import table_object

@@ -9,7 +9,7 @@ CAMERAS = 12
 
 
 @pytest.fixture
-def upkeep(addon):
+def handlers(addon):
     return addon("bridge.sync.handlers")
 
 
@@ -34,10 +34,10 @@ def cameras(addon):
 
 
 @pytest.fixture
-def looked_at(upkeep, monkeypatch):
+def checked(handlers, monkeypatch):
     """Which cameras' facts the handler has looked at, by name, since the list was cleared."""
-    names, look = [], upkeep.volume_facts
-    monkeypatch.setattr(upkeep, "volume_facts", lambda camera: (names.append(camera.name), look(camera))[1])
+    names, look = [], handlers.volume_facts
+    monkeypatch.setattr(handlers, "volume_facts", lambda camera: (names.append(camera.name), look(camera))[1])
     return names
 
 
@@ -55,18 +55,18 @@ def surface(camera, index=0):
     return camera.scfpf.surfaces[index].object
 
 
-def assert_in_order(upkeep):
+def assert_consistent(handlers):
     """The handler knows all cameras as they are, and each has a volume object of its own."""
     next(obj for obj in bpy.context.scene.objects if obj.name.startswith("Cube")).update_tag()
     settle()
     objects = [obj for obj in bpy.data.objects if obj.type == "CAMERA"]
-    assert upkeep._upkeep.facts == {obj.session_uid: upkeep.volume_facts(obj) for obj in objects}
+    assert handlers._state.facts == {obj.session_uid: handlers.volume_facts(obj) for obj in objects}
     for camera in objects:
         if not camera.scfpf.enabled or not camera.users_scene:
             continue
         assert camera.scfpf.volume_object.parent == camera
         members = [slot.object for slot in camera.scfpf.surfaces if slot.object is not None]
-        assert all(camera.session_uid in upkeep._upkeep.index.having(obj) for obj in (camera, *members))
+        assert all(camera.session_uid in handlers._state.index.having(obj) for obj in (camera, *members))
 
 
 def move_cube():
@@ -82,30 +82,30 @@ def other_resolution():
 
 
 @pytest.mark.parametrize("edit", [move_cube, select_cube, other_resolution])
-def test_an_unrelated_edit_looks_at_the_camera_whose_turn_it_is(cameras, looked_at, edit):
-    looked_at.clear()
+def test_an_unrelated_edit_looks_at_the_camera_whose_turn_it_is(cameras, checked, edit):
+    checked.clear()
     edit()
     bpy.context.view_layer.update()
-    assert len(looked_at) == 1
+    assert len(checked) == 1
 
 
-def test_every_camera_has_its_turn(cameras, looked_at):
-    looked_at.clear()
+def test_every_camera_has_its_turn(cameras, checked):
+    checked.clear()
     for _ in cameras:
         move_cube()
         bpy.context.view_layer.update()
-    assert sorted(looked_at) == sorted(camera.name for camera in cameras)
+    assert sorted(checked) == sorted(camera.name for camera in cameras)
 
 
-def test_the_edit_of_a_surface_looks_at_its_camera(cameras, looked_at):
+def test_the_edit_of_a_surface_looks_at_its_camera(cameras, checked):
     for camera in cameras[2:5]:
-        looked_at.clear()
+        checked.clear()
         surface(camera).location.x += 0.1
         bpy.context.view_layer.update()
-        assert camera.name in looked_at and len(looked_at) <= 2
+        assert camera.name in checked and len(checked) <= 2
 
 
-def test_what_scripts_do_to_a_list_without_a_word_is_found_in_turn(cameras, upkeep, addon):
+def test_what_scripts_do_to_a_list_without_a_word_is_found_in_turn(cameras, handlers, addon):
     taken = addon("bridge.volume.volume_object")
     camera = cameras[7]
     lost = surface(camera)
@@ -115,9 +115,9 @@ def test_what_scripts_do_to_a_list_without_a_word_is_found_in_turn(cameras, upke
         move_cube()
         bpy.context.view_layer.update()
     modifier = camera.scfpf.volume_object.modifiers[0]
-    assert taken._taken_surfaces(modifier) == [surface(camera)]
+    assert taken._evaluated_members(modifier) == [surface(camera)]
     assert not lost.hide_select, "it is an ordinary object again"
-    assert_in_order(upkeep)
+    assert_consistent(handlers)
 
 
 def exchange_names(cameras):
@@ -155,19 +155,19 @@ def copy_the_scene(_cameras):
     [exchange_names, rename, duplicate, lose_a_volume_object, delete_a_camera, copy_the_scene],
     ids=lambda act: act.__name__,
 )
-def test_the_table_stays_right(cameras, upkeep, act):
+def test_the_table_stays_right(cameras, handlers, act):
     act(cameras)
-    assert_in_order(upkeep)
+    assert_consistent(handlers)
     # By the table alone: nothing but the volume objects is edited.
     volumes = [o.scfpf.volume_object for o in bpy.context.scene.objects if o.type == "CAMERA"]
     for volume in volumes:
         volume.modifiers[0].show_viewport = False
     settle()
     assert all(volume.modifiers[0].show_viewport for volume in volumes)
-    assert_in_order(upkeep)
+    assert_consistent(handlers)
 
 
-def test_undo_and_redo_leave_the_table_right(cameras, upkeep, addon):
+def test_undo_and_redo_leave_the_table_right(cameras, handlers, addon):
     flexible = addon("bridge.camera.flexible_camera")
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
         bpy.ops.ed.undo_push(message="whole")
@@ -177,19 +177,19 @@ def test_undo_and_redo_leave_the_table_right(cameras, upkeep, addon):
         bpy.ops.ed.undo_push(message="less")
         for act, count in ((bpy.ops.ed.undo, 2), (bpy.ops.ed.redo, 1)):
             act()
-            assert_in_order(upkeep)
+            assert_consistent(handlers)
             assert len(bpy.data.objects["Eye 4"].scfpf.surfaces) == count
-            assert upkeep.sharers(bpy.data.objects["Eye 1"]) == []
+            assert handlers.sharers(bpy.data.objects["Eye 1"]) == []
 
 
-def test_who_shares_surfaces_is_known_after_renaming(cameras, upkeep):
+def test_who_shares_surfaces_is_known_after_renaming(cameras, handlers):
     duplicate(cameras)
     settle()
     copy = bpy.context.object
-    assert upkeep.sharers(copy) == [cameras[5].name]
+    assert handlers.sharers(copy) == [cameras[5].name]
     cameras[5].name = "Owl"
     settle()
-    assert upkeep.sharers(copy) == ["Owl"] and upkeep.sharers(cameras[5]) == [copy.name]
+    assert handlers.sharers(copy) == ["Owl"] and handlers.sharers(cameras[5]) == [copy.name]
 
 
 def test_a_drawing_is_read_again_when_its_own_camera_is_edited(cameras, addon, monkeypatch):

@@ -214,15 +214,15 @@ def near_and_far(bridge, camera):
 
 
 @pytest.fixture
-def without_upkeep(addon):
+def without_handlers(addon):
     """Without the handler that would bring a lost volume object back."""
-    upkeep = addon("bridge.sync.handlers")
-    upkeep.unregister()
+    handlers = addon("bridge.sync.handlers")
+    handlers.unregister()
     yield
-    upkeep.register()
+    handlers.register()
 
 
-def test_a_lost_volume_object_is_named_or_not_needed(without_upkeep, bridge, reading, pure, camera):
+def test_a_lost_volume_object_is_named_or_not_needed(without_handlers, bridge, reading, pure, camera):
     _, far = near_and_far(bridge, camera)
     bpy.data.objects.remove(camera.scfpf.volume_object)
     assert len(read(reading, camera).volume.surfaces) == 2

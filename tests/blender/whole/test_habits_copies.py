@@ -362,13 +362,13 @@ def test_deleting_a_used_surface_says_so_and_undo_brings_it_back(addon, shown, h
         assert np.abs(shown(camera) - before).max() < 10, "straight projectors are left"
 
 
-def test_upkeep_does_nothing_while_nothing_has_changed(addon, shown, monkeypatch):
+def test_handlers_do_nothing_while_nothing_has_changed(addon, shown, monkeypatch):
     """Moving things, playing the animation and turning the view never look at all objects."""
     camera = add_camera()
     shown(camera)
-    upkeep = addon("bridge.sync.handlers")
+    handlers = addon("bridge.sync.handlers")
     calls = []
-    monkeypatch.setattr(upkeep, "sync_volume_object", lambda c: calls.append(c.name))
+    monkeypatch.setattr(handlers, "sync_volume_object", lambda c: calls.append(c.name))
     for frame in range(1, 4):
         camera.location.x = frame
         surfaces(camera)[0].location.y = frame
@@ -386,7 +386,7 @@ def test_upkeep_does_nothing_while_nothing_has_changed(addon, shown, monkeypatch
     assert set(calls) == {"Eye", "Eye.001"}, "a user more of what they share"
 
 
-def test_upkeep_ends(addon, shown):
+def test_handlers_end(addon, shown):
     """The handler's own changes do not call for another round of it."""
     camera = add_camera()
     select(*surfaces(camera), camera)

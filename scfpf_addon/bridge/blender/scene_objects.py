@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Objects in scenes and collections: link and delete them, and say why one is missing."""
+
+from __future__ import annotations
+
+import bpy
+
+# Blender's way to put objects of one scene into another one.
+LINK_MENU = "Object > Link/Transfer Data > Link Objects to Scene"
+
+
+def editable_collections(obj) -> list:
+    """The collections that hold an object and can be changed."""
+    return [c for c in obj.users_collection if c.is_editable and not c.override_library]
+
+
+def link_beside(new, obj) -> None:
+    """Link a new object to the collections of another one, or to the context's scene if none can change."""
+    for collection in editable_collections(obj) or [bpy.context.scene.collection]:
+        collection.objects.link(new)
+
+
+def delete_with_data(obj) -> None:
+    """Delete an object of any type, and its data if nothing else uses it."""
+    data = obj.data
+    bpy.data.objects.remove(obj)
+    if data is not None and data.users == 0:
+        bpy.data.batch_remove([data])
+
+
+def holds(objects, obj) -> bool:
+    """Whether an object is among a scene's or a collection's."""
+    found = objects.get(obj.name)
+    # A linked object, or a library override of it, may have the same name.
+    return found == obj or (found is not None and obj in objects.values())
+
+
+def is_absent(obj, scene) -> bool:
+    """Whether a local object is not in a scene: deleted with X, it stays in the file for its pointers.
+
+    A linked object is never absent: linking a camera alone brings its surfaces along without linking them to
+    the scene, and the volume object evaluates them.
+    """
+    return obj.library is None and not holds(scene.objects, obj)
+
+
+def missing_text(obj) -> str:
+    """A message about a linked object whose file is gone or lacks it; empty for any other object."""
+    if obj is None or not obj.is_missing:
+        return ""
+    linked = obj.override_library.reference if obj.override_library else obj
+    path = linked.library.filepath if linked and linked.library else "another file"
+    return (
+        f"'{obj.name}' is missing from '{path}': put that file back and open this one again, or choose its "
+        "new place in the Outliner (Blender File, right-click the library, Relocate)"
+    )
+
+
+def absence(obj, scene) -> str:
+    """Where an object is that is not in a scene, in two or three words; empty if it is in the scene."""
+    if holds(scene.objects, obj):
+        return ""
+    if not obj.users_collection:
+        return "deleted"
+    return "in another scene" if obj.users_scene else "in no scene"
+
+
+def absent_text(obj, scene, otherwise: str, camera=None) -> str:
+    """Why an object is not in a scene, and the remedy; empty if it is in the scene.
+
+    otherwise: a remedy that does without the object. camera: the camera that needs the object, unless that
+    is the object itself.
+    """
+    where = absence(obj, scene)
+    if not where:
+        return ""
+    if where == "deleted":
+        return f"'{obj.name}' was deleted: undo that with Ctrl-Z, or {otherwise}"
+    if where == "in no scene":
+        return (
+            f"'{obj.name}' is in no scene: drag its collection '{obj.users_collection[0].name}' into "
+            f"'{scene.name}' in the Outliner (Display Mode > Blender File), or {otherwise}"
+        )
+    home = obj.users_scene[0].name
+    if camera is not None and not holds(scene.objects, camera):
+        return (
+            f"'{obj.name}' and its camera '{camera.name}' are in the scene '{home}', not in '{scene.name}': "
+            f"go to that scene, or link both to this one with {LINK_MENU}"
+        )
+    return (
+        f"'{obj.name}' is in the scene '{home}', not in '{scene.name}': link it to this one with "
+        f"{LINK_MENU}, or {otherwise}"
+    )
