@@ -10,6 +10,7 @@ import bpy
 import gpu
 from gpu_extras.batch import batch_for_shader
 
+from ..blender.app_handlers import DrawHandler
 from ..blender.rig_mark import camera_behind
 from ..render.result_image import result_image
 
@@ -107,15 +108,5 @@ def draw_image_editor() -> None:
     draw_marks(camera.scfpf, pixels, (region.width, region.height), context.preferences.system.ui_scale)
 
 
-_handlers = []
-
-
-def register():
-    _handlers.append(
-        bpy.types.SpaceImageEditor.draw_handler_add(draw_image_editor, (), "WINDOW", "POST_PIXEL")
-    )
-
-
-def unregister():
-    while _handlers:
-        bpy.types.SpaceImageEditor.draw_handler_remove(_handlers.pop(), "WINDOW")
+_draw_handler = DrawHandler(bpy.types.SpaceImageEditor, draw_image_editor, "POST_PIXEL")
+register, unregister = _draw_handler.register, _draw_handler.unregister

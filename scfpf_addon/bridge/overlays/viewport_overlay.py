@@ -23,7 +23,7 @@ from ...projection.diagrams.diagram import (
     volume_signature,
 )
 from ...projection.diagrams.line_colors import line_colors
-from ..blender.app_handlers import add_handlers, remove_handlers
+from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
 from ..camera.read_projection import ProjectionError, read_projection
 from ..render.image_size import image_aspect
 from ..render.render_errors import RenderError
@@ -341,18 +341,15 @@ HANDLERS = {
     "redo_post": _file_edited,
     "load_post": _file_loaded,
 }
-_viewport_handlers = []
+_draw_handler = DrawHandler(bpy.types.SpaceView3D, draw_viewport, "POST_VIEW")
 
 
 def register():
     add_handlers(HANDLERS)
-    _viewport_handlers.append(
-        bpy.types.SpaceView3D.draw_handler_add(draw_viewport, (), "WINDOW", "POST_VIEW")
-    )
+    _draw_handler.register()
 
 
 def unregister():
-    while _viewport_handlers:
-        bpy.types.SpaceView3D.draw_handler_remove(_viewport_handlers.pop(), "WINDOW")
+    _draw_handler.unregister()
     remove_handlers(HANDLERS)
     drawings.clear()

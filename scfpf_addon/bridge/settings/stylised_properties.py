@@ -7,14 +7,7 @@ import math
 
 import bpy
 import numpy as np
-from bpy.props import (
-    BoolProperty,
-    EnumProperty,
-    FloatProperty,
-    FloatVectorProperty,
-    IntProperty,
-    PointerProperty,
-)
+from bpy.props import EnumProperty, IntProperty, PointerProperty
 
 from ...shading.settings.stylised_settings import (
     CONTOUR,
@@ -26,7 +19,7 @@ from ...shading.settings.stylised_settings import (
     Lines,
     Stylised,
 )
-from .property_options import ANIMATABLE
+from .property_options import ANIMATABLE, color, number, switch
 
 # Pixels. Wider lines take long to draw.
 WIDEST = 64.0
@@ -41,52 +34,23 @@ LINE_KINDS = {
 PIXELS = "in pixels at 100 % resolution: other percentages scale it"
 
 
-def _switch(name, description, default):
-    return BoolProperty(name=name, description=description, default=default, **ANIMATABLE)
-
-
-def _color(name, description, default):
-    return FloatVectorProperty(
-        name=name,
-        description=description,
-        subtype="COLOR",
-        size=3,
-        min=0.0,
-        max=1.0,
-        default=default,
-        **ANIMATABLE,
-    )
-
-
-def _number(name, description, default, low, high, **options):
-    return FloatProperty(
-        name=name,
-        description=description,
-        default=default,
-        min=low,
-        max=high,
-        **ANIMATABLE,
-        **options,
-    )
-
-
 class SCFPF_Drawn(bpy.types.PropertyGroup):
     """Settings of Drawn Style in the SCFPF engine and the Render button; only Combined follows them."""
 
-    use_drawn: _switch(
+    use_drawn: switch(
         "Drawn Style", "Draw the picture: lines, flat shades and paper. Other passes stay as they are", False
     )
-    use_lines: _switch("Lines", "Draw lines where surfaces end, bend or change", True)
-    use_silhouette: _switch("Silhouettes", "Edges in front of other surfaces or of the background", True)
-    use_object: _switch("Objects", "Borders between objects, also where they touch", True)
-    use_contour: _switch(
+    use_lines: switch("Lines", "Draw lines where surfaces end, bend or change", True)
+    use_silhouette: switch("Silhouettes", "Edges in front of other surfaces or of the background", True)
+    use_object: switch("Objects", "Borders between objects, also where they touch", True)
+    use_contour: switch(
         "Contours",
         "Lines along which projectors graze a smooth-shaded surface",
         True,
     )
-    use_material: _switch("Materials", "Borders between materials", False)
-    use_crease: _switch("Creases", "Edges sharper than Crease Angle", True)
-    line_width: _number(
+    use_material: switch("Materials", "Borders between materials", False)
+    use_crease: switch("Creases", "Edges sharper than Crease Angle", True)
+    line_width: number(
         "Outline Width",
         f"Width of silhouettes and of objects' edges, {PIXELS}",
         2.0,
@@ -95,7 +59,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         soft_max=10.0,
         step=10,
     )
-    inner_width: _number(
+    inner_width: number(
         "Inner Width",
         f"Width of contours, material edges and creases, {PIXELS}",
         1.0,
@@ -104,8 +68,8 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         soft_max=10.0,
         step=10,
     )
-    line_color: _color("Line Color", "Color of the lines", (0.0, 0.0, 0.0))
-    crease_angle: _number(
+    line_color: color("Line Color", "Color of the lines", (0.0, 0.0, 0.0))
+    crease_angle: number(
         "Crease Angle",
         "The angle between two faces, whatever their shading, from which the edge between them is drawn",
         math.radians(30),
@@ -113,7 +77,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         math.radians(179),
         subtype="ANGLE",
     )
-    depth_jump: _number(
+    depth_jump: number(
         "Depth Jump",
         "Least distance between two surfaces for a silhouette, in widths of a pixel there. Steep surfaces"
         " alone have none",
@@ -148,7 +112,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         max=64,
         **ANIMATABLE,
     )
-    softness: _number(
+    softness: number(
         "Softness",
         "Width of the transition between steps: 0 is a sharp edge, 1 leaves no even parts",
         0.0,
@@ -156,7 +120,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         1.0,
         subtype="FACTOR",
     )
-    darkest: _number(
+    darkest: number(
         "Darkest",
         "Share of its color that a material keeps where no light falls",
         0.3,
@@ -164,7 +128,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         1.0,
         subtype="FACTOR",
     )
-    exposure: _number(
+    exposure: number(
         "Exposure",
         "Brighten or darken the light for steps and strokes, in stops",
         0.0,
@@ -173,7 +137,7 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         soft_min=-4.0,
         soft_max=4.0,
     )
-    fade: _number(
+    fade: number(
         "Fade to Paper", "How much of the paper shows through the fill", 0.0, 0.0, 1.0, subtype="FACTOR"
     )
     hatching: EnumProperty(
@@ -187,10 +151,10 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         default="NONE",
         **ANIMATABLE,
     )
-    hatch_width: _number(
+    hatch_width: number(
         "Stroke Width", f"Width of strokes, {PIXELS}", 1.0, 0.1, WIDEST, soft_max=6.0, step=10
     )
-    hatch_color: _color("Stroke Color", "Color of the strokes", (0.0, 0.0, 0.0))
+    hatch_color: color("Stroke Color", "Color of the strokes", (0.0, 0.0, 0.0))
     hatch_count: IntProperty(
         name="Steps of t",
         description="Number of parts into which lines of equal t cut the volume",
@@ -200,10 +164,10 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         max=4096,
         **ANIMATABLE,
     )
-    hatch_spacing: _number(
+    hatch_spacing: number(
         "Spacing", f"Between the middles of strokes, {PIXELS}", 6.0, 1.0, 1000.0, soft_max=40.0, step=10
     )
-    hatch_angle: _number(
+    hatch_angle: number(
         "Angle",
         "Angle of the strokes from the horizontal",
         math.radians(45),
@@ -211,15 +175,15 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         math.radians(180),
         subtype="ANGLE",
     )
-    use_cross: _switch(
+    use_cross: switch(
         "Cross-Hatching", "Draw strokes for darker tones across the others instead of between them", True
     )
-    use_paper: _switch(
+    use_paper: switch(
         "Paper",
         "Show paper where nothing is hit, also beyond the rim of round pictures. A transparent film has none",
         True,
     )
-    paper_color: _color("Paper Color", "The color of the paper", (1.0, 1.0, 1.0))
+    paper_color: color("Paper Color", "The color of the paper", (1.0, 1.0, 1.0))
     detail: IntProperty(
         name="Detail",
         description="Places along each side of a pixel at which lines are searched: more find finer "

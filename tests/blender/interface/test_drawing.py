@@ -473,7 +473,7 @@ def test_unregistering_removes_every_handler(drawing):
     drawing.unregister()
     try:
         assert registered() == 0
-        assert not drawing._viewport_handlers
+        assert not drawing._draw_handler.is_registered
     finally:
         drawing.register()
     assert registered() == len(drawing.HANDLERS)

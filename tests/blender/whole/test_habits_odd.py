@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from recorded_layout import drawn, texts
 
 
 @pytest.fixture
@@ -139,16 +140,11 @@ def test_a_rig_in_smoke_that_no_viewport_shows(addon, camera, built_groups):
 
 
 def test_what_is_shown_of_the_scenes_camera_is_the_flexible_one_behind_a_rig(addon, camera, built_groups):
-    from test_render_engine_panels import Layout
-
     camera.scfpf.samples = 7
     assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
     assert bpy.context.scene.camera != camera
     assert addon("bridge.overlays.image_marks").marked_camera(bpy.context) == camera
-    drawn = []
-    panel = bpy.types.SCFPF_PT_engine_camera
-    panel.draw(type("Panel", (), {"layout": Layout(drawn)})(), bpy.context)
-    assert not any("ordinary camera" in str(entry) for entry in drawn)
+    assert "ordinary camera" not in texts(drawn(bpy.types.SCFPF_PT_engine_camera))
 
 
 def test_marks_of_the_active_camera_are_shown_while_the_scenes_is_ordinary(addon, camera):
