@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operations of a material graph being gathered: constants folded, what repeats listed once."""
+"""The construction of a material graph: constants are folded, and each is listed once."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ...projection.typing import Array
 from ...shading.nodes import colors, numbers
 from ...shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 
-# What needs no place: of constants it is a constant.
+# Operations that need no shading context: of constants they give constants.
 PURE = {**colors.OPERATIONS, **numbers.OPERATIONS}
 
 
 class GraphBuilder:
-    """Gathers operations and closures. notes: what cannot be shown as it is, in order, for the report."""
+    """Gathers operations and closures. notes: on parts that are not shown as they are, in order."""
 
     def __init__(self) -> None:
         self.notes: dict[str, None] = {}
@@ -26,7 +26,7 @@ class GraphBuilder:
         self._normal: Ref | None = None
 
     def constant(self, *value: float) -> Ref:
-        """One number or three."""
+        """The constant of one number or three; NaN and infinity become 0."""
         return self._constant(np.nan_to_num(np.array(value, np.float64), posinf=0.0, neginf=0.0))
 
     def _constant(self, value: Array) -> Ref:
@@ -40,7 +40,7 @@ class GraphBuilder:
         return Ref(len(self._operations) - 1)
 
     def add(self, kind: str, /, *inputs: Ref, outputs: int = 1, **settings) -> list[Ref]:
-        """An operation's outputs; of constants they are constants."""
+        """Add an operation and return its outputs; pure operations of constants give constants."""
         values = [self.value(ref) for ref in inputs]
         if inputs and kind in PURE and all(value is not None for value in values):
             found = PURE[kind]([value.reshape(-1, 1) for value in values], settings, None)
@@ -49,11 +49,11 @@ class GraphBuilder:
         return [Ref(number, output) for output in range(outputs)]
 
     def one(self, kind: str, /, *inputs: Ref, **settings) -> Ref:
-        """The only output of an operation."""
+        """Add an operation with one output and return that."""
         return self.add(kind, *inputs, **settings)[0]
 
     def value(self, ref: Ref) -> Array | None:
-        """A constant's value, (1,) or (3,); None for what is none."""
+        """The value of a constant, (1,) or (3,); None for other operations."""
         operation = self._operations[ref.operation]
         return operation.settings["value"] if operation.kind == "CONSTANT" else None
 
@@ -75,7 +75,7 @@ class GraphBuilder:
         return a if self.is_always(b, 1.0) else self.one("MULTIPLY", a, b)
 
     def convert(self, ref: Ref, source: str, target: str) -> Ref:
-        """What a link between sockets of two types does to a value."""
+        """Convert a value as a link between sockets of two types does."""
         if target == "VECTOR" or target == "RGBA":
             return ref if source in {"VECTOR", "RGBA", "ROTATION"} else self.one("CONVERT", ref, to="SPREAD")
         if source == "RGBA":
@@ -83,18 +83,18 @@ class GraphBuilder:
         return self.one("CONVERT", ref, to="MEAN") if source in {"VECTOR", "ROTATION"} else ref
 
     def layer(self, name: str, channels: int) -> list[Ref]:
-        """A layer: vector, mean, alpha, whether it is there."""
+        """The outputs of a layer: vector, mean, alpha, and 1 where the layer exists, else 0."""
         return self.add("LAYER", outputs=4, name=name, channels=channels)
 
     def apart(self, ref: Ref) -> tuple[MaterialGraph, Ref]:
-        """What an output is made of, as a graph without a surface, and the output in it."""
+        """The operations behind an output, as a graph without closures, and the output in it."""
         self.closures.append(Closure("EMISSION", ref, {}))
         graph = self.graph(False)
         self.closures.pop()
         return replace(graph, closures=()), graph.closures[-1].weight
 
     def graph(self, reflects: bool) -> MaterialGraph:
-        """All of it, without what feeds nothing."""
+        """The graph of all operations that the closures need. reflects: see ``MaterialGraph``."""
         wanted = [ref for closure in self.closures for ref in (closure.weight, *closure.inputs.values())]
         used = set()
         while wanted:
@@ -125,7 +125,7 @@ class GraphBuilder:
 
 
 def _names(settings: list, *keys: str) -> set[str]:
-    """What operations look up, those of graphs within them too."""
+    """The names that operations look up, those of graphs within them too."""
     found = {each[key] for each in settings for key in keys if each.get(key) is not None}
     for each in settings:
         if "height" in each:

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How each supported shader node becomes operations: a function a node type, outputs by identifier."""
+"""The operations of each supported shader node: a function for each type of node."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,17 +12,13 @@ from ...shading.nodes.colors import BLENDS
 from ...shading.nodes.graph import Ref
 from ...shading.nodes.numbers import MATH, VECTOR_MATH, VECTOR_VALUE
 from ...shading.nodes.sky_model import Air
-
-if TYPE_CHECKING:
-    from .read_graph import NodeInputs
+from .graph_reader import NodeInputs, Outputs
 
 # Entries of a colour ramp's and of a curve's table.
 RAMP_ENTRIES, CURVE_ENTRIES = 256, 1025
 
-# Skies that are shown as Preetham's, and how bright Cycles has them compared with that.
+# Sky types that are shown as Preetham's, and their brightness in Cycles relative to his.
 DAYLIGHTS = {"PREETHAM": 1.0, "HOSEK_WILKIE": 0.165}
-
-Outputs = dict[str, Ref]
 
 
 def _rgb(inputs: NodeInputs) -> Outputs:
@@ -35,12 +30,10 @@ def _value(inputs: NodeInputs) -> Outputs:
 
 
 def _light_falloff(inputs: NodeInputs) -> Outputs:
-    """Quadratic as it is without Smooth, which is light's own falloff; the others stand in as that."""
-    outputs = inputs.node.outputs
-    smooth = inputs.builder.is_always(inputs.value("Smooth"), 0.0)
-    if not smooth or any(one.is_linked for one in outputs if one.identifier != "Quadratic"):
+    """Quadratic without Smooth is light's own falloff; it stands in for the other outputs."""
+    if not inputs.builder.is_always(inputs.value("Smooth"), 0.0) or inputs.linked_outputs() - {"Quadratic"}:
         inputs.note()
-    return {one.identifier: inputs.value("Strength") for one in outputs}
+    return {one.identifier: inputs.value("Strength") for one in inputs.node.outputs}
 
 
 def _matrix_from(thing) -> Array:
@@ -49,7 +42,7 @@ def _matrix_from(thing) -> Array:
 
 def _texture_coordinates(inputs: NodeInputs) -> Outputs:
     builder, thing = inputs.builder, inputs.node.object
-    linked = {one.identifier for one in inputs.node.outputs if one.is_linked}
+    linked = inputs.linked_outputs()
     for name in linked & {"Normal", "Camera", "Window"}:
         inputs.note(f": {name}")
     found = {"Normal": builder.normal(), "Reflection": builder.one("REFLECTION")}
@@ -174,7 +167,7 @@ def _ramp(inputs: NodeInputs) -> Outputs:
 
 
 def _curve_table(mapping, count: int) -> tuple[Array, float, float]:
-    """Values of ``count`` curves (S, count) and where they begin and end."""
+    """Values of ``count`` curves, (CURVE_ENTRIES, count), and the ends of their domain."""
     mapping.initialize()
     curves = list(mapping.curves)
     low = min(curve.points[0].location[0] for curve in curves)
@@ -182,7 +175,7 @@ def _curve_table(mapping, count: int) -> tuple[Array, float, float]:
     places = np.linspace(low, high, CURVE_ENTRIES)
     columns = [[mapping.evaluate(curve, x) for x in places] for curve in curves[:count]]
     if len(curves) == 4:
-        # The fourth comes first: all channels go through it.
+        # The fourth curve is applied first, to all channels.
         common = [mapping.evaluate(curves[3], x) for x in places]
         columns = [[mapping.evaluate(curve, x) for x in common] for curve in curves[:3]]
     return np.array(columns, np.float64).T, low, high
@@ -269,7 +262,6 @@ def _image(inputs: NodeInputs) -> Outputs:
         projection = "FLAT"
     image = node.image
     name = "" if image is None else image.name_full
-    alpha_used = any(one.identifier == "Alpha" and one.is_linked for one in node.outputs)
     refs = inputs.builder.add(
         "IMAGE",
         inputs.coordinates("UV:"),
@@ -278,7 +270,7 @@ def _image(inputs: NodeInputs) -> Outputs:
         projection=projection,
         interpolation=INTERPOLATIONS[node.interpolation],
         extension=node.extension,
-        straight=alpha_used,
+        straight="Alpha" in inputs.linked_outputs(),
     )
     return {"Color": refs[0], "Alpha": refs[1]}
 
@@ -307,7 +299,14 @@ def _sky(inputs: NodeInputs) -> Outputs:
     color = inputs.builder.one(
         "SKY",
         inputs.coordinates("GENERATED"),
-        air=Air(node.sun_elevation, node.altitude, node.air_density, dust, node.ozone_density, again),
+        air=Air(
+            elevation=node.sun_elevation,
+            altitude=node.altitude,
+            air=node.air_density,
+            dust=dust,
+            ozone=node.ozone_density,
+            again=again,
+        ),
         rotation=float(node.sun_rotation),
         size=node.sun_size if node.sun_disc else 0.0,
         intensity=node.sun_intensity,
@@ -317,7 +316,7 @@ def _sky(inputs: NodeInputs) -> Outputs:
 
 
 def _daylight(inputs: NodeInputs, scale: float) -> Outputs:
-    """Cycles has no sun in these, and takes the sun's direction of any length."""
+    """Preetham's sky, without a sun disc. The length of the sun's direction has no effect, as in Cycles."""
     node = inputs.node
     if node.sky_type != "PREETHAM":
         inputs.note(f": {node.sky_type.replace('_', ' ').title()}, as Preetham")
@@ -361,7 +360,7 @@ def _noise(inputs: NodeInputs) -> Outputs:
         outputs=2,
         dimensions=2 if node.noise_dimensions == "2D" else 3,
         normalise=node.normalize,
-        colored=any(one.identifier == "Color" and one.is_linked for one in node.outputs),
+        colored="Color" in inputs.linked_outputs(),
     )
     return {"Fac": refs[0], "Color": refs[1]}
 
@@ -393,7 +392,7 @@ def _map_range(inputs: NodeInputs) -> Outputs:
 
 
 def _simple(kind: str, result: str, *names: str) -> Callable[[NodeInputs], Outputs]:
-    """A node whose inputs are as listed, '#' before those that are colours."""
+    """Reader of a node with one output and the inputs ``names``, with '#' before those of colours."""
 
     def read(inputs: NodeInputs) -> Outputs:
         refs = [inputs.color(name[1:]) if name.startswith("#") else inputs.value(name) for name in names]

@@ -8,15 +8,15 @@ from ..blender import versions
 
 
 def read_bounces(scene) -> LightPaths:
-    """The limits of a scene's light paths; Cycles' defaults where Cycles is switched off."""
+    """The limits of a scene's light paths; Cycles' defaults if Cycles is disabled."""
     cycles = getattr(scene, "cycles", None)
     if cycles is None:
         return LightPaths()
     return LightPaths(
-        cycles.max_bounces,
-        cycles.glossy_bounces,
-        cycles.transmission_bounces,
-        versions.lit_behind_transparent(cycles.transparent_max_bounces),
+        total=cycles.max_bounces,
+        glossy=cycles.glossy_bounces,
+        transmission=cycles.transmission_bounces,
+        transparent=versions.lit_behind_transparent(cycles.transparent_max_bounces),
     )
 
 
@@ -27,7 +27,7 @@ def read_exposure(scene) -> float:
 
 
 def unshown_settings(scene) -> tuple[str, ...]:
-    """Warnings of an evaluated scene's settings that change Cycles' picture and not the engine's."""
+    """Warnings about settings of an evaluated scene that change Cycles' image but not the engine's."""
     cycles = getattr(scene, "cycles", None)
     if cycles is None:
         return ()
@@ -45,6 +45,6 @@ def unshown_settings(scene) -> tuple[str, ...]:
 
 
 def _culls(scene) -> bool:
-    """Whether Simplify may take objects away."""
+    """Whether Simplify may remove objects."""
     kinds = [name for name in ("use_camera_cull", "use_distance_cull") if getattr(scene.cycles, name)]
     return any(getattr(thing.cycles, name) for name in kinds for thing in scene.objects)

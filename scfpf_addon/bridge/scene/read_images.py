@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images → arrays: those that a picture can show, and no others."""
+"""The images that a render can show, as arrays."""
 
 from __future__ import annotations
 
@@ -19,12 +19,13 @@ from ..blender import versions
 from .read_materials import listing
 from .read_world import shows_world
 
-# Colour spaces whose values are scene-linear or no colours; anything else of bytes is taken for sRGB.
+# Colour spaces of scene-linear values or data; all other images of bytes are read as sRGB.
 LINEAR_SPACES = {"Linear", "Linear Rec.709", "scene_linear", "Raw", "Non-Color"}
-
+MISSING = "Missing images, shown in magenta: "
+CUT_OFF = "Colors brighter than their alpha are cut off in images of 8 bits set to Premultiplied: "
 
 Pixels = NDArray[np.float32]
-# Images read before, by name, each with what it was made of.
+# Images read before, by name, each with its state.
 KnownImages = dict[str, tuple[tuple, ImageData]]
 
 
@@ -34,11 +35,11 @@ def with_images(
     known: KnownImages | None = None,
     transparent: bool = False,
 ) -> Scene:
-    """The scene with the images that its materials look up, and warnings about them.
+    """Add the images that a scene's materials and world use, and warnings about them.
 
-    projection: images of materials that only stand outside its volume are left out, unless something
-    reflects. known: images read before, which are taken if nothing of them has changed; what is
-    read now is put in. transparent: the world is not seen behind things.
+    projection: images of materials that are only outside its volume are left out, unless anything
+    reflects. known: a cache of images, used if they have not changed, and updated. transparent: whether the
+    film hides the world.
     """
     graphs = scene.materials.graphs
     if scene.world is not None and transparent and not shows_world(scene):
@@ -62,7 +63,7 @@ def with_images(
 def read_images(
     names: Iterable[str], known: KnownImages | None = None
 ) -> tuple[dict[str, ImageData], tuple[str, ...]]:
-    """Images by their full names, without those that are missing, and a line for each kind of trouble."""
+    """Read images by their full names, without missing ones. Return them, and a line for each warning."""
     found: dict[str, ImageData] = {}
     trouble: dict[str, list[str]] = {}
     wanted = set(names) - {""}
@@ -74,7 +75,7 @@ def read_images(
             wanted.discard(name)
             state = image_state(image)
             before = known.get(name) if known is not None else None
-            # What is painted on changes without a sign.
+            # Painting changes pixels without changing the state.
             kept = before is not None and before[0] == state and not image.is_dirty
             data = before[1] if kept else read_image(image)
             if data is None:
@@ -89,12 +90,6 @@ def read_images(
     return found, tuple(text + listing(sorted(which)) for text, which in trouble.items() if which)
 
 
-MISSING = "Missing images, shown in magenta: "
-
-
-CUT_OFF = "Colors brighter than their alpha are cut off in images of 8 bits set to Premultiplied: "
-
-
 def _oddities(image, data: ImageData) -> Iterable[str]:
     if image.source == "TILED":
         yield "Only the first tile is shown of: "
@@ -104,7 +99,7 @@ def _oddities(image, data: ImageData) -> Iterable[str]:
     if not (image.is_float or space == "sRGB" or space in LINEAR_SPACES):
         yield f"The color space {space} is read as sRGB: "
     if image.alpha_mode == "PREMUL" and not image.is_float and _has_alpha(image) and _is_file(image):
-        # Blender divides by alpha as it loads them. A color that is as bright may have been brighter.
+        # Blender divides by alpha when it loads them. A color as bright as alpha may have been brighter.
         color, alpha = data.pixels[:, :, :3], data.pixels[:, :, 3:].astype(np.uint16)
         brightest = alpha * alpha // 255 if versions.multiplies_by_alpha(image, True) else alpha
         if ((color >= brightest) & (alpha > 0) & (alpha < 255)).any():
@@ -112,7 +107,7 @@ def _oddities(image, data: ImageData) -> Iterable[str]:
 
 
 def image_state(image) -> tuple:
-    """What an image's pixels are made of: if it is the same they are, unless someone paints."""
+    """The state of an image: while it is the same, so are the pixels, unless they are painted on."""
     try:
         file = os.stat(bpy.path.abspath(image.filepath, library=image.library))
         written = file.st_mtime_ns, file.st_size
@@ -124,7 +119,7 @@ def image_state(image) -> tuple:
 
 
 def read_image(image) -> ImageData | None:
-    """The pixels of a bpy.types.Image, loaded if need be; None if there are none."""
+    """The pixels of a bpy.types.Image, loaded if necessary; None if it has none."""
     width, height = image.size
     channels = image.channels
     if width * height == 0 or channels == 0:
@@ -135,12 +130,12 @@ def read_image(image) -> ImageData | None:
     image.pixels.foreach_get(flat)
     pixels = flat.reshape(height, width, channels)
     if channels != 4:
-        pixels = _four(pixels)
+        pixels = _rgba(pixels)
     space = image.colorspace_settings
     if image.alpha_mode == "NONE":
         pixels[:, :, 3] = 1.0
     if image.is_float:
-        # Cycles converts files by itself, and sRGB not before it has looked between texels.
+        # Cycles converts files itself, and sRGB only after interpolation between texels.
         encoded = space.name == "sRGB" and _is_file(image)
         pixels = _floats(image, pixels, encoded)
     else:
@@ -150,19 +145,19 @@ def read_image(image) -> ImageData | None:
 
 
 def _is_file(image) -> bool:
-    """Whether Cycles reads an image's file; others have the values that Blender holds."""
+    """Whether Cycles reads an image's file. It takes the pixels of other images from Blender."""
     return image.source not in {"GENERATED", "MOVIE"} and image.packed_file is None and not image.is_dirty
 
 
 def _has_alpha(image) -> bool:
-    """Whether an image's colours and alpha belong together."""
+    """Whether alpha applies to an image's colours."""
     return image.alpha_mode in {"STRAIGHT", "PREMUL"} and not image.colorspace_settings.is_data
 
 
 def _bytes(image, pixels: Pixels) -> NDArray[np.uint8]:
-    """The bytes that Cycles looks up. pixels: Blender's, (H, W, 4) float32, straight: changed in place.
+    """The bytes of Cycles' texture. pixels: Blender's, (H, W, 4) float32, straight; changed in place.
 
-    Products are rounded as Cycles does it, so that what lies between texels is the same.
+    Products are rounded as in Cycles, so that interpolation between texels gives the same.
     """
     pixels *= 255.0
     np.floor(pixels + 0.5, out=pixels)
@@ -176,9 +171,9 @@ def _bytes(image, pixels: Pixels) -> NDArray[np.uint8]:
 
 
 def _floats(image, pixels: Pixels, encoded: bool) -> Pixels:
-    """The floats that Cycles looks up, as sRGB has them if ``encoded``.
+    """The floats of Cycles' texture, in sRGB if ``encoded``.
 
-    pixels: Blender's, (H, W, 4) float32, scene-linear and premultiplied: changed in place.
+    pixels: Blender's, (H, W, 4) float32, scene-linear and premultiplied; changed in place.
     """
     color, alpha = pixels[:, :, :3], pixels[:, :, 3:]
     there = np.where(alpha == 0.0, np.float32(1.0), alpha)
@@ -194,8 +189,8 @@ def _floats(image, pixels: Pixels, encoded: bool) -> Pixels:
     return pixels
 
 
-def _four(pixels):
-    """Grey, grey with alpha or RGB as RGBA."""
+def _rgba(pixels: Pixels) -> Pixels:
+    """Grey, grey with alpha or RGB pixels as RGBA."""
     channels = pixels.shape[2]
     whole = np.ones((*pixels.shape[:2], 4), np.float32)
     whole[:, :, :3] = pixels[:, :, : 3 if channels == 3 else 1]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lamps → ``Light``, and what is not shown of them."""
+"""Lamps as ``Light``, and notes on settings that are not shown."""
 
 from __future__ import annotations
 
@@ -9,24 +9,22 @@ import numpy as np
 
 from ...projection.typing import Array
 from ...shading.scene.shading_scene import Light
-from ...shading.scene.world import World
 from ..blender import versions
 from ..blender.shader_nodes import color_input, output_shaders, value_input
 from .read_graph import read_graph
+from .read_world import uniform_radiance
 
-# What is said of a lamp with a picture, a pattern or a falloff of its own.
+# The note about a lamp with an image, a pattern or a falloff of its own.
 UNEVEN = "nodes that vary a light by direction or distance: it is even instead"
 
 
 def read_light(lamp, matrix: Array, tint: Array | None = None) -> Light | None:
-    """One evaluated lamp (a bpy.types.Light) placed by ``matrix`` (4, 4) float64.
+    """Read one evaluated lamp (a bpy.types.Light) placed by ``matrix`` (4, 4) float64.
 
-    tint: as ``read_tint`` has it, read if not given.
-
-    None for a lamp that gives no light, such as a portal, or that a zero or non-finite matrix has
-    flattened. The light's matrix is a rotation and a place, for a SPOT with the object's scale, which
-    bends its cone; the scale of an AREA goes into its extents. As in Cycles a POINT has only a place and a
-    SUN only a direction.
+    tint: of ``read_tint``, read if not given. None for a lamp that gives no light, such as a portal, or whose
+    matrix is zero or not finite. The light's matrix is a rotation and a position, for a SPOT with the
+    object's scale, which bends its cone; the scale of an AREA goes into its extents. As in Cycles a POINT has
+    only a position and a SUN only a direction.
     """
     if not np.isfinite(matrix).all() or _is_portal(lamp):
         return None
@@ -59,13 +57,13 @@ def read_light(lamp, matrix: Array, tint: Array | None = None) -> Light | None:
 
 
 def _is_portal(lamp) -> bool:
-    """Whether an area lamp only helps Cycles to look for the world's light."""
+    """Whether an area lamp is a light portal of Cycles."""
     cycles = getattr(lamp, "cycles", None)
     return lamp.type == "AREA" and cycles is not None and cycles.is_portal
 
 
 def _turned_to(axis: Array) -> Array:
-    """A rotation (3, 3) whose Z is along an axis (3,), any where that has no length."""
+    """A rotation (3, 3) whose Z is along an axis (3,); the identity if that has no length."""
     z = axis / (np.linalg.norm(axis) or 1.0)
     if not z.any():
         return np.eye(3)
@@ -75,19 +73,17 @@ def _turned_to(axis: Array) -> Array:
 
 
 def read_tint(lamp) -> tuple[Array, tuple[str, ...]]:
-    """Return the factor (3,) of an evaluated lamp's nodes, and notes on what the engine leaves out of them.
+    """Return the factor (3,) of an evaluated lamp's nodes, and notes on nodes that the engine leaves out.
 
-    Where they make it differ by direction or place, it is white times the first Emission's constants.
+    If the factor varies by direction or position, the first Emission's constants are taken.
     """
     if not versions.uses_nodes(lamp):
         return np.ones(3), ()
     reading = read_graph(lamp.node_tree)
     if reading.graph is None:
         return np.zeros(3), reading.notes
-    shining = World(reading.graph)
-    if shining.uniform and not reading.graph.images:
-        return shining.radiance(np.array([[0.0], [0.0], [1.0]]))[:, 0], reading.notes
-    return _emission(lamp.node_tree), (UNEVEN,)
+    radiance = None if reading.graph.images else uniform_radiance(reading.graph)
+    return (_emission(lamp.node_tree), (UNEVEN,)) if radiance is None else (radiance, reading.notes)
 
 
 def _color(lamp, tint: Array) -> Array:
@@ -107,11 +103,10 @@ def _extents(lamp, scale: Array) -> tuple[float, float]:
 
 
 def _normalization(lamp, size: tuple[float, float]) -> float:
-    """What turns the power of a lamp with 'Normalize' off into watts.
+    """The factor from the power of a lamp with 'Normalize' off to watts.
 
-    Such a lamp's power is per unit of its emitting area, which Cycles takes as
-    the sphere of a POINT or SPOT, the rectangle or ellipse of an AREA and the
-    solid disc of a SUN. Lamps without an extent are not scaled.
+    Such a lamp's power is per unit of its emitting area. In Cycles that is the sphere of a POINT or SPOT, the
+    rectangle or ellipse of an AREA and the solid disc of a SUN. Lamps without an extent are not scaled.
     """
     if lamp.normalize:
         return 1.0
@@ -123,7 +118,7 @@ def _normalization(lamp, size: tuple[float, float]) -> float:
 
 
 def _emission(tree) -> Array:
-    """Colour × strength of the first Emission node; an input that is not constant counts as 1."""
+    """Colour × strength of the first Emission node; an input that varies counts as 1."""
     for node, groups in output_shaders(tree):
         if node.type == "EMISSION":
             color = color_input(node, groups, "Color")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Materials → constants: of the Principled BSDF where there is one, else the viewport's colour."""
+"""The materials of a scene: constants, or a graph if they are more than that."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from .read_graph import read_graph
 
 # Reflectance at normal incidence of the default specular level ½ at IOR 1.5.
 DEFAULT_F0 = 0.04
-# What faces without a material are called in cryptomattes, as by Cycles.
+# The name of faces without a material in cryptomattes, as in Cycles.
 NO_MATERIAL = "default_surface"
 
 
 @dataclass(frozen=True)
 class MaterialConstants:
-    """One material, scene-linear. base_color, emission: (3,). edge: see ``Materials``."""
+    """The constants of a material, scene-linear. base_color, emission: (3,). edge: see ``Materials``."""
 
     base_color: Array
     metallic: float = 0.0
@@ -33,12 +33,12 @@ class MaterialConstants:
     edge: float = 1.0
 
 
-# What a face without a material shows, as in Cycles and EEVEE.
+# The material of faces without one, as in Cycles and EEVEE.
 DEFAULT_GREY = MaterialConstants(np.full(3, 0.8))
 
 
 class MaterialTable:
-    """The materials met while a scene is read, each read once. Number 0 is the default grey."""
+    """The materials of a scene, each read once. Number 0 is the default grey."""
 
     def __init__(self) -> None:
         self._rows = [DEFAULT_GREY]
@@ -64,7 +64,7 @@ class MaterialTable:
         return self._numbers[key]
 
     def _add_graph(self, material, number: int, whole: bool) -> None:
-        """Take the material as a graph, if it is more than the constants that were read of it."""
+        """Read the material as a graph, and keep that if it is more than the constants."""
         if not versions.uses_nodes(material):
             return
         reading = read_graph(material.node_tree)
@@ -76,7 +76,7 @@ class MaterialTable:
             self.graphs[number] = reading.graph
 
     def materials(self) -> Materials:
-        """All of them as arrays, colours and values in their allowed ranges."""
+        """All materials as arrays, with colours and values in their allowed ranges."""
         columns = {
             name: np.nan_to_num(np.array([getattr(row, name) for row in self._rows], np.float64))
             for name in ("base_color", "metallic", "roughness", "specular_f0", "emission", "edge")
@@ -87,7 +87,7 @@ class MaterialTable:
         return Materials(**columns, graphs=self.graphs)
 
     def warnings(self) -> tuple[str, ...]:
-        """What the picture cannot show of the materials."""
+        """Warnings about parts of the materials that images do not show."""
         lines = [f"Not shown as it is: {note} (in {listing(names)})" for note, names in self._notes.items()]
         if self._odd:
             lines.append(f"Shown in viewport colors, as they have no surface: {listing(self._odd)}")
@@ -95,7 +95,7 @@ class MaterialTable:
 
 
 def _unshown(tree) -> Iterator[str]:
-    """The parts of a material's active output, besides its surface, that Cycles shows."""
+    """The inputs of a material's active output, besides its surface, that Cycles shows."""
     output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
     for name in ("Displacement", "Volume") if output else ():
         if resolve(output.inputs[name])[0].is_output:
@@ -103,18 +103,17 @@ def _unshown(tree) -> Iterator[str]:
 
 
 def listing(names: list[str], most: int = 3) -> str:
-    """'A, B, C and 4 more'."""
+    """A list such as 'A, B, C and 4 more'."""
     rest = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + rest
 
 
 def read_material(material) -> tuple[MaterialConstants, bool]:
-    """The constants of an evaluated material, and whether they are all there is to it.
+    """The constants of an evaluated material, and whether the material is no more than these.
 
-    The first Principled BSDF behind the active output counts, through groups,
-    Mix and Add nodes; without one the first Diffuse, Glossy or Emission. An input
-    that a texture feeds, and a material of other shaders or without nodes, takes
-    the viewport display's colour, metallic and roughness.
+    They come from the first Principled BSDF behind the active output, through groups, Mix and Add nodes;
+    without one from the first Diffuse, Glossy or Emission. An input that a texture feeds, and a material of
+    other shaders or without nodes, takes the viewport display's colour, metallic and roughness.
     """
     viewport = MaterialConstants(
         np.array(material.diffuse_color[:3], np.float64), material.metallic, material.roughness
@@ -130,7 +129,7 @@ def read_material(material) -> tuple[MaterialConstants, bool]:
 
 
 class _Inputs:
-    """A shader node's inputs, with the viewport's values where they are no constants."""
+    """A shader node's inputs, with the viewport's values for those that are not constant."""
 
     def __init__(self, node, groups: tuple, viewport: MaterialConstants) -> None:
         self._node = node

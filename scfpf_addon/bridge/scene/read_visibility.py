@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Objects' ray visibility and holdouts, and light linking, as Cycles has them."""
+"""Ray visibility and holdouts of objects, and light linking, as in Cycles."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ RAYS = (
     ("visible_transmission", GLASS),
 )
 
-# Names of objects and whether a collection includes them, or leaves them out.
+# Names of objects, and whether a collection includes or excludes each.
 Members = dict[str, bool]
 
 
 def visible_rays(thing, parent, view_layer) -> int:
-    """To what an evaluated object is visible, bits of ``casting.visibility``, 0 for nothing.
+    """The ray visibility of an evaluated object, bits of ``casting.common.ray_visibility``.
 
     parent: the evaluated object that instances it, or None.
     """
@@ -43,18 +43,18 @@ def _own_rays(thing) -> int:
 
 
 class LightLinks:
-    """Which things lamps light, and which cast their shadows."""
+    """The objects that each lamp lights, and those that cast its shadows."""
 
     def __init__(self) -> None:
         self._things: dict[tuple[str, str], int] = {}
         self._lamps: dict[int, dict[str, Members]] = {}
 
     def number(self, name: str, parent: str) -> int:
-        """The number by which lamps know an object, by full names; parent: what instances it, or empty."""
+        """The number of an object for lamps. name, parent: full names, of its instancer "" without one."""
         return self._things.setdefault((name, parent), len(self._things))
 
     def add(self, number: int, lamp) -> None:
-        """Take what a lamp (a bpy.types.Object) is linked with. number: of it in the list of lights."""
+        """Take the links of a lamp (a bpy.types.Object). number: of the lamp in the list of lights."""
         linking = lamp.light_linking
         for kind, collection in (
             ("receivers", linking.receiver_collection),
@@ -69,10 +69,10 @@ class LightLinks:
         return bool(self._lamps)
 
     def linked(self, lights: list[Light]) -> tuple[Light, ...]:
-        """The lights with what they are linked with."""
+        """The lights with their links."""
         made = list(lights)
         for kind in ("receivers", "blockers"):
-            # An instance is linked by what instances it, if any lamp names that, else by its object.
+            # An instance is linked through its instancer, if any lamp names that, else through its object.
             named = {name for kinds in self._lamps.values() for name in kinds.get(kind, ())}
             names = [parent if parent in named else own for own, parent in self._things]
             for number, kinds in self._lamps.items():
@@ -82,7 +82,7 @@ class LightLinks:
 
 
 def _members(collection) -> Members:
-    """What a collection says of objects. Its own members come before those of collections in it."""
+    """The members of a light linking collection. Its own come before those of collections in it."""
     found: Members = {}
     for state, child in zip(collection.collection_children, collection.children, strict=True):
         found.update(dict.fromkeys((one.name_full for one in child.all_objects), _included(state)))
@@ -96,7 +96,7 @@ def _included(state) -> bool:
 
 
 def _chosen(members: Members, names: list[str]) -> NDArray[np.bool_] | None:
-    """Which of the names count: those included, or where none is, all that are not left out; None for all."""
+    """Which names are linked: those included or, if none is, all that are not excluded. None for all."""
     otherwise = not any(members.values())
     chosen = np.array([members.get(name, otherwise) for name in names], bool)
     return None if chosen.all() else chosen

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The world → a colour, or a graph of the light by direction where that differs."""
+"""The light of the world: a colour if it is uniform, else a graph by direction."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from ...projection.typing import Array
+from ...shading.nodes.graph import MaterialGraph
 from ...shading.scene.shading_scene import Scene
 from ...shading.scene.world import World
 from ..blender import versions
@@ -19,8 +22,9 @@ DARK = (
 
 
 def read_world(scene, view_layer) -> tuple[Array, World | None, tuple[str, ...]]:
-    """Radiance (3,) of the world that an evaluated view layer of a scene shows, what is in its place where it
-    is not the same all around, and warnings. Black without a world, or where the layer leaves it out.
+    """The radiance (3,) of the scene's uniform world, or the world if it is not uniform, and warnings.
+
+    scene, view_layer: evaluated. Black without a world, and if the layer leaves it out.
     """
     world = view_layer.world_override or scene.world
     if world is None or not view_layer.use_sky:
@@ -32,20 +36,26 @@ def read_world(scene, view_layer) -> tuple[Array, World | None, tuple[str, ...]]
     warnings = tuple(_warning(note, world) for note in reading.notes) + unshown
     if reading.graph is None:
         return np.zeros(3), None, warnings
-    made = World(reading.graph)
-    if made.uniform:
-        return made.radiance(np.array([[0.0], [0.0], [1.0]]))[:, 0], None, warnings
-    return np.zeros(3), made, warnings
+    radiance = uniform_radiance(reading.graph)
+    if radiance is None:
+        return np.zeros(3), World(reading.graph), warnings
+    return radiance, None, warnings
+
+
+def uniform_radiance(graph: MaterialGraph) -> Array | None:
+    """The radiance (3,) of a graph's light, None if it depends on the direction."""
+    light = World(graph)
+    return light.radiance(np.array([[0.0], [0.0], [1.0]]))[:, 0] if light.uniform else None
 
 
 def world_seen(scene, view_layer) -> bool:
-    """Whether projectors see the world of an evaluated view layer: its Ray Visibility to the camera."""
+    """Whether projectors see the world of an evaluated view layer, by its Ray Visibility to the camera."""
     rays = getattr(view_layer.world_override or scene.world, "cycles_visibility", None)
     return rays is None or rays.camera
 
 
 def _unshown(world) -> tuple[str, ...]:
-    """Warnings of what an evaluated world has besides the light of its surface."""
+    """Warnings about an evaluated world's settings besides its surface."""
     notes = []
     rays = getattr(world, "cycles_visibility", None)
     if rays is not None and not (rays.diffuse and rays.glossy and rays.transmission):
@@ -60,18 +70,16 @@ def _warning(note: str, world) -> str:
 
 
 def darkness(scene: Scene) -> tuple[str, ...]:
-    """A warning where only other surfaces could light what is shown, which the engine does not do."""
+    """The warning about a scene that only glowing surfaces light, because they light no others here."""
     lit = bool(scene.lights) or scene.world is not None or bool(np.any(scene.world_color))
     return () if lit or not _glows(scene) or not shows_world(scene) else (DARK,)
 
 
 def _glows(scene: Scene) -> bool:
     """Whether any surface may emit light."""
-    materials = scene.materials
-    for number in np.unique(scene.geometry.material).tolist():
-        graph = materials.graphs.get(number)
+    for number, graph in _used_materials(scene):
         if graph is None:
-            if np.any(materials.emission[number] > 0.0):
+            if np.any(scene.materials.emission[number] > 0.0):
                 return True
             continue
         for closure in graph.closures:
@@ -82,13 +90,17 @@ def _glows(scene: Scene) -> bool:
 
 
 def shows_world(scene: Scene) -> bool:
-    """Whether any surface is lit or mirrors, so that the world counts where it is not seen itself."""
-    materials, triangles = scene.materials, scene.geometry.material
-    for number in np.unique(triangles).tolist():
-        graph = materials.graphs.get(number)
+    """Whether any surface is lit or reflects, so that the world counts even where it is hidden."""
+    for number, graph in _used_materials(scene):
         if graph is None:
-            if materials.base_color[number].any():
+            if scene.materials.base_color[number].any():
                 return True
         elif any(closure.kind not in {"EMISSION", "TRANSPARENT"} for closure in graph.closures):
             return True
     return False
+
+
+def _used_materials(scene: Scene) -> Iterator[tuple[int, MaterialGraph | None]]:
+    """The numbers and graphs of the materials that triangles have."""
+    for number in np.unique(scene.geometry.material).tolist():
+        yield number, scene.materials.graphs.get(number)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene as F12 would see it, at any time and without rendering.
+"""The scene as evaluated for F12, at any time and without rendering.
 
 A viewport's depsgraph lacks what is hidden in the viewport and has the viewport's
 modifiers and subdivision levels. Blender makes a render depsgraph for its own
@@ -21,19 +21,18 @@ _Result = TypeVar("_Result")
 
 
 class RenderDepsgraphError(ValueError):
-    """Blender cannot evaluate the scene for a render now; the message says why."""
+    """Blender cannot evaluate the scene for a render; the message gives the reason."""
 
 
 def with_render_depsgraph(
     scene, view_layer, read: Callable[..., _Result], with_time: bool = False
 ) -> _Result:
-    """``read(depsgraph)`` with the scene evaluated for a render of the view layer.
+    """Return ``read(depsgraph)`` with the scene evaluated for a render of the view layer.
 
-    with_time: ``read(depsgraph, set_frame)`` instead, where set_frame(frame, subframe=…) evaluates
-    another time; the last one must be the scene's own.
-    The depsgraph ends with the call: ``read`` must return arrays and numbers only.
-    The scene is left as it was. Raises what ``read`` raises, and RenderDepsgraphError
-    when Blender refuses (another bake is running, or the scene is a linked one).
+    with_time: call ``read(depsgraph, set_frame)`` instead, where set_frame(frame, subframe=…) evaluates
+    another time; the last one must be the scene's own. The depsgraph ends with the call: ``read`` must return
+    arrays and numbers only. The scene is left as it was. Raises the errors of ``read``, and
+    RenderDepsgraphError if Blender refuses (another bake is running, or the scene is linked).
     """
     outcome: list[tuple[_Result | None, BaseException | None]] = []
 
@@ -44,7 +43,7 @@ def with_render_depsgraph(
         def bake(self, depsgraph, object, pass_type, pass_filter, width, height):
             try:
                 outcome.append((read(depsgraph, self.frame_set) if with_time else read(depsgraph), None))
-            except BaseException as error:  # Blender prints what leaves here: the caller raises it.
+            except BaseException as error:  # Blender would only print it: the caller raises it.
                 outcome.append((None, error))
 
     if scene.library:
@@ -73,7 +72,7 @@ def with_render_depsgraph(
 
 
 def _bake_target():
-    """A triangle that no picture shows, with what a bake to vertex colours asks for."""
+    """A triangle that no image shows, with the attribute for a bake to vertex colours."""
     mesh = bpy.data.meshes.new(ENGINE)
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [], [(0, 1, 2)])
     mesh.color_attributes.new("Color", "FLOAT_COLOR", "CORNER")

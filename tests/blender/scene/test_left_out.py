@@ -113,7 +113,7 @@ def test_an_empty_scene_is_one_clear_error(addon):
 
 def test_too_many_instances_are_one_clear_error(addon, monkeypatch):
     module = addon("bridge.scene.read_scene")
-    monkeypatch.setattr(module, "MAXIMUM_TRIANGLES", 100)
+    monkeypatch.setattr(addon("bridge.scene.join_meshes"), "MAXIMUM_TRIANGLES", 100)
     mesh = cube_mesh()
     for _ in range(9):
         link("Cube", mesh)

@@ -421,7 +421,7 @@ def test_pictures_of_triangles_are_those_by_normals_of_corners(addon, engine_sce
 
     def with_normals(mesh, with_uv):
         found = read_mesh(mesh, with_uv)
-        normals = module.own_normals(found.vertices, found.triangles)
+        normals = addon("bridge.scene.mesh_arrays").own_normals(found.vertices, found.triangles)
         return replace(found, normals=normals.repeat(3, axis=1))
 
     monkeypatch.setattr(module, "read_mesh", with_normals)
