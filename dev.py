@@ -11,6 +11,7 @@ if sys.version_info < (3, 9):
     sys.exit("dev.py needs Python 3.9 or later to start; this is Python %d.%d." % sys.version_info[:2])
 
 import argparse
+import functools
 import os
 from concurrent.futures import ThreadPoolExecutor
 
@@ -18,6 +19,8 @@ from devtools import coverage, environments, own_blender, package, pictures, tes
 
 # Parts of the suite without a window, the longest first: they run two at a time.
 PARTS = ("blender", "pure", "installed")
+# Runs that are longer than the one in a window: the Blender tests, in two Blenders.
+LONGER_THAN_WINDOW = 2
 
 # Scripts in benchmarks/ by what is asked for.
 BENCHMARKS = {
@@ -78,10 +81,9 @@ def command_test(options, rest):
     runs = [(environment, part) for part in PARTS for environment in present if part in plan]
     if not zipped:
         runs = [(environment, part) for environment, part in runs if part != "installed"]
-    results += run_parts(runs, plan, bool(zipped))
-    if "window" in plan and zipped:
-        window_results, warnings = window.test(options.blender_window, plan["window"])
-        results += window_results
+    scenarios = plan["window"] if "window" in plan and zipped else None
+    made, skipped = run_parts(runs, plan, bool(zipped), scenarios, options.blender_window)
+    results, warnings = results + made, warnings + skipped
     for blender in missing:
         warnings.append(f"NOT tested on Blender {blender.name}: no Python {blender.python} here")
     if "window" not in plan and "installed" in plan:
@@ -89,11 +91,12 @@ def command_test(options, rest):
     return testing.close(results, warnings)
 
 
-def run_parts(runs, plan, zipped):
+def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
     """Run parts of the suite, (environment, part) each, on as many cores as there are, and no more than two.
 
     A part is a process of its own that mostly keeps one core busy; Blender takes some GB of memory. Where
-    there are zips the Blender tests install theirs; otherwise they load the checkout.
+    there are zips the Blender tests install theirs; otherwise they load the checkout. scenarios: the
+    arguments of the part in a window, None without it. Returns the results and the warnings.
     """
     environ = {**os.environ, testing.INSTALL_ZIP: "1"} if zipped else None
 
@@ -104,14 +107,21 @@ def run_parts(runs, plan, zipped):
         if zipped and part == "blender":
             title += " of the installed zip"
         if jobs == 1:
-            return testing.run_pytest(title, report, command, environ)
-        return testing.run_beside(f"[{environment.folder.name} {part}]", title, report, command, environ)
+            return [testing.run_pytest(title, report, command, environ)], []
+        label = f"[{environment.folder.name} {part}]"
+        return [testing.run_beside(label, title, report, command, environ)], []
 
-    jobs = min(2, os.cpu_count() or 1, len(runs))
+    works = [functools.partial(run, *one) for one in runs]
+    if scenarios is not None:
+        works.insert(LONGER_THAN_WINDOW, lambda: window.test(blender_window, scenarios))
+    jobs = min(2, os.cpu_count() or 1, len(works))
     if jobs < 1:
-        return []
+        return [], []
     with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(lambda one: run(*one), runs))
+        ended = list(pool.map(lambda work: work(), works))
+    return [one for results, _ in ended for one in results], [
+        one for _, warnings in ended for one in warnings
+    ]
 
 
 def command_build(options, rest):
