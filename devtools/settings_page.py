@@ -106,8 +106,9 @@ def interface() -> tuple[set[str], dict[str, str]]:
     """The identifiers that panels name, and the short labels that they give to settings and buttons."""
     shown = {"u_range", "v_range"}
     labels: dict[str, str] = {}
-    # The kinds of lines are named beside their properties.
-    for path in (*sorted((ROOT / "panels").glob("*.py")), BRIDGE / "settings" / "stylised_properties.py"):
+    # Panels name kinds of lines and passes by tables of these modules.
+    tables = BRIDGE / "settings" / "stylised_properties.py", BRIDGE / "render" / "render_passes.py"
+    for path in (*sorted((ROOT / "panels").glob("*.py")), *tables):
         for node in ast.walk(parsed(path)):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 shown.add(node.value)

@@ -5,6 +5,7 @@ import bpy
 
 from ..scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
+from ..scfpf_addon.bridge.render.render_passes import PASS_SWITCHES
 from ..scfpf_addon.cycles.engine_choice import ignored_camera
 from .camera_panels import draw_caster_fault, draw_ignored
 
@@ -191,28 +192,13 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         view_layer = context.view_layer
-        column = layout.column(heading="Data", align=True)
-        column.prop(view_layer, "use_pass_z")
-        column.prop(view_layer, "use_pass_position")
-        column.prop(view_layer, "use_pass_normal")
-        column.prop(view_layer, "use_pass_vector")
-        column.prop(view_layer, "use_pass_uv")
-        column = layout.column(heading="Light", align=True)
-        column.prop(view_layer.scfpf, "use_pass_diffuse")
-        column.prop(view_layer.scfpf, "use_pass_specular")
-        column.prop(view_layer, "use_pass_emit", text="Emission")
-        column.prop(view_layer, "use_pass_environment")
-        column.prop(view_layer, "use_pass_shadow")
-        column.prop(view_layer.scfpf, "use_pass_shadow_catcher")
-        column = layout.column(heading="Projectors", align=True)
-        column.prop(view_layer.scfpf, "use_pass_parameters")
-        column.prop(view_layer.scfpf, "use_pass_perspective_depth")
-        column.prop(view_layer.scfpf, "use_pass_tangent")
-        column.prop(view_layer.scfpf, "use_pass_chord_count")
-        column.prop(view_layer.scfpf, "use_pass_chord_error")
-        column = layout.column(heading="Indices", align=True)
-        column.prop(view_layer, "use_pass_object_index")
-        column.prop(view_layer, "use_pass_material_index")
+        for heading in ("Data", "Light", "Projectors", "Indices"):
+            column = layout.column(heading=heading, align=True)
+            for each in PASS_SWITCHES:
+                if each.heading == heading:
+                    owner = each.owner(view_layer)
+                    label = each.label or owner.bl_rna.properties[each.property].name
+                    column.prop(owner, each.property, text=label)
         column = layout.column(heading="Cryptomatte", align=True)
         column.prop(view_layer, "use_pass_cryptomatte_object", text="Object")
         column.prop(view_layer, "use_pass_cryptomatte_material", text="Material")

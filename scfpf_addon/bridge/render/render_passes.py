@@ -14,14 +14,17 @@ from ...shading.passes.data_passes import CRYPTO_PASS
 from ...shading.passes.light_passes import LIGHT_PASSES
 from ..blender import versions
 from ..scene.read_materials import listing
+from ..settings.property_options import OVERRIDABLE
 
-# As Cycles calls them.
+# Cycles' names.
 CRYPTO_NAMES = {"OBJECT": "CryptoObject", "MATERIAL": "CryptoMaterial"}
 
 
 class RenderPass(NamedTuple):
-    """name: in Blender. channels: a letter each. type: how Blender takes it. source: of
-    ``shading.passes.PASSES``, empty for the picture itself.
+    """A pass that Blender, the compositor and files take.
+
+    name: in Blender. channels: a letter each. type: VALUE, VECTOR or COLOR. source: of
+    ``shading.passes.PASSES``, empty for the image itself.
     """
 
     name: str
@@ -30,46 +33,77 @@ class RenderPass(NamedTuple):
     source: str
 
 
-def list_render_passes(view_layer) -> Iterator[RenderPass]:
-    """The passes that are switched on for a view layer, the picture first."""
-    yield RenderPass("Combined", "RGBA", "COLOR", "")
-    own = view_layer.scfpf
+class PassSwitch(NamedTuple):
+    """A switch of a view layer, and the pass that it adds.
+
+    property: of the view layer, or of the ``SCFPF_ViewLayer`` in it. heading: of its group in the panel.
+    label: in the panel, if not the property's name.
+    """
+
+    property: str
+    heading: str
+    render_pass: RenderPass
+    label: str = ""
+
+    def owner(self, view_layer):
+        """The data of a view layer that has the property."""
+        return view_layer.scfpf if self.property in SCFPF_ViewLayer.__annotations__ else view_layer
+
+
+def _switches() -> tuple[PassSwitch, ...]:
+    """The switches in the order in which passes are delivered."""
     object_index, material_index = versions.index_pass_names()
     emission, environment = versions.light_pass_names()
-    for switch, each in (
-        (own.use_pass_diffuse, RenderPass("Diffuse", "RGB", "COLOR", "DIFFUSE")),
-        (own.use_pass_specular, RenderPass("Specular", "RGB", "COLOR", "SPECULAR")),
-        (view_layer.use_pass_emit, RenderPass(emission, "RGB", "COLOR", "EMISSION")),
-        (view_layer.use_pass_environment, RenderPass(environment, "RGB", "COLOR", "ENVIRONMENT")),
-        (view_layer.use_pass_shadow, RenderPass("Shadow", "RGB", "COLOR", "SHADOW")),
-        (own.use_pass_shadow_catcher, RenderPass("Shadow Catcher", "RGB", "COLOR", "SHADOW_CATCHER")),
-        (view_layer.use_pass_z, RenderPass("Depth", "Z", "VALUE", "DEPTH")),
-        (view_layer.use_pass_position, RenderPass("Position", "XYZ", "VECTOR", "POSITION")),
-        (view_layer.use_pass_normal, RenderPass("Normal", "XYZ", "VECTOR", "NORMAL")),
-        (view_layer.use_pass_vector, RenderPass("Vector", "XYZW", "VECTOR", "VECTOR")),
-        (view_layer.use_pass_uv, RenderPass("UV", "UVA", "VECTOR", "UV")),
-        (view_layer.use_pass_object_index, RenderPass(object_index, "X", "VALUE", "OBJECT_INDEX")),
-        (view_layer.use_pass_material_index, RenderPass(material_index, "X", "VALUE", "MATERIAL_INDEX")),
-        (own.use_pass_parameters, RenderPass("ProjectorParameters", "UVT", "VECTOR", "PARAMETERS")),
-        (
-            own.use_pass_perspective_depth,
-            RenderPass("PerspectiveDepth", "Z", "VALUE", "PERSPECTIVE_DEPTH"),
-        ),
-        (own.use_pass_tangent, RenderPass("ProjectorTangent", "XYZ", "VECTOR", "TANGENT")),
-        (own.use_pass_chord_count, RenderPass("ChordCount", "X", "VALUE", "CHORD_COUNT")),
-        (own.use_pass_chord_error, RenderPass("ChordError", "X", "VALUE", "CHORD_ERROR")),
-    ):
-        if switch:
-            yield each
+    rows = (
+        ("use_pass_diffuse", "Light", "Diffuse", "RGB", "COLOR", "DIFFUSE"),
+        ("use_pass_specular", "Light", "Specular", "RGB", "COLOR", "SPECULAR"),
+        ("use_pass_emit", "Light", emission, "RGB", "COLOR", "EMISSION"),
+        ("use_pass_environment", "Light", environment, "RGB", "COLOR", "ENVIRONMENT"),
+        ("use_pass_shadow", "Light", "Shadow", "RGB", "COLOR", "SHADOW"),
+        ("use_pass_shadow_catcher", "Light", "Shadow Catcher", "RGB", "COLOR", "SHADOW_CATCHER"),
+        ("use_pass_z", "Data", "Depth", "Z", "VALUE", "DEPTH"),
+        ("use_pass_position", "Data", "Position", "XYZ", "VECTOR", "POSITION"),
+        ("use_pass_normal", "Data", "Normal", "XYZ", "VECTOR", "NORMAL"),
+        ("use_pass_vector", "Data", "Vector", "XYZW", "VECTOR", "VECTOR"),
+        ("use_pass_uv", "Data", "UV", "UVA", "VECTOR", "UV"),
+        ("use_pass_object_index", "Indices", object_index, "X", "VALUE", "OBJECT_INDEX"),
+        ("use_pass_material_index", "Indices", material_index, "X", "VALUE", "MATERIAL_INDEX"),
+        ("use_pass_parameters", "Projectors", "ProjectorParameters", "UVT", "VECTOR", "PARAMETERS"),
+        ("use_pass_perspective_depth", "Projectors", "PerspectiveDepth", "Z", "VALUE", "PERSPECTIVE_DEPTH"),
+        ("use_pass_tangent", "Projectors", "ProjectorTangent", "XYZ", "VECTOR", "TANGENT"),
+        ("use_pass_chord_count", "Projectors", "ChordCount", "X", "VALUE", "CHORD_COUNT"),
+        ("use_pass_chord_error", "Projectors", "ChordError", "X", "VALUE", "CHORD_ERROR"),
+    )
+    labels = {"use_pass_emit": "Emission"}
+    return tuple(
+        PassSwitch(switch, heading, RenderPass(*render_pass), labels.get(switch, ""))
+        for switch, heading, *render_pass in rows
+    )
+
+
+# The one list of passes with a switch of their own, for Blender, files and the panel.
+PASS_SWITCHES = _switches()
+
+
+def list_render_passes(view_layer) -> Iterator[RenderPass]:
+    """The passes that are switched on for a view layer, the image first."""
+    yield RenderPass("Combined", "RGBA", "COLOR", "")
+    for each in PASS_SWITCHES:
+        if getattr(each.owner(view_layer), each.property):
+            yield each.render_pass
     # An odd number of names still takes a whole layer.
     layers = min((view_layer.pass_cryptomatte_depth + 1) // 2, MOST_LAYERS)
-    for switch, kind in (
-        (view_layer.use_pass_cryptomatte_object, "OBJECT"),
-        (view_layer.use_pass_cryptomatte_material, "MATERIAL"),
-    ):
-        for layer in range(layers if switch else 0):
+    for kind in _crypto_kinds(view_layer):
+        for layer in range(layers):
             name = f"{CRYPTO_NAMES[kind]}{layer:02d}"
             yield RenderPass(name, "rgba", "COLOR", CRYPTO_PASS.format(kind, layer))
+
+
+def _crypto_kinds(view_layer) -> Iterator[str]:
+    """The kinds of cryptomattes that are switched on."""
+    for kind in CRYPTO_NAMES:
+        if getattr(view_layer, f"use_pass_cryptomatte_{kind.lower()}"):
+            yield kind
 
 
 def crypto_names(scene) -> dict[str, list[str]]:
@@ -96,12 +130,7 @@ def transparency_warning(scene, passes: tuple[str, ...]) -> str:
 
 def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:
     """Tell a bpy.types.RenderResult, and so the files, what the cryptomattes of a view layer show."""
-    for kind, switch in (
-        ("OBJECT", view_layer.use_pass_cryptomatte_object),
-        ("MATERIAL", view_layer.use_pass_cryptomatte_material),
-    ):
-        if not switch:
-            continue
+    for kind in _crypto_kinds(view_layer):
         name = f"{view_layer.name}.{CRYPTO_NAMES[kind]}"
         for field, value in (
             ("name", name),
@@ -112,76 +141,61 @@ def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:
             result.stamp_data_add_field(f"cryptomatte/{name_hash(name):08x}"[:19] + f"/{field}", value)
 
 
-def _switched(self, _context):
+def _tell_compositor(self, _context):
     # Blender tells the compositor by itself for its own switches only.
     for view_layer in self.id_data.view_layers:
         view_layer.update_render_passes()
 
 
+def _switch(name, description):
+    """The switch of a pass, off."""
+    return BoolProperty(
+        name=name,
+        description=description,
+        default=False,
+        update=_tell_compositor,
+        override=OVERRIDABLE,
+    )
+
+
 class SCFPF_ViewLayer(bpy.types.PropertyGroup):
     """Passes of a view layer that only the SCFPF engine has."""
 
-    use_pass_diffuse: BoolProperty(
-        name="Diffuse",
-        description="Light scattered by surfaces, with their color: from lights and the world. Diffuse, "
+    use_pass_diffuse: _switch(
+        "Diffuse",
+        "Light scattered by surfaces, with their color: from lights and the world. Diffuse, "
         "Specular, Emission and Environment add up to the picture",
-        default=False,
-        update=_switched,
-        override={"LIBRARY_OVERRIDABLE"},
     )
-    use_pass_specular: BoolProperty(
-        name="Specular",
-        description="Highlights of lights, and all that is seen in mirrors and through glass",
-        default=False,
-        update=_switched,
-        override={"LIBRARY_OVERRIDABLE"},
+    use_pass_specular: _switch(
+        "Specular",
+        "Highlights of lights, and all that is seen in mirrors and through glass",
     )
-    use_pass_shadow_catcher: BoolProperty(
-        name="Shadow Catcher",
-        description="Light that shadows leave on shadow catchers, white elsewhere: multiply footage by it "
-        "and put the"
-        " picture over that. The picture itself then has no shadows on catchers",
-        default=False,
-        update=_switched,
-        override={"LIBRARY_OVERRIDABLE"},
+    use_pass_shadow_catcher: _switch(
+        "Shadow Catcher",
+        "Light that shadows leave on shadow catchers, white elsewhere: multiply footage by it and "
+        "put the picture over that. The picture itself then has no shadows on catchers",
     )
-    use_pass_parameters: BoolProperty(
-        name="Projector Parameters",
-        description="Position of each pixel's hit in the viewing volume: u, v and t, 0 where nothing is hit",
-        default=False,
-        update=_switched,
-        override={"LIBRARY_OVERRIDABLE"},
+    use_pass_parameters: _switch(
+        "Projector Parameters",
+        "Position of each pixel's hit in the viewing volume: u, v and t, 0 where nothing is hit",
     )
-    use_pass_perspective_depth: BoolProperty(
-        name="Perspective Depth",
-        description="Depth from 0 at the near to 1 at the far surface, in the steps of linear perspective: "
+    use_pass_perspective_depth: _switch(
+        "Perspective Depth",
+        "Depth from 0 at the near to 1 at the far surface, in the steps of linear perspective: "
         "finer than t near the camera. It equals t where projectors are parallel",
-        default=False,
-        update=_switched,
-        override={"LIBRARY_OVERRIDABLE"},
     )
-    use_pass_tangent: BoolProperty(
-        name="Projector Tangent",
-        description="Direction of each pixel's projector at its hit, in world space, away from the viewer",
-        default=False,
-        update=_switched,
-        override={"LIBRARY_OVERRIDABLE"},
+    use_pass_tangent: _switch(
+        "Projector Tangent",
+        "Direction of each pixel's projector at its hit, in world space, away from the viewer",
     )
-    use_pass_chord_count: BoolProperty(
-        name="Chord Count",
-        description="Number of straight chords of each pixel's projector up to its hit: more take longer",
-        default=False,
-        update=_switched,
-        override={"LIBRARY_OVERRIDABLE"},
+    use_pass_chord_count: _switch(
+        "Chord Count",
+        "Number of straight chords of each pixel's projector up to its hit: more take longer",
     )
-    use_pass_chord_error: BoolProperty(
-        name="Chord Error",
-        description="Distance in pixels between chord and curve at each pixel's hit: silhouettes are "
-        "displaced by "
-        "less. 0 for straight projectors",
-        default=False,
-        update=_switched,
-        override={"LIBRARY_OVERRIDABLE"},
+    use_pass_chord_error: _switch(
+        "Chord Error",
+        "Distance in pixels between chord and curve at each pixel's hit: silhouettes are displaced "
+        "by less. 0 for straight projectors",
     )
 
 
