@@ -246,8 +246,8 @@ def panels_and_menus(driver):
 def shown_surfaces():
     """An object of every kind of control surface, and its name in the menu, in the menu's order."""
     module = next(name for name in bpy.context.preferences.addons.keys() if name.endswith(".scfpf"))
-    nodes = importlib.import_module(f"{module}.scfpf_addon.bridge.surfaces.surface_nodes")
-    properties = importlib.import_module(f"{module}.scfpf_addon.bridge.settings.camera_properties")
+    nodes = importlib.import_module(f"{module}.scfpf_addon.bridge.surfaces.surface_object")
+    kinds = importlib.import_module(f"{module}.scfpf_addon.bridge.surfaces.kinds")
     x, y = np.meshgrid(np.linspace(-1, 1, 8), np.linspace(-0.8, 0.8, 6))
     wave = np.stack([x, y, 0.3 * np.sin(3 * x) * np.cos(2 * y)], 2)
     saddle = np.stack([x[:4, ::2], y[1:5, ::2], 0.9 * x[:4, ::2] * y[1:5, ::2]], 2)
@@ -257,17 +257,15 @@ def shown_surfaces():
         "GRID": {"points": wave},
         "NURBS": {"points": saddle},
     }
-    for kind, name, _text in properties.KINDS:
+    for kind, name, *_ in kinds.KIND_ITEMS:
         if kind == "UV_MESH":
             bpy.ops.mesh.primitive_monkey_add()  # it has a UV map
             surface = bpy.context.object
             surface.display_type = "WIRE"
             surface.select_set(False)
-        elif kind != "NONE":
+        else:
             surface = nodes.new_surface(name, kind, **how.get(kind, {}))
             bpy.context.collection.objects.link(surface)
-        else:
-            continue
         yield surface, name
 
 

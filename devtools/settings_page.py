@@ -30,7 +30,10 @@ GROUPS = (
     ("Passes", (("render/render_passes", "SCFPF_ViewLayer"),)),
     ("Drawn Style", (("settings/stylised_properties", "SCFPF_Drawn"),)),
 )
-SIZES = {"Input", "_length", "_latitude"}
+SIZES = (
+    (ROOT / "scfpf_addon" / "projection" / "surfaces" / "kinds.py", "Parameter", 1),
+    (BRIDGE / "surfaces" / "kinds.py", "Input", 5),
+)
 # Their choices are in tables of the guide.
 CHOICES_IN_GUIDE = {"basis", "reparameterisation", "kind"}
 Row = tuple[str, str]
@@ -144,14 +147,16 @@ def titled(name: str, label: str | None) -> str:
 
 def sizes() -> Iterator[Row]:
     """The sizes of control surfaces, each once."""
-    tree = parsed(BRIDGE / "surfaces" / "surface_nodes.py")
-    known, found = texts(tree), {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in SIZES:
-            label = value(node.args[0], known)
-            text = value(argument(node, "description", len(node.args) - 1), known)
-            if isinstance(label, str) and isinstance(text, str):
-                found.setdefault((label, text), None)
+    found = {}
+    for path, call, place in SIZES:
+        tree = parsed(path)
+        known = texts(tree)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == call:
+                name = value(node.args[0], known)
+                text = value(argument(node, "description", place), known)
+                if isinstance(name, str) and isinstance(text, str):
+                    found.setdefault((name.replace("_", " ").title(), text), None)
     for label, text in found:
         yield f"*{label}*", text
 

@@ -7,6 +7,7 @@ import bpy
 
 from ..operators.common.target import camera_of, flexible_camera_of
 from ..operators.image.pick import pick_readout
+from ..scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ..scfpf_addon.bridge.camera.image_fit import needs_fit
 from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
@@ -14,7 +15,7 @@ from ..scfpf_addon.bridge.render import render_job
 from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.render.render_errors import RenderError
 from ..scfpf_addon.bridge.render.result_image import result_image
-from ..scfpf_addon.bridge.surfaces.surface_nodes import SurfaceError, parameter_properties
+from ..scfpf_addon.bridge.surfaces.surface_object import parameter_properties
 from ..scfpf_addon.bridge.sync.handlers import sharers
 from ..scfpf_addon.casting.scene.embreex import caster_fault
 from ..scfpf_addon.cycles.engine_choice import engine_name, ignored_camera

@@ -4,8 +4,7 @@
 import bpy
 
 from ..operators.camera.presets import preset_groups
-from ..operators.volume.surfaces import SURFACE_KINDS
-from .surface_list import KIND_ICONS
+from ..scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS
 from .thumbnails import draw_entries
 
 # Blender's menus that duplicate objects.
@@ -18,8 +17,8 @@ class SCFPF_MT_surface_add(bpy.types.Menu):
     bl_label = "Control Surface"
 
     def draw(self, _context):
-        for kind, name, _description in SURFACE_KINDS:
-            self.layout.operator("scfpf.surface_add", text=name, icon=KIND_ICONS[kind]).kind = kind
+        for key, kind in BLENDER_KINDS.items():
+            self.layout.operator("scfpf.surface_add", text=kind.title, icon=kind.icon).kind = key
 
 
 def _group_menu(identifier: str, group: str, items, operator: str) -> type[bpy.types.Menu]:

@@ -4,21 +4,7 @@
 import bpy
 
 from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent
-
-KIND_ICONS = {
-    "NONE": "MESH_DATA",
-    "POINT": "DOT",
-    "PLANE": "MESH_PLANE",
-    "PATCH": "SURFACE_DATA",
-    "DISC": "MESH_CIRCLE",
-    "CYLINDER": "MESH_CYLINDER",
-    "CONE": "MESH_CONE",
-    "SPHERE": "MESH_UVSPHERE",
-    "GRID": "MESH_GRID",
-    "UV_MESH": "UV",
-    "NURBS": "SURFACE_NSURFACE",
-    "LATTICE": "MOD_LATTICE",
-}
+from ..scfpf_addon.bridge.surfaces.kinds import icon_of
 
 # Of a weight in the list, in the interface's units: six digits.
 WEIGHT_WIDTH = 3
@@ -44,7 +30,7 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
             text = "Deleted" if item.object is None else f"{item.object.name} ({where})"
             row.label(text=text, icon="ERROR")
             return
-        row.prop(item.object, "name", text="", emboss=False, icon=KIND_ICONS[item.object.scfpf_surface.kind])
+        row.prop(item.object, "name", text="", emboss=False, icon=icon_of(item.object))
         end = (
             ""
             if len(data.surfaces) == 1

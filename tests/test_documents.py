@@ -9,6 +9,7 @@ import re
 import pytest
 
 from devtools import pictures, settings_page
+from scfpf_addon.projection.surfaces.kinds import SURFACE_KINDS
 from tests.british import british
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -148,10 +149,12 @@ def choices(path, name):
 
 def test_guide_has_each_choice_with_its_tooltip():
     rows = GUIDE.read_text(encoding="utf-8").splitlines()
-    for name in ("KINDS", "BASES", "REPARAMETERISATIONS"):
-        for identifier, title, tooltip in choices("settings/camera_properties.py", name):
-            shown = any(f"| {title} | {tooltip} |" in row for row in rows)
-            assert shown or identifier == "NONE", f"the guide has no row of {title} and its tooltip"
+    shown = [(kind.title, kind.text) for kind in SURFACE_KINDS.values()]
+    for name in ("BASES", "REPARAMETERISATIONS"):
+        shown += [item[1:] for item in choices("settings/camera_properties.py", name)]
+    for title, tooltip in shown:
+        row = f"| {title} | {tooltip} |"
+        assert any(row in one for one in rows), f"the guide has no row of {title} and its tooltip"
     for _, title, _ in choices("settings/mapping_properties.py", "MAPPING_KINDS"):
         assert any(row.startswith(f"| {title} |") for row in rows), title
 

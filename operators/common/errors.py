@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The errors that mean bad input: operators report them in one line; all others are bugs and are raised."""
 
+from ...scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ...scfpf_addon.bridge.blender.slot_animation import SlotError
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
 from ...scfpf_addon.bridge.mappings.mapping_edits import MappingError
 from ...scfpf_addon.bridge.render.render_errors import RENDER_ERRORS, reason
 from ...scfpf_addon.bridge.render.result_image import ResultError
-from ...scfpf_addon.bridge.surfaces.surface_nodes import SurfaceError
 from ...scfpf_addon.bridge.volume.edit_mode import EditVolumeError
 from ...scfpf_addon.cycles.rig_data import RigError
 from ...scfpf_addon.projection.editing.blending import BlendError

@@ -9,7 +9,8 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
-from ...scfpf_addon.bridge.surfaces.surface_nodes import surface_parameters
+from ...scfpf_addon.bridge.surfaces.surface_object import surface_parameters
+from ...scfpf_addon.projection.surfaces.kinds import PARAMETRIC_KINDS, Space
 
 SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 # Things may come this much nearer to a new camera before the near surface cuts them off.
@@ -34,8 +35,6 @@ ROUND_DEPTH = 0.25
 GRID_POINTS = 4
 # A lattice that is a camera's first surface reaches so far from its middle, Blender units along -Z.
 NEW_DEPTH, FORWARDS = 4.0, np.array([0.0, 0.0, 1.0])
-# Kinds that are given by points.
-NET_KINDS = {"PATCH", "GRID", "UV_MESH", "NURBS"}
 
 
 class Box(NamedTuple):
@@ -213,7 +212,7 @@ def surface_place(camera, depsgraph, kind: str, index: int):
         box = _room(boxes, index)
         return Matrix.Translation(Vector(box.centre)) @ Matrix.Diagonal((*box.size, 1.0)), None, None
     box = _between(boxes, index)
-    if before is not None and before.scfpf_surface.kind == kind and kind not in NET_KINDS:
+    if before is not None and before.scfpf_surface.kind == kind and kind in PARAMETRIC_KINDS:
         matrix = to_camera @ before.matrix_world
         shift = box.centre - boxes[index - 1].centre
         return (
@@ -273,20 +272,14 @@ def _fill(kind: str, box: Box):
     width, height, depth = (float(extent) for extent in box.size)
     width, height = (width or 1.0), (height or 1.0)
     centre = Vector(box.centre)
-    radius, arc = width / 2, math.tau
-    if depth < ROUND_DEPTH * width and kind in {"CYLINDER", "CONE", "SPHERE"}:
-        radius, arc = radius / math.sin(NEW_ARC / 2), NEW_ARC
-        centre.z = float(box.low[2]) + radius
-    parameters = {
-        "PLANE": {"width": width, "height": height},
-        "DISC": {"radius": max(width, height) / 2},
-        "CYLINDER": {"radius": radius, "arc": arc, "height": height},
-        "CONE": {"radius_start": radius, "radius_end": radius / 2, "arc": arc, "height": height},
-        "SPHERE": {"radius": radius, "arc": arc},
-    }.get(kind)
-    points = None
-    if kind in NET_KINDS:
-        count = 2 if kind == "PATCH" else GRID_POINTS
-        across, up = np.linspace(-0.5, 0.5, count) * width, np.linspace(-0.5, 0.5, count) * height
-        points = np.stack([*np.meshgrid(across, up), np.zeros((count, count))], axis=-1)
-    return Matrix.Translation(centre), parameters, points
+    if kind in PARAMETRIC_KINDS:
+        radius, arc = width / 2, math.tau
+        if depth < ROUND_DEPTH * width and PARAMETRIC_KINDS[kind].turns_about_y:
+            radius, arc = radius / math.sin(NEW_ARC / 2), NEW_ARC
+            centre.z = float(box.low[2]) + radius
+        parameters = PARAMETRIC_KINDS[kind].fill(Space(width, height, radius, arc))
+        return Matrix.Translation(centre), parameters, None
+    count = 2 if kind == "PATCH" else GRID_POINTS
+    across, up = np.linspace(-0.5, 0.5, count) * width, np.linspace(-0.5, 0.5, count) * height
+    points = np.stack([*np.meshgrid(across, up), np.zeros((count, count))], axis=-1)
+    return Matrix.Translation(centre), None, points

@@ -8,7 +8,7 @@ from ...scfpf_addon.bridge.camera import surface_edits, volume_edits
 from ...scfpf_addon.bridge.camera.surface_scale import is_scaled
 from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.surfaces import lattice_object
-from ...scfpf_addon.bridge.surfaces.surface_nodes import PARAMETRIC_KINDS
+from ...scfpf_addon.bridge.surfaces.kinds import PARAMETRIC_KINDS
 from ...scfpf_addon.projection.editing.respacing import EVEN
 from ..common.target import flexible_camera_of
 from ..common.tool import Tool, poll_two

@@ -10,15 +10,13 @@ from ...scfpf_addon.bridge.camera.flexible_camera import (
     move_surface,
     remove_surface,
 )
-from ...scfpf_addon.bridge.settings.camera_properties import KINDS
+from ...scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS, KIND_ITEMS
 from ...scfpf_addon.bridge.volume.edit_mode import set_edit_volume
 from ..common.errors import BAD_INPUT, refused
 from ..common.local_view import show_in_local_view
 from ..common.placement import surface_place
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import Tool
-
-SURFACE_KINDS = tuple(kind for kind in KINDS if kind[0] != "NONE")
 
 
 def poll_slot(cls, context):
@@ -39,15 +37,14 @@ class SCFPF_OT_surface_add(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(
-        name="Kind", description="The shape of the new control surface", items=SURFACE_KINDS, default="PLANE"
+        name="Kind", description="The shape of the new control surface", items=KIND_ITEMS, default="PLANE"
     )
 
     poll = classmethod(poll_flexible_camera)
 
     @classmethod
     def description(cls, _context, properties):
-        texts = {identifier: text for identifier, _name, text in SURFACE_KINDS}
-        return f"{texts[properties.kind]}. {cls.__doc__}"
+        return f"{BLENDER_KINDS[properties.kind].record.text}. {cls.__doc__}"
 
     def execute(self, context):
         camera = flexible_camera_of(context)

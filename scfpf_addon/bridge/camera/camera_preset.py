@@ -15,10 +15,12 @@ from ...projection.file_limits import read_bytes
 from ...projection.presets.preset import Preset, PresetError, load_preset, preset_to_json, read_preset
 from ...projection.presets.thumbnail import png, png_size, volume_picture
 from ...projection.presets.writing import stored_surface
+from ...projection.surfaces.kinds import FILE_KINDS, SURFACE_KINDS
 from ...projection.volume.viewing_volume import Projection
 from ..blender.atomic_files import replacing
+from ..blender.mesh_grid import SurfaceError
 from ..mappings.read_mappings import stored_mappings
-from ..surfaces.surface_nodes import PARAMETRIC_KINDS, SurfaceError, surface_parameters
+from ..surfaces.surface_object import surface_parameters
 from .read_projection import read_projection
 
 # The extension's package: bl_ext.<repository>.scfpf.
@@ -27,9 +29,7 @@ FOLDER_NAME = "presets"
 # What Blender adds to the names of copies.
 NUMBERED = re.compile(r"\.\d{3}$")
 # Parameters that are angles, radians.
-ANGLES = {
-    given.key for kind in PARAMETRIC_KINDS.values() for given in kind.inputs if given.subtype == "ANGLE"
-}
+ANGLES = {one.name for kind in SURFACE_KINDS.values() for one in kind.parameters if one.is_angle}
 # Of the names of files: what every system takes, and no more than so many letters.
 UNSAFE, LONGEST_STEM = re.compile(r"[^a-z0-9]+"), 60
 # Windows has devices of these names.
@@ -91,7 +91,9 @@ def _surfaces(camera, depsgraph, projection: Projection, inward):
     for slot, now, surface in zip(slots, evaluated, volume.surfaces, strict=True):
         obj = slot.object
         kind, described = obj.scfpf_surface.kind, {}
-        if kind in PARAMETRIC_KINDS or kind in {"PATCH", "GRID", "NURBS"}:
+        if kind == "UV_MESH":
+            described = {"kind": kind}
+        elif kind in FILE_KINDS:
             seen = obj.evaluated_get(depsgraph)
             try:
                 parameters = surface_parameters(seen)
@@ -102,8 +104,6 @@ def _surfaces(camera, depsgraph, projection: Projection, inward):
                 matrix = inward @ np.array(seen.matrix_world, np.float64)
                 parameters = {key: _short(key, value) for key, value in parameters.items()}
                 described = {"kind": kind, "parameters": parameters, "points": points, "matrix": matrix}
-        elif kind == "UV_MESH":
-            described = {"kind": kind}
         stored.append(stored_surface(NUMBERED.sub("", obj.name), surface, now.weight, **described))
     return tuple(stored)
 

@@ -16,8 +16,8 @@ from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import SURFACES, clear_slots, move_slot, remove_slot, require_own_items
 from ..mappings.mapping_edits import MAPPINGS, clear_mappings, write_mappings
-from ..surfaces import lattice_object, nurbs_object, surface_nodes
-from ..surfaces.surface_nodes import MESH_KINDS, OBJECT_KINDS, PARAMETRIC_KINDS
+from ..surfaces import lattice_object, nurbs_object, surface_object
+from ..surfaces.kinds import PARAMETRIC_KINDS
 from ..surfaces.uv_mesh import mesh_kind
 from ..volume import edit_mode
 from ..volume.camera_members import all_cameras, cameras_with, grids_of, surfaces_of
@@ -25,10 +25,6 @@ from ..volume.volume_object import is_volume_object, sync_volume_object
 from .camera_frame import size_frame
 from .ordinary_camera import FrustumError, frustum
 
-# The parameters that a preset's scale multiplies; the others are angles and counts.
-LENGTHS = {
-    given.key for kind in PARAMETRIC_KINDS.values() for given in kind.inputs if given.subtype == "DISTANCE"
-}
 # The ordinary lens, radians: what turns less becomes orthographic, what turns more gets the widest.
 NARROWEST_LENS, WIDEST_LENS = math.radians(1), math.radians(150)
 # Positions across and up the picture at which the volume is measured for the lens and the clip range.
@@ -66,16 +62,14 @@ def _require_camera(camera) -> None:
 def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=None, index=None):
     """A new control surface, child of the camera, linked where the camera is.
 
-    kind, parameters, points: as ``surface_nodes.new_surface``. matrix: (4, 4),
+    kind, parameters, points: as ``surface_object.new_surface``. matrix: (4, 4),
     own space to camera space, default the identity. index: its place in the
     list, default last. Returns the object.
     Raises FlexibleCameraError or SurfaceError; nothing is left behind.
     """
     _require_camera(camera)
     _require_room(camera)
-    title = PARAMETRIC_KINDS[kind].title if kind in PARAMETRIC_KINDS else MESH_KINDS.get(kind)
-    title = OBJECT_KINDS[kind].TITLE if kind in OBJECT_KINDS else title
-    surface = surface_nodes.new_surface(name or title, kind, parameters, points)
+    surface = surface_object.new_surface(name, kind, parameters, points)
     _place(camera, surface, np.eye(4) if matrix is None else matrix)
     _insert(camera, surface, index)
     return surface
@@ -246,8 +240,11 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
 
 def _scaled(surface, scale: float):
     """A preset's surface as ``replace_surfaces`` takes it, every length multiplied."""
-    lengths = {given.key: given.default for given in _display_lengths(surface.kind)} | surface.parameters
-    parameters = {key: value * scale if key in LENGTHS else value for key, value in lengths.items()}
+    inputs = PARAMETRIC_KINDS[surface.kind].inputs if surface.kind in PARAMETRIC_KINDS else ()
+    # Also those that only the drawing needs: the size of a point's cross.
+    lengths = {one.key: one.default for one in inputs if one.subtype == "DISTANCE"}
+    given = lengths | surface.parameters
+    parameters = {key: value * scale if key in lengths else value for key, value in given.items()}
     points = None if surface.points is None else np.array(surface.points, np.float64)
     if points is not None:
         points[..., :3] *= scale  # a fourth number is a weight
@@ -256,12 +253,6 @@ def _scaled(surface, scale: float):
     matrix = np.array(surface.matrix, np.float64)
     matrix[:3, 3] *= scale
     return surface.name, surface.kind, matrix, parameters, points
-
-
-def _display_lengths(kind: str):
-    """The lengths that only a kind's drawing needs: the size of a point's cross."""
-    display = PARAMETRIC_KINDS[kind].display if kind in PARAMETRIC_KINDS else ()
-    return [given for given in display if given.key in LENGTHS]
 
 
 def replace_surfaces(camera, described) -> None:
@@ -274,8 +265,8 @@ def replace_surfaces(camera, described) -> None:
     made = []
     try:
         for name, kind, _, parameters, points in described:
-            made.append(surface_nodes.new_surface(name, kind, parameters, points))
-    except surface_nodes.SurfaceError:
+            made.append(surface_object.new_surface(name, kind, parameters, points))
+    except surface_object.SurfaceError:
         for surface in made:
             delete_with_data(surface)
         raise

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.mappings.stack import seen_through
-from ...projection.presets.preset import MAXIMUM_SURFACES, surface_from_parameters
+from ...projection.presets.preset import MAXIMUM_SURFACES
+from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.surfaces.uv_mesh import UVMesh
 from ...projection.volume.lattice import Lattice
@@ -20,7 +21,8 @@ from ..blender.scene_objects import absent_text, is_absent, missing_text
 from ..mappings.mapping_edits import MappingError
 from ..mappings.read_mappings import read_mappings
 from ..surfaces import lattice_object, nurbs_object
-from ..surfaces.surface_nodes import MESH_KINDS, is_reshaped, surface_parameters
+from ..surfaces.kinds import MESH_KINDS
+from ..surfaces.surface_object import is_reshaped, surface_parameters
 from ..surfaces.uv_mesh import read_reshaped, read_uv_mesh
 from ..volume.volume_object import keeps_evaluated
 

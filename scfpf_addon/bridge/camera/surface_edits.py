@@ -10,14 +10,15 @@ from ...projection.editing.nurbs_edits import CUBIC, patch_near, refined
 from ...projection.editing.resolution import change, grid_within, patch_within
 from ...projection.editing.respacing import equalised
 from ...projection.editing.volume_edits import EditingError, lattice, sampled
-from ...projection.presets.preset import surface_from_parameters
+from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.volume.lattice import Lattice
 from ..blender.mesh_grid import grid_points, write_grid
 from ..blender.rig_mark import has_other_animation
 from ..blender.scene_objects import delete_with_data, editable_collections, link_beside
-from ..surfaces import lattice_object, nurbs_object, surface_nodes
-from ..surfaces.surface_nodes import MESH_KINDS, PARAMETRIC_KINDS, surface_parameters
+from ..surfaces import lattice_object, nurbs_object, surface_object
+from ..surfaces.kinds import BLENDER_KINDS, MESH_KINDS, PARAMETRIC_KINDS
+from ..surfaces.surface_object import surface_parameters
 from ..surfaces.uv_mesh import read_uv_mesh
 from ..volume import edit_mode
 from ..volume.camera_members import cameras_with
@@ -116,7 +117,7 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, shar
     kind = surface.scfpf_surface.kind
     if kind == "GRID":
         raise FlexibleCameraError(f"'{surface.name}' is a grid already")
-    if kind not in {*PARAMETRIC_KINDS, "PATCH", "UV_MESH", nurbs_object.KIND}:
+    if kind not in BLENDER_KINDS or kind == lattice_object.KIND:
         raise FlexibleCameraError(
             f"'{surface.name}' cannot become a grid: choose a surface that is not a lattice"
         )
@@ -167,7 +168,7 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
             "apply or remove them first"
         )
     name = surface.name
-    new = surface_nodes.new_surface(name, kind, parameters, points)
+    new = surface_object.new_surface(name, kind, parameters, points)
     for attribute in PLACEMENT:
         setattr(new, attribute, getattr(surface, attribute))
     link_beside(new, surface)
@@ -259,7 +260,7 @@ def equalise(camera, depsgraph, index: int, columns: int, rows: int, along_u: bo
     """
     surface = _editable(camera, index)
     kind = surface.scfpf_surface.kind
-    if kind == lattice_object.KIND or kind not in {*PARAMETRIC_KINDS, *MESH_KINDS, nurbs_object.KIND}:
+    if kind not in BLENDER_KINDS or kind == lattice_object.KIND:
         raise FlexibleCameraError(f"'{surface.name}' cannot be equalized: choose another control surface")
     if kind == "POINT":
         raise FlexibleCameraError(

@@ -13,15 +13,11 @@ import numpy as np
 from mathutils import Matrix
 
 from ...projection.editing.volume_edits import EditingError, scaled
+from ...projection.file_values import LARGEST_LENGTH
 from ...projection.typing import Array
 from ..blender.rig_mark import has_other_animation
-from ..surfaces.surface_nodes import (
-    LARGEST_LENGTH,
-    PARAMETRIC_KINDS,
-    is_reshaped,
-    set_surface_parameters,
-    surface_parameters,
-)
+from ..surfaces.kinds import PARAMETRIC_KINDS
+from ..surfaces.surface_object import is_reshaped, set_surface_parameters, surface_parameters
 from .flexible_camera import FlexibleCameraError
 
 # Scales this near to 1, as a share, count as 1: float32 products of rotations are good to about 1e-6, and

@@ -18,13 +18,8 @@ from ..blender.scene_objects import link_beside
 from ..blender.slot_animation import SURFACES, move_slot, require_own_items
 from ..mappings.mapping_edits import own_mapping_data
 from ..surfaces import lattice_object, nurbs_object
-from ..surfaces.surface_nodes import (
-    MESH_KINDS,
-    PARAMETRIC_KINDS,
-    is_reshaped,
-    set_surface_parameters,
-    surface_parameters,
-)
+from ..surfaces.kinds import BLENDER_KINDS, MESH_KINDS, PARAMETRIC_KINDS
+from ..surfaces.surface_object import is_reshaped, set_surface_parameters, surface_parameters
 from ..volume.camera_members import all_cameras, cameras_with
 from . import surface_scale
 from .flexible_camera import (
@@ -174,7 +169,7 @@ def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
     changes, patches, lattices = [], [], []
     for surface in surfaces:
         kind = surface.scfpf_surface.kind
-        if surface.type != {nurbs_object.KIND: "SURFACE", lattice_object.KIND: "LATTICE"}.get(kind, "MESH"):
+        if surface.type != (BLENDER_KINDS[kind].object_type if kind in BLENDER_KINDS else "MESH"):
             raise FlexibleCameraError(
                 f"'{surface.name}' is of type {surface.type.title()}, not of its kind: "
                 "choose another kind first"
@@ -249,12 +244,13 @@ def snap_near_to_view(camera, view: View) -> None:
     """
     (surface,) = _surfaces(camera, [0])
     place, rotation, scale = surface.matrix_world.decompose()
-    kind = surface.scfpf_surface.kind
+    kind = PARAMETRIC_KINDS.get(surface.scfpf_surface.kind)
     depth = -(view.matrix.inverted() @ place).z
-    if not view.parallel and kind == "PLANE":
-        depth = surface_parameters(surface)["width"] * abs(scale.x) / (2 * view.half_width)
-    elif not view.parallel and kind in {"POINT", "CYLINDER", "CONE", "SPHERE"}:
-        depth = 0.0
+    if kind is not None and not view.parallel:
+        if any(one.key == "width" for one in kind.parameters):
+            depth = surface_parameters(surface)["width"] * abs(scale.x) / (2 * view.half_width)
+        elif kind.record.turns_about_y or not kind.parameters:
+            depth = 0.0
     rotation = view.matrix.to_quaternion()
     location = view.matrix @ Vector((0.0, 0.0, -depth))
     surface.matrix_world = Matrix.LocRotScale(location, rotation, scale)

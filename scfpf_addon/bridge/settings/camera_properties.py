@@ -22,7 +22,8 @@ from bpy.props import (
 from ...projection.volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
 from ..camera import flexible_camera
 from ..camera.camera_blend import LARGEST_BLEND, SMALLEST_BLEND
-from ..surfaces import surface_nodes
+from ..surfaces import surface_object
+from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
 from .mapping_properties import SCFPF_ImageMapping
 from .property_options import ANIMATABLE, MARK, OVERRIDABLE, STATIC
@@ -49,25 +50,6 @@ REPARAMETERISATIONS = (
     ("RECTANGLE", "Rectangle", "The picture's width runs along u and its height along v"),
     ("POLAR", "Polar", "The angle about the picture's center runs along u, the distance from it along v"),
 )
-KINDS = (
-    ("NONE", "None", "No control surface"),
-    ("POINT", "Point", "One point for the whole picture, such as a center of projection"),
-    ("PLANE", "Plane", "A rectangle"),
-    ("PATCH", "Patch", "Four corners joined bilinearly: a mesh of one quadrilateral with a UV map"),
-    ("DISC", "Disk", "A disk: u turns about the center, v runs outwards"),
-    ("CYLINDER", "Cylinder", "An arc of a cylinder about the Y axis, open towards +Z"),
-    ("CONE", "Cone", "An arc of a cone about the Y axis, open towards +Z"),
-    ("SPHERE", "Sphere", "A sector of a sphere with its poles on the Y axis"),
-    ("GRID", "Grid", "A mesh whose vertices lie on a regular grid in its UV map"),
-    ("UV_MESH", "UV Mesh", "Any mesh with a UV map: (u, v) is where the map has it; islands may be apart"),
-    ("NURBS", "Surface Patch", "A B-spline, NURBS or Bézier patch: a surface object with one net of points"),
-    (
-        "LATTICE",
-        "Lattice",
-        "A Lattice object: alone the whole volume, as its modifier deforms the box from +Z to -Z; "
-        "among others its layers along W are control surfaces",
-    ),
-)
 
 
 def _volume_changed(owner, context):
@@ -90,7 +72,7 @@ def _kind_changed(settings, context):
     """The object gets the node group or the mesh that its new kind needs."""
     surface = settings.id_data
     if surface.type == "MESH" and surface.is_editable and not surface.is_evaluated:
-        surface_nodes.take_kind(surface)
+        surface_object.take_kind(surface)
 
 
 def _may_be_surface(slot, candidate) -> bool:
@@ -139,7 +121,7 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
     kind: EnumProperty(
         name="Kind",
         description="How the object's shape is read as a control surface",
-        items=KINDS,
+        items=KINDS_OR_NONE,
         default="NONE",
         options=set(),
         update=_kind_changed,

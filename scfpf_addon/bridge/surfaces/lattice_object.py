@@ -12,11 +12,12 @@ import bpy
 import numpy as np
 
 from ...projection.file_values import LARGEST_LENGTH
+from ...projection.surfaces.kinds import SURFACE_KINDS
 from ...projection.volume.lattice import Lattice
 from ..blender.mesh_grid import SurfaceError
 
 KIND = "LATTICE"
-TITLE = "Lattice"
+TITLE = SURFACE_KINDS[KIND].title
 # Points of a new lattice along W, V and U, at rest.
 DEFAULT_SHAPE = (4, 4, 4)
 # Blender has no more points along an axis.

@@ -16,14 +16,13 @@ import numpy as np
 from ...projection.editing.nurbs_edits import reversing
 from ...projection.editing.volume_edits import EditingError
 from ...projection.file_values import LARGEST_LENGTH
+from ...projection.surfaces.kinds import FEWEST_NURBS_POINTS, SURFACE_KINDS
 from ...projection.surfaces.nurbs import NurbsAxis, NurbsPatch, fitted_points
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ..blender.mesh_grid import SurfaceError
 
 KIND = "NURBS"
-TITLE = "Surface Patch"
-# Blender joins rows of fewer points into no patch.
-FEWEST_POINTS = 3
+TITLE = SURFACE_KINDS[KIND].title
 DEFAULT_ORDER = 4
 ORDERS = ("order_u", "order_v")
 # Blender tessellates in float32, over knots that are float32 too; a patch that leaves its
@@ -46,10 +45,10 @@ def new_data(name: str, points, parameters: dict):
     when they make no patch.
     """
     points = np.asarray(flat_points() if points is None else points, np.float64)
-    if points.ndim != 3 or min(points.shape[:2]) < FEWEST_POINTS:
+    if points.ndim != 3 or min(points.shape[:2]) < FEWEST_NURBS_POINTS:
         raise SurfaceError(
-            f"A {TITLE} needs rows × columns of points, at least {FEWEST_POINTS} × {FEWEST_POINTS}, "
-            f"got {points.shape}"
+            f"A {TITLE} needs rows × columns of points, "
+            f"at least {FEWEST_NURBS_POINTS} × {FEWEST_NURBS_POINTS}, got {points.shape}"
         )
     unknown = set(parameters) - set(ORDERS)
     if unknown:

@@ -14,7 +14,7 @@ import bpy
 
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import delete_with_data, editable_collections, holds
-from ..surfaces.surface_nodes import PARAMETRIC_KINDS
+from ..surfaces.kinds import PARAMETRIC_KINDS
 from ..volume.camera_members import surfaces_of
 
 # The start of a mark, before the view layer's name: hidden by this module, or by the artist before.

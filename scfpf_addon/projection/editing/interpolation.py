@@ -21,9 +21,9 @@ class InterpolatedSurface(ControlSurface):
     after: ControlSurface
     share: float
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ``ControlSurface``; tiles are those of ``before``."""
-        a, b = self.before.evaluate(u, v, time), self.after.evaluate(u, v, time)
+        a, b = self.before.evaluate(u, v), self.after.evaluate(u, v)
         return SurfaceSample(
             self._mixed(a.position, b.position),
             self._mixed(a.du, b.du),
@@ -35,9 +35,9 @@ class InterpolatedSurface(ControlSurface):
     def _mixed(self, a: Array, b: Array) -> Array:
         return a + (b - a) * self.share
 
-    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+    def local_position(self, u: Array, v: Array) -> Placement:
         """See ``ControlSurface``."""
-        a, b = self.before.positions(u, v, time), self.after.positions(u, v, time)
+        a, b = self.before.positions(u, v), self.after.positions(u, v)
         return Placement(self._mixed(a.position, b.position), a.valid & b.valid)
 
     def local_hull(self) -> Array:

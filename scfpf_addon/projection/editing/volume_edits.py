@@ -4,27 +4,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Literal, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from ..surfaces.surface import (
-    BilinearPatch,
-    Cone,
-    ControlSurface,
-    Cylinder,
-    Disc,
-    Grid,
-    Plane,
-    Point,
-    SphereSector,
-)
+from ..surfaces.kinds import PARAMETRIC_KINDS, Axis, Numbers, parametric_kind
+from ..surfaces.surface import BilinearPatch, ControlSurface, Grid, Plane, Point
 from ..typing import Array
 from ..volume.basis import B_SPLINE_DEGREE
 from ..volume.viewing_volume import ViewingVolume
-
-Axis = Literal["U", "V"]
 
 # Two linear parts, two arcs, or two sides of a rectangle agree when they differ by less than this share:
 # they come from float32 matrices, whose products are good to about 1e-6.
@@ -39,7 +28,7 @@ class EditingError(ValueError):
 
 
 class Shape(NamedTuple):
-    """A control surface by its kind and numbers, as ``preset.surface_from_parameters`` takes it.
+    """A control surface by its kind and numbers, as ``kinds.surface_from_parameters`` takes it.
 
     points: (rows, columns, 3), own space, or None. exact: False if it was sampled.
     """
@@ -49,15 +38,6 @@ class Shape(NamedTuple):
     parameters: dict[str, float]
     points: Array | None
     exact: bool
-
-
-# What two surfaces must share, and what may differ, for a blend of them to be of their kind.
-_SHARED: dict[type[ControlSurface], tuple[str, tuple[str, ...], tuple[str, ...]]] = {
-    Disc: ("DISC", ("arc",), ("radius",)),
-    Cylinder: ("CYLINDER", ("arc",), ("radius", "height")),
-    Cone: ("CONE", ("arc",), ("radius_start", "radius_end", "height")),
-    SphereSector: ("SPHERE", ("arc", "latitude_start", "latitude_end"), ("radius",)),
-}
 
 
 def lattice(columns: int, rows: int) -> tuple[Array, Array]:
@@ -202,9 +182,9 @@ def _with_points(kind: str, points: Array, exact: bool) -> Shape:
 
 def _same_kind(first: ControlSurface, second: ControlSurface, weight: float) -> Shape | None:
     """The blend of two surfaces of one curved kind as such a surface, None where it is none."""
-    if type(first) is not type(second) or type(first) not in _SHARED:
+    kind = parametric_kind(first)
+    if kind is None or type(first) is not type(second):
         return None
-    kind, shared, blended = _SHARED[type(first)]
     linear = [one.matrix[:3, :3] for one in (first, second)]
     gram = linear[0].T @ linear[0]
     size = float(np.abs(linear[0]).max())
@@ -212,77 +192,53 @@ def _same_kind(first: ControlSurface, second: ControlSurface, weight: float) -> 
     sheared = np.abs(gram - np.diag(np.diag(gram))).max() > SAME_SHARE * size * size
     if sheared or np.abs(linear[0] - linear[1]).max() > SAME_SHARE * size:
         return None
-    if any(abs(getattr(first, name) - getattr(second, name)) > SAME_SHARE for name in shared):
-        return None
-    parameters = {name: float(getattr(first, name)) for name in shared}
-    for name in blended:
-        parameters[name] = (1 - weight) * getattr(first, name) + weight * getattr(second, name)
-    return Shape(kind, (1 - weight) * first.matrix + weight * second.matrix, parameters, None, True)
+    parameters = {}
+    for one in kind.parameters:
+        a, b = (float(getattr(surface, one.name)) for surface in (first, second))
+        if one.is_angle and abs(a - b) > SAME_SHARE:
+            return None
+        parameters[one.name] = a if one.is_angle else (1 - weight) * a + weight * b
+    return Shape(kind.key, (1 - weight) * first.matrix + weight * second.matrix, parameters, None, True)
 
 
-def mirrored(kind: str, parameters: Mapping[str, float], axis: Axis) -> tuple[Array, dict[str, float]]:
-    """How a parametric surface's Q(1-u, v) or Q(u, 1-v) is had.
+def mirrored(kind: str, parameters: Numbers, axis: Axis) -> tuple[Array, dict[str, float]]:
+    """The matrix (4, 4) and the parameters that make Q(1-u, v) or Q(u, 1-v) of a parametric surface.
 
-    Returns a matrix (4, 4) to put between the surface's own shape and its
-    placement, and the parameters. Raises EditingError for V of a disc, whose
-    rim cannot become its centre, and for kinds without parameters.
+    The matrix goes between the surface's own shape and its placement. Raises EditingError for V of a disc,
+    whose rim cannot become its centre, and for kinds without parameters.
     """
-    matrix, changed = np.eye(4), dict(parameters)
-    if kind == "POINT":
-        return matrix, changed
-    if kind not in {"PLANE", "DISC", "CYLINDER", "CONE", "SPHERE"}:
+    if kind not in PARAMETRIC_KINDS:
         raise EditingError(f"a surface of kind {kind} is not mirrored by its parameters")
-    if axis == "U" and kind == "DISC":
-        # About the line in the middle of the arc.
-        cos, sin = math.cos(parameters["arc"]), math.sin(parameters["arc"])
-        matrix[:2, :2] = [[cos, sin], [sin, -cos]]
-    elif axis == "U":
-        matrix[0, 0] = -1.0
-    elif kind == "DISC":
-        raise EditingError("the rim of a disk cannot become its center: convert it to a grid first")
-    elif kind == "SPHERE":
-        changed["latitude_start"], changed["latitude_end"] = (
-            parameters["latitude_end"],
-            parameters["latitude_start"],
+    record = PARAMETRIC_KINDS[kind]
+    if axis not in record.mirrors:
+        raise EditingError(
+            f"the rim of a {record.title.lower()} cannot become its center: convert it to a grid first"
         )
-    else:
-        matrix[1, 1] = -1.0
-        if kind == "CONE":
-            changed["radius_start"], changed["radius_end"] = (
-                parameters["radius_end"],
-                parameters["radius_start"],
-            )
-    return matrix, changed
+    mirror, changed = record.mirrors[axis], dict(parameters)
+    if mirror.exchanged:
+        first, second = mirror.exchanged
+        changed[first], changed[second] = parameters[second], parameters[first]
+    return mirror.reflection(parameters), changed
 
 
-# Which axes of a kind's own space its lengths run along; an axis in none does not matter.
-_LENGTHS: dict[str, dict[str, tuple[str, ...]]] = {
-    "POINT": {},
-    "PLANE": {"X": ("width",), "Y": ("height",)},
-    "DISC": {"XY": ("radius",)},
-    "CYLINDER": {"XZ": ("radius",), "Y": ("height",)},
-    "CONE": {"XZ": ("radius_start", "radius_end"), "Y": ("height",)},
-    "SPHERE": {"XYZ": ("radius",)},
-}
-
-
-def scaled(kind: str, parameters: Mapping[str, float], scale: Sequence[float]) -> dict[str, float]:
+def scaled(kind: str, parameters: Numbers, scale: Sequence[float]) -> dict[str, float]:
     """The parameters of a parametric surface whose lengths are those of one scaled by ``scale`` (3,).
 
     Signs do not count: they stay for the object to have. Raises EditingError for a scale of 0 and where
     axes of one radius are scaled differently, and for kinds without parameters.
     """
-    if kind not in _LENGTHS:
+    if kind not in PARAMETRIC_KINDS:
         raise EditingError(f"a surface of kind {kind} has no sizes to put a scale into")
     changed = dict(parameters)
-    for axes, names in _LENGTHS[kind].items():
-        factors = [abs(scale["XYZ".index(axis)]) for axis in axes]
+    for one in PARAMETRIC_KINDS[kind].parameters:
+        if one.is_angle:
+            continue
+        factors = [abs(scale["XYZ".index(axis)]) for axis in one.axes]
         if min(factors) == 0.0:
             raise EditingError("its scale is 0, and no size is")
         if max(factors) - min(factors) > SAME_SHARE * max(factors):
             raise EditingError("it is scaled unevenly and no longer round: convert it to a grid first")
-        for name in names:
-            changed[name] = parameters[name] * factors[0]
+        changed[one.name] = parameters[one.name] * factors[0]
     return changed
 
 

@@ -8,7 +8,6 @@ degrees. Inside, angles are radians and their keys lose "_degrees".
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
@@ -42,20 +41,9 @@ from ..file_values import (
 )
 from ..mappings.kinds import ImageMapping, mapping_data, read_mappings
 from ..mappings.stack import seen_through
-from ..surfaces.nurbs import NurbsAxis, NurbsPatch
-from ..surfaces.surface import (
-    BilinearPatch,
-    Cone,
-    ControlSurface,
-    Cylinder,
-    Disc,
-    Grid,
-    Plane,
-    Point,
-    SphereSector,
-)
+from ..surfaces.kinds import FILE_KINDS, surface_from_parameters
+from ..surfaces.surface import ControlSurface
 from ..surfaces.uv_chart import UVChart
-from ..surfaces.uv_mesh import UVMesh
 from ..typing import Array
 from ..volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT, BasisKind
 from ..volume.reparameterisation import reparameterisation
@@ -73,7 +61,6 @@ __all__ = [
     "load_preset",
     "preset_to_json",
     "read_preset",
-    "surface_from_parameters",
 ]
 
 FORMAT = 1
@@ -85,42 +72,9 @@ SHEAR_TOLERANCE = 1e-5
 
 FitKind = Literal["WIDTH", "HEIGHT", "NONE"]
 
-_RADIUS_OR_NOUGHT = Limit(0.0, LENGTH.high)
-_ARC = Limit(1e-6, 360.0)
-_LATITUDE = Limit(-90.0, 90.0)
 _ANGLE = Limit(-36000.0, 36000.0)
 _ASPECT = Limit(1e-3, 1e3)
 _WEIGHT = Limit(SMALLEST_WEIGHT, LARGEST_WEIGHT)
-# The orders that Blender's interface offers.
-_ORDER = Limit(2, 6)
-# Of a NURBS surface, along each direction: what Blender makes a patch of.
-_FEWEST_NURBS_POINTS = 3
-
-# The numbers of each kind, by their names in a file; PATCH, GRID, NURBS and UV_MESH have points.
-_KINDS: dict[str, dict[str, Limit]] = {
-    "POINT": {},
-    "PLANE": {"width": LENGTH, "height": LENGTH},
-    "PATCH": {},
-    "DISC": {"radius": LENGTH, "arc_degrees": _ARC},
-    "CYLINDER": {"radius": LENGTH, "arc_degrees": _ARC, "height": LENGTH},
-    "CONE": {
-        "radius_start": _RADIUS_OR_NOUGHT,
-        "radius_end": _RADIUS_OR_NOUGHT,
-        "arc_degrees": _ARC,
-        "height": LENGTH,
-    },
-    "SPHERE": {
-        "radius": LENGTH,
-        "arc_degrees": _ARC,
-        "latitude_start_degrees": _LATITUDE,
-        "latitude_end_degrees": _LATITUDE,
-    },
-    "GRID": {},
-    "NURBS": {"order_u": _ORDER, "order_v": _ORDER},
-    "UV_MESH": {},
-}
-_WITH_POINTS = ("PATCH", "GRID", "NURBS")
-_DEGREES = "_degrees"
 
 
 class SubjectBox(NamedTuple):
@@ -128,66 +82,6 @@ class SubjectBox(NamedTuple):
 
     centre: tuple[float, float, float]
     size: tuple[float, float, float]
-
-
-def surface_from_parameters(
-    kind: str,
-    parameters: Mapping[str, float],
-    points: Array | None,
-    matrix: Array,
-    chart: UVChart | None = None,
-) -> ControlSurface:
-    """The control surface of a kind.
-
-    kind: POINT, PLANE, PATCH, DISC, CYLINDER, CONE, SPHERE, GRID, NURBS or UV_MESH. parameters:
-    width, height, radius, radius_start, radius_end, arc, latitude_start,
-    latitude_end, order_u, order_v as the kind has them, lengths and radians; others are ignored.
-    points: (rows, columns, 3) in the surface's own space for GRID, (2, 2, 3) for
-    PATCH, (rows, columns, 3 or 4) with weights for NURBS, which begins and ends at its
-    outer points, (V, 3) with a chart for UV_MESH; rows along v. matrix: (4, 4), own space to volume space.
-    Raises ValueError for an unknown kind or a missing parameter.
-    """
-    placed = np.asarray(matrix, np.float64)
-    if kind == "POINT":
-        return Point(matrix=placed)
-    if kind in _WITH_POINTS:
-        if points is None:
-            raise ValueError(f"a surface of kind {kind} needs points")
-        array = np.asarray(points, np.float64)
-        if kind == "GRID":
-            return Grid(array, matrix=placed)
-        if kind == "NURBS":
-            orders = (_whole(parameters, name) for name in _KINDS[kind])
-            return NurbsPatch(array, *(NurbsAxis(order) for order in orders), matrix=placed)
-        if array.shape != (2, 2, 3):
-            raise ValueError(f"a patch needs 2 × 2 points, got shape {array.shape}")
-        return BilinearPatch(array.reshape(4, 3), matrix=placed)
-    if kind == "UV_MESH":
-        if points is None or chart is None:
-            raise ValueError("a surface of kind UV_MESH needs points and a chart")
-        return UVMesh(np.asarray(points, np.float64), chart, matrix=placed)
-    if kind not in _KINDS:
-        raise ValueError(f"unknown surface kind {kind!r}")
-    names = [name.removesuffix(_DEGREES) for name in _KINDS[kind]]
-    missing = [name for name in names if name not in parameters]
-    if missing:
-        raise ValueError(f"a surface of kind {kind} needs {', '.join(missing)}")
-    values = {name: float(parameters[name]) for name in names}
-    if kind == "PLANE":
-        return Plane(**values, matrix=placed)
-    if kind == "DISC":
-        return Disc(**values, matrix=placed)
-    if kind == "CYLINDER":
-        return Cylinder(**values, matrix=placed)
-    if kind == "CONE":
-        return Cone(**values, matrix=placed)
-    return SphereSector(**values, matrix=placed)
-
-
-def _whole(parameters: Mapping[str, float], name: str) -> int:
-    if not float(parameters.get(name, np.nan)).is_integer():
-        raise ValueError(f"a surface of kind NURBS needs {name}, a whole number")
-    return int(parameters[name])
 
 
 @dataclass(frozen=True)
@@ -370,9 +264,9 @@ def _surface_data(number: int, surface: PresetSurface) -> dict[str, object]:
         # One mirrored axis; which one is a free choice, the rotation follows it.
         scale[2], axes[:, 2] = -scale[2], -axes[:, 2]
     data: dict[str, object] = {"name": surface.name, "kind": surface.kind}
-    for key in _KINDS[surface.kind]:
-        value = surface.parameters[key.removesuffix(_DEGREES)]
-        data[key] = _degrees(value) if key.endswith(_DEGREES) else value
+    for one in FILE_KINDS[surface.kind].parameters:
+        value = surface.parameters[one.name]
+        data[one.file_key] = _degrees(value) if one.is_angle else value
     if surface.points is not None and surface.chart is not None:
         data |= mesh_data(surface.points, surface.chart)
     elif surface.points is not None:
@@ -445,44 +339,23 @@ def _surface(data: object, number: int) -> PresetSurface:
             raise PresetError(f"{where} needs {key}")
     name = read_name(data["name"], f"{where}: name")
     where = f"{where} {name!r}"
-    kind = read_choice(data["kind"], f"{where}: kind", tuple(_KINDS))
-    limits = _KINDS[kind]
-    shape = (
-        ("points",) if kind in _WITH_POINTS else ("points", "uv", "triangles") if kind == "UV_MESH" else ()
-    )
-    required = ("name", "kind", *limits, *shape)
+    kind = FILE_KINDS[read_choice(data["kind"], f"{where}: kind", tuple(FILE_KINDS))]
+    shape = ("points", "uv", "triangles") if kind.has_chart else ("points",) * (kind.net is not None)
+    required = ("name", "kind", *(one.file_key for one in kind.parameters), *shape)
     values = read_object(data, where, required, ("location", "rotation_degrees", "scale", "weight"))
     parameters = {}
-    for key, limit in limits.items():
-        value = read_number(values[key], f"{where}: {key}", limit)
-        is_angle = key.endswith(_DEGREES)
-        parameters[key.removesuffix(_DEGREES)] = float(np.radians(value)) if is_angle else value
-    if kind == "SPHERE" and parameters["latitude_start"] == parameters["latitude_end"]:
-        raise PresetError(f"{where}: latitude_start_degrees and latitude_end_degrees must differ")
-    if kind == "CONE" and not max(parameters["radius_start"], parameters["radius_end"]):
-        raise PresetError(f"{where}: radius_start or radius_end must be above 0")
+    for one in kind.parameters:
+        value = read_number(values[one.file_key], f"{where}: {one.file_key}", one.limit)
+        parameters[one.name] = float(np.radians(value)) if one.is_angle else value
     points, chart = None, None
-    if kind == "UV_MESH":
+    if kind.has_chart:
         points, chart = read_mesh(values, where)
-    elif kind in _WITH_POINTS:
-        exactly = (2, 2) if kind == "PATCH" else None
-        points = read_points(values["points"], f"{where}: points", exactly, weighted=kind == "NURBS")
-        if kind == "NURBS":
-            _check_nurbs(points, parameters, where)
+    elif kind.net is not None:
+        points = read_points(values["points"], f"{where}: points", *kind.net)
+    if problem := kind.problem(parameters, points):
+        raise PresetError(f"{where}: {problem}")
     weight = read_number(values.get("weight", 1.0), f"{where}: weight", _WEIGHT)
-    return PresetSurface(name, kind, _matrix(values, where), parameters, points, weight, chart)
-
-
-def _check_nurbs(points: Array, parameters: dict[str, float], where: str) -> None:
-    rows, columns = points.shape[:2]
-    if min(rows, columns) < _FEWEST_NURBS_POINTS:
-        raise PresetError(f"{where}: points must be at least 3 × 3 for a surface of kind NURBS")
-    for name, count in (("order_u", columns), ("order_v", rows)):
-        if not parameters[name].is_integer():
-            raise PresetError(f"{where}: {name} must be a whole number")
-        problem = NurbsAxis(int(parameters[name])).problem(count)
-        if problem:
-            raise PresetError(f"{where}: {name}: {problem}")
+    return PresetSurface(name, kind.key, _matrix(values, where), parameters, points, weight, chart)
 
 
 def _matrix(values: dict[str, object], where: str) -> Array:

@@ -35,7 +35,7 @@ def stored_surface(
 ) -> PresetSurface:
     """A surface in camera space as a preset's.
 
-    kind, parameters, points, matrix: what it is said to be, as in ``preset.surface_from_parameters``. Where
+    kind, parameters, points, matrix: what it is said to be, as in ``kinds.surface_from_parameters``. Where
     that is not so (modifiers, other knots, a sheared matrix), or nothing is said, it becomes a
     grid in camera space. A UV mesh that is said to be one stays one, in camera space, holes and all.
     Raises EditingError for any other surface with holes.

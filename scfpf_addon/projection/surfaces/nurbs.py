@@ -240,7 +240,7 @@ class NurbsPatch(ControlSurface):
         """See ControlSurface.local_hull."""
         return np.asarray(self.points, np.float64)[..., :3].reshape(-1, 3).T
 
-    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+    def local_position(self, u: Array, v: Array) -> Placement:
         """See ControlSurface.local_position: quicker where u, v (N,) are the rows of a grid."""
         basis_u, basis_v = self._bases
         width = _row_length(u, v)
@@ -256,7 +256,7 @@ class NurbsPatch(ControlSurface):
             total[:3] /= total[3]
         return Placement(total[:3], np.ones(len(u), bool))
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local; tiles are what lies between creases."""
         basis_u, basis_v = self._bases
         (place_u, tile_u), (place_v, tile_v) = basis_u.at(u), basis_v.at(v)

@@ -95,24 +95,23 @@ class ControlSurface:
 
     matrix: Array = field(default_factory=lambda: np.eye(4), kw_only=True)
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """The sample in the surface's own space. u, v: (N,)."""
         raise NotImplementedError
 
-    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+    def local_position(self, u: Array, v: Array) -> Placement:
         """``local`` without derivatives; kinds override it where that saves work."""
-        sample = self.local(u, v, time)
+        sample = self.local(u, v)
         return Placement(sample.position, sample.valid)
 
-    def evaluate(self, u: Array, v: Array, time: float = 0.0) -> SurfaceSample:
+    def evaluate(self, u: Array, v: Array) -> SurfaceSample:
         """Position and derivatives in volume space.
 
-        u, v: (N,) in [0, 1]; outside, smooth kinds continue. time: shutter
-        time in frames relative to the frame's centre; still surfaces ignore it.
+        u, v: (N,) in [0, 1]; outside, smooth kinds continue.
         """
         u = np.atleast_1d(np.asarray(u, np.float64))
         v = np.atleast_1d(np.asarray(v, np.float64))
-        sample = self.local(u, v, time)
+        sample = self.local(u, v)
         linear = self.matrix[:3, :3]
         return sample._replace(
             position=_apply(linear, sample.position, self.matrix[:3, 3]),
@@ -120,9 +119,9 @@ class ControlSurface:
             dv=_apply(linear, sample.dv),
         )
 
-    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+    def positions(self, u: Array, v: Array) -> Placement:
         """``evaluate`` without derivatives. u, v: (N,) float64."""
-        placement = self.local_position(u, v, time)
+        placement = self.local_position(u, v)
         moved = _apply(self.matrix[:3, :3], placement.position, self.matrix[:3, 3])
         return placement._replace(position=moved)
 
@@ -150,7 +149,7 @@ class ControlSurface:
 class Point(ControlSurface):
     """Every (u, v) at the origin: a centre of projection. Both derivatives vanish."""
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         nought = np.zeros((3, len(u)))
         return self._whole(nought, nought, nought)
@@ -167,13 +166,13 @@ class Plane(ControlSurface):
     width: float = 1.0
     height: float = 1.0
 
-    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+    def positions(self, u: Array, v: Array) -> Placement:
         """See ControlSurface.positions."""
         across, up = self.matrix[:3, 0] * self.width, self.matrix[:3, 1] * self.height
         corner = self.matrix[:3, 3] - 0.5 * (across + up)
         return Placement(_bilinear((corner, across, up, np.zeros(3)), u, v), np.ones(len(u), bool))
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         zero, one = np.zeros_like(u), np.ones_like(u)
         return self._whole(
@@ -195,14 +194,14 @@ class BilinearPatch(ControlSurface):
         default_factory=lambda: np.array([[-1.0, -1, 0], [1, -1, 0], [-1, 1, 0], [1, 1, 0]]) / 2
     )
 
-    def positions(self, u: Array, v: Array, time: float = 0.0) -> Placement:
+    def positions(self, u: Array, v: Array) -> Placement:
         """See ControlSurface.positions."""
         linear = self.matrix[:3, :3]
         c00, c10, c01, c11 = np.asarray(self.corners, np.float64) @ linear.T + self.matrix[:3, 3]
         terms = (c00, c10 - c00, c01 - c00, c11 - c10 - c01 + c00)
         return Placement(_bilinear(terms, u, v), np.ones(len(u), bool))
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         c00, c10, c01, c11 = np.asarray(self.corners, np.float64)[:, :, None]
         bottom, top = c00 + (c10 - c00) * u, c01 + (c11 - c01) * u
@@ -221,7 +220,7 @@ class Disc(ControlSurface):
     radius: float = 1.0
     arc: float = 2 * np.pi
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         angle = self.arc * u
         cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
@@ -250,13 +249,13 @@ class Cone(ControlSurface):
     arc: float = 2 * np.pi
     height: float = 1.0
 
-    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+    def local_position(self, u: Array, v: Array) -> Placement:
         """See ControlSurface.local_position."""
         angle = (u - 0.5) * self.arc
         r = self.radius_start + (self.radius_end - self.radius_start) * v
         return self._placed(r * np.sin(angle), (v - 0.5) * self.height, -r * np.cos(angle))
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         angle = (u - 0.5) * self.arc
         cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
@@ -282,13 +281,13 @@ class Cylinder(ControlSurface):
     arc: float = 2 * np.pi
     height: float = 1.0
 
-    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+    def local_position(self, u: Array, v: Array) -> Placement:
         """See ControlSurface.local_position."""
-        return Cone(self.radius, self.radius, self.arc, self.height).local_position(u, v, time)
+        return Cone(self.radius, self.radius, self.arc, self.height).local_position(u, v)
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
-        return Cone(self.radius, self.radius, self.arc, self.height).local(u, v, time)
+        return Cone(self.radius, self.radius, self.arc, self.height).local(u, v)
 
     def local_hull(self) -> Array:
         """See ControlSurface.local_hull."""
@@ -308,7 +307,7 @@ class SphereSector(ControlSurface):
     latitude_start: float = -np.pi / 2
     latitude_end: float = np.pi / 2
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         longitude = (u - 0.5) * self.arc
         extent = self.latitude_end - self.latitude_start
@@ -342,7 +341,7 @@ class Grid(ControlSurface):
         if len(shape) != 3 or shape[2] != 3 or min(shape[:2]) < 2:
             raise ValueError(f"a grid needs at least 2 × 2 points, got shape {shape}")
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         rows, columns = self.points.shape[:2]
         across, up = u * (columns - 1), v * (rows - 1)

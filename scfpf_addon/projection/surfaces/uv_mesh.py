@@ -68,11 +68,11 @@ class UVMesh(ControlSurface):
         """See ControlSurface.local_hull."""
         return np.asarray(self.points, np.float64).T
 
-    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+    def local_position(self, u: Array, v: Array) -> Placement:
         """See ControlSurface.local_position."""
         return self._placed_at(self.chart.find(u, v))
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         found = self.chart.find(u, v)
         position, valid = self._placed_at(found)

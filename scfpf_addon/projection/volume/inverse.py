@@ -73,7 +73,6 @@ def invert(
     positions: Array,
     u_range: tuple[float, float] = (0.0, 1.0),
     v_range: tuple[float, float] = (0.0, 1.0),
-    time: float = 0.0,
 ) -> Inverse:
     """The parameters at which the volume passes through points.
 
@@ -83,12 +82,12 @@ def invert(
     the coarser samples (8 × 8 × 6 over the ranges) it may be another. A point that is
     reached only within a part finer than the finer samples (24 × 24 × 16) may be
     missed; none is found that Q does not pass through. Points that are not finite
-    are not found. time: as for ``ViewingVolume.evaluate``.
+    are not found.
     """
     points = np.ascontiguousarray(positions, np.float64)
     low = np.array([min(u_range), min(v_range), 0.0])
     extent = np.array([max(u_range), max(v_range), 1.0]) - low
-    search = _Search(volume, low, extent, time)
+    search = _Search(volume, low, extent)
     result = np.full((3, points.shape[1]), np.nan)
     open_ = np.flatnonzero(np.isfinite(points).all(axis=0))
     for counts, starts in zip(SAMPLES, STARTS, strict=True):
@@ -113,7 +112,6 @@ def follow(
     start: Array,
     u_range: tuple[float, float] = (0.0, 1.0),
     v_range: tuple[float, float] = (0.0, 1.0),
-    time: float = 0.0,
 ) -> Inverse:
     """``invert`` for points (3, N) whose parameters are near ``start`` (3, N), which is much faster.
 
@@ -122,7 +120,7 @@ def follow(
     """
     low = np.array([min(u_range), min(v_range), 0.0])
     extent = np.array([max(u_range), max(v_range), 1.0]) - low
-    search = _Search(volume, low, extent, time, BEYOND)
+    search = _Search(volume, low, extent, BEYOND)
     points = np.ascontiguousarray(positions, np.float64)
     usable = np.flatnonzero(np.isfinite(points).all(axis=0) & np.isfinite(start).all(axis=0))
     result = np.full(points.shape, np.nan)
@@ -132,10 +130,10 @@ def follow(
     return Inverse(u, v, t, ~np.isnan(t))
 
 
-def find_in_image(projection: Projection, positions: Array, time: float = 0.0) -> ImagePlaces:
+def find_in_image(projection: Projection, positions: Array) -> ImagePlaces:
     """Where the image shows points (3, N), or would if nothing hid them; see ``invert``."""
     ranges = projection.u_range, projection.v_range
-    place = invert(projection.volume, positions, *ranges, time)
+    place = invert(projection.volume, positions, *ranges)
     (u0, u1), (v0, v1) = ranges
     x, y = projection.reparameterisation.image_positions(
         (place.u - u0) / (u1 - u0), (place.v - v0) / (v1 - v0), projection.aspect
@@ -148,14 +146,14 @@ class _Search:
     """Newton's method in a part of a volume; parameters are shares of its ranges, (3, N)."""
 
     def __init__(
-        self, volume: ViewingVolume, low: Array, extent: Array, time: float, beyond: float = INSIDE_MARGIN
+        self, volume: ViewingVolume, low: Array, extent: Array, beyond: float = INSIDE_MARGIN
     ) -> None:
-        self.volume, self.low, self.extent, self.time, self.beyond = volume, low, extent, time, beyond
+        self.volume, self.low, self.extent, self.beyond = volume, low, extent, beyond
 
     def sample(self, shares: Array) -> _Sample:
         """The volume at shares (3, N) of the ranges, its derivatives by these."""
         u, v, t = shares * self.extent[:, None] + self.low[:, None]
-        controls = self.volume.controls(u, v, self.time)
+        controls = self.volume.controls(u, v)
         found = self.volume.evaluate_controls(controls, t)
         jacobian = np.stack([found.du, found.dv, found.dt], axis=1) * self.extent[:, None]
         valid = controls.valid & np.isfinite(found.position).all(axis=0) & np.isfinite(jacobian).all((0, 1))

@@ -101,7 +101,7 @@ class LatticeLayer(ControlSurface):
         hull: Array = (rest[:, :, None] + corners[:, None]).reshape(3, -1)
         return hull
 
-    def local_position(self, u: Array, v: Array, time: float) -> Placement:
+    def local_position(self, u: Array, v: Array) -> Placement:
         """See ControlSurface.local_position: a block of points at a time."""
         position = self._rest(u, v)
         table = self._patches[: self._degree_v + 1, : self._degree_u + 1]
@@ -113,7 +113,7 @@ class LatticeLayer(ControlSurface):
             position[:, part] += moved[:, : len(cell)]
         return Placement(position, np.ones(len(u), bool))
 
-    def local(self, u: Array, v: Array, time: float) -> SurfaceSample:
+    def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""
         cell, a, b = self._cell(u, v)
         rows, columns = np.shape(self.moved)[:2]

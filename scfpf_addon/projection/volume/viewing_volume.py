@@ -67,9 +67,9 @@ class ViewingVolume:
         """The Bézier spans of every projector. Raises ValueError for weights that are none."""
         return span_basis(self.basis, len(self.surfaces), self.weights)
 
-    def controls(self, u: Array, v: Array, time: float = 0.0) -> ControlSample:
+    def controls(self, u: Array, v: Array) -> ControlSample:
         """Control points of the projectors through (u, v), each (N,)."""
-        samples = [surface.evaluate(u, v, time) for surface in self.surfaces]
+        samples = [surface.evaluate(u, v) for surface in self.surfaces]
         tile = np.zeros(len(samples[0].tile), np.int64)
         for sample in samples:
             tile = tile * (int(sample.tile.max(initial=0)) + 1) + sample.tile
@@ -81,18 +81,18 @@ class ViewingVolume:
             np.logical_and.reduce([s.valid for s in samples]),
         )
 
-    def projectors(self, u: Array, v: Array, time: float = 0.0) -> Projectors:
+    def projectors(self, u: Array, v: Array) -> Projectors:
         """``controls`` without derivatives and tiles: what casting needs of every pixel."""
         points = np.empty((len(self.surfaces), 3, len(u)))
         valid = np.ones(len(u), bool)
         for surface, target in zip(self.surfaces, points, strict=True):
-            target[:], present = surface.positions(u, v, time)
+            target[:], present = surface.positions(u, v)
             valid &= present
         return Projectors(points, valid)
 
-    def evaluate(self, u: Array, v: Array, t: Array, time: float = 0.0) -> VolumeSample:
+    def evaluate(self, u: Array, v: Array, t: Array) -> VolumeSample:
         """Q, Qu, Qv and Qt at u, v, t, each (N,)."""
-        controls = self.controls(u, v, time)
+        controls = self.controls(u, v)
         return self.evaluate_controls(controls, np.broadcast_to(t, controls.tile.shape))
 
     def evaluate_controls(self, controls: ControlSample, t: Array) -> VolumeSample:

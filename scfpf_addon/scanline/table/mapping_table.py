@@ -12,10 +12,12 @@ from math import tau
 import bpy
 import numpy as np
 
+from ...bridge.blender.mesh_grid import SurfaceError
 from ...bridge.mappings.mapping_edits import MappingError
 from ...bridge.mappings.read_mappings import mapping_signature, read_mappings
 from ...bridge.render.image_size import image_aspect
-from ...bridge.surfaces.surface_nodes import PARAMETRIC_KINDS, SurfaceError, surface_parameters
+from ...bridge.surfaces.kinds import PARAMETRIC_KINDS
+from ...bridge.surfaces.surface_object import surface_parameters
 from ...projection.mappings.stack import BORDER, is_disc, mapped_places, seen_through
 from ...projection.volume.reparameterisation import Polar, reparameterisation
 

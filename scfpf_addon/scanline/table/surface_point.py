@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from ...bridge.surfaces.shape_attributes import KIND_ATTRIBUTE, KIND_NUMBERS, PREFIX
-from ...bridge.surfaces.surface_nodes import PARAMETRIC_KINDS
+from ...bridge.surfaces.kinds import PARAMETRIC_KINDS
+from ...bridge.surfaces.surface_groups import KIND_ATTRIBUTE, KIND_NUMBERS, PREFIX
 from ..nodes.field_nodes import FieldBuilder, Value, node_group
 from .uv_pieces import NO_PIECE, uv_pieces_group
 
@@ -12,29 +12,30 @@ from .uv_pieces import NO_PIECE, uv_pieces_group
 # reshaped by other modifiers. float32 vertices are right to 1e-6 of it, a pixel is 1e-3.
 RESHAPED = 2e-5
 
-PARAMETERS = sorted({given.key for kind in PARAMETRIC_KINDS.values() for given in kind.parameters})
-
-
-def _title(key: str) -> str:
-    return key.replace("_", " ").title()
+# Label and attribute of every parameter that some kind has.
+PARAMETERS = sorted(
+    {(one.label, PREFIX + one.key) for kind in PARAMETRIC_KINDS.values() for one in kind.parameters}
+)
 
 
 def closed_form_group():
     """The point at (u, v) of the parametric kind of a number, in the surface's own space."""
+    numbers = ", ".join(f"{n} {PARAMETRIC_KINDS[kind].title.lower()}" for kind, n in KIND_NUMBERS.items())
     inputs = {
-        "Kind": ("Int", 0, "1 point, 2 plane, 3 disk, 4 cylinder, 5 cone, 6 sphere"),
+        "Kind": ("Int", 0, numbers),
         "U": ("Float", None, ""),
         "V": ("Float", None, ""),
     }
-    inputs |= {_title(key): ("Float", None, "") for key in PARAMETERS}
+    inputs |= {label: ("Float", None, "") for label, _ in PARAMETERS}
 
     def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        shapes = []
-        for kind in sorted(KIND_NUMBERS, key=KIND_NUMBERS.__getitem__)[1:]:
-            description = PARAMETRIC_KINDS[kind]
-            nodes.open_frame(description.title)
-            values = {one.key: given[_title(one.key)].socket for one in description.parameters}
-            shapes.append(description.shape(nodes, given["U"].socket, given["V"].socket, values))
+        shapes = {}
+        for key, kind in PARAMETRIC_KINDS.items():
+            if kind.formula:
+                nodes.open_frame(kind.title)
+                values = {one.key: given[one.label].socket for one in kind.parameters}
+                position = kind.formula(nodes, given["U"].socket, given["V"].socket, values)
+                shapes[KIND_NUMBERS[key]] = position
         nodes.close_frame()
         return {"Position": _choose(nodes, given["Kind"], shapes)}
 
@@ -42,13 +43,13 @@ def closed_form_group():
     return node_group("SCFPF Closed Form", text, inputs, {"Position": "Vector"}, build)
 
 
-def _choose(nodes: FieldBuilder, kind: Value, shapes: list) -> Value:
-    """The shape of a kind's number; the origin for none and for a point."""
+def _choose(nodes: FieldBuilder, kind: Value, shapes: dict) -> Value:
+    """The position on the shape of a kind's number; the origin for numbers without a shape."""
     node = nodes.node("GeometryNodeIndexSwitch", "Shape of the Kind", {"Index": kind}, data_type="VECTOR")
-    while len(node.index_switch_items) < len(shapes) + 2:
+    while len(node.index_switch_items) <= max(shapes):
         node.index_switch_items.new()
-    for number, shape in enumerate(shapes, 2):
-        nodes.tree.links.new(shape, node.inputs[str(number)])
+    for number, position in shapes.items():
+        nodes.tree.links.new(position, node.inputs[str(number)])
     return Value(nodes, node.outputs[0])
 
 
@@ -75,8 +76,7 @@ def surface_point_group():
         nodes.open_frame("Its parameters")
         kind = nodes.sample(mesh, nodes.attribute(KIND_ATTRIBUTE, "INT"), 0, "INT", "Kind")
         parameters = {
-            _title(key): nodes.sample(mesh, nodes.attribute(PREFIX + key), 0, "FLOAT", _title(key))
-            for key in PARAMETERS
+            label: nodes.sample(mesh, nodes.attribute(name), 0, "FLOAT", label) for label, name in PARAMETERS
         }
         nodes.open_frame("Is the mesh what they say, or did other modifiers reshape it?")
         uv = nodes.attribute("UVMap", "FLOAT_VECTOR").parts()

@@ -7,7 +7,7 @@ import bpy
 
 from ...bridge.blender import versions
 from ...bridge.blender.mesh_grid import UV_LAYER, SurfaceError, grid_points, uv_layer
-from ...bridge.surfaces.surface_nodes import PARAMETRIC_KINDS
+from ...projection.surfaces.kinds import PARAMETRIC_KINDS, SURFACE_KINDS
 from .mapping_table import store_picture
 from .table_nodes import table_group
 
@@ -18,7 +18,6 @@ MODIFIER = "SCFPF Table"
 CURVED_CELLS = (256, 128)
 # Cells where a surface is a mesh: the multiple of its own that comes to this many, at most.
 MOST_CELLS = 512
-STRAIGHT = {"POINT", "PLANE", "PATCH"}
 
 
 def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
@@ -184,17 +183,15 @@ def _own_cells(surface) -> tuple[int, int]:
     kind = surface.scfpf_surface.kind
     if kind in PARAMETRIC_KINDS and kind != "POINT" and len(surface.modifiers) > 1:
         return CURVED_CELLS  # reshaped by other modifiers
-    if kind in STRAIGHT:
-        return 1, 1
-    if kind in PARAMETRIC_KINDS:
-        return (CURVED_CELLS[0], 1) if kind in {"CYLINDER", "CONE", "DISC"} else CURVED_CELLS
     if kind == "GRID":
         try:
             points = grid_points(surface)
         except SurfaceError:
             return CURVED_CELLS
         return points.shape[1] - 1, points.shape[0] - 1
-    return CURVED_CELLS
+    straight = SURFACE_KINDS[kind].straight if kind in SURFACE_KINDS else ""
+    columns, rows = (1 if axis in straight else cells for axis, cells in zip("UV", CURVED_CELLS, strict=True))
+    return columns, rows
 
 
 def grid_cells(surfaces) -> tuple[int, int]:

@@ -100,7 +100,7 @@ def world_lengths(surface):
 def test_the_whole_scale_becomes_sizes(addon, camera_with, shown, kind):
     """That of the camera and of the parent inverse too; the sizes are then those that Blender draws."""
     scales = addon("bridge.camera.surface_scale")
-    sizes = addon("bridge.surfaces.surface_nodes").surface_parameters
+    sizes = addon("bridge.surfaces.surface_object").surface_parameters
     camera = camera_with(kind)
     surface = camera.scfpf.surfaces[1].object
     camera.scale = 2, 2, -2

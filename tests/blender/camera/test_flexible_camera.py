@@ -195,7 +195,7 @@ def test_what_is_no_camera_or_no_mesh_is_refused(bridge, camera):
 def test_a_failed_add_leaves_nothing(bridge, addon, camera):
     bridge.make_flexible(camera)
     before = set(bpy.data.objects)
-    with pytest.raises(addon("bridge.surfaces.surface_nodes").SurfaceError):
+    with pytest.raises(addon("bridge.surfaces.surface_object").SurfaceError):
         bridge.add_surface(camera, "PLANE", parameters={"radius": 3})
     assert set(bpy.data.objects) == before and names(camera) == []
 

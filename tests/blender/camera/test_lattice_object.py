@@ -212,7 +212,7 @@ def test_what_makes_no_volume_is_said(bridge, reading, camera):
 
 
 def test_bad_points_leave_nothing_behind(addon, bridge, camera):
-    error = addon("bridge.surfaces.surface_nodes").SurfaceError
+    error = addon("bridge.surfaces.surface_object").SurfaceError
     before = len(bpy.data.lattices), len(bpy.data.objects)
     for points in (np.zeros((2, 2, 3)), np.full((2, 2, 2, 3), np.inf), np.zeros((1, 2, 2, 3))):
         with pytest.raises(error):

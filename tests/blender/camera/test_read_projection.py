@@ -28,7 +28,7 @@ def reading(addon):
 
 @pytest.fixture
 def nodes(addon):
-    return addon("bridge.surfaces.surface_nodes")
+    return addon("bridge.surfaces.surface_object")
 
 
 @pytest.fixture

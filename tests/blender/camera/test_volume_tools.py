@@ -125,7 +125,7 @@ def test_a_failed_insert_leaves_nothing_behind(addon, monkeypatch):
 
     def second_fails(camera, kind, index, **given):
         if index == 2:
-            raise addon("bridge.surfaces.surface_nodes").SurfaceError("no")
+            raise addon("bridge.surfaces.surface_object").SurfaceError("no")
         return add(camera, kind, index=index, **given)
 
     monkeypatch.setattr(edits, "add_surface", second_fails)
@@ -217,7 +217,7 @@ def test_what_a_mirror_would_not_reach_is_refused_before_anything_changes(addon)
     surfaces(camera)[1].animation_data_clear()
     surfaces(camera)[1].scfpf_surface.kind = "DISC"
     surfaces(camera)[1].scale.x = 3
-    addon("bridge.surfaces.surface_nodes").set_surface_parameters(surfaces(camera)[1], {"arc": 2.0})
+    addon("bridge.surfaces.surface_object").set_surface_parameters(surfaces(camera)[1], {"arc": 2.0})
     with pytest.raises(RuntimeError, match="'Cylinder' is scaled unevenly"):
         bpy.ops.scfpf.volume_mirror()
     assert surfaces(camera)[0].scale.x == 1, "the plane before it was mirrored"

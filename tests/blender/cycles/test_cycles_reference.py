@@ -319,7 +319,7 @@ def test_cylinder_is_cycles_central_cylinder(addon, our_passes, tmp_path):
     camera.location, camera.rotation_euler = (0.2, 0.1, 0.3), Euler((1.4, 0.3, 0.5))
     preset(addon, camera, "cylindrical_panorama")
     near = camera.scfpf.surfaces[0].object
-    parameters = addon("bridge.surfaces.surface_nodes").surface_parameters(near)
+    parameters = addon("bridge.surfaces.surface_object").surface_parameters(near)
     reach = parameters["height"] / parameters["radius"] / 2
     lens = camera.data
     lens.type, lens.panorama_type = "PANO", "CENTRAL_CYLINDRICAL"

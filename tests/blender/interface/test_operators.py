@@ -274,7 +274,7 @@ def test_cylinder_after_a_cylinder_is_concentric(addon):
     add_cube()
     camera = add_camera(preset="cylindrical_panorama")
     bpy.ops.scfpf.surface_add(kind="CYLINDER")
-    read = addon("bridge.surfaces.surface_nodes").surface_parameters
+    read = addon("bridge.surfaces.surface_object").surface_parameters
     near, middle, far = (read(slot.object) for slot in camera.scfpf.surfaces)
     assert middle["radius"] == pytest.approx((near["radius"] + far["radius"]) / 2, rel=1e-5)
     assert middle["arc"] == pytest.approx(near["arc"])

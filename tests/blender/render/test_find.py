@@ -19,7 +19,7 @@ def camera(addon):
     camera = bpy.context.object
     bpy.context.scene.camera = camera
     bpy.ops.scfpf.preset_apply(preset="orthographic")
-    change = addon("bridge.surfaces.surface_nodes").set_surface_parameters
+    change = addon("bridge.surfaces.surface_object").set_surface_parameters
     for slot, z in zip(camera.scfpf.surfaces, (-1, -21), strict=True):
         change(slot.object, {"width": 10.0, "height": 10.0})
         slot.object.location = (0, 0, z)

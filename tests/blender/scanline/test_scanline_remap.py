@@ -193,7 +193,7 @@ def test_curved_kinds_are_exact_from_their_parameters(addon, scanline, flexible,
 
 
 def test_the_preview_follows_edits_and_frames_without_python(addon, scanline, flexible, camera, remapped):
-    surfaces = addon("bridge.surfaces.surface_nodes")
+    surfaces = addon("bridge.surfaces.surface_object")
     preset = json.loads((PRESETS[0].parent / "perspective.json").read_text(encoding="utf-8"))
     flexible.apply_preset(camera, addon("projection.presets.preset").load_preset(json.dumps(preset)), ASPECT)
     camera.location, camera.rotation_euler = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -249,7 +249,7 @@ def test_normals_materials_uvs_and_colours_survive(addon, scanline, flexible, ca
     assert not [each.name for each in mesh.attributes if each.name.startswith("scfpf_")]
     # A unit ball at x, y: the shading normal's x, y is the place, from widths of the picture to lengths.
     surface = camera.scfpf.surfaces[0].object
-    width = addon("bridge.surfaces.surface_nodes").surface_parameters(surface)["width"]
+    width = addon("bridge.surfaces.surface_object").surface_parameters(surface)["width"]
     corners = mesh.corner_normals
     own = max(
         np.abs(np.array(normal.vector) - np.array(vertex.co))[:2].max()

@@ -16,7 +16,7 @@ STEPS_U, STEPS_V = 3, 2
 
 @pytest.fixture
 def nodes(addon):
-    return addon("bridge.surfaces.surface_nodes")
+    return addon("bridge.surfaces.surface_object")
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ HALVES |= {(kind, "Arc") for kind in ("CYLINDER", "CONE", "SPHERE")}
 
 @pytest.fixture
 def nodes(addon):
-    return addon("bridge.surfaces.surface_nodes")
+    return addon("bridge.surfaces.surface_object")
 
 
 def group_of(nodes, kind):
@@ -65,7 +65,7 @@ def test_a_handle_stands_on_the_surface_and_goes_with_it(nodes, addon, kind):
     """Position and direction are those of the surface's own derivative by the parameter."""
     description = nodes.PARAMETRIC_KINDS[kind]
     values = {given.key: 0.4 + 0.3 * number for number, given in enumerate(description.parameters)}
-    shape = addon("projection.presets.preset").surface_from_parameters
+    shape = addon("projection.surfaces.kinds").surface_from_parameters
     for gizmo in gizmos(group_of(nodes, kind)):
         if not gizmo.bl_idname.endswith("Linear"):
             continue

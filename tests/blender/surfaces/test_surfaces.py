@@ -15,24 +15,22 @@ PARAMETERS = {
     "CONE": {"radius_start": 0.4, "radius_end": 2.0, "arc": 5.5, "height": 3.0},
     "SPHERE": {"radius": 1.7, "arc": 2.5, "latitude_start": -0.6, "latitude_end": 1.2},
 }
-CLASSES = {
-    "POINT": "Point",
-    "PLANE": "Plane",
-    "DISC": "Disc",
-    "CYLINDER": "Cylinder",
-    "CONE": "Cone",
-    "SPHERE": "SphereSector",
-}
 
 
 @pytest.fixture
 def nodes(addon):
-    return addon("bridge.surfaces.surface_nodes")
+    return addon("bridge.surfaces.surface_object")
+
+
+@pytest.fixture
+def kinds(addon):
+    return addon("bridge.surfaces.kinds")
 
 
 @pytest.fixture
 def pure(addon):
-    return addon("projection.surfaces.surface")
+    """The classes of the parametric kinds."""
+    return {key: kind.surface for key, kind in addon("projection.surfaces.kinds").PARAMETRIC_KINDS.items()}
 
 
 def place(surface):
@@ -64,14 +62,14 @@ def test_drawn_mesh_is_the_analytic_surface(nodes, pure, kind, given):
     assert sorted({(round(7 * u, 4), round(3 * v, 4)) for u, v in uv.T}) == [
         (u, v) for u in range(8) for v in range(4)
     ]
-    exact = getattr(pure, CLASSES[kind])(**parameters).evaluate(*uv).position
+    exact = pure[kind](**parameters).evaluate(*uv).position
     assert np.abs(points[:, corners] - exact).max() < DRAWN * max(1, np.abs(exact).max())
 
 
 @pytest.mark.parametrize("kind", PARAMETERS)
 def test_defaults_are_those_of_the_pure_classes(nodes, pure, kind):
     surface = place(nodes.new_surface("S", kind))
-    exact = getattr(pure, CLASSES[kind])()
+    exact = pure[kind]()
     read = nodes.surface_parameters(evaluated(surface))
     assert set(read) == set(PARAMETERS[kind])
     for key, value in read.items():
@@ -171,7 +169,7 @@ def test_a_parametric_surface_becomes_a_mesh_of_its_shape(nodes, pure, kind):
     surface.scfpf_surface.kind = "GRID"
     points = nodes.surface_parameters(evaluated(surface))["points"]
     u, v = np.meshgrid(np.arange(6) / 5, np.arange(4) / 3)
-    exact = getattr(pure, CLASSES[kind])(**PARAMETERS[kind]).evaluate(u.ravel(), v.ravel()).position
+    exact = pure[kind](**PARAMETERS[kind]).evaluate(u.ravel(), v.ravel()).position
     assert np.allclose(points.reshape(-1, 3).T, exact, atol=5e-6) and not surface.modifiers
     surface.scfpf_surface.kind = kind
     assert set(nodes.surface_parameters(evaluated(surface))) == set(PARAMETERS[kind])

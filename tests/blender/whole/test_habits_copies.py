@@ -259,8 +259,8 @@ def test_override_is_edited_and_reloaded(addon, shown, library, how, tmp_path):
     far = surfaces(camera)[-1]
     assert far.override_library
     far.location.z -= 2
-    radius = addon("bridge.surfaces.surface_nodes").surface_parameters(far)["radius"]
-    addon("bridge.surfaces.surface_nodes").set_surface_parameters(far, {"radius": 2 * radius})
+    radius = addon("bridge.surfaces.surface_object").surface_parameters(far)["radius"]
+    addon("bridge.surfaces.surface_object").set_surface_parameters(far, {"radius": 2 * radius})
     camera.scfpf.samples, camera.scfpf.basis = 9, "POLYLINE"
     edited = shown(camera)
     assert np.abs(edited - before).max() > 1

@@ -322,7 +322,7 @@ def test_constraints_on_surfaces(camera, shown):
 
 @pytest.mark.parametrize("hidden", [False, True])
 def test_keyframes_and_drivers_of_parameters(addon, camera, projection, hidden):
-    nodes = addon("bridge.surfaces.surface_nodes")
+    nodes = addon("bridge.surfaces.surface_object")
     middle = camera.scfpf.surfaces[1].object
     owners = {label: (owner, name) for label, owner, name in nodes.parameter_properties(middle)}
     owner, name = owners["Radius"]

@@ -132,7 +132,7 @@ def test_sound_settings_are_left_alone(tmp_path, addon):
 def test_surfaces_of_an_older_version_get_limits_on_loading(addon, tmp_path):
     """Their node groups made as many faces as they were told to, and Blender ends itself from 2^30 on."""
     nodes, versions = (
-        addon("bridge.surfaces.surface_nodes"),
+        addon("bridge.surfaces.surface_object"),
         addon("bridge.blender.versions"),
     )
     surface = Scene().surfaces[0]

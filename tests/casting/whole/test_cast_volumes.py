@@ -239,8 +239,8 @@ def test_projectors_without_length_miss(reference):
 
 def test_holes_of_a_surface_show_nothing(reference):
     class Window(Plane):
-        def positions(self, u, v, time=0.0):
-            return super().positions(u, v, time)._replace(valid=u < 0.5)
+        def positions(self, u, v):
+            return super().positions(u, v)._replace(valid=u < 0.5)
 
     scene = CastScene(*terrain(200))
     turn = np.array([[1, 0, 0, 6], [0, 0, 1, 5], [0, -1, 0, -12], [0, 0, 0, 1.0]])

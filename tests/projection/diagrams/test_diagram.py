@@ -48,8 +48,8 @@ def fisheye(aspect=1.0):
 class HoledPlane(ControlSurface):
     """A unit square with nothing at u > 0.6."""
 
-    def local(self, u, v, time):
-        return Plane().local(u, v, time)._replace(valid=u <= 0.6)
+    def local(self, u, v):
+        return Plane().local(u, v)._replace(valid=u <= 0.6)
 
 
 def test_every_role_has_a_colour_and_lines_are_float32_segments():

@@ -18,8 +18,8 @@ from scfpf_addon.projection.presets.preset import (
     load_preset,
     preset_to_json,
     read_preset,
-    surface_from_parameters,
 )
+from scfpf_addon.projection.surfaces.kinds import surface_from_parameters
 from scfpf_addon.projection.surfaces.surface import Cylinder
 
 FLAT = [[[-1, -1, 0], [1, -1, 0]], [[-1, 1, 0], [1, 1, 0]]]

@@ -10,8 +10,8 @@ from scfpf_addon.projection.presets.preset import (
     PresetError,
     load_preset,
     preset_to_json,
-    surface_from_parameters,
 )
+from scfpf_addon.projection.surfaces.kinds import surface_from_parameters
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
 
 NET = [[[x, y, x * y, 1 + y] for x in range(4)] for y in range(3)]

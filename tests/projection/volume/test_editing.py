@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.projection.editing import volume_edits
-from scfpf_addon.projection.presets.preset import surface_from_parameters
+from scfpf_addon.projection.surfaces.kinds import surface_from_parameters
 from scfpf_addon.projection.surfaces.surface import (
     BilinearPatch,
     Cone,
@@ -128,8 +128,8 @@ def test_a_sheared_matrix_is_not_kept_for_an_object_that_cannot_hold_it():
 class Holed(Plane):
     """A plane without its left half."""
 
-    def local(self, u, v, time):
-        return super().local(u, v, time)._replace(valid=u > 0.5)
+    def local(self, u, v):
+        return super().local(u, v)._replace(valid=u > 0.5)
 
 
 def test_a_surface_with_holes_is_no_grid():
