@@ -10,11 +10,12 @@ import numpy as np
 
 from ..casting.chord_map import chord_map
 from ..casting.common.cancellation import raise_if_cancelled
-from ..casting.common.hits import CastCounts, Hits
+from ..casting.common.hits import CastCounts
 from ..casting.tiles import TileJob
-from ..projection.typing import Array, IndexArray
+from ..projection.typing import IndexArray
 from .film import Film
-from .passes.data_passes import CryptoPasses, PassSamples, PassSource, fill_passes
+from .passes.cryptomatte import CryptoFilms
+from .passes.data_passes import PASSES, DataPasses, PassSamples, PassSource, fill_chord_passes, fill_passes
 from .passes.light_passes import EXPOSED, LightFilm, LightParts
 from .pipeline import Pipeline
 from .sample_casting import CastSample
@@ -55,7 +56,8 @@ class TileFilms:
         self._caster, self._rows, self._kept = pipeline.caster, rows, kept
         self._image = image
         self._light = LightFilm.of(names, self._count, pipeline.background)
-        self._crypto = CryptoPasses(pipeline.passes, self._count)
+        wanted = pipeline.passes.wanted if pipeline.passes else DataPasses()
+        self._crypto = CryptoFilms(wanted.crypto_layers(), wanted.identifiers, self._count)
         self._counts, self._hits = CastCounts(), 0
 
     def take(self, samples: range, some: IndexArray | None = None) -> None:
@@ -177,8 +179,19 @@ def fill_data_passes(
     """
     x, y = view.pixel_centres(rows)
     hits = view.cast(x, y, CastCounts(), source.wanted.weighted)
-    if "CHORD_COUNT" in into or "CHORD_ERROR" in into:
-        _fill_chord_passes(view, x, y, hits, inside, into)
+    if view.cast_scene and any(PASSES[name].chords for name in into):
+        settings = view.settings
+        chords = chord_map(
+            view.cast_scene,
+            view.projection,
+            x,
+            y,
+            hits.t,
+            view.pixel_size,
+            settings.pixel_error,
+            settings.width,
+        )
+        fill_chord_passes(chords, inside, into)
     if inside is not None:
         hits, x, y = hits.take(inside), x[inside], y[inside]
     where = np.flatnonzero(hits.triangle >= 0)
@@ -186,18 +199,3 @@ def fill_data_passes(
         raise_if_cancelled()
         some = where[first : first + PASS_PIXELS]
         fill_passes(source, PassSamples(x[some], y[some], hits.take(some)), some, into)
-
-
-def _fill_chord_passes(
-    view: SceneView, x: Array, y: Array, hits: Hits, inside: IndexArray | None, into: dict[str, Single]
-) -> None:
-    """Fill in the passes that show the chords of projectors, whether they hit or miss."""
-    if view.cast_scene is None:
-        return
-    settings = view.settings
-    chords = chord_map(
-        view.cast_scene, view.projection, x, y, hits.t, view.pixel_size, settings.pixel_error, settings.width
-    )
-    for name, values in (("CHORD_COUNT", chords.count), ("CHORD_ERROR", chords.error)):
-        if name in into:
-            into[name][:, 0] = values if inside is None else values[inside]

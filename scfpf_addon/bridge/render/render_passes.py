@@ -9,8 +9,7 @@ from typing import NamedTuple
 import bpy
 from bpy.props import BoolProperty, PointerProperty
 
-from ...shading.passes.cryptomatte import MOST_LAYERS, manifest, name_hash
-from ...shading.passes.data_passes import CRYPTO_PASS
+from ...shading.passes.cryptomatte import CRYPTO_PASS, MOST_LAYERS, manifest, name_hash
 from ...shading.passes.light_passes import LIGHT_PASSES
 from ..blender import versions
 from ..scene.read_materials import listing

@@ -1,43 +1,39 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Data passes: what the projector through a pixel's centre hits, as numbers and without a filter."""
+"""Data passes: numbers about the hit of the projector through each pixel's centre, without a filter."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from ...casting.common.geometry import Geometry
+from ...casting.chord_map import ChordMap
 from ...casting.common.hits import Hits
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
-from ...projection.volume.basis import SpanBasis
-from ...projection.volume.viewing_volume import Projection, ViewingVolume
+from ...projection.volume.viewing_volume import Projection
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
 from ..typing import Single
-from .cryptomatte import MOST_LAYERS, CryptoFilm
+from .cryptomatte import CRYPTO_KINDS, CRYPTO_PASS, MOST_LAYERS
+from .depths import perspective_depth, projector_length
 from .light_passes import LIGHT_MISS, LIGHT_PASSES
 from .motion_vectors import MotionSample, Neighbour, moved_places
 
 # Depth where nothing is hit, as in Blender's own engines.
 FARTHEST_DEPTH = 1e10
-# Nodes of the Gauss quadrature of a projector's length, a span: 1e-6 for a half turn.
-LENGTH_NODES = 12
 
 
 @dataclass(frozen=True)
 class DataPasses:
-    """Which data passes a frame has.
+    """The passes of a frame.
 
-    names: of PASSES. depth_plane: (4,) (a, b, c, d), depth is a·x + b·y + c·z + d in world
-    space, the distance from an ordinary camera along its axis; None for the
-    length of the projector from the near surface. neighbours: the frames before and after, for
-    motion vectors. identifiers: what stands for each object ("OBJECT") and material ("MATERIAL") in
-    cryptomattes, by their numbers.
+    names: of PASSES. depth_plane: (4,) (a, b, c, d), depth is a·x + b·y + c·z + d in world space, the
+    distance from an ordinary camera along its axis; None for the length of the projector from the near
+    surface. neighbours: the frames before and after, for motion vectors. identifiers: numbers that stand for
+    each object ("OBJECT") and material ("MATERIAL") in cryptomattes, by their index.
     """
 
     names: tuple[str, ...] = ()
@@ -47,24 +43,25 @@ class DataPasses:
 
     @property
     def central(self) -> bool:
-        """Whether any is made of the projector through the pixel's centre, not of the picture's samples."""
-        return any(name not in LIGHT_PASSES and not name.startswith("CRYPTO") for name in self.names)
+        """Whether any pass shows the projector through the pixel's centre, not the image's samples."""
+        return any(PASSES[name].central for name in self.names)
 
     @property
     def weighted(self) -> bool:
-        """Whether barycentric weights are wanted."""
-        return not {"UV", "VECTOR"}.isdisjoint(self.names)
+        """Whether any pass needs barycentric weights."""
+        return any(PASSES[name].weighted for name in self.names)
 
-    def crypto_layers(self, kind: str) -> int:
-        """How many cryptomatte layers of "OBJECT" or "MATERIAL" there are."""
-        return sum(name.startswith(f"CRYPTO_{kind}_") for name in self.names)
+    def crypto_layers(self) -> dict[str, int]:
+        """The number of cryptomatte layers of each kind that has any."""
+        layers = {
+            kind: sum(CRYPTO_PASS.format(kind, layer) in self.names for layer in range(MOST_LAYERS))
+            for kind in CRYPTO_KINDS
+        }
+        return {kind: count for kind, count in layers.items() if count}
 
 
 class PassSamples(NamedTuple):
-    """The n projectors of a tile that hit, in cast space.
-
-    x, y: (n,) where in the image. hits: of all the same.
-    """
+    """The hits of n central projectors. x, y: (n,) image positions. hits: in cast space, no misses."""
 
     x: Array
     y: Array
@@ -73,9 +70,9 @@ class PassSamples(NamedTuple):
 
 @dataclass(frozen=True)
 class PassSource:
-    """All that data passes are made of. projection: in cast space, that of ``cast_scene``.
+    """The scene and the projection that data passes show.
 
-    size: of the image in pixels.
+    size: of the image in pixels. projection: in cast space, that of ``cast_scene``.
     """
 
     wanted: DataPasses
@@ -85,194 +82,148 @@ class PassSource:
     cast_scene: CastScene
     surface: SurfaceTable
 
-    def position(self, seen: PassSamples) -> Array:
+    def position(self, samples: PassSamples) -> Array:
         """World position, (3, n)."""
-        position: Array = seen.hits.position / self.cast_scene.scale + np.reshape(
+        position: Array = samples.hits.position / self.cast_scene.scale + np.reshape(
             self.cast_scene.centre, (3, 1)
         )
         return position
 
-    def depth(self, seen: PassSamples) -> Array:
+    def depth(self, samples: PassSamples) -> Array:
         """See ``DataPasses.depth_plane``, (1, n)."""
         plane = self.wanted.depth_plane
         if plane is not None:
             # Not a matrix product, whose rounding may depend on how many there are.
-            x, y, z = self.position(seen)
+            x, y, z = self.position(samples)
             depth: Array = plane[0] * x + plane[1] * y + plane[2] * z + plane[3]
             return depth[None]
-        points = self.projection.projectors(seen.x, seen.y).points
-        length = projector_length(self.projection.volume.spans, points, seen.hits.t)
+        points = self.projection.projectors(samples.x, samples.y).points
+        length = projector_length(self.projection.volume.spans, points, samples.hits.t)
         return length[None] / self.cast_scene.scale
 
-    def normal(self, seen: PassSamples) -> Array:
+    def normal(self, samples: PassSamples) -> Array:
         """Shading normal on the side of the viewer, unit, world axes, (3, n)."""
-        hits = seen.hits
+        hits = samples.hits
         points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         return points.normal.astype(np.float64)
 
-    def uv(self, seen: PassSamples) -> Array:
-        """Texture coordinates and 1, as Cycles has it, or 0 where a mesh has none, (3, n)."""
+    def uv(self, samples: PassSamples) -> Array:
+        """Texture coordinates and 1 as in Cycles, 0 where a mesh has none, (3, n)."""
         corners = self.scene.geometry.uv
         if corners is None:
             raise ValueError("the scene was read without texture coordinates")
-        first, second, third = corners[seen.hits.triangle].astype(np.float64).transpose(1, 2, 0)
-        weight = seen.hits.barycentric
+        first, second, third = corners[samples.hits.triangle].astype(np.float64).transpose(1, 2, 0)
+        weight = samples.hits.barycentric
         u, v = first + (second - first) * weight[0] + (third - first) * weight[1]
         there = ~np.isnan(u)
         return np.where(there, np.stack([u, v, np.ones_like(u)]), 0.0)
 
-    def parameters(self, seen: PassSamples) -> Array:
+    def parameters(self, samples: PassSamples) -> Array:
         """(u, v, t) of the hit, (3, n)."""
-        image = self.projection.parameters(seen.x, seen.y)
-        return np.stack([image.u, image.v, seen.hits.t])
+        image = self.projection.parameters(samples.x, samples.y)
+        return np.stack([image.u, image.v, samples.hits.t])
 
-    def perspective_depth(self, seen: PassSamples) -> Array:
+    def perspective_depth(self, samples: PassSamples) -> Array:
         """See ``perspective_depth``, (1, n)."""
-        image = self.projection.parameters(seen.x, seen.y)
-        return perspective_depth(self.projection.volume, image.u, image.v, seen.hits.t)[None]
+        image = self.projection.parameters(samples.x, samples.y)
+        return perspective_depth(self.projection.volume, image.u, image.v, samples.hits.t)[None]
 
-    def tangent(self, seen: PassSamples) -> Array:
+    def tangent(self, samples: PassSamples) -> Array:
         """The projector's direction at the hit, away from the viewer, unit, world axes, (3, n)."""
-        tangent = seen.hits.tangent
+        tangent = samples.hits.tangent
         length = np.sqrt(np.einsum("cn,cn->n", tangent, tangent))
         return tangent / np.where(length > 0.0, length, 1.0)
 
-    def vector(self, seen: PassSamples) -> Array:
-        """From where a hit is in the image to where it was in the frame before, and from where it will be in
-        the frame after to where it is: pixels along x and y of each, (4, n), as Cycles has it.
+    def vector(self, samples: PassSamples) -> Array:
+        """Motion of the hits in the image as in Cycles, (4, n), in pixels along x and y.
+
+        First from here to the place in the frame before, then from the place in the frame after to here.
         """
         if self.wanted.neighbours is None:
             raise ValueError("motion vectors need the frames before and after")
-        geometry, hits = self.scene.geometry, seen.hits
-        now = MotionSample(
-            self.position(seen),
+        geometry, hits = self.scene.geometry, samples.hits
+        motion = MotionSample(
+            self.position(samples),
             geometry.triangles[hits.triangle],
             hits.barycentric,
-            self.parameters(seen),
-            seen.x,
-            seen.y,
+            self.parameters(samples),
+            samples.x,
+            samples.y,
         )
-        before, after = (moved_places(each, geometry.vertices, now) for each in self.wanted.neighbours)
+        before, after = (moved_places(each, geometry.vertices, motion) for each in self.wanted.neighbours)
         pixels = np.reshape(self.size, (2, 1))
         return np.concatenate([before * pixels, -after * pixels])
 
-    def object_index(self, seen: PassSamples) -> Array:
-        """The user's number of the object, (1, n); the scene must know them."""
-        number = self.scene.geometry.object_index[seen.hits.triangle]
+    def object_index(self, samples: PassSamples) -> Array:
+        """The user's number of the object, (1, n); the scene must have them."""
+        number = self.scene.geometry.object_index[samples.hits.triangle]
         return np.array(self.scene.object_index, np.float64).take(number)[None]
 
-    def material_index(self, seen: PassSamples) -> Array:
-        """The user's number of the material, (1, n); the scene must know them."""
-        number = self.scene.geometry.material[seen.hits.triangle]
+    def material_index(self, samples: PassSamples) -> Array:
+        """The user's number of the material, (1, n); the scene must have them."""
+        number = self.scene.geometry.material[samples.hits.triangle]
         return np.array(self.scene.material_index, np.float64).take(number)[None]
 
 
 class PassKind(NamedTuple):
-    """channels: how many; miss: their value where nothing is hit; values: (channels, n) of what is, None
-    where others fill them.
+    """A pass: everything that rendering knows of it.
+
+    channels: count. miss: value where nothing is hit. values: of hits, (channels, n); None for passes of
+    chords and for those that the image's samples make. weighted: whether ``values`` needs barycentric
+    weights. chords: values (n,) of the pass by chords, hit or not.
     """
 
     channels: int
-    miss: float
-    values: Callable[[PassSource, PassSamples], Array] | None
+    miss: float = 0.0
+    values: Callable[[PassSource, PassSamples], Array] | None = None
+    weighted: bool = False
+    chords: Callable[[ChordMap], Array] | None = None
+
+    @property
+    def central(self) -> bool:
+        """Whether the pass shows the projector through the pixel's centre."""
+        return self.values is not None or self.chords is not None
 
 
 PASSES = {
     "DEPTH": PassKind(1, FARTHEST_DEPTH, PassSource.depth),
-    "POSITION": PassKind(3, 0.0, PassSource.position),
-    "NORMAL": PassKind(3, 0.0, PassSource.normal),
-    "UV": PassKind(3, 0.0, PassSource.uv),
-    "PARAMETERS": PassKind(3, 0.0, PassSource.parameters),
+    "POSITION": PassKind(3, values=PassSource.position),
+    "NORMAL": PassKind(3, values=PassSource.normal),
+    "UV": PassKind(3, values=PassSource.uv, weighted=True),
+    "PARAMETERS": PassKind(3, values=PassSource.parameters),
     "PERSPECTIVE_DEPTH": PassKind(1, 1.0, PassSource.perspective_depth),
-    "TANGENT": PassKind(3, 0.0, PassSource.tangent),
-    "VECTOR": PassKind(4, 0.0, PassSource.vector),
-    "CHORD_COUNT": PassKind(1, 0.0, None),
-    "CHORD_ERROR": PassKind(1, 0.0, None),
-    "OBJECT_INDEX": PassKind(1, 0.0, PassSource.object_index),
-    "MATERIAL_INDEX": PassKind(1, 0.0, PassSource.material_index),
+    "TANGENT": PassKind(3, values=PassSource.tangent),
+    "VECTOR": PassKind(4, values=PassSource.vector, weighted=True),
+    "CHORD_COUNT": PassKind(1, chords=lambda chords: chords.count),
+    "CHORD_ERROR": PassKind(1, chords=lambda chords: chords.error),
+    "OBJECT_INDEX": PassKind(1, values=PassSource.object_index),
+    "MATERIAL_INDEX": PassKind(1, values=PassSource.material_index),
 }
-# The pass of a layer of a kind.
-CRYPTO_PASS = "CRYPTO_{}_{:02d}"
-CRYPTO_KINDS = ("OBJECT", "MATERIAL")
 PASSES |= {
-    CRYPTO_PASS.format(kind, layer): PassKind(4, 0.0, None)
-    for kind in CRYPTO_KINDS
-    for layer in range(MOST_LAYERS)
+    CRYPTO_PASS.format(kind, layer): PassKind(4) for kind in CRYPTO_KINDS for layer in range(MOST_LAYERS)
 }
-PASSES |= {name: PassKind(3, LIGHT_MISS.get(name, 0.0), None) for name in LIGHT_PASSES}
+PASSES |= {name: PassKind(3, LIGHT_MISS.get(name, 0.0)) for name in LIGHT_PASSES}
 
 
 def empty_passes(wanted: DataPasses, height: int, width: int) -> dict[str, Single]:
-    """The passes of a picture in which nothing is hit, each (height, width, channels)."""
+    """The passes of an image in which nothing is hit, each (height, width, channels)."""
     return {
         name: np.full((height, width, PASSES[name].channels), PASSES[name].miss, np.float32)
         for name in wanted.names
     }
 
 
-def fill_passes(source: PassSource, seen: PassSamples, where: IndexArray, into: dict[str, Single]) -> None:
-    """Write what is seen at the pixels ``where`` (n,) into the passes of a tile, each (pixels, channels)."""
+def fill_passes(source: PassSource, samples: PassSamples, where: IndexArray, into: dict[str, Single]) -> None:
+    """Write the values of hits at the pixels ``where`` (n,) into a tile's passes (pixels, channels)."""
     for name, pixels in into.items():
         values = PASSES[name].values
         if values is not None:
-            pixels[where] = values(source, seen).T
+            pixels[where] = values(source, samples).T
 
 
-class CryptoPasses:
-    """The cryptomattes of a tile of ``count`` pixels, as its samples are taken."""
-
-    def __init__(self, source: PassSource | None, count: int) -> None:
-        self._source = source
-        self._films: dict[str, CryptoFilm] = {}
-        if source:
-            layers = {kind: source.wanted.crypto_layers(kind) for kind in CRYPTO_KINDS}
-            self._films = {kind: CryptoFilm(count, many) for kind, many in layers.items() if many}
-
-    @property
-    def wanted(self) -> bool:
-        """Whether there are any."""
-        return bool(self._films)
-
-    def add(self, pixel: IndexArray, geometry: Geometry, triangle: IndexArray) -> None:
-        """What samples of the tile's pixels (m,) hit: triangles (m,) of a geometry."""
-        for kind, film in self._films.items():
-            numbers = geometry.object_index if kind == "OBJECT" else geometry.material
-            film.add(pixel, numbers[triangle])
-
-    def develop(self, pixel: IndexArray, samples: Single | float, into: dict[str, Single]) -> None:
-        """Write the layers of pixels (m,) into the passes, each (m, channels)."""
-        for kind, film in self._films.items():
-            if self._source:
-                made = film.develop(pixel, samples, self._source.wanted.identifiers[kind])
-                for layer in range(made.shape[1] // 4):
-                    into[CRYPTO_PASS.format(kind, layer)][:] = made[:, 4 * layer : 4 * layer + 4]
-
-
-def projector_length(spans: SpanBasis, points: Array, t: Array) -> Array:
-    """Length of projectors with control points (K, 3, n) from the near surface to t (n,), (n,)."""
-    nodes, shares = np.polynomial.legendre.leggauss(1 if spans.is_polyline else LENGTH_NODES)
-    length = np.zeros(len(t))
-    for start, end in pairwise(spans.breaks):
-        half = (np.clip(t, start, end) - start) / 2
-        for node, share in zip(nodes, shares, strict=True):
-            _, slopes = spans.weights(start + half * (1 + node))
-            velocity = np.einsum("kn,kcn->cn", slopes, points)
-            length += share * half * np.sqrt(np.einsum("cn,cn->n", velocity, velocity))
-    return length
-
-
-def perspective_depth(volume: ViewingVolume, u: Array, v: Array, t: Array) -> Array:
-    """The depth of linear perspective in place of t, both (n,) in [0, 1] (paper §3.2, after Watt 2000).
-
-    f (1 - d/z) / (f - d), where d, f and z are the distances from the centre of projection to the
-    near and far plane and to the point. A volume at large has no centre; what stands for f/d
-    is how much farther apart its projectors are at the far end, √(|Qu × Qv| far / near). That is
-    f/d for every frustum and 1, which leaves t as it is, for parallel projectors.
-    """
-    near, far = (volume.evaluate(u, v, np.full_like(t, end)) for end in (0.0, 1.0))
-    spread_near, spread_far = (
-        np.sqrt(np.linalg.norm(np.cross(q.du, q.dv, axis=0), axis=0)) for q in (near, far)
-    )
-    # t f / ((1 - t) d + t f), with f and d up to a common factor.
-    whole = (1.0 - t) * spread_near + t * spread_far
-    return np.divide(t * spread_far, whole, out=t.copy(), where=whole > 0.0)
+def fill_chord_passes(chords: ChordMap, inside: IndexArray | None, into: dict[str, Single]) -> None:
+    """Write the passes of chords; inside: the pixels that the passes hold, None for all."""
+    for name, pixels in into.items():
+        if shown := PASSES[name].chords:
+            values = shown(chords)
+            pixels[:, 0] = values if inside is None else values[inside]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes of light: what the picture is the sum of, by the samples and the filter of the picture itself.
+"""Passes of light: the parts that the image is the sum of, with its samples and filter.
 
-Diffuse + specular + emission + environment is the picture. What arrives by mirrors and through glass is
-specular, whatever it comes from; the world's even light on a surface is diffuse. Behind what is only
-transparent the parts stay what they are.
+Diffuse + specular + emission + environment is the image. Light that arrives by mirrors and through glass is
+specular, whatever its source; the world's uniform light on a surface is diffuse. Past transparent surfaces
+the parts stay the same.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from numpy.typing import DTypeLike
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..typing import Single
 
-# Rows of ``LightParts``: four colours, then what arrives of lamps' light and what would without shadows, and
-# the share of light that is taken from shadow catchers.
+# Rows of ``LightParts``: four colours, then the lamps' light that arrives, the same without shadows, and the
+# share of light that shadows take from shadow catchers.
 DIFFUSE, SPECULAR, EMISSION, ENVIRONMENT = (slice(row, row + 3) for row in (0, 3, 6, 9))
 COLORS = 12
 ARRIVED, FULL = 12, 13
 TAKEN = slice(14, 17)
-# Of a film the last rows are their ratio, and what is left.
+# In a film the last rows are the ratio of the two, and the share that shadows leave.
 SHADOW, CAUGHT = slice(COLORS, COLORS + 1), slice(COLORS + 1, COLORS + 4)
 
-# Passes and their rows. The environment is shown behind a transparent film too, as by Cycles.
+# Passes and their rows. A transparent film shows the environment too, as in Cycles.
 LIGHT_PASSES = {
     "DIFFUSE": DIFFUSE,
     "SPECULAR": SPECULAR,
@@ -34,47 +34,47 @@ LIGHT_PASSES = {
     "SHADOW": SHADOW,
     "SHADOW_CATCHER": CAUGHT,
 }
-# Those that are light, not shares of it.
+# The passes that are light, not shares of it.
 EXPOSED = frozenset({"DIFFUSE", "SPECULAR", "EMISSION", "ENVIRONMENT"})
-# Their values where nothing is hit; the background is put there for the environment.
+# Values where nothing is hit, if not 0; the environment has the background there.
 LIGHT_MISS = {"SHADOW": 1.0, "SHADOW_CATCHER": 1.0}
 
 
 class LightParts:
-    """What the colours of ``count`` hits are the sum of. rows: (17, count), see above."""
+    """The parts that the colours of ``count`` hits are the sum of. rows: (17, count), see above."""
 
     def __init__(self, count: int, kind: DTypeLike = np.float32) -> None:
         self.rows = np.zeros((TAKEN.stop, count), kind)
 
     def shine(self, emission: Single, emitted: Single) -> None:
-        """Add light that needs no lamp, each (3, count) or (3, 1): a surface's own, and with the world's."""
+        """Add emission, and ``emitted``: emission with the world's light; each (3, count) or (3, 1)."""
         self.rows[EMISSION] += emission
         self.rows[DIFFUSE] += emitted - emission
 
     def receive(self, full: Single, arrived: Single, color: Single) -> None:
-        """Note irradiance (count,) of a lamp (3,) without shadows and with them."""
+        """Add the irradiance (count,) of a lamp of a colour (3,), without shadows and with them."""
         bright = color.mean()
         self.rows[FULL] += full * bright
         self.rows[ARRIVED] += arrived * bright
 
-    def gather(self, pixel: IndexArray, share: Array, seen: LightParts, sent: BoolArray) -> None:
-        """Add what places (n,) show to those whose ``pixel`` they are.
+    def gather(self, pixel: IndexArray, share: Array, parts: LightParts, on_ray: BoolArray) -> None:
+        """Add the parts of n path states to the pixel samples (n,) that they belong to.
 
-        share: (3, n) of their light. sent: (n,) whether it comes by mirrors or through glass.
+        share: (3, n) of their light. on_ray: (n,) whether it comes by mirrors or through glass.
         """
         count = self.rows.shape[1]
-        light = seen.rows[:COLORS].reshape(4, 3, -1) * share
-        light[1] += sent * (light[0] + light[2] + light[3])
-        light[[0, 2, 3]] *= ~sent
-        # Shadows are those of what the projector itself meets.
-        direct = share.mean(axis=0) * ~sent
+        light = parts.rows[:COLORS].reshape(4, 3, -1) * share
+        light[1] += on_ray * (light[0] + light[2] + light[3])
+        light[[0, 2, 3]] *= ~on_ray
+        # The shadow passes show the surfaces that the projector itself meets.
+        direct = share.mean(axis=0) * ~on_ray
         for row, values in zip(
-            self.rows, (*light.reshape(COLORS, -1), *(seen.rows[COLORS:] * direct)), strict=True
+            self.rows, (*light.reshape(COLORS, -1), *(parts.rows[COLORS:] * direct)), strict=True
         ):
             row += np.bincount(pixel, values, count)
 
     def catch(self, pixel: IndexArray, share: Array, shown: Single, left: Single) -> None:
-        """Add places (n,) that catch shadows, by shares (3, n) of a pixel's light.
+        """Add hits (n,) on shadow catchers, by shares (3, n) of a pixel's light.
 
         shown: (4, n) of the background. left: (3, n), see ``Catchers.left``.
         """
@@ -84,16 +84,16 @@ class LightParts:
         for row, value in zip((*self.rows[ENVIRONMENT], *self.rows[COLORS:]), values, strict=True):
             row += np.bincount(pixel, value, count)
 
-    def miss(self, pixel: IndexArray, light: Array, sent: BoolArray) -> None:
-        """Add the world's light (3, n), seen by places that meet nothing."""
+    def miss(self, pixel: IndexArray, light: Array, on_ray: BoolArray) -> None:
+        """Add the world's light (3, n), seen by paths that miss."""
         count = self.rows.shape[1]
-        for rows, which in ((SPECULAR, sent), (ENVIRONMENT, ~sent)):
+        for rows, which in ((SPECULAR, on_ray), (ENVIRONMENT, ~on_ray)):
             for row, values in zip(self.rows[rows], light * which, strict=True):
                 row += np.bincount(pixel, values, count)
 
 
 class LightFilm:
-    """The sums of n pixels' samples, part by part. background: (3,) radiance."""
+    """The sums of the samples of ``count`` pixels, part by part. background: (3,) radiance."""
 
     def __init__(self, count: int, background: Array) -> None:
         self._sum: Single = np.zeros((CAUGHT.stop, count), np.float32)
@@ -102,11 +102,11 @@ class LightFilm:
 
     @classmethod
     def of(cls, names: Collection[str], count: int, background: Array) -> LightFilm | None:
-        """None where no pass asks for it."""
+        """The film of the passes of these names; None without light passes."""
         return None if LIGHT_PASSES.keys().isdisjoint(names) else cls(count, background)
 
     def add(self, pixel: IndexArray, shown: BoolArray, hit: IndexArray, parts: LightParts) -> None:
-        """One sample of the pixels (m,). shown, hit: as in ``AdaptiveFilm.add``. parts: of the hits."""
+        """Add one sample of the pixels (m,). shown, hit: as in ``AdaptiveFilm.add``. parts: of the hits."""
         sample = self._empty * shown
         arrived, full = parts.rows[ARRIVED], parts.rows[FULL]
         sample[COLORS:] = 1.0
@@ -116,6 +116,6 @@ class LightFilm:
         self._sum[:, pixel] += sample
 
     def develop(self, pixel: IndexArray, samples: Single | float, into: dict[str, Single]) -> None:
-        """Write the means of pixels (m,), of so many samples, into the passes (m, 3) that are there."""
+        """Write the means of pixels (m,), of so many samples, into those passes (m, 3) that are wanted."""
         for name in into.keys() & LIGHT_PASSES.keys():
             into[name][:] = (self._sum[LIGHT_PASSES[name]][:, pixel] / samples).T

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion vectors through a volume: where in the picture what is hit was and will be."""
+"""Motion vectors through a volume: the places of hits in the images of neighbouring frames."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from ...projection.volume.viewing_volume import Projection
 
 
 class Neighbour(NamedTuple):
-    """The frame before or after. projection: in world space. vertices: (V, 3) of the same triangles as
-    this frame's, None where they are others: then only the volume's motion is known.
+    """The frame before or after.
+
+    projection: in world space. vertices: (V, 3) of the same triangles as this frame's; None where the
+    triangles differ, and only the volume's motion is known.
     """
 
     projection: Projection
@@ -23,8 +25,10 @@ class Neighbour(NamedTuple):
 
 
 class MotionSample(NamedTuple):
-    """N hits as they are now: position (3, N), world; their triangles' vertex numbers (N, 3) and weights of
-    second and third corner (2, N); u, v, t and x, y (N,).
+    """N hits in this frame.
+
+    position: (3, N) in world space. corners: (N, 3) vertex numbers of their triangles. weight: (2, N) of the
+    second and third corner. parameters: (3, N) u, v and t. x, y: (N,) image positions.
     """
 
     position: Array
@@ -35,19 +39,19 @@ class MotionSample(NamedTuple):
     y: Array
 
 
-def moved_places(neighbour: Neighbour, vertices: Array, now: MotionSample) -> Array:
-    """How far hits are away in a neighbouring frame's picture, (2, N), in shares of its width and height.
+def moved_places(neighbour: Neighbour, vertices: Array, motion: MotionSample) -> Array:
+    """The shift of hits to their places in a neighbouring frame's image, (2, N), in shares of its size.
 
-    vertices: (V, 3) of this frame. The search starts from where they are now, so that in a folded
-    volume a hit is followed through the sheet that it is in, and a little beyond the picture. 0 for
-    what the other frame's volume does not hold.
+    vertices: (V, 3) of this frame. The search starts from the places in this frame, so that in a folded
+    volume a hit is followed through its own sheet, and a little beyond the image. 0 for hits outside the
+    other frame's volume.
     """
-    points = now.position
+    points = motion.position
     if neighbour.vertices is not None:
-        points = points + _shift(neighbour.vertices, vertices, now.corners, now.weight)
+        points = points + _shift(neighbour.vertices, vertices, motion.corners, motion.weight)
     projection = neighbour.projection
     ranges = projection.u_range, projection.v_range
-    found = follow(projection.volume, points, now.parameters, *ranges)
+    found = follow(projection.volume, points, motion.parameters, *ranges)
     places = np.stack([found.u, found.v])
     lost = np.flatnonzero(~found.found)
     if len(lost):
@@ -57,12 +61,12 @@ def moved_places(neighbour: Neighbour, vertices: Array, now: MotionSample) -> Ar
     x, y = projection.reparameterisation.image_positions(
         (places[0] - u0) / (u1 - u0), (places[1] - v0) / (v1 - v0), projection.aspect
     )
-    away = np.stack([x - now.x, y - now.y])
+    away = np.stack([x - motion.x, y - motion.y])
     return np.where(np.isfinite(away), away, 0.0)
 
 
 def _shift(after: Array, before: Array, corners: IndexArray, weight: Array) -> Array:
-    """How far points of triangles have moved, (3, N)."""
+    """The motion of points of triangles, (3, N)."""
     first, second, third = ((after[k] - before[k]).T for k in corners.T)
     shift: Array = first + (second - first) * weight[0] + (third - first) * weight[1]
     return shift

@@ -10,7 +10,8 @@ from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.basis import span_basis
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.passes.data_passes import DataPasses, perspective_depth, projector_length
+from scfpf_addon.shading.passes.data_passes import DataPasses
+from scfpf_addon.shading.passes.depths import perspective_depth, projector_length
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
 
 NAMES = ("DEPTH", "POSITION", "NORMAL", "UV", "PARAMETERS", "PERSPECTIVE_DEPTH", "TANGENT")
