@@ -77,7 +77,9 @@ class BlenderKind:
 
     @cached_property
     def parameters(self) -> tuple[Input, ...]:
-        """The inputs that define the surface."""
+        """The inputs that define the surface; none if no node group makes it."""
+        if not isinstance(self.record, ParametricKind):
+            return ()
         return tuple(
             Input(
                 one.label,
@@ -170,6 +172,18 @@ def _disc_handles(nodes, given) -> None:
     _dial(nodes, "Arc", given["arc"], FACING, given["radius"], "PRIMARY")
 
 
+def _dish(nodes, u, v, given):
+    disc = nodes.node("ShaderNodeSeparateXYZ", "Disk", {"Vector": _disc(nodes, u, v, given)})
+    rise = nodes.math("MULTIPLY", nodes.math("MULTIPLY", v, v), given["depth"], "Z")
+    return nodes.vector(disc.outputs["X"], disc.outputs["Y"], rise, "Paraboloid")
+
+
+def _dish_handles(nodes, given) -> None:
+    _arrow(nodes, "Radius", given["radius"], (given["radius"], 0.0, given["depth"]), ACROSS, "X")
+    _arrow(nodes, "Depth", given["depth"], (given["radius"], 0.0, given["depth"]), FACING, "Z")
+    _dial(nodes, "Arc", given["arc"], FACING, given["radius"], "PRIMARY")
+
+
 def _cylinder(nodes, u, v, given):
     y = nodes.centred(v, given["height"], "Y")
     return _about_y(nodes, u, given["radius"], y, given["arc"], "Cylinder")
@@ -241,6 +255,14 @@ BLENDER_KINDS = {
         ),
         _blender_kind("CONE", 6, "MESH_CONE", display=_ROUND, formula=_cone, handles=_cone_handles),
         _blender_kind("SPHERE", 7, "MESH_UVSPHERE", display=_BALL, formula=_sphere, handles=_sphere_handles),
+        _blender_kind(
+            "PARABOLOID",
+            12,
+            "SURFACE_NSPHERE",
+            display=_BALL,
+            formula=_dish,
+            handles=_dish_handles,
+        ),
         _blender_kind("GRID", 8, "MESH_GRID"),
         _blender_kind("UV_MESH", 9, "UV"),
         _blender_kind("NURBS", 10, "SURFACE_NSURFACE", object_type="SURFACE", module=nurbs_object),

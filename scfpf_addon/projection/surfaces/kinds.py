@@ -17,7 +17,18 @@ import numpy as np
 from ..file_values import LENGTH, Limit
 from ..typing import Array
 from .nurbs import NurbsAxis, NurbsPatch
-from .surface import BilinearPatch, Cone, ControlSurface, Cylinder, Disc, Grid, Plane, Point, SphereSector
+from .surface import (
+    BilinearPatch,
+    Cone,
+    ControlSurface,
+    Cylinder,
+    Disc,
+    Grid,
+    Paraboloid,
+    Plane,
+    Point,
+    SphereSector,
+)
 from .uv_chart import UVChart
 from .uv_mesh import UVMesh
 
@@ -280,6 +291,22 @@ _KINDS = (
         fill=lambda space: {"radius": space.radius, "arc": space.arc},
         turns_about_y=True,
         problem=_sphere_problem,
+    ),
+    ParametricKind(
+        key="PARABOLOID",
+        title="Paraboloid",
+        text="A dish about the Z axis, open towards +Z: u turns about the axis, v runs outwards",
+        parameters=(
+            Parameter("radius", "Distance from the axis at v = 1", LENGTH, "XY"),
+            _ARC,
+            Parameter("depth", "Extent along the axis from the vertex to v = 1", LENGTH, "Z"),
+        ),
+        surface=Paraboloid,
+        mirrors={"U": Mirror(_about_middle_of_arc)},
+        fill=lambda space: {
+            "radius": max(space.width, space.height) / 2,
+            "depth": max(space.width, space.height) / 4,
+        },
     ),
     SurfaceKind(
         key="GRID",

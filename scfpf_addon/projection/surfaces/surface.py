@@ -237,6 +237,35 @@ class Disc(ControlSurface):
 
 
 @dataclass(frozen=True)
+class Paraboloid(ControlSurface):
+    """A paraboloid about +Z with its vertex at the origin: u turns through ``arc`` from +X, v is the radius.
+
+    It opens towards +Z up to ``depth``; its focus is at z = radius² / (4 depth).
+    """
+
+    radius: float = 1.0
+    arc: float = 2 * np.pi
+    depth: float = 0.5
+
+    def local(self, u: Array, v: Array) -> SurfaceSample:
+        """See ControlSurface.local."""
+        angle = self.arc * u
+        cos, sin, zero = np.cos(angle), np.sin(angle), np.zeros_like(u)
+        r = self.radius * v
+        return self._whole(
+            _rows(r * cos, r * sin, self.depth * v * v),
+            self.arc * _rows(-r * sin, r * cos, zero),
+            _rows(self.radius * cos, self.radius * sin, 2.0 * self.depth * v),
+        )
+
+    def local_hull(self) -> Array:
+        """See ControlSurface.local_hull."""
+        hull = _box(self.radius, self.radius, 0.5 * self.depth)
+        hull[2] += 0.5 * self.depth
+        return hull
+
+
+@dataclass(frozen=True)
 class Cone(ControlSurface):
     """A cone about +Y. u turns through ``arc`` with -Z in the middle (u = ½).
 

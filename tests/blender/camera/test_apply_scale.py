@@ -46,6 +46,7 @@ def camera_with(addon):
         ("CYLINDER", (2, 3, -2)),
         ("CONE", (-2, 0.5, 2)),
         ("SPHERE", (2, 2, -2)),
+        ("PARABOLOID", (-2, 2, 3)),
     ],
 )
 def test_a_scale_becomes_sizes(camera_with, shown, kind, scale):

@@ -180,15 +180,20 @@ MIXED = {
         ("CYLINDER", {"radius": 1.0, "arc": 6.2831853, "height": 1.0}),
         ("CONE", {"radius_start": 6.0, "radius_end": 4.0, "arc": 6.2831853, "height": 6.0}),
     ],
+    "disk and dish": [
+        ("DISC", {"radius": 0.5, "arc": 2.0}),
+        ("PARABOLOID", {"radius": 4.0, "arc": 2.0, "depth": 3.0}, -6.0),
+    ],
 }
 
 
 @pytest.mark.parametrize("name", MIXED)
 def test_curved_kinds_are_exact_from_their_parameters(addon, scanline, flexible, camera, remapped, name):
-    for kind, parameters in MIXED[name]:
+    for kind, parameters, *z in MIXED[name]:
         # A drawing this coarse would be off by a tenth of the radius.
         drawing = {} if kind == "POINT" else {"resolution_u": 6, "resolution_v": 2}
-        flexible.add_surface(camera, kind, parameters=parameters | drawing)
+        surface = flexible.add_surface(camera, kind, parameters=parameters | drawing)
+        surface.location.z = sum(z)
     check_volume(addon, scanline, camera, remapped, 5)
 
 

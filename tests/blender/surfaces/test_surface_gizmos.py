@@ -12,6 +12,7 @@ HANDLES = {
     "CYLINDER": {"Radius": "Linear", "Arc": "Dial", "Height": "Linear"},
     "CONE": {"Radius Start": "Linear", "Radius End": "Linear", "Arc": "Dial", "Height": "Linear"},
     "SPHERE": {"Radius": "Linear", "Arc": "Dial", "Latitude Start": "Dial", "Latitude End": "Dial"},
+    "PARABOLOID": {"Radius": "Linear", "Arc": "Dial", "Depth": "Linear"},
 }
 # How far along its handle a parameter's edge moves for a unit of the parameter.
 HALVES = {("PLANE", "Width"), ("PLANE", "Height"), ("CYLINDER", "Height"), ("CONE", "Height")}
@@ -73,9 +74,9 @@ def test_a_handle_stands_on_the_surface_and_goes_with_it(nodes, addon, kind):
         key = label.lower().replace(" ", "_")
         place = at(gizmo.inputs["Position"], values)
         direction = np.array(gizmo.inputs["Direction"].default_value)
-        u = np.array([1.0 if label == "Width" else 0.0 if kind == "DISC" else 0.5])
+        u = np.array([1.0 if label == "Width" else 0.0 if kind in {"DISC", "PARABOLOID"} else 0.5])
         v = np.array([{"Height": 1.0, "Radius End": 1.0, "Radius Start": 0.0}.get(label, 0.5)])
-        if kind == "DISC":
+        if kind in {"DISC", "PARABOLOID"}:
             v[:] = 1.0
         if kind == "SPHERE":
             start, end = values["latitude_start"], values["latitude_end"]

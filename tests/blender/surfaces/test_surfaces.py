@@ -14,6 +14,7 @@ PARAMETERS = {
     "CYLINDER": {"radius": 2.5, "arc": 3.0, "height": 1.4},
     "CONE": {"radius_start": 0.4, "radius_end": 2.0, "arc": 5.5, "height": 3.0},
     "SPHERE": {"radius": 1.7, "arc": 2.5, "latitude_start": -0.6, "latitude_end": 1.2},
+    "PARABOLOID": {"radius": 1.3, "arc": 4.5, "depth": 2.1},
 }
 
 

@@ -31,6 +31,7 @@ SURFACES = {
     "CYLINDER": {"radius": 2, "arc_degrees": 90, "height": 4},
     "CONE": {"radius_start": 0, "radius_end": 2, "arc_degrees": 120, "height": 4},
     "SPHERE": {"radius": 2, "arc_degrees": 90, "latitude_start_degrees": -30, "latitude_end_degrees": 45},
+    "PARABOLOID": {"radius": 2, "arc_degrees": 180, "depth": 3},
     "GRID": {"points": [[[0, 0, 0], [1, 0, 0], [2, 0, 1]], [[0, 1, 0], [1, 1, 0], [2, 1, 1]]]},
     "NURBS": {
         "points": [[[x, y, x * y, 1 + y] for x in range(4)] for y in range(3)],

@@ -10,11 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scfpf_addon.projection.surfaces.kinds import PARAMETRIC_KINDS
 from scfpf_addon.projection.surfaces.surface import (
     BilinearPatch,
     Cone,
     Cylinder,
     Disc,
+    Paraboloid,
     Plane,
     Point,
     SphereSector,
@@ -46,6 +48,10 @@ def patch(s, u, v):
 
 def disc(s, u, v):
     return s.radius * v * mpmath.cos(s.arc * u), s.radius * v * mpmath.sin(s.arc * u), mpmath.mpf(0)
+
+
+def paraboloid(s, u, v):
+    return *disc(s, u, v)[:2], s.depth * v * v
 
 
 def about_y(s, radius, y, u):
@@ -80,6 +86,7 @@ KINDS = {
         ),
         patch,
     ),
+    "paraboloid": (st.builds(Paraboloid, radius=size, arc=angle, depth=size), paraboloid),
     "disc": (st.builds(Disc, radius=size, arc=angle), disc),
     "cone": (st.builds(Cone, radius_start=size, radius_end=size, arc=angle, height=size), cone),
     "cylinder": (st.builds(Cylinder, radius=size, arc=angle, height=size), cylinder),
@@ -88,6 +95,10 @@ KINDS = {
         sphere,
     ),
 }
+
+
+def test_every_parametric_kind_has_a_definition():
+    assert set(PARAMETRIC_KINDS) <= {name.upper() for name in KINDS}
 
 
 @pytest.mark.parametrize("kind", KINDS)

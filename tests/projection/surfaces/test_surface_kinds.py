@@ -12,6 +12,7 @@ from scfpf_addon.projection.surfaces.surface import (
     Cylinder,
     Disc,
     Grid,
+    Paraboloid,
     Plane,
     Point,
     SphereSector,
@@ -43,6 +44,7 @@ surfaces = st.one_of(
     st.builds(Cone, radius_start=size, radius_end=size, arc=angle, height=size),
     st.builds(Cylinder, radius=size, arc=angle, height=size),
     st.builds(SphereSector, radius=size, arc=angle, latitude_start=st.just(-1.2), latitude_end=st.just(1.4)),
+    st.builds(Paraboloid, radius=size, arc=angle, depth=size),
     st.builds(random_grid, seeds),
 )
 
@@ -109,6 +111,14 @@ def test_closed_forms():
             np.testing.assert_allclose(at(Grid(points), column / 3, row / 2), points[row, column], atol=1e-15)
 
 
+@given(size, angle, size, st.floats(0, 1), st.floats(0, 1))
+def test_a_paraboloid_is_as_far_from_its_focus_as_from_its_directrix(radius, arc, depth, u, v):
+    focal_length = radius**2 / (4 * depth)
+    x, y, z = at(Paraboloid(radius, arc, depth), u, v)
+    assert np.hypot(np.hypot(x, y), z - focal_length) == pytest.approx(z + focal_length, rel=1e-12)
+    assert np.hypot(x, y) == pytest.approx(radius * v, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     "surface", [Plane(2, 2), BilinearPatch(), Cylinder(2, np.pi, 2), Cone(2, 3, np.pi, 2), SphereSector(2)]
 )
@@ -123,6 +133,7 @@ def test_derivatives_vanish_where_a_surface_is_a_point():
     assert not Point().evaluate(u, u).du.any() and not Point().evaluate(u, u).dv.any()
     np.testing.assert_allclose(SphereSector(2).evaluate(u, np.ones(2)).du, 0, atol=1e-15)
     assert not Disc(2).evaluate(u, np.zeros(2)).du.any()
+    assert not Paraboloid(2).evaluate(u, np.zeros(2)).du.any()
 
 
 def test_a_grid_line_takes_the_cell_to_its_right_and_above():
