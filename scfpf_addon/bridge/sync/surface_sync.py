@@ -137,7 +137,8 @@ def hide_with_cameras(scene, view_layer, cameras: Iterable) -> None:
     cameras: all of the file. This sets the eye, as H does. Linked surfaces stay unchanged.
     """
     shown: dict = {}
-    layers = _layers(view_layer.layer_collection)
+    # Without the scene's own collection: it cannot be hidden, yet in new scenes it is not marked visible.
+    layers = _layers(view_layer.layer_collection)[1:]
     hidden = {layer.collection.session_uid for layer in layers if not layer.is_visible}
     for camera in cameras:
         if not holds(view_layer.objects, camera):

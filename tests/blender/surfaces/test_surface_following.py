@@ -123,6 +123,25 @@ def test_alt_h_shows_the_surfaces_and_selects_none_that_cannot_be(camera):
     assert not any(slot.object.select_get() for slot in bpy.data.objects[CAMERA].scfpf.surfaces)
 
 
+def test_surfaces_are_shown_in_a_new_scene_without_collections():
+    """Blender does not mark the scene collection of a new scene as visible."""
+    with windowed():
+        bpy.context.window.scene = bpy.data.scenes.new("New")
+        run(bpy.ops.scfpf.camera_add)
+        run(bpy.ops.scfpf.surface_add, kind="PLANE")
+        surfaces = [slot.object for slot in bpy.context.scene.camera.scfpf.surfaces]
+        assert [surface.hide_get() for surface in surfaces] == [False] * 3
+        child = bpy.data.collections.new("Child")
+        bpy.context.scene.collection.children.link(child)
+        camera = bpy.context.scene.camera
+        child.objects.link(camera)
+        bpy.context.scene.collection.objects.unlink(camera)
+        bpy.context.view_layer.update()
+        bpy.context.view_layer.layer_collection.children["Child"].hide_viewport = True
+        bpy.context.view_layer.update()
+        assert [surface.hide_get() for surface in surfaces] == [True] * 3
+
+
 def test_what_the_artist_has_hidden_stays_hidden(camera):
     near, far = (slot.object for slot in camera.scfpf.surfaces)
     near.hide_set(True)
