@@ -8,18 +8,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RenderReport:
-    """Figures of one frame.
+    """The figures of a frame.
 
-    seconds: everything; build_seconds: the part spent preparing the scene. straight:
-    whether a projector is one straight line. projectors: how many were cast, one a
-    sample where the image shows something; chords: straight pieces they were cut into
-    where the scene is; rays: all that were traced for them, shadow rays not counted.
-    hit_fraction: of the projectors, in [0, 1]. error_bound: pixels between a projector
-    and its chords, at most. folded_share: of the volume shown, that is turned inside out, so
-    that its picture is mirrored (``projection.folds``). mirrored: whether the picture of
-    the rest is. exact: whether hits are those of the curves themselves; tests: curves met with
-    triangles for that. triangles: of the scene; built: those that the volume can meet.
-    peak_memory: bytes, the most that the whole process has held so far; 0: not known.
+    seconds: in all. build_seconds: the part that prepared the scene. straight: whether a projector is one
+    straight line. projectors: number cast, one a sample where the image shows anything. chords: their
+    straight pieces within the scene. rays: all traced for them, without shadow rays. hit_fraction: share of
+    the projectors that hit, in [0, 1]. error_bound: largest distance between a projector and its chords,
+    pixels. folded_share: share of the volume shown that is turned inside out, with a mirrored image
+    (``projection.volume.folds``). mirrored: whether the image of the rest is mirrored. exact: whether hits
+    are those of the curves themselves. tests: intersections of curves and triangles for that. triangles: of
+    the scene. built: those that the volume can meet. peak_memory: the most bytes that the whole process has
+    held so far; 0 if unknown.
     """
 
     width: int
@@ -51,7 +50,7 @@ class RenderReport:
         return self.folded_share > 0.0
 
     def outcome(self) -> str:
-        """Size and time of the image, and what is unusual about it, separated by " · "."""
+        """Size and time of the image, and warnings, separated by " · "."""
         parts = [f"{self.width}×{self.height} in {self.seconds:.2f} s"]
         if not self.projectors:
             parts.append("nothing to cast at")
@@ -62,7 +61,7 @@ class RenderReport:
         return " · ".join(parts)
 
     def statistics(self) -> str:
-        """Rays, chords, error, triangles and memory, separated by " · "; empty without any."""
+        """Rays, chords, error, triangles and memory, separated by " · "; empty if none is known."""
         parts = []
         if self.projectors:
             parts.append(f"{_short(self.rays)} rays")
@@ -86,7 +85,7 @@ class RenderReport:
 
 
 def _short(count: int) -> str:
-    """1234567 as 1.2 M."""
+    """Abbreviate a number: 1234567 is 1.2 M."""
     for size, unit in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if count >= size:
             return f"{count / size:.1f} {unit}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a thing in the scene to its place in the picture: ``pick`` the other way round."""
+"""From an object to its place in the image: the inverse of ``pick``."""
 
 from __future__ import annotations
 
@@ -9,28 +9,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...casting.cast import cast
-from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.inverse import ImagePlaces, find_in_image
 from ...projection.volume.viewing_volume import Projection
-from ..lights.ray_visibility import seen_directly
 from ..scene.shading_scene import Scene
-from .pick import PIXEL_ERROR
+from .pick import PIXEL_ERROR, object_name, visible_scene
 
-# Of a thing with more points these are looked up: the outermost in so many directions, and so many others.
+# Of an object with more points these are looked up: the outermost in so many directions, and so many others.
 DIRECTIONS, OTHERS = 96, 300
-# A hit this much before a point, in t, hides it; what is nearer is the thing's own face or its rounding.
+# A hit this much before a point, in t, hides it; a nearer one is the object's own face.
 HIDING_STEP = 1e-6
 
 
 @dataclass(frozen=True)
 class Found:
-    """Where a thing is in the picture.
+    """The place of an object in the image.
 
-    box: left, lower, right and upper border of what is in the picture, shares of it.
-    centre: (x, y) of its middle, or of the shown point nearest to that. shown: share of the points
-    looked up that are in the picture. hidden: share of these with something else before them. hider:
-    name of what hides most, empty if nothing does.
+    box: left, lower, right and upper border of its visible part, shares of the image. centre: (x, y) of its
+    middle, or of the nearest point in the image. shown: share of the points looked up that are in the image.
+    hidden: share of these behind other objects. hider: name of the object that hides most, or empty.
     """
 
     box: tuple[float, float, float, float]
@@ -41,7 +38,7 @@ class Found:
 
 
 def points_of(scene: Scene, names: Collection[str]) -> Array:
-    """The vertices of the objects of these names, (3, N); none for what has no faces."""
+    """The vertices of the objects of these names, (3, N), without those of objects without faces."""
     geometry = scene.geometry
     own = _own(scene, names)
     vertices = np.unique(geometry.triangles[own[geometry.object_index]])
@@ -55,10 +52,10 @@ def find(
     names: Collection[str],
     pixel_size: tuple[float, float],
 ) -> Found | None:
-    """Where a thing is in the picture; None if all of it is outside.
+    """Find an object in the image; None if all of it is outside.
 
-    projection: in the scene's space. points: (3, N), N >= 1, of the thing. names: of the objects that
-    do not hide it: itself. pixel_size: as for ``pick``. Raises CastError.
+    projection: in the scene's space. points: (3, N), N >= 1, of the object. names: of the objects that
+    cannot hide it: its own. pixel_size: as for ``pick``. Raises CastError.
     """
     middle = (points.min(axis=1) + points.max(axis=1)) / 2
     some = np.concatenate([middle[:, None], _some(points)], axis=1)
@@ -71,24 +68,24 @@ def find(
         nearest = 0
     else:
         nearest = inside[np.argmin(np.linalg.norm(some[:, inside] - middle[:, None], axis=0))]
-    seen = ImagePlaces(x, y, place.t[inside], place.found[inside])
-    hidden, hider = _hidden(projection, scene, seen, names, pixel_size)
+    shown = ImagePlaces(x, y, place.t[inside], place.found[inside])
+    hidden, hider = _hidden(projection, scene, shown, names, pixel_size)
     return Found(
-        (float(x.min()), float(y.min()), float(x.max()), float(y.max())),
-        (float(place.x[nearest]), float(place.y[nearest])),
-        len(inside) / (some.shape[1] - 1),
-        hidden,
-        hider,
+        box=(float(x.min()), float(y.min()), float(x.max()), float(y.max())),
+        centre=(float(place.x[nearest]), float(place.y[nearest])),
+        shown=len(inside) / (some.shape[1] - 1),
+        hidden=hidden,
+        hider=hider,
     )
 
 
 def _own(scene: Scene, names: Collection[str]) -> BoolArray:
-    """Whether each object of the scene has one of these names; one entry more, so that none is no error."""
+    """Whether each object of the scene has one of these names; one entry more, for misses."""
     return np.array([*(name in names for name in scene.geometry.object_names), False])
 
 
 def _some(points: Array) -> Array:
-    """All points, or of many the outermost ones and some more."""
+    """All points; of many the outermost ones and some more."""
     count = points.shape[1]
     if count <= DIRECTIONS + OTHERS:
         return points
@@ -107,19 +104,15 @@ def _hidden(
     names: Collection[str],
     pixel_size: tuple[float, float],
 ) -> tuple[float, str]:
-    """The share of the points that something else is before, and what that mostly is."""
-    geometry = scene.geometry
-    if not len(geometry.triangles):
-        return 0.0, ""
-    cast_scene = seen_directly(geometry, CastScene(geometry.vertices, geometry.triangles))
+    """The share of the points behind other objects, and the name of the one that hides most."""
+    cast_scene = visible_scene(scene)
     if cast_scene is None:
         return 0.0, ""
     moved = projection.transformed(cast_scene.matrix)
     hits = cast(cast_scene, moved, place.x, place.y, pixel_size, PIXEL_ERROR)
-    met = geometry.object_index[hits.triangle]
+    met = scene.geometry.object_index[hits.triangle]
     hiding = (hits.triangle >= 0) & ~_own(scene, names)[met] & (hits.t < place.t - HIDING_STEP)
     if not hiding.any():
         return 0.0, ""
     most = int(np.bincount(met[hiding]).argmax())
-    name = geometry.object_names[most] if most < len(geometry.object_names) else ""
-    return float(hiding.mean()), name
+    return float(hiding.mean()), object_name(scene, most)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From an image position to the thing that it shows."""
+"""From an image position to the object that it shows."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from ...projection.volume.viewing_volume import Projection
 from ..lights.ray_visibility import seen_directly
 from ..scene.shading_scene import Scene
 
-# Pixels that the hit may be off at a silhouette: one projector can be followed finely.
+# Error of the hit at a silhouette, in pixels; small, as it is one projector only.
 PIXEL_ERROR = 1e-3
-# Straight pieces in which the length of a projector is measured; the error falls with their square.
+# Straight pieces that approximate the length of a projector; the error falls with their square.
 LENGTH_PIECES = 512
 
 
@@ -25,9 +25,9 @@ class Pick:
     """The projector through an image position.
 
     curve: (LENGTH_PIECES + 1, 3) float64, from the near to the far surface, evenly in t.
-    t: of the first hit, in [0, 1], None if nothing is hit; the rest is then empty or 0.
-    position: (3,) of the hit. object_name: of what was hit. distance: along the
-    projector from the near surface to the hit, in the lengths of the projection's space.
+    t: of the first hit, in [0, 1]; None on a miss, where the other fields are empty or 0. position: (3,) of
+    the hit. object_name: of the object hit. distance: along the projector from the near surface to the hit,
+    in units of the projection's space.
     """
 
     curve: Array
@@ -40,7 +40,7 @@ class Pick:
 def pick(
     projection: Projection, scene: Scene, x: float, y: float, pixel_size: tuple[float, float]
 ) -> Pick | None:
-    """What the image shows at (x, y), each in [0, 1], origin bottom-left; None where there is no projector.
+    """Pick at (x, y), each in [0, 1], origin bottom-left; None where there is no projector.
 
     projection: in the scene's space. pixel_size: a pixel's width and height as shares
     of the image. Raises CastError.
@@ -59,10 +59,7 @@ def pick(
 
     curve = curve_at(np.linspace(0.0, 1.0, LENGTH_PIECES + 1))
     miss = Pick(curve, None, np.zeros(3), "", 0.0)
-    geometry = scene.geometry
-    if not len(geometry.triangles):
-        return miss
-    cast_scene = seen_directly(geometry, CastScene(geometry.vertices, geometry.triangles))
+    cast_scene = visible_scene(scene)
     if cast_scene is None:
         return miss
     hits = cast(cast_scene, projection.transformed(cast_scene.matrix), *where, pixel_size, PIXEL_ERROR)
@@ -72,6 +69,19 @@ def pick(
     t = float(hits.t[0])
     way = curve_at(np.linspace(0.0, t, LENGTH_PIECES + 1))
     distance = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
-    number = int(geometry.object_index[triangle])
-    name = geometry.object_names[number] if number < len(geometry.object_names) else ""
+    name = object_name(scene, int(scene.geometry.object_index[triangle]))
     return Pick(curve, t, way[-1], name, distance)
+
+
+def visible_scene(scene: Scene) -> CastScene | None:
+    """The triangles that projectors can hit; None for none. Raises CastError."""
+    geometry = scene.geometry
+    if not len(geometry.triangles):
+        return None
+    return seen_directly(geometry, CastScene(geometry.vertices, geometry.triangles))
+
+
+def object_name(scene: Scene, number: int) -> str:
+    """The name of an object of the scene, empty if unknown."""
+    names = scene.geometry.object_names
+    return names[number] if number < len(names) else ""

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Samples where they are needed: pixels that are still uncertain get more, the others none.
+"""Adaptive sampling: pixels that are still uncertain get more samples.
 
-All of a tile is looked at, and a row more on either side, whatever part of it a border asks for: what a
-pixel gets depends on the whole image only.
+All pixels of a tile take part, and a row more on either side, whatever part of it the border holds: the
+samples of a pixel depend on the whole image only.
 """
 
 from __future__ import annotations
@@ -15,19 +15,21 @@ import numpy as np
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..typing import Single
 
-# Projectors that are cast at once, at most.
+# The most projectors that are cast at once.
 BATCH = 1 << 16
-# Light below which a difference counts no more for being dark.
+# Darker pixels tolerate the same error as pixels of this brightness.
 DARK = 1e-3
-# The mean of n points of a Sobol sequence errs by n to minus this of what single ones do where an edge
-# crosses the pixel (Mitchell 1996).
+# Where an edge crosses the pixel, the error of the mean of n Sobol points is n to minus this times that of
+# one point (Mitchell 1996).
 CONVERGENCE = 0.75
 
 
 @dataclass(frozen=True)
 class Adaptive:
-    """threshold: the error of a pixel that is left as it is, a share of the square root of its
-    brightness. least: samples that every pixel gets. Raises ValueError.
+    """The settings of adaptive sampling.
+
+    threshold: tolerated error of a pixel, a share of the square root of its brightness, > 0. least: samples
+    of every pixel, >= 2. Raises ValueError.
     """
 
     threshold: float = 0.01
@@ -39,9 +41,10 @@ class Adaptive:
 
 
 class AdaptiveFilm:
-    """The sums of n pixels' samples, of their differences to the first one, and of these squared.
+    """A film whose pixels have different numbers of samples.
 
-    transparent, background: as for ``Film``.
+    It sums the differences of samples to the pixel's first one, and their squares. The parameters are those
+    of ``Film``.
     """
 
     def __init__(self, count: int, background: Array, transparent: bool) -> None:
@@ -54,9 +57,10 @@ class AdaptiveFilm:
             self._empty[:] = (*background, 1)
 
     def add(self, pixel: IndexArray, shown: BoolArray, hit: IndexArray, color: Single) -> None:
-        """One sample of the pixels (m,), of each or of none of which it is the first.
+        """Add one sample of the pixels (m,): the first of all of them, or of none.
 
-        shown: (m,), hit: (k,) and color: (3, k) or (4, k) as in ``Film.add``, ``hit`` counting in ``pixel``.
+        shown: (m,), hit: (k,) and color: (3, k) or (4, k) as in ``Film.add``; ``hit`` are indices into
+        ``pixel``.
         """
         value = self._empty[:, None] * shown
         value[3, hit] = 1
@@ -71,7 +75,7 @@ class AdaptiveFilm:
         self._samples[pixel] += 1
 
     def uncertain(self, pixel: IndexArray, threshold: float) -> BoolArray:
-        """Whether the means of pixels (m,) are expected to err by more than the threshold."""
+        """Whether the expected errors of the means of pixels (m,) exceed the threshold."""
         count = self._samples[pixel]
         mean = self._sum[:, pixel] / count
         squared = np.maximum(self._squares[:, pixel] / count - mean * mean, 0)
@@ -84,21 +88,21 @@ class AdaptiveFilm:
         return uncertain
 
     def samples(self, pixel: IndexArray) -> Single:
-        """How many pixels (m,) have."""
+        """The numbers of samples of pixels (m,)."""
         return self._samples[pixel]
 
     def develop(self, pixel: IndexArray, into: Single) -> None:
-        """Write the means of pixels (m,) into ``into`` (m, 4): premultiplied by alpha."""
+        """Write the means of pixels (m,) into ``into`` (m, 4), premultiplied by alpha."""
         into[:] = (self._first[:, pixel] + self._sum[:, pixel] / self._samples[pixel]).T
 
 
 def margin(rows: slice, height: int) -> slice:
-    """The rows with one more on either side, where the image has one."""
+    """The rows with one more on either side, within the image."""
     return slice(max(rows.start - 1, 0), min(rows.stop + 1, height))
 
 
 def with_neighbours(chosen: BoolArray) -> BoolArray:
-    """Pixels (H, W) that are chosen or touch one that is."""
+    """Pixels (H, W) that are chosen or touch a chosen one."""
     wide = chosen.copy()
     wide[1:] |= chosen[:-1]
     wide[:-1] |= chosen[1:]

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reconstruction filters, by where samples are placed: all count the same, and lie where the filter is high.
+"""Reconstruction filters by importance sampling: samples of equal weight, denser where the filter is high.
 
-So a pixel is made of its own samples alone, however wide its filter is, and
-a border or a tile needs no margin for it (Ernst, Stamminger and Greiner 2006).
+A pixel is the mean of its own samples however wide its filter is, so that borders and tiles need no margin
+(Ernst, Stamminger and Greiner 2006).
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from ...projection.typing import Array
 
 FilterKind = Literal["BOX", "GAUSSIAN", "BLACKMAN_HARRIS"]
 
-# Nodes of the table that inverts a filter's distribution: its error is below 1e-5 pixels.
+# Nodes of the table that inverts a filter's distribution, with an error below 1e-5 pixels.
 NODES = 4097
-# How far a filter of width 1 reaches in all, as Blender's own engines take their width.
+# Total extent of a filter of width 1, as Blender's own engines define width.
 REACH = {"BOX": 1.0, "GAUSSIAN": 3.0, "BLACKMAN_HARRIS": 2.0}
-# What the weight of a Gaussian falls to at its end is exp of minus this.
+# The weight of a Gaussian at its end is exp of minus this.
 GAUSSIAN_FALL = 18.0
 # The window of Harris 1978, four terms, 92 dB.
 BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
@@ -28,7 +28,7 @@ BLACKMAN_HARRIS = (0.35875, -0.48829, 0.14128, -0.01168)
 
 @dataclass(frozen=True)
 class PixelFilter:
-    """kind, and width in pixels, > 0; a box is always one pixel wide. Raises ValueError."""
+    """A filter of a kind. width: pixels, > 0, unused by a box. Raises ValueError."""
 
     kind: FilterKind = "BOX"
     width: float = 1.0
@@ -38,7 +38,7 @@ class PixelFilter:
             raise ValueError(f"a pixel filter needs a width above 0, not {self.width}")
 
     def offset(self, share: Array) -> Array:
-        """Where samples lie from the pixel's centre, in pixels, for shares in [0, 1] of the filter."""
+        """Offsets from the pixel's centre, in pixels, for shares in [0, 1] of the filter's area."""
         share = np.asarray(share, np.float64)
         if self.kind == "BOX":
             inside: Array = share - 0.5
@@ -50,7 +50,7 @@ class PixelFilter:
         return offset
 
     def _weight(self, place: Array) -> Array:
-        """The filter, but a box, at places in [-1/2, 1/2] of its reach, not normalised."""
+        """The value of a filter other than a box at places in [-1/2, 1/2] of its extent, not normalised."""
         weight: Array
         if self.kind == "GAUSSIAN":
             weight = np.exp(-GAUSSIAN_FALL * (2.0 * place) ** 2)

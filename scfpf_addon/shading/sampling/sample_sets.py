@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fixed sets of places: in a pixel, and on a lamp that each sample of a pixel looks at.
+"""Fixed sets of places in a pixel, and on a lamp for each sample of a pixel.
 
-They are the same for every pixel, so that there is no noise: an edge is drawn in as many steps as there
-are samples, and a soft shadow in as many layers.
+They are the same for every pixel, so that images have no noise: an edge has as many steps as there are
+samples, and a soft shadow as many layers.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ LampShape = Literal["SQUARE", "DISC", "BALL"]
 GOLDEN = (np.sqrt(5) - 1) / 2
 SILVER = np.sqrt(2) - 1
 THIRD = np.sqrt(3) - 1
-# Places in a unit ball of which the mean is taken away lie no farther out than this.
+# The largest distance from the centre of places in a unit ball after their mean is subtracted.
 BALL_REACH = 1.05
-# Nodes of the table that inverts a ball's distribution of radii; its error is below 1e-5.
+# Nodes of the table that inverts a ball's distribution of radii, with an error below 1e-5.
 RADIUS_NODES = 1025
 
 
@@ -43,12 +43,11 @@ def pixel_positions(count: int) -> Array:
 
 
 def lamp_positions(count: int, shape: LampShape) -> Array:
-    """The place on a lamp that each of ``count`` samples of a pixel looks at, mean zero.
+    """The place on a lamp that lights each of ``count`` samples of a pixel, mean zero.
 
-    SQUARE: (2, count) in a unit square. DISC: (2, count), evenly in a disc of
-    diameter 1. BALL: (3, count), in a ball of BALL_REACH, crowded towards its surface so
-    that from any side it looks like an evenly filled disc. The order is another than that
-    in the pixel, so that both dimensions of the lamp are explored across a pixel.
+    SQUARE: (2, count) in a unit square. DISC: (2, count), evenly in a disc of diameter 1. BALL: (3, count),
+    in a ball of BALL_REACH, denser towards its surface: it looks like an evenly filled disc from any side.
+    The order differs from that in the pixel, so that both dimensions of the lamp are explored across a pixel.
     """
     order = shuffled(count, SILVER)
     a, b = pixel_positions(count).take(order, axis=1)

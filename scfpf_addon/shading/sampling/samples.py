@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the samples of each pixel lie, in the image and on a lens.
+"""The positions of each pixel's samples, in the image, on a lens and on lamps.
 
-Either the same set in each pixel, without noise; or the points of Sobol's sequence,
-scrambled by the pixel's own number in the whole image, so that what a pixel is made of does
-not depend on tiles, borders, threads or processes.
+They are the same set in each pixel, without noise, or the points of Sobol's sequence. These are scrambled by
+the pixel's number in the whole image, so that a pixel does not depend on tiles, borders or threads.
 """
 
 from __future__ import annotations
@@ -22,12 +21,12 @@ Bits = NDArray[np.uint32]
 
 # Degree, coefficients and first direction numbers of Joe and Kuo 2008, from the second dimension on.
 DIRECTIONS = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
-# Dimensions that a pixel's place and the place on the lens take.
+# Dimensions of the position in the pixel and of that on the lens.
 PIXEL, LENS = (0, 1), (2, 3)
-# What scrambles the order of places on lamps.
+# The dimension of the scramble that orders places on lamps.
 LAMP = 4
 BITS = 32
-# A scrambled place is one of this many steps of its filter.
+# Scrambled positions are rounded to steps of the filter, of which there are 2 to this.
 STEP_BITS = 12
 
 
@@ -42,7 +41,7 @@ def sobol(count: int) -> Bits:
 
 
 def _directions(dimension: int) -> list[int]:
-    """What each bit of an index adds to a coordinate, by exclusive or."""
+    """The numbers that the bits of an index add to a coordinate, by exclusive or."""
     if dimension == 0:
         return [1 << (BITS - 1 - bit) for bit in range(BITS)]
     degree, coefficients, first = DIRECTIONS[dimension - 1]
@@ -57,7 +56,7 @@ def _directions(dimension: int) -> list[int]:
 
 
 def scramble(pixel: Bits, dimension: int) -> Bits:
-    """A number of its own for each pixel (N,) and dimension, every bit of it even: Wellons' lowbias32."""
+    """Hash each pixel number (N,) with a dimension: Wellons' lowbias32, unbiased in every bit."""
     mixed = pixel * np.uint32(8) + np.uint32(dimension)
     for shift, factor in ((16, 0x7FEB352D), (15, 0x846CA68B)):
         mixed ^= mixed >> np.uint32(shift)
@@ -70,9 +69,8 @@ def scramble(pixel: Bits, dimension: int) -> Bits:
 class SamplePlaces:
     """The samples of an image of width × height pixels, ``count`` a pixel.
 
-    scrambled: each pixel has its own, of which any first ones are spread as well; otherwise
-    all pixels have the same. What a wide filter puts beyond the image's edges is
-    reflected at them: the volume may end there.
+    scrambled: each pixel has its own, of which any first ones are well spread; otherwise all pixels have the
+    same. Samples of a wide filter beyond the image's edges are reflected at them: the volume may end there.
     """
 
     width: int
@@ -83,7 +81,7 @@ class SamplePlaces:
 
     @cached_property
     def _same(self) -> Array:
-        """(2, count), from the pixel's centre."""
+        """Offsets from the pixel's centre, the same in all pixels, (2, count)."""
         return self.pixel_filter.offset(pixel_positions(self.count))
 
     @cached_property
@@ -117,12 +115,12 @@ class SamplePlaces:
         return self._in_image(column, row, *offsets)
 
     def on_lens(self, pixel: IndexArray, sample: int) -> Array:
-        """Shares (2, n) in [0, 1) of a lens, always the pixels' own."""
+        """Shares (2, n) in [0, 1) of a lens, scrambled for each pixel."""
         share = np.stack([self._own(pixel, dimension, sample) for dimension in LENS])
         return share.astype(np.float64) * 2.0**-BITS
 
     def on_lamps(self, pixel: IndexArray, sample: int) -> IndexArray:
-        """Which of a lamp's ``count`` places a sample looks at: each of the pixels (n,) begins elsewhere."""
+        """Number of the lamp's place, of ``count``, for a sample of pixels (n,); each begins elsewhere."""
         own: IndexArray = (scramble(pixel.astype(np.uint32), LAMP).astype(np.int64) + sample) % self.count
         return own
 
@@ -138,14 +136,14 @@ class SamplePlaces:
 
 
 def row_pixels(rows: slice, width: int) -> IndexArray:
-    """The numbers of the pixels of whole rows."""
+    """The numbers of the pixels of whole rows, row by row from the image's bottom left."""
     return np.arange(rows.start * width, rows.stop * width)
 
 
 def _reflected(place: Array) -> Array:
-    """Places brought back into [0, 1] by mirrors at both ends."""
+    """Reflect places at both ends of [0, 1]."""
     if place.min(initial=0.0) < 0.0 or place.max(initial=1.0) > 1.0:
-        # Only these: a rounding of the others would depend on what else is looked at.
+        # Only these: the rounding of the others must not depend on them.
         beyond = np.flatnonzero((place < 0.0) | (place > 1.0))
         place[beyond] = 1.0 - np.abs(1.0 - np.mod(place[beyond], 2.0))
     return place

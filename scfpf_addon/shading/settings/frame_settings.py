@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a frame is to be like."""
+"""The settings of a frame."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .stylised_settings import Stylised
 
 
 class Border(NamedTuple):
-    """A rectangle of pixels, the ends not included."""
+    """A rectangle of pixels, right and top exclusive."""
 
     left: int
     bottom: int
@@ -25,15 +25,16 @@ class Border(NamedTuple):
 
 @dataclass(frozen=True)
 class FrameSettings:
-    """width, height: pixels. samples: a pixel. pixel_error: by which a chord may leave its
-    projector, in pixels, 0 for none. transparent: what hits nothing is see-through.
-    threads: 0 for all cores. border: the part of the image that is made; its pixels are those
-    that the whole image would have. passes: besides the picture. pixel_filter: by which
-    samples lie about the pixel's centre. exposure: what the picture's and the passes' light is multiplied
-    with, but drawn pictures. scrambled: each pixel has places of its own for
-    them. adaptive: which pixels get fewer, and that they are scrambled. depth_of_field: in world
-    space, for straight projectors only. stylised: the style of the image, not of its passes. Raises
-    ValueError for settings that make no image.
+    """The settings of a frame.
+
+    width, height: pixels. samples: of a pixel. pixel_error: the largest distance between a chord and its
+    projector in pixels, 0 for exact casting. transparent: the film is transparent where nothing is hit.
+    threads: 0 for all cores. border: the part of the image that is rendered; its pixels are those of the
+    whole image. passes: besides the image. pixel_filter: of the image. exposure: factor of the light of the
+    image and its passes, unless stylised. scrambled: pixels have different sample positions.
+    adaptive: fewer samples for some pixels; implies ``scrambled``. depth_of_field: in world space, for
+    straight projectors only. stylised: the style of the image, not of its passes. Raises ValueError for
+    settings without an image.
     """
 
     width: int
@@ -63,7 +64,7 @@ class FrameSettings:
 
     @property
     def region(self) -> Border:
-        """The part of the image that is made."""
+        """The part of the image that is rendered."""
         return self.border or Border(0, 0, self.width, self.height)
 
     @property

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a drawn picture is to be like. Lengths are in pixels of the picture that is made."""
+"""The settings of a stylised image. Lengths are in pixels of the rendered image."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 
 from ...projection.typing import Array
 
-# Kinds of lines as bits, those first that hide others where they coincide.
+# Kinds of lines as bits; where lines coincide the lowest bit shows.
 SILHOUETTE, OBJECT, CONTOUR, MATERIAL, CREASE = 1, 2, 4, 8, 16
-# Those that are as wide as outlines; the others are inner lines.
+# Kinds of the width of outlines; the others are inner lines.
 OUTER = SILHOUETTE | OBJECT
 
 FillKind = Literal["RENDERED", "TOON", "FLAT", "PAPER"]
@@ -31,9 +31,11 @@ def white() -> Array:
 
 @dataclass(frozen=True)
 class Lines:
-    """kinds: bits of the above. width, inner_width: of outlines and of lines within them. color: (3,)
-    scene-linear. crease_angle: between normals, radians, from which an edge is drawn. jump: by which a
-    surface lies behind another one that hides it, in widths of a pixel there. Raises ValueError.
+    """The lines of a stylised image.
+
+    kinds: bits of the above. width, inner_width: of outlines and of lines within them. color: (3,)
+    scene-linear. crease_angle: the smallest angle between normals that makes a line, radians. jump: the
+    smallest distance of a surface behind another that makes a line, in pixel footprints. Raises ValueError.
     """
 
     kinds: int = SILHOUETTE | OBJECT | CONTOUR | CREASE
@@ -50,11 +52,11 @@ class Lines:
 
 @dataclass(frozen=True)
 class Hatching:
-    """kind: DEPTH, lines of equal t, or TONE, strokes where little light falls.
+    """The hatching of a stylised image: lines of equal t (DEPTH), or strokes where little light falls (TONE).
 
-    width: of a line, at most. color: (3,) scene-linear. count: steps of t from the near to the far surface.
-    spacing: between strokes, angle: of them, radians from the horizontal; cross: whether darker
-    tones have strokes across, otherwise they have closer ones. Raises ValueError.
+    width: the largest of a line. color: (3,) scene-linear. count: steps of t from the near to the far
+    surface. spacing: between strokes. angle: of strokes, radians from the horizontal. cross: whether darker
+    tones have strokes across, not closer ones. Raises ValueError.
     """
 
     kind: HatchKind = "TONE"
@@ -72,12 +74,14 @@ class Hatching:
 
 @dataclass(frozen=True)
 class Stylised:
-    """fill: what is between the lines: the picture as rendered, the materials' colours in steps of light or
-    without light, or paper alone. steps: of light, darkest: the share of its colour that the darkest one
-    has. softness: in [0, 1], the share of a step over which one goes over into the next. exposure: of
-    light for steps and strokes, in stops. fade: share of the fill that is paper. paper: (3,) its colour,
-    scene-linear. on_paper: whether misses show it, not the world. detail: places a pixel, along each axis,
-    that lines are sought at. Raises ValueError.
+    """The style of an image.
+
+    fill: between the lines: the image as rendered, the materials' colours in steps of light (TOON) or
+    without light (FLAT), or paper alone. steps: of light. darkest: share of a colour in the darkest step.
+    softness: in [0, 1], share of a step that blends into the next. exposure: of light for steps and strokes,
+    in stops. fade: share of the fill that is paper. paper: (3,) its colour, scene-linear. on_paper: whether
+    misses show paper, not the world. detail: places per pixel, along each axis, that are searched for lines.
+    Raises ValueError.
     """
 
     lines: Lines | None = None
@@ -94,16 +98,16 @@ class Stylised:
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.detail < 1:
-            raise ValueError("a drawn picture needs at least one step of light and a detail of 1")
+            raise ValueError("a stylised image needs at least one step of light and a detail of 1")
 
     @property
     def lit(self) -> bool:
-        """Whether it matters how much light falls on things, but for the picture as rendered."""
+        """Whether steps or strokes depend on the light that falls on surfaces."""
         toned = self.hatching is not None and self.hatching.kind == "TONE"
         return toned or (self.fill == "TOON" and self.steps > 1)
 
     def scaled(self, factor: float) -> Stylised:
-        """The same drawing in a picture whose sides have so many times the pixels."""
+        """The same style for an image whose sides have ``factor`` times the pixels."""
         lines, hatching = self.lines, self.hatching
         if lines:
             lines = replace(lines, width=lines.width * factor, inner_width=lines.inner_width * factor)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of a pixel ink covers: lines of a width through points, strokes and lines of equal t."""
+"""The share of each pixel that ink covers: lines of a width, strokes and lines of equal t."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from .surface_samples import SurfaceSamples
 
 # The square of a length below which a piece of a line is a point.
 TINY = 1e-12
-# Tones below which strokes begin, layer by layer, and the range of tones over which they swell.
+# Tones below which the strokes of each layer begin, and the range of tones over which they widen.
 LAYERS = (0.8, 0.55, 0.3)
-SWELL = 0.25
-# Lines of equal t that are closer than so many of their widths fade, so that steep places get no black.
+WIDENING = 0.25
+# Lines of equal t closer than this many of their widths fade, so that steep places do not become black.
 DENSEST = 3.0
 
 
 def reach_of(width: float) -> float:
-    """How far from a line of a width its ink goes: half of it, and half a pixel for its soft rim."""
+    """The largest distance of ink from a line's middle: half its width, and half a pixel of soft rim."""
     return width / 2 + 0.5
 
 
 def cover_lines(pieces: Segments, width: float, rows: slice, columns: int) -> Single:
-    """How much lines of ``width`` pixels cover of the pixels of whole rows, (m,).
+    """The share of each pixel of whole rows that lines of ``width`` pixels cover, (m,).
 
-    pieces: of lines, shorter than a pixel. Right for a straight line: the integral across it is its width.
+    pieces: of lines, shorter than a pixel. For a straight line the integral across it is its width.
     """
     height = rows.stop - rows.start
     squared = np.full(height * columns, np.inf)
@@ -48,14 +48,14 @@ def cover_lines(pieces: Segments, width: float, rows: slice, columns: int) -> Si
                 (away < reach**2) & (i >= 0) & (i < columns) & (j >= rows.start) & (j < rows.stop)
             )
             np.minimum.at(squared, (j[some] - rows.start) * columns + i[some], away[some])
-    # What the soft rims of a line that is thinner than a pixel would make too much of it.
+    # The soft rims of a line thinner than a pixel would be wider than the line.
     thin = width / reach**2 if width < 1.0 else 1.0
     ink: Single = (np.clip(reach - np.sqrt(squared), 0.0, 1.0) * thin).astype(np.float32)
     return ink
 
 
 def tone_of(light: Single, exposure: float) -> Single:
-    """How bright white paper would look in light (3, n): in [0, 1], about even to the eye, (n,)."""
+    """The perceived brightness in [0, 1] of white paper in light (3, n), by a gamma of 2.2, (n,)."""
     bright = light[0] * np.float32(0.2126) + light[1] * np.float32(0.7152) + light[2] * np.float32(0.0722)
     tone: Single = np.clip(bright * np.float32(2.0**exposure), 0, 1) ** np.float32(1 / 2.2)
     return tone
@@ -67,7 +67,7 @@ def stripes(distance: Array, width: Array | float, rim: float) -> Array:
 
 
 def depth_lines(surface: SurfaceSamples, hatching: Hatching, detail: int) -> Single:
-    """Ink of lines of equal t at the samples, (n,). detail: its pixels along one of the image's."""
+    """Ink of lines of equal t at the samples, (n,). detail: samples along a pixel of the image."""
     slope = np.maximum(surface.slope.astype(np.float64) * detail, 1e-30)
     steps = surface.t * hatching.count
     nearest = np.clip(np.rint(steps), 1, max(hatching.count - 1, 1))
@@ -79,24 +79,24 @@ def depth_lines(surface: SurfaceSamples, hatching: Hatching, detail: int) -> Sin
 
 
 def tone_strokes(x: Array, y: Array, tone: Single, hatching: Hatching, detail: int) -> Single:
-    """Ink of strokes at places x, y (n,) in pixels, where light makes the tone (n,) of ``tone_of``."""
+    """Ink of strokes at places x, y (n,) in pixels with tones (n,) of ``tone_of``."""
     ink = np.zeros(len(x))
     for layer, threshold in enumerate(LAYERS):
         angle, spacing, shift = hatching.angle, hatching.spacing, 0.0
         if hatching.cross:
             angle += (0.0, np.pi / 2, np.pi / 4)[layer]
         else:
-            # Between those of the layers before.
+            # Between the strokes of the layers before.
             spacing, shift = ((spacing, 0.0), (spacing, 0.5), (spacing / 2, 0.5))[layer]
         place = (y * np.cos(angle) - x * np.sin(angle)) / spacing + shift
         distance = np.abs(place - np.rint(place)) * spacing
-        swollen = np.clip((threshold - tone) / SWELL, 0.0, 1.0)
-        ink = np.maximum(ink, stripes(distance, hatching.width * swollen, 1.0 / detail) * (swollen > 0))
+        widened = np.clip((threshold - tone) / WIDENING, 0.0, 1.0)
+        ink = np.maximum(ink, stripes(distance, hatching.width * widened, 1.0 / detail) * (widened > 0))
     return ink.astype(np.float32)
 
 
 def mean_of_blocks(values: Single, shape: tuple[int, int], detail: int) -> Single:
-    """The means of detail × detail values, of rows × columns blocks, (rows·columns,)."""
+    """The means of blocks of detail × detail values, (rows·columns,). shape: rows and columns of blocks."""
     blocks = values.reshape(shape[0], detail, shape[1], detail)
     total = np.zeros(shape, np.float32)
     for up in range(detail):
@@ -106,14 +106,14 @@ def mean_of_blocks(values: Single, shape: tuple[int, int], detail: int) -> Singl
 
 
 def in_pixels(rows: slice, columns: int, detail: int) -> tuple[Array, Array]:
-    """Places x, y of a grid of detail × detail a pixel in whole rows of the image, in pixels."""
+    """Places x, y, in pixels, of a grid of detail × detail places per pixel of whole rows."""
     x = (np.arange(columns * detail) + 0.5) / detail
     y = (np.arange(rows.start * detail, rows.stop * detail) + 0.5) / detail
     return np.tile(x, len(y)), np.repeat(y, len(x))
 
 
 def inked(pixels: Single, ink: Single, color: Array) -> None:
-    """Draw with a colour over pixels (n, 4), premultiplied: in place. ink: (n,) what it covers of each."""
+    """Draw a colour over pixels (n, 4), premultiplied, in place. ink: (n,) share of each that it covers."""
     pixels *= (1 - ink)[:, None]
     pixels[:, :3] += ink[:, None] * color.astype(np.float32)
     pixels[:, 3] += ink

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is between lines: materials' colours in steps of light, or none of it but paper."""
+"""The fill between lines: materials' colours in steps of light, without light, or paper."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from .strokes import tone_of
 
 
 def of_clay(scene: Scene) -> Scene:
-    """The scene as if all was white and matt."""
+    """The scene with one white, matt material."""
     white = Materials(np.ones((1, 3)), np.zeros(1), np.ones(1), np.zeros(1), np.zeros((1, 3)))
     return replace(scene, materials=white)
 
 
 def without_light(scene: Scene) -> Scene:
-    """The scene in even white light, in which things have the colours of their materials."""
+    """The scene in uniform white light, which shows the colours of materials."""
     return replace(scene, lights=(), world_color=np.ones(3), world=None)
 
 
 def stepped(tone: Single, style: Stylised) -> Single:
-    """Tones (n,) in [0, 1] in so many steps, from ``darkest`` to 1."""
+    """Round tones (n,) in [0, 1] to the style's steps, from ``darkest`` to 1."""
     if style.steps == 1:
         return np.ones_like(tone)
     place = tone * np.float32(style.steps)
@@ -52,10 +52,10 @@ def stepped(tone: Single, style: Stylised) -> Single:
 
 @dataclass(frozen=True, kw_only=True)
 class StylisedShading(Shading):
-    """The shading of a scene, and what colours its drawn picture: even light, times steps of light.
+    """The shading of a scene and of its stylised image: colours in uniform light, times steps of light.
 
-    flat: in even light, None where colours have no part. light: as white clay shows it, None where it
-    has none.
+    flat: in uniform light, None where the style shows no colours. light: of white clay, None where the style
+    does not depend on light.
     """
 
     style: Stylised
@@ -75,7 +75,7 @@ class StylisedShading(Shading):
         if style.fill in ("TOON", "FLAT"):
             flat = Shading.of(without_light(scene), cast_scene, settings)
         if style.lit:
-            # Lamps are seen from the middle, so that shadows have the edges of drawn ones.
+            # One sample sees the middle of lamps, so that shadows have sharp edges.
             alone = replace(settings, samples=1, transparent=False)
             light = replace(Shading.of(of_clay(scene), cast_scene, alone), surface=plain.surface)
         return cls(**parts, style=style, flat=flat, light=light)
@@ -88,7 +88,7 @@ class StylisedShading(Shading):
         continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
-        """As ``Shading.color``. parts: of the picture as it would be rendered."""
+        """As ``Shading.color``. parts: of the image as rendered without style."""
         if self.style.fill == "RENDERED":
             return super().color(hits, where, sample, continuation, parts)
         if parts:
@@ -107,7 +107,7 @@ class StylisedShading(Shading):
     def _filled(
         self, hits: Hits, where: IndexArray, sample: int | IndexArray, continuation: Continuation
     ) -> Single:
-        """As ``color``, as if no thing was a shadow catcher, for those have no fill."""
+        """As ``color``, if shadow catchers, which have no fill, were other surfaces."""
         if self.flat is None:
             paper = np.ones((4, len(where)), np.float32)
             paper[:3] = self.style.paper.astype(np.float32)[:, None]
@@ -119,14 +119,14 @@ class StylisedShading(Shading):
             return color
         light = self.light.color(hits, where, 0, continuation)[:3]
         brightest = np.maximum(np.maximum(light[0], light[1]), light[2])
-        # Where no light falls none has a colour.
+        # Darkness has no colour.
         tint = np.divide(light, brightest, out=np.ones_like(light), where=brightest > 0)
         color[:3] *= tint * stepped(tone_of(light, self.style.exposure), self.style)
         return color
 
 
 def on_paper(pixels: Single, style: Stylised, transparent: bool) -> None:
-    """Fade pixels (n, 4), premultiplied, and lay them on paper if there is any: in place."""
+    """Fade pixels (n, 4), premultiplied, and put them on paper if the style has any, in place."""
     color = style.paper.astype(np.float32)
     if style.fade > 0.0:
         pixels[:, :3] *= np.float32(1 - style.fade)
