@@ -148,11 +148,14 @@ def render(scene, path: Path) -> str:
     """Press Render for a scene's camera and write the picture; returns the report's line."""
     import bpy
 
-    results = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.render.result_image")
+    results, files = (
+        importlib.import_module(f"{MODULE}.scfpf_addon.bridge.render.{name}")
+        for name in ("result_image", "image_file")
+    )
     with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
         if bpy.ops.scfpf.render(camera=scene.camera.name) != {"FINISHED"}:
             sys.exit(f"{scene.name} was not rendered; the lines above say why.")
-    results.save_result(bpy.data.images[results.IMAGE_NAME], str(path), scene)
+    files.save_result(bpy.data.images[results.IMAGE_NAME], str(path), scene)
     return scene.camera.scfpf.report
 
 

@@ -5,8 +5,8 @@ from ...scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ...scfpf_addon.bridge.blender.slot_animation import SlotError
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
 from ...scfpf_addon.bridge.mappings.mapping_edits import MappingError
+from ...scfpf_addon.bridge.render.image_file import ResultError
 from ...scfpf_addon.bridge.render.render_errors import RENDER_ERRORS, reason
-from ...scfpf_addon.bridge.render.result_image import ResultError
 from ...scfpf_addon.bridge.volume.edit_mode import EditVolumeError
 from ...scfpf_addon.cycles.rig_data import RigError
 from ...scfpf_addon.projection.editing.blending import BlendError

@@ -1,28 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Find what is selected in the picture: ``pick`` the other way round."""
+"""Find the selected objects in the image, the inverse of ``pick``."""
 
 import bpy
 import numpy as np
 
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
-from ...scfpf_addon.bridge.render import render_job
-from ...scfpf_addon.bridge.render.render_inputs import prepare
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import editable_camera, object_by_uid, take_up_edits
+from ..common.target import editable_camera, object_by_uid
 from .pick import store_pick
-from .render import redraw_interface
+from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
 
 def _wanted(context) -> list:
-    """The selected objects that are no cameras, surfaces nor volume objects."""
+    """The selected objects, without cameras, control surfaces and volume objects."""
     own = control_objects()
     return [o for o in context.selected_objects if o.type != "CAMERA" and o.name_full not in own]
 
 
 def _origins(objects):
-    """The places of objects that have no faces, such as lamps, (3, N)."""
+    """The origins of objects (3, N), which stand for those without faces, such as lamps."""
     return np.array([obj.matrix_world.translation for obj in objects], np.float64).reshape(-1, 3).T
 
 
@@ -49,8 +47,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if render_job.current() is not None:
-            cls.poll_message_set("A render is running: wait for it, or press Esc to cancel it")
+        if not poll_no_render(cls, context):
             return False
         if not _wanted(context):
             cls.poll_message_set("Select the objects to find in the picture")
@@ -64,9 +61,8 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
         origins = _origins(wanted)
         try:
             camera = editable_camera(context, "")
-            take_up_edits(context)
             uid = camera.session_uid
-            inputs = prepare(context.scene, context.view_layer, camera)
+            inputs = prepared_inputs(context, camera)
             pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
             points = points_of(inputs.scene, names)
             points = points if points.size else origins
@@ -75,16 +71,14 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
         except BAD_INPUT as error:
             return refused(self, error)
         settings = object_by_uid(uid).scfpf
+        settings.show_found = found is not None
         if found is None:
-            settings.show_found = False
             self.report({"WARNING"}, f"{title} is outside the picture")
-            redraw_interface(context.window_manager)
-            return {"FINISHED"}
-        settings.found_box, settings.found_object = found.box, _description(title, found)
-        settings.show_found = True
-        if centre is not None:
-            store_pick(settings, *found.centre, centre)
-        self.report({"INFO"}, settings.found_object)
+        else:
+            settings.found_box, settings.found_object = found.box, _description(title, found)
+            if centre is not None:
+                store_pick(settings, *found.centre, centre)
+            self.report({"INFO"}, settings.found_object)
         redraw_interface(context.window_manager)
         return {"FINISHED"}
 

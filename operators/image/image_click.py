@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A click in the picture, in an Image Editor that shows it: what operators that ask for one share."""
+"""The common base of operators that wait for a click in the image, in an Image Editor that shows it."""
 
 from bpy.props import FloatProperty
 
 from ...scfpf_addon.bridge.render.result_image import result_image
 
 NO_PICTURE = "No Image Editor of this window shows the picture: press Show Picture, then click in it"
-# Clicks elsewhere go on to Blender meanwhile: anything may have been removed, undone or started.
+# Clicks elsewhere are passed to Blender meanwhile: anything may have been removed, undone or started.
 NO_MORE = "The camera or the mapping was removed: select it again, then click"
 
 
-def picture_regions(window) -> list:
-    """The regions of a window's Image Editors that show our picture."""
+def image_regions(window) -> list:
+    """The main regions of a window's Image Editors that show the last render."""
     image = result_image()
     return [
         region
@@ -23,8 +23,8 @@ def picture_regions(window) -> list:
 
 
 def image_position(window, x: int, y: int) -> tuple[float, float] | None:
-    """The position in the picture, each share in [0, 1], under a pixel of the window; None beside it."""
-    for region in picture_regions(window):
+    """The position in the image, in [0, 1], under a pixel of the window; None outside the image."""
+    for region in image_regions(window):
         inside = 0 <= x - region.x < region.width and 0 <= y - region.y < region.height
         if inside:
             u, v = region.view2d.region_to_view(x - region.x, y - region.y)
@@ -32,38 +32,33 @@ def image_position(window, x: int, y: int) -> tuple[float, float] | None:
     return None
 
 
-class PictureClick:
-    """Wait for a click in the picture, put its position into x and y, and execute.
+def _share(name: str, description: str):
+    return FloatProperty(
+        name=name,
+        description=description,
+        default=0.5,
+        min=0.0,
+        max=1.0,
+        precision=4,
+        step=1,
+        options={"SKIP_SAVE"},
+    )
 
-    cursor: that says so meanwhile; hint: in the status bar.
+
+class ImageClick:
+    """Wait for a click in the image, store its position in x and y, and execute.
+
+    cursor, hint: the mouse cursor and the text in the status bar meanwhile.
     """
 
     cursor = "EYEDROPPER"
     hint = ""
 
-    x: FloatProperty(
-        name="X",
-        description="From the picture's left border, as a share of its width",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        precision=4,
-        step=1,
-        options={"SKIP_SAVE"},
-    )
-    y: FloatProperty(
-        name="Y",
-        description="From the picture's lower border, as a share of its height",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        precision=4,
-        step=1,
-        options={"SKIP_SAVE"},
-    )
+    x: _share("X", "From the picture's left border, as a share of its width")
+    y: _share("Y", "From the picture's lower border, as a share of its height")
 
     def invoke(self, context, _event):
-        if context.window is None or not picture_regions(context.window):
+        if context.window is None or not image_regions(context.window):
             self.report({"ERROR"}, NO_PICTURE)
             return {"CANCELLED"}
         context.window_manager.modal_handler_add(self)
@@ -77,18 +72,18 @@ class PictureClick:
             return {"CANCELLED"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
             position = image_position(context.window, event.mouse_x, event.mouse_y)
-            if position is not None:
-                self.cancel(context)
-                if not self.poll(context):
-                    self.report({"ERROR"}, NO_MORE)
-                    return {"CANCELLED"}
-                self.x, self.y = position
-                return self.execute(context)
-            return {"RUNNING_MODAL"}
+            if position is None:
+                return {"RUNNING_MODAL"}
+            self.cancel(context)
+            if not self.poll(context):
+                self.report({"ERROR"}, NO_MORE)
+                return {"CANCELLED"}
+            self.x, self.y = position
+            return self.execute(context)
         return {"PASS_THROUGH"}
 
     def cancel(self, context):
-        """Take back what invoke put up."""
+        """Restore the cursor and the status bar."""
         if context.window is not None:
             context.window.cursor_modal_restore()
         if context.workspace is not None:

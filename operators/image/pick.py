@@ -1,21 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pick in the picture: which projector makes a pixel, and what it meets."""
+"""Pick a projector in the image, and show its hit."""
 
 import bpy
 from bpy.props import StringProperty
 
-from ...scfpf_addon.bridge.render import render_job
-from ...scfpf_addon.bridge.render.render_inputs import prepare
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import editable_camera, object_by_uid, take_up_edits
-from .image_click import PictureClick
-from .render import redraw_interface
+from ..common.target import editable_camera, object_by_uid
+from .image_click import ImageClick
+from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
 
 def pick_readout(settings) -> list[str]:
-    """What the picked projector of a camera met, in a few short lines."""
+    """The hit of a camera's picked projector, in a few short lines."""
     lines = [f"At x {settings.pick[0]:.4f}, y {settings.pick[1]:.4f} of the picture"]
     if settings.pick_t < 0:
         return [*lines, "It meets nothing"]
@@ -27,14 +25,14 @@ def pick_readout(settings) -> list[str]:
 
 
 def store_pick(settings, x: float, y: float, found) -> None:
-    """Put a shading.pick.Pick at a position of the picture into a camera's settings, and show it."""
+    """Store a ``Pick`` at a position of the image in a camera's settings, and show it."""
     settings.pick = x, y
     settings.pick_t = -1.0 if found.t is None else found.t
     settings.pick_object, settings.pick_distance = found.object_name, found.distance
     settings.show_pick = True
 
 
-class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
+class SCFPF_OT_pick(ImageClick, bpy.types.Operator):
     """Click in the picture: the 3D viewport shows the projector through that pixel and what it meets"""
 
     bl_idname = "scfpf.pick"
@@ -48,19 +46,13 @@ class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    @classmethod
-    def poll(cls, _context):
-        if render_job.current() is not None:
-            cls.poll_message_set("A render is running: wait for it, or press Esc to cancel it")
-            return False
-        return True
+    poll = classmethod(poll_no_render)
 
     def execute(self, context):
         try:
             camera = editable_camera(context, self.camera)
-            take_up_edits(context)
             uid = camera.session_uid
-            inputs = prepare(context.scene, context.view_layer, camera)
+            inputs = prepared_inputs(context, camera)
             size = 1 / inputs.settings.width, 1 / inputs.settings.height
             found = pick(inputs.projection, inputs.scene, self.x, self.y, size)
         except BAD_INPUT as error:
@@ -76,7 +68,7 @@ class SCFPF_OT_pick(PictureClick, bpy.types.Operator):
 
 
 def _image_header(header, context):
-    """In an Image Editor that shows our picture: the button beside its menus."""
+    """Draw the button in the header of an Image Editor that shows the last render."""
     image = context.space_data.image
     if image is not None and image == result_image():
         header.layout.operator("scfpf.pick", text="", icon="EYEDROPPER")

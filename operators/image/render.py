@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render a picture through a flexible camera, and show it."""
+"""Render an image through a flexible camera, and show it."""
 
 import time
 
@@ -8,35 +8,25 @@ from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
 from ...scfpf_addon.bridge.render import render_job
-from ...scfpf_addon.bridge.render.render_inputs import prepare
 from ...scfpf_addon.bridge.render.result_image import (
     discard_progress,
     keep_result,
+    only_in_memory,
     result_image,
     show_progress,
 )
-from ...scfpf_addon.bridge.render.result_undo import only_in_memory, stamp_result
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import chosen_camera, object_by_uid, take_up_edits
-from .image_place import image_editors, place_for_picture
+from ..common.target import chosen_camera, object_by_uid
+from .image_editors import image_editors, open_image_editor
+from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
-# Seconds between two looks at the running job.
+# Seconds between two checks of the running job.
 TICK = 0.2
-# Seconds between two looks at the picture in the making: handing one of 4K to Blender takes a tenth.
-PICTURE_TICK = 0.5
+# Seconds between two updates of the image in the making: passing one of 4K to Blender takes a tenth.
+IMAGE_TICK = 0.5
 
-# The running operator: Blender drops it without a call when the extension is disabled.
+# The running operator: Blender drops it without notice when the extension is disabled.
 _running: list = []
-
-
-def redraw_interface(window_manager) -> None:
-    """Draw the panels again, not the views beside them."""
-    for window in window_manager.windows:
-        for area in window.screen.areas:
-            for region in area.regions:
-                is_sidebar = area.type == "VIEW_3D" and region.type == "UI"
-                if is_sidebar or (area.type == "PROPERTIES" and region.type == "WINDOW"):
-                    region.tag_redraw()
 
 
 class SCFPF_OT_render(bpy.types.Operator):
@@ -52,12 +42,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
-    @classmethod
-    def poll(cls, _context):
-        if render_job.current() is not None:
-            cls.poll_message_set("A render is already running: Esc cancels it")
-            return False
-        return True
+    poll = classmethod(poll_no_render)
 
     def execute(self, context):
         if not self._start(context, with_tiles=False):
@@ -71,8 +56,8 @@ class SCFPF_OT_render(bpy.types.Operator):
             return {"CANCELLED"}
         self._status = ""
         self._workspaces = set()
-        self._picture_time = time.monotonic()
-        self._is_picture_shown = False
+        self._image_time = time.monotonic()
+        self._is_image_shown = False
         self._may_open = True
         self._is_opening = False
         window_manager = context.window_manager
@@ -84,7 +69,7 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def modal(self, context, event):
         if self._is_opening:
-            # Blender sends events while it opens the window for the picture.
+            # Blender sends events while it opens the window for the image.
             return {"PASS_THROUGH"}
         if event.type == "ESC" and event.value == "PRESS" and not self._job.cancelled:
             self._job.cancel()
@@ -93,35 +78,34 @@ class SCFPF_OT_render(bpy.types.Operator):
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if self._job.running or self._may_open:
-            # Not in invoke, which a button of the editor may have called that gives way, and not in the
-            # last call: Blender forgets that an operator has finished if it opens a window.
-            self._open_place(context)
+            # Not in invoke, which a button of the replaced editor may have called, and not in the last
+            # call: Blender ignores that an operator has finished if it opens a window.
+            self._open_editor(context)
             self._show_progress(context)
-            self._show_picture(context)
+            self._show_image(context)
             return {"PASS_THROUGH"}
         self._leave(context)
         outcome = {"CANCELLED"}
         try:
             outcome = self._deliver(context)
         finally:
-            if self._is_picture_shown and outcome == {"CANCELLED"}:
+            if self._is_image_shown and outcome == {"CANCELLED"}:
                 discard_progress()
         return outcome
 
     def cancel(self, context):
-        """Its window closes, another file is opened, Blender quits or the extension is disabled."""
+        """Called when its window closes, a file is opened, Blender quits or the extension is disabled."""
         render_job.stop()
         self._leave(context)
-        if self._is_picture_shown:
+        if self._is_image_shown:
             discard_progress()
 
     def _start(self, context, with_tiles: bool) -> bool:
-        """Read the inputs and start the job; False after reporting why it cannot be."""
+        """Read the inputs and start the job; False after reporting why that is impossible."""
         try:
             camera = chosen_camera(context, self.camera)
-            take_up_edits(context)
             self._camera_uid = camera.session_uid
-            inputs = prepare(context.scene, context.view_layer, camera)
+            inputs = prepared_inputs(context, camera)
             keep = context.scene.render.use_persistent_data
             self._job = render_job.start(inputs, with_tiles, keep)
         except BAD_INPUT as error:
@@ -132,7 +116,7 @@ class SCFPF_OT_render(bpy.types.Operator):
         return True
 
     def _deliver(self, context):
-        """Write the finished picture; nothing is touched if it was cancelled or has failed."""
+        """Write the finished image; nothing changes if the job was cancelled or has failed."""
         try:
             frame = self._job.result()
         except BAD_INPUT as error:
@@ -145,13 +129,11 @@ class SCFPF_OT_render(bpy.types.Operator):
         try:
             show_progress(frame.pixels)
             outcome, statistics = frame.report.outcome(), frame.report.statistics()
-            # Blender has the pixels now; packing takes as much again, and the job holds them too.
+            # Blender has the pixels. Packing takes as much memory again, and the job holds them, too.
             del frame, self._job
             warning = keep_result()
         except BAD_INPUT as error:
             return refused(self, error)
-        image = result_image()
-        stamp_result(image)
         if warning:
             self.report({"WARNING"}, warning)
         camera = object_by_uid(self._camera_uid)
@@ -159,7 +141,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             camera.scfpf.report, camera.scfpf.statistics = outcome, statistics
         editors = image_editors(context.window_manager)
         if editors:
-            editors[0].image = image
+            editors[0].image = result_image()
             self.report({"INFO"}, outcome)
         else:
             self.report({"INFO"}, f"{outcome}. Show Picture, the icon beside Render, opens it")
@@ -182,28 +164,28 @@ class SCFPF_OT_render(bpy.types.Operator):
         self._workspaces.add(context.workspace.name)
         redraw_interface(context.window_manager)
 
-    def _open_place(self, context):
-        """Let an Image Editor be where F12 would open one, once, and Esc cancel in its window too."""
+    def _open_editor(self, context):
+        """Open an Image Editor as F12 would, once, and let Esc cancel in its window, too."""
         if not self._may_open:
             return
         self._may_open = False
         self._is_opening = True
         try:
-            place = place_for_picture(context)
+            window = open_image_editor(context)
         finally:
             self._is_opening = False
-        if place is None or place == context.window:
+        if window is None or window == context.window:
             return
-        with context.temp_override(window=place):
-            # A render that is done before the first tick leaves nothing to cancel.
+        with context.temp_override(window=window):
+            # A render that is done before the first tick cannot be cancelled.
             if bpy.ops.scfpf.render_escape.poll():
                 bpy.ops.scfpf.render_escape("INVOKE_DEFAULT")
 
-    def _show_picture(self, context):
-        """The tiles so far, where no other image has to give way: cancelling leaves everything as it was."""
-        if time.monotonic() - self._picture_time < PICTURE_TICK or self._job.cancelled:
+    def _show_image(self, context):
+        """Show the tiles so far, unless another image would be replaced: cancelling restores everything."""
+        if time.monotonic() - self._image_time < IMAGE_TICK or self._job.cancelled:
             return
-        if not self._is_picture_shown and only_in_memory():
+        if not self._is_image_shown and only_in_memory():
             return
         editors = image_editors(context.window_manager)
         if not editors or editors[0].image not in (None, result_image()):
@@ -211,11 +193,11 @@ class SCFPF_OT_render(bpy.types.Operator):
         tiles = self._job.new_tiles()
         if tiles is not None:
             editors[0].image = show_progress(tiles)
-            self._is_picture_shown = True
-            self._picture_time = time.monotonic()
+            self._is_image_shown = True
+            self._image_time = time.monotonic()
 
     def _leave(self, context):
-        """Take back what invoke put up."""
+        """Remove the timer and the texts in the status bars."""
         _running.clear()
         context.window_manager.event_timer_remove(self._timer)
         for name in self._workspaces:
@@ -291,7 +273,7 @@ class SCFPF_OT_result_show(bpy.types.Operator):
                 {"ERROR"}, "Blender runs in the background: open the file in a window to see the picture"
             )
             return {"CANCELLED"}
-        place_for_picture(context)
+        open_image_editor(context)
         editors = image_editors(context.window_manager)
         if not editors:
             bpy.ops.wm.window_new()
@@ -309,7 +291,7 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
 
 @persistent
 def _file_loaded(*_):
-    # What persistent data keeps is hundreds of MB of the file before.
+    # The cache of persistent data may hold hundreds of MB of the previous file.
     render_job.forget()
 
 
@@ -322,6 +304,6 @@ def unregister():
     bpy.app.handlers.load_post.remove(_file_loaded)
     for operator in list(_running):
         operator.cancel(bpy.context)
-    # Before the classes go: their thread may still be at work.
+    # Before the classes are removed, because their thread may still be at work.
     render_job.forget()
     _unregister_classes()

@@ -12,7 +12,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
 from ..common.tool import Tool
-from ..image.image_click import PictureClick
+from ..image.image_click import ImageClick
 
 MAPPING_NAMES = {kind: name for kind, name, _ in MAPPING_KINDS}
 
@@ -103,7 +103,7 @@ class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
         context.view_layer.objects.active = grid
 
 
-class SCFPF_OT_mapping_place(PictureClick, bpy.types.Operator):
+class SCFPF_OT_mapping_place(ImageClick, bpy.types.Operator):
     """Click in the picture: the selected mapping gets its center there"""
 
     bl_idname = "scfpf.mapping_place"

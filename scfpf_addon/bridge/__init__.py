@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Blender to arrays and back. ``versions`` is the one module that hides version differences."""
+"""Blender's data as arrays and back. Only ``blender.versions`` knows differences between versions."""
 
 from __future__ import annotations
 
 from .mappings import read_mappings
 from .overlays import image_marks, viewport_overlay
-from .render import command_line, render_engine, render_passes, result_undo
+from .render import command_line, render_engine, render_passes, result_image
 from .settings import (
     camera_properties,
     mapping_properties,
@@ -15,7 +15,7 @@ from .settings import (
 )
 from .sync import handlers
 
-# What files and Blender's render job need: see ``render.type_registration``.
+# Modules whose types files and Blender's render job use: see ``render.type_registration``.
 TYPES = (
     mapping_properties,
     camera_properties,
@@ -26,12 +26,12 @@ TYPES = (
 )
 # Registered in this order after the types, unregistered in the reverse before them.
 MODULES = (
-    validation,  # before all that looks at a file that was loaded
+    validation,  # before all others that read a loaded file
     read_mappings,
     handlers,
     viewport_overlay,
     image_marks,
-    result_undo,
+    result_image,
     command_line,
 )
 

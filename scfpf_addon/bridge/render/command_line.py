@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``blender -c scfpf render FILE.blend -o OUT.png``: a picture without a window."""
+"""``blender -c scfpf render FILE.blend -o OUT.png``: a render without a window."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ import bpy
 
 from ..blender.rig_mark import camera_behind
 from ..settings.stylised_styles import STYLES, apply_style
+from .image_file import ResultError, require_place, save_result, with_ending
 from .render_errors import RENDER_ERRORS, reason
 from .render_inputs import prepare
 from .render_job import RenderJob
-from .result_image import FILE_FORMATS, ResultError, require_place, save_result, with_ending, write_result
+from .result_image import write_result
 
-# Blender's own limit, both ways.
+# Blender's own limit, positive and negative.
 LAST_FRAME = 1_048_574
 
 
 class CommandError(ValueError):
-    """A command line that cannot be carried out; the message is the one-line reason."""
+    """A command cannot be executed; the message is the one-line reason."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -90,7 +91,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def run(argv: list[str]) -> int:
-    """Carry out a command line. 0, or 1 after a one-line reason on stderr."""
+    """Execute a command line. Return 0, or 1 after a one-line reason on stderr."""
     try:
         options = parser().parse_args(argv)
         _render(options)
@@ -103,24 +104,19 @@ def run(argv: list[str]) -> int:
 
 
 def _render(options) -> None:
-    # os.path answers False where pathlib raises: too long a name, no permission.
+    # os.path returns False where pathlib raises: a name that is too long, no permission.
     if not os.path.isfile(options.file):
         raise CommandError(f"there is no file {options.file}")
-    output = options.output.absolute()
-    if os.path.isdir(output):
+    if os.path.isdir(options.output):
         raise CommandError(f"cannot write {options.output}: it is a folder")
-    if not os.path.isdir(output.parent):
-        raise CommandError(f"cannot write {options.output}: there is no folder {options.output.parent}")
-    if output.suffix and output.suffix.lower() not in FILE_FORMATS:
-        raise CommandError(f"cannot write {options.output}: use one of {', '.join(FILE_FORMATS)}")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(options.file.absolute()), load_ui=False)
     except RuntimeError as error:
         why = str(error).removeprefix("Error: ").split(" in file ")[0]
         raise CommandError(f"cannot open {options.file}: {why}") from error
     scene = bpy.context.scene
-    # The scene's own format may be one that is not written: better said now than after the render.
-    output = with_ending(str(output), scene)
+    # A path that cannot be written is reported before the render.
+    output = with_ending(str(options.output.absolute()), scene)
     require_place(output)
     if options.frame is not None:
         scene.frame_set(options.frame)
@@ -140,6 +136,7 @@ def _render(options) -> None:
 
 
 def _camera(scene, name: str | None):
+    """The flexible camera of a name; without one the scene's camera, or its only flexible one."""
     if name is not None:
         camera = scene.objects.get(name)
         if camera is None:
@@ -148,12 +145,13 @@ def _camera(scene, name: str | None):
             raise CommandError(f'"{name}" is not a flexible camera')
         return camera
     flexible = [obj for obj in scene.objects if obj.type == "CAMERA" and obj.scfpf.enabled]
-    if camera_behind(scene.camera) in flexible:
-        return camera_behind(scene.camera)
+    camera = camera_behind(scene.camera)
+    if camera in flexible:
+        return camera
     if not flexible:
         raise CommandError(f'the scene "{scene.name}" has no flexible camera')
     if len(flexible) > 1:
-        names = ", ".join(camera.name for camera in flexible)
+        names = ", ".join(each.name for each in flexible)
         raise CommandError(f"the scene's camera is not flexible: name one with --camera ({names})")
     return flexible[0]
 

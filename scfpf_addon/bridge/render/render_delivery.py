@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From finished tiles to Blender's render result, and what the header says meanwhile."""
+"""Delivery of finished tiles to Blender's render result, and the progress in the header."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from .scene_preparation import BUILDING
 # Seconds between two updates of the result and of the header.
 TICK = 0.25
 MEBIBYTE = 2**20
-# Bytes of finished tiles that wait for the next update at most: while others are being made Blender may
-# as well take them, which needs memory for the picture that it touches for the first time.
+# Largest size of finished tiles that wait for an update. Delivering costs time, because Blender touches the
+# result's memory for the first time; it is better spent while other tiles are being made.
 MOST_WAITING = 4 * MEBIBYTE
-# An extent beyond every picture: Blender cuts a result off at the render region.
+# A size beyond every image: Blender clips a result to the render region.
 WHOLE = 2**20
 
 
 class Delivery:
-    """Tiles of one view of a view layer on their way to Blender. Used in the thread that renders only."""
+    """Delivers the tiles of one view of a view layer to Blender. Only the rendering thread uses it."""
 
     def __init__(self, engine, view_layer, view: str = "", part: tuple[int, int] = (0, 1)) -> None:
         """Announce the passes of the view layer.
@@ -50,11 +50,11 @@ class Delivery:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The data passes to be made, as ``shading.passes`` names them."""
+        """The names of the data passes, as in ``shading.passes``."""
         return tuple(each.source for each in self._passes if each.source)
 
     def begin(self, inputs: RenderInputs) -> None:
-        """Say what memory the arrays of a picture take; from now on progress is made."""
+        """Report the memory of an image's arrays, and start the clock of its progress."""
         region = inputs.settings.region
         scenes = {id(each.scene): each.scene for each in inputs.moments} | {id(inputs.scene): inputs.scene}
         channels = sum(len(each.channels) for each in self._passes)
@@ -66,14 +66,14 @@ class Delivery:
         self._started = perf_counter()
 
     def add(self, rows: slice, pixels: Single, passes: dict[str, Single]) -> None:
-        """Take a finished tile, see ``render_frame``; the arrays stay as they are until delivered."""
+        """Take a finished tile of ``render_frame``, whose arrays must not change until delivered."""
         self._waiting.append((rows, pixels, passes))
         self._bytes += pixels.nbytes + sum(values.nbytes for values in passes.values())
         if self._bytes > MOST_WAITING:
             self.flush()
 
     def progress(self, share: float) -> None:
-        """Note how much is done, and every TICK show it."""
+        """Note the share that is done, and show it every TICK."""
         now = perf_counter()
         if now - self._updated < TICK:
             return
@@ -84,29 +84,29 @@ class Delivery:
         if share > 0.0:
             left = (now - self._started) * (1.0 - share) / share
             text = f"Remaining {int(left // 60):02d}:{int(left % 60):02d} | {text}"
-        # With motion blur each shutter time is built at its first use, by the threads.
+        # With motion blur the threads build the scene of each shutter time at its first use.
         self._engine.update_stats("", BUILDING if is_uncancellable() else text)
         self.flush()
 
     def flush(self) -> None:
-        """Hand over the tiles that wait."""
+        """Deliver the tiles that wait."""
         waiting, self._waiting, self._bytes = self._waiting, [], 0
         for rows, pixels, passes in waiting:
             self._deliver(rows.start, {"": pixels, **passes})
 
     def show(self, pixels: Single) -> None:
-        """A picture (H, W, 4) for the time being."""
+        """Deliver a preliminary image (H, W, 4)."""
         self._deliver(0, {"": pixels})
 
     def _deliver(self, bottom: int, made: dict[str, Single]) -> None:
-        """Hand over rows from ``bottom`` up. made: by the passes' source, each (rows, W, channels)."""
+        """Deliver rows from ``bottom`` up. made: by source of the pass, each (rows, W, channels)."""
         height, width = made[""].shape[:2]
         result = self._engine.begin_result(0, bottom, width, height, layer=self.layer, view=self.view)
         try:
             target = result.layers[0].passes
             for each in self._passes:
                 if each.source in made:
-                    # Flat: Blender takes nothing else.
+                    # Blender takes flat arrays only.
                     values = np.ravel(made[each.source])
                     target.find_by_name(each.name, self.view).rect.foreach_set(values)
         finally:
@@ -114,7 +114,7 @@ class Delivery:
             self._has_delivered = True
 
     def close(self) -> None:
-        """What is left goes to Blender, or where nothing was made an empty picture."""
+        """Deliver the remaining tiles, or an empty image if there were none."""
         try:
             self.flush()
         finally:
@@ -124,6 +124,6 @@ class Delivery:
 
 
 def geometry_bytes(geometry: Geometry) -> int:
-    """The memory that a scene's triangles take as arrays."""
+    """The memory of a scene's triangles as arrays, in bytes."""
     values = (getattr(geometry, each.name) for each in fields(geometry))
     return sum(value.nbytes for value in values if isinstance(value, np.ndarray))

@@ -14,6 +14,8 @@ from .render_errors import NO_THREAD, RenderError
 from .render_inputs import RenderInputs
 from .scene_preparation import SceneCache, prepare_scene
 
+RUNNING = "A render is already running: wait for it, or press Esc to cancel it"
+
 
 class RenderJob:
     """One image that is rendered by a thread of its own. Start it with ``start``."""
@@ -127,7 +129,7 @@ def start(inputs: RenderInputs, with_tiles: bool = False, keep: bool = False) ->
     """
     global _current
     if current() is not None:
-        raise RenderError("A render is already running: wait for it, or press Esc to cancel it")
+        raise RenderError(RUNNING)
     job = RenderJob(inputs, with_tiles, _cache if keep else None, keep)
     job.start()
     _current = job

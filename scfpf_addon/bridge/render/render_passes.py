@@ -15,7 +15,7 @@ from ..blender import versions
 from ..scene.read_materials import listing
 from ..settings.property_options import OVERRIDABLE
 
-# Cycles' names.
+# Names of the passes, as in Cycles.
 CRYPTO_NAMES = {"OBJECT": "CryptoObject", "MATERIAL": "CryptoMaterial"}
 
 
@@ -90,7 +90,7 @@ def list_render_passes(view_layer) -> Iterator[RenderPass]:
     for each in PASS_SWITCHES:
         if getattr(each.owner(view_layer), each.property):
             yield each.render_pass
-    # An odd number of names still takes a whole layer.
+    # Each layer has two names, the last one perhaps one.
     layers = min((view_layer.pass_cryptomatte_depth + 1) // 2, MOST_LAYERS)
     for kind in _crypto_kinds(view_layer):
         for layer in range(layers):
@@ -106,8 +106,8 @@ def _crypto_kinds(view_layer) -> Iterator[str]:
 
 
 def crypto_names(scene) -> dict[str, list[str]]:
-    """The names that cryptomattes of a ``shading.scene.Scene`` show, by number."""
-    # Cryptomattes know no libraries.
+    """The names of objects and materials in the cryptomattes of a ``Scene``, by number."""
+    # Cryptomattes have names without libraries.
     plain = {thing.name_full: thing.name for thing in bpy.data.objects}
     return {
         "OBJECT": [plain.get(name, name) for name in scene.geometry.object_names],
@@ -116,9 +116,9 @@ def crypto_names(scene) -> dict[str, list[str]]:
 
 
 def transparency_warning(scene, passes: tuple[str, ...]) -> str:
-    """Return the warning about data passes of a ``shading.scene.Scene`` with things that are seen through.
+    """The warning about data passes of a ``Scene`` with transparent materials, "" without such passes.
 
-    passes: names of ``shading.passes.PASSES``. "" where none shows such things.
+    passes: names of ``shading.passes.PASSES``.
     """
     clear = [number for number, graph in scene.materials.graphs.items() if graph.lets_through]
     if not clear or all(name in LIGHT_PASSES for name in passes):
@@ -128,7 +128,7 @@ def transparency_warning(scene, passes: tuple[str, ...]) -> str:
 
 
 def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:
-    """Tell a bpy.types.RenderResult, and so the files, what the cryptomattes of a view layer show."""
+    """Write the names in a view layer's cryptomattes into a bpy.types.RenderResult, and so into files."""
     for kind in _crypto_kinds(view_layer):
         name = f"{view_layer.name}.{CRYPTO_NAMES[kind]}"
         for field, value in (
@@ -140,8 +140,8 @@ def stamp_manifests(result, view_layer, names: dict[str, list[str]]) -> None:
             result.stamp_data_add_field(f"cryptomatte/{name_hash(name):08x}"[:19] + f"/{field}", value)
 
 
-def _tell_compositor(self, _context):
-    # Blender tells the compositor by itself for its own switches only.
+def _update_passes(self, _context):
+    """Update the compositor: Blender does so for its own switches only."""
     for view_layer in self.id_data.view_layers:
         view_layer.update_render_passes()
 
@@ -152,7 +152,7 @@ def _switch(name, description):
         name=name,
         description=description,
         default=False,
-        update=_tell_compositor,
+        update=_update_passes,
         override=OVERRIDABLE,
     )
 

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rendered shading: the flexible camera's picture in the camera's frame, or the viewport's own view."""
+"""Rendered shading: the flexible camera's image in the camera's frame, or the viewport's own view."""
 
 from __future__ import annotations
 
 import math
 import weakref
 from dataclasses import replace
-from typing import NamedTuple
 
 import bpy
 import gpu
@@ -24,53 +23,44 @@ from ..scene.read_images import KnownImages, with_images
 from ..scene.read_scene import read_scene
 from .render_errors import RENDER_ERRORS, reason
 from .render_inputs import RenderInputs, frame_settings, read_inputs
-from .view_painter import Commission, Painting, ViewPainter
+from .view_painter import Commission, Painting, Rectangle, ViewPainter
 
-# Seconds between two looks at whether there is something new to draw.
+# Seconds between two checks for new paintings.
 TICK = 0.06
-# A frame that is larger, as when the view is zoomed in far, is painted in larger pixels.
+# A larger frame, as when the view is zoomed in far, is painted in larger pixels.
 MOST_PIXELS = 2**23
-# A camera's frame of this many pixels or fewer shows nothing.
+# Smallest side of a camera's frame that is painted, in pixels.
 SMALLEST_FRAME = 2.0
-# Samples a pixel of a view that is no camera's.
+# Samples of a pixel of a view without a camera.
 FREE_SAMPLES = 4
 
 _painters: weakref.WeakSet[ViewPainter] = weakref.WeakSet()
-# What _tick saw last: the paintings' numbers.
+# The paintings' numbers at the last _tick.
 _seen: list[int] = []
 
 
-class Place(NamedTuple):
-    """Where the whole of a picture goes, in pixels of the region: left bottom corner and size."""
-
-    left: float
-    bottom: float
-    width: float
-    height: float
-
-
 class ViewportRender:
-    """What one viewport in Rendered shading shows. It lives as long as its engine."""
+    """The image of one viewport in Rendered shading. It lives as long as its engine."""
 
     def __init__(self) -> None:
         self._painter = ViewPainter()
         _painters.add(self._painter)
-        # With its engine Blender drops this object, but for the engine there is no last word.
+        # Blender drops this object with its engine, which has no method for its end.
         weakref.finalize(self, self._painter.stop)
         self._scene: Scene | None = None
         self._images: KnownImages = {}
         self._view: tuple | None = None
         self._drawn = -1
         self._texture = None
-        self._place = (0.0, 0.0, 0.0, 0.0)
+        self._rectangle = Rectangle(0.0, 0.0, 0.0, 0.0)
         self._message = ""
 
     def update(self) -> None:
-        """Something in the scene has changed: the next drawing reads it again."""
+        """Note that the scene has changed: the next drawing reads it again."""
         self._scene = self._view = None
 
     def draw(self, context, depsgraph, engine) -> None:
-        """Draw the newest painting, after asking for another one if the view or the scene is another."""
+        """Draw the newest painting, after requesting another if the view or the scene has changed."""
         view = view_key(context, depsgraph)
         if view != self._view:
             self._view = view
@@ -82,10 +72,10 @@ class ViewportRender:
         engine.update_stats("SCFPF", message or ("Rendering" if self._painter.busy else "Rendering Done"))
         if self._texture is None or message:
             return
-        left, bottom, right, top = self._place
+        left, bottom, width, height = self._rectangle
         gpu.state.blend_set("ALPHA_PREMULT")
         engine.bind_display_space_shader(depsgraph.scene)
-        draw_texture_2d(self._texture, (left, bottom), right - left, top - bottom)
+        draw_texture_2d(self._texture, (left, bottom), width, height)
         engine.unbind_display_space_shader()
         gpu.state.blend_set("NONE")
 
@@ -112,11 +102,11 @@ class ViewportRender:
         height, width = painting.pixels.shape[:2]
         pixels = gpu.types.Buffer("FLOAT", width * height * 4, np.ravel(painting.pixels))
         self._texture = gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
-        self._place = painting.place
+        self._rectangle = painting.rectangle
 
 
 def view_key(context, depsgraph) -> tuple:
-    """What tells one view of the same scene from another."""
+    """The key of a view: it differs whenever the same scene looks different."""
     region, view = context.region, context.region_data
     return (
         viewport_eye(context.space_data, depsgraph),
@@ -129,13 +119,13 @@ def view_key(context, depsgraph) -> tuple:
 
 
 def viewport_eye(space, depsgraph) -> Eye:
-    """Return the eye by which a viewport looks through a camera; "" for both or none."""
+    """The eye through which a viewport shows a camera, "" for both or none."""
     chosen = space.stereo_3d_camera.lower()
     return eye_of(depsgraph.scene_eval.render, chosen) if chosen in EYES else ""
 
 
 def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
-    """What a viewport is to show, None if it shows nothing of the camera's frame.
+    """Read the commission of a viewport, None if the camera's frame is outside it.
 
     Raises one of RENDER_ERRORS.
     """
@@ -143,32 +133,31 @@ def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
     camera = space.camera if space.use_local_camera else depsgraph.scene.camera
     eye = viewport_eye(space, depsgraph)
     if view.view_perspective != "CAMERA" or camera is None or camera.type != "CAMERA":
-        camera, place = None, Place(0.0, 0.0, float(region.width), float(region.height))
+        camera, frame = None, Rectangle(0.0, 0.0, float(region.width), float(region.height))
     else:
-        place = camera_place(camera, depsgraph, region, view, eye)
-    if place is None:
+        frame = camera_rectangle(camera, depsgraph, region, view, eye)
+    if frame is None:
         return None
-    scale = min(1.0, (MOST_PIXELS / (place.width * place.height)) ** 0.5)
-    size = max(round(place.width * scale), 1), max(round(place.height * scale), 1)
-    border = seen_part(place, size, region)
+    scale = min(1.0, (MOST_PIXELS / (frame.width * frame.height)) ** 0.5)
+    size = max(round(frame.width * scale), 1), max(round(frame.height * scale), 1)
+    border = visible_border(frame, size, region)
     if border is None:
         return None
     if camera is None:
         inputs = free_view(depsgraph, view, scene, size)
     else:
-        aspect = place.width / place.height
+        aspect = frame.width / frame.height
         inputs = read_inputs(depsgraph, camera.original, size, scene=scene, aspect=aspect, eye=eye)
-    left, right = (place.left + x * place.width / size[0] for x in (border.left, border.right))
-    bottom, top = (place.bottom + y * place.height / size[1] for y in (border.bottom, border.top))
-    return Commission(
-        replace(inputs, settings=replace(inputs.settings, border=border)), (left, bottom, right, top)
-    )
+    left, right = (frame.left + x * frame.width / size[0] for x in (border.left, border.right))
+    bottom, top = (frame.bottom + y * frame.height / size[1] for y in (border.bottom, border.top))
+    inputs = replace(inputs, settings=replace(inputs.settings, border=border))
+    return Commission(inputs, Rectangle(left, bottom, right - left, top - bottom))
 
 
-def camera_place(camera, depsgraph, region, view, eye: Eye = "") -> Place | None:
-    """Return the frame of a camera in a viewport that looks through it, None if it has no size.
+def camera_rectangle(camera, depsgraph, region, view, eye: Eye = "") -> Rectangle | None:
+    """The frame of a camera in a viewport that looks through it, None if it is too small.
 
-    eye: by which the viewport looks.
+    eye: through which the viewport shows the camera.
     """
     evaluated = camera.evaluated_get(depsgraph)
     frame = evaluated.data.view_frame(scene=depsgraph.scene)
@@ -182,26 +171,23 @@ def camera_place(camera, depsgraph, region, view, eye: Eye = "") -> Place | None
     width, height = right_top - left_bottom
     if not (width >= SMALLEST_FRAME and height >= SMALLEST_FRAME):
         return None
-    return Place(left_bottom.x, left_bottom.y, width, height)
+    return Rectangle(left_bottom.x, left_bottom.y, width, height)
 
 
-def seen_part(place: Place, size: tuple[int, int], region) -> Border | None:
-    """The pixels of a picture of ``size`` at ``place`` that a region shows, None if there are none."""
-    across, up = size[0] / place.width, size[1] / place.height
+def visible_border(frame: Rectangle, size: tuple[int, int], region) -> Border | None:
+    """The pixels of an image of ``size`` in ``frame`` that a region shows, None if it shows none."""
+    across, up = size[0] / frame.width, size[1] / frame.height
     border = Border(
-        max(math.floor(-place.left * across), 0),
-        max(math.floor(-place.bottom * up), 0),
-        min(math.ceil((region.width - place.left) * across), size[0]),
-        min(math.ceil((region.height - place.bottom) * up), size[1]),
+        max(math.floor(-frame.left * across), 0),
+        max(math.floor(-frame.bottom * up), 0),
+        min(math.ceil((region.width - frame.left) * across), size[0]),
+        min(math.ceil((region.height - frame.bottom) * up), size[1]),
     )
     return border if border.left < border.right and border.bottom < border.top else None
 
 
 def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInputs:
-    """What a viewport that looks through no camera shows: its own frustum.
-
-    view: bpy.types.RegionView3D.
-    """
+    """The inputs of a viewport without a camera: its own frustum. view: bpy.types.RegionView3D."""
     to_world = np.linalg.inv(np.array(view.perspective_matrix, np.float64))
     ends = []
     for depth in (-1.0, 1.0):
@@ -214,7 +200,7 @@ def free_view(depsgraph, view, scene: Scene, size: tuple[int, int]) -> RenderInp
 
 
 def stop_all() -> None:
-    """End the threads of all viewports."""
+    """Stop the threads of all viewports."""
     for painter in list(_painters):
         painter.stop()
     if bpy.app.timers.is_registered(_tick):
@@ -222,12 +208,12 @@ def stop_all() -> None:
 
 
 def is_painting() -> bool:
-    """Whether a viewport's picture is still being made."""
+    """Whether a viewport's image is still being made."""
     return any(painter.busy for painter in list(_painters))
 
 
 def _tick() -> float | None:
-    """Have viewports drawn again when there is something new; threads must not ask for that themselves."""
+    """Redraw viewports when there is a new painting; threads must not do so themselves."""
     busy = is_painting()
     numbers = sorted(painter.number for painter in list(_painters))
     if numbers != _seen or not busy:

@@ -1,50 +1,34 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The picture as an image datablock, and as a file.
+"""The image datablock of the last render, and what undo does to it.
 
-The datablock is float, scene-linear and premultiplied, shown through the scene's
-view transform like a render. ``write_result`` packs it, which keeps it bit for bit
-through save, reload and undo, up to 2 GB; whoever calls it makes one undo push afterwards, or
-undoing something else takes the picture away.
-``result_undo`` shows what undo brings back.
+The datablock is float, scene-linear and premultiplied, shown through the scene's view transform like a
+render. ``write_result`` packs it, which keeps it bit for bit through save, reload and undo, up to 2 GB. Its
+caller makes one undo push afterwards, or undoing another step removes the image.
+
+Undo restores the packed file but leaves the pixels in memory alone. Handlers here drop those pixels, or an
+editor would show the newer image and a saved file would hold the older one.
 """
 
 from __future__ import annotations
 
-import os
-from contextlib import contextmanager
-from pathlib import Path
+import uuid
 
 import bpy
 import numpy as np
-from numpy.typing import NDArray
+from bpy.app.handlers import persistent
 
-from ..blender import versions
-from ..blender.atomic_files import is_whole_picture, replacing, require_writable, reserve
+from ...shading.typing import Single
+from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.packing import pack
 
 IMAGE_NAME = "SCFPF Render"
-
 # Image.depth of four float32 channels.
 FLOAT_RGBA_BITS = 128
+# The custom property of the image that names its content; undo restores it with the packed file.
+STAMP = "scfpf_render"
 
-# Extension → Blender's file format, colour channels and bits a channel.
-FILE_FORMATS = {
-    ".png": ("PNG", "RGBA", "8"),
-    ".exr": ("OPEN_EXR", "RGBA", "32"),
-    ".jpg": ("JPEG", "RGB", "8"),
-    ".jpeg": ("JPEG", "RGB", "8"),
-    ".tif": ("TIFF", "RGBA", "16"),
-    ".tiff": ("TIFF", "RGBA", "16"),
-    ".webp": ("WEBP", "RGBA", "8"),
-}
-
-# Bytes a pixel that a WebP takes at most, with room to spare. Blender 5.2 crashes where it finds no room.
-WEBP_BYTES = 5
-CUT_OFF = "the file is incomplete, as on a full disk: free some space, or write to another disk"
-
-
-class ResultError(ValueError):
-    """A picture cannot be written; the message says why."""
+# The stamp of the pixels in memory, which undo does not restore.
+_in_memory = ""
 
 
 def result_image():
@@ -52,11 +36,11 @@ def result_image():
     return bpy.data.images.get((IMAGE_NAME, None))
 
 
-def write_result(pixels: NDArray[np.float32]):
-    """Make the finished picture the image datablock's content; returns the datablock.
+def write_result(pixels: Single):
+    """Make a finished image the datablock's content; return the datablock.
 
-    pixels: (H, W, 4) float32, scene-linear, premultiplied, row 0 at the bottom. An
-    existing datablock is kept and resized, so that editors go on showing it.
+    pixels: (H, W, 4) float32, scene-linear, premultiplied, row 0 at the bottom. An existing datablock is
+    resized, so that editors go on showing it.
     """
     show_progress(pixels)
     keep_result()
@@ -64,15 +48,25 @@ def write_result(pixels: NDArray[np.float32]):
 
 
 def keep_result() -> str:
-    """Pack what ``show_progress`` showed last; what to tell the user where it is too large for that, else ''.
+    """Pack the image that ``show_progress`` showed; return a warning if it is too large for that, else "".
 
-    The file is as large as the picture: whoever can lets go of the pixels before.
+    The file is as large as the image: callers should release their own pixels before.
     """
-    return pack(result_image())
+    global _in_memory
+    image = result_image()
+    warning = pack(image)
+    _in_memory = image[STAMP] = uuid.uuid4().hex
+    return warning
 
 
-def show_progress(pixels: NDArray[np.float32]):
-    """As ``write_result``, for a picture in the making: quicker, and lost on reload and undo."""
+def only_in_memory() -> bool:
+    """Whether the last image is neither packed, because it is too large, nor saved."""
+    image = result_image()
+    return image is not None and not image.packed_file and STAMP in image and image.is_dirty
+
+
+def show_progress(pixels: Single):
+    """As ``write_result``, for an image in the making: faster, and lost on reload and undo."""
     height, width = pixels.shape[:2]
     image = _prepared_image(width, height)
     image.pixels.foreach_set(np.ascontiguousarray(pixels, np.float32).reshape(-1))
@@ -82,7 +76,7 @@ def show_progress(pixels: NDArray[np.float32]):
 
 
 def discard_progress() -> None:
-    """Take back what ``show_progress`` showed: the last finished picture, or none."""
+    """Undo ``show_progress``: restore the last finished image, or remove the datablock."""
     image = result_image()
     if image is None:
         return
@@ -94,7 +88,7 @@ def discard_progress() -> None:
 
 
 def redraw_image_editors() -> None:
-    """Have every open Image Editor draw again."""
+    """Redraw every Image Editor."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "IMAGE_EDITOR":
@@ -102,10 +96,10 @@ def redraw_image_editors() -> None:
 
 
 def _prepared_image(width: int, height: int):
-    """The datablock, as float buffer of the size wanted, with the settings of a render."""
+    """The datablock with a float buffer of a size and the settings of a render."""
     image = result_image()
     if image is not None and not (image.is_float and image.depth == FLOAT_RGBA_BITS):
-        # Somebody's picture by this name, or one whose file is gone: it cannot hold ours.
+        # An image of the user's by this name, or one whose file is gone: it cannot hold a render.
         image.name = f"{IMAGE_NAME} (other)"
         image = None
     if image is None:
@@ -115,100 +109,45 @@ def _prepared_image(width: int, height: int):
     if tuple(image.size) != (width, height):
         image.scale(width, height)
     image.use_view_as_render = True
-    # Without a user the datablock would be dropped when the file is saved.
+    # Without a user the datablock would not be saved.
     image.use_fake_user = True
     return image
 
 
 def _set(image, path: str, value: str) -> None:
-    """Set a property if it differs: Blender reloads the image's buffer whenever it is set."""
+    """Set a property if it differs, because Blender reloads the image's buffer whenever it is set."""
     if image.path_resolve(path) != value:
         owner, _, name = path.rpartition(".")
         setattr(image.path_resolve(owner) if owner else image, name, value)
 
 
 def _scene_linear() -> str:
-    """The name of the file's working colour space: what Blender gives a new float image."""
+    """The name of the file's working colour space, which Blender gives a new float image."""
     probe = bpy.data.images.new(IMAGE_NAME, 1, 1, float_buffer=True)
     name = probe.colorspace_settings.name
     bpy.data.images.remove(probe)
     return name
 
 
-def with_ending(path: str, scene) -> str:
-    """A path with the ending that names its format: its own, else that of the scene's output.
-
-    Raises ResultError for one that is not known.
-    """
-    if not os.path.splitext(path)[1]:
-        path += scene.render.file_extension
-    if os.path.splitext(path)[1].lower() not in FILE_FORMATS:
-        raise ResultError(f"Cannot write '{path}': use one of {', '.join(FILE_FORMATS)}")
-    return path
-
-
-def require_place(path: str) -> None:
-    """Raise ResultError if no picture can be written to a path, absolute and with its ending."""
-    folder = os.path.dirname(path) or "."
-    if not os.path.isdir(folder):
-        raise ResultError(f"Cannot write '{path}': there is no folder '{folder}'")
-    if os.path.isdir(path):
-        raise ResultError(f"Cannot write '{path}': it is a folder")
-    try:
-        require_writable(Path(path))
-    except OSError as error:
-        raise ResultError(f"Cannot write '{path}': {error.strerror or error}") from error
-
-
-def save_result(image, path: str, scene) -> str:
-    """Write the picture to a file through the scene's view transform; returns the path written.
-
-    The extension of ``path`` chooses the format; the scene's own output settings
-    count where they are of that format, and where there is no extension (theirs is
-    added). EXR keeps scene-linear values. Raises ResultError for an extension that
-    is not known or a path that cannot be written, and if the written file is not whole, as on a full
-    disk; the earlier file at that path stays as it was then. A symbolic link there keeps its target's place.
-    """
-    path = with_ending(bpy.path.abspath(path), scene)
-    require_place(path)
-    extension = os.path.splitext(path)[1].lower()
-    try:
-        with (
-            replacing(Path(os.path.realpath(path))) as part,
-            _output_format(scene.render.image_settings, *FILE_FORMATS[extension]),
-        ):
-            if extension == ".webp":
-                reserve(part, image.size[0] * image.size[1] * WEBP_BYTES)
-            image.save_render(str(part), scene=scene)
-            # Blender says nothing of a PNG, a TIFF or a WebP that it could not write to the end.
-            if not is_whole_picture(part):
-                raise ResultError(f"Cannot write '{path}': {CUT_OFF}")
-    except RuntimeError as error:
-        reason = str(error).splitlines()[0].removeprefix("Error: ")
-        raise ResultError(f"Cannot write '{path}': {reason}") from error
-    except OSError as error:
-        raise ResultError(f"Cannot write '{path}': {error.strerror or error}") from error
-    return path
-
-
-@contextmanager
-def _output_format(settings, file_format: str, color_mode: str, color_depth: str):
-    """The scene's output settings changed to a format, unless they are of it already."""
-    if settings.file_format == file_format:
-        yield
+@persistent
+def _after_undo(_scene, _depsgraph=None) -> None:
+    global _in_memory
+    image = result_image()
+    if image is None or image.get(STAMP, "") == _in_memory or not (image.packed_file or STAMP in image):
         return
-    wanted = {
-        "media_type": "IMAGE",
-        "file_format": file_format,
-        "color_mode": color_mode,
-        "color_depth": color_depth,
-    }
-    names = versions.image_format_properties()
-    before = {name: getattr(settings, name) for name in names}
-    try:
-        for name in names:
-            setattr(settings, name, wanted[name])
-        yield
-    finally:
-        for name in names:
-            setattr(settings, name, before[name])
+    # Blender reads the pixels again from the packed file. An image that was too large to be packed is lost,
+    # and no other one may stand for it.
+    image.buffers_free()
+    _in_memory = image.get(STAMP, "")
+    redraw_image_editors()
+
+
+HANDLERS = {"undo_post": _after_undo, "redo_post": _after_undo}
+
+
+def register():
+    add_handlers(HANDLERS)
+
+
+def unregister():
+    remove_handlers(HANDLERS)

@@ -27,7 +27,7 @@ SUN_STRENGTH, SUN_SIZE, SUN_ANGLES = 4.0, 0.5, (50.0, 0.0, 30.0)
 
 
 def new_tutorial_scene():
-    """Make the scene in the file, without a camera, and return it; no window shows it yet."""
+    """Create the scene without a camera and return it; no window shows it yet."""
     scene = bpy.data.scenes.new(NAME)
     scene.render.engine = ENGINE
     scene.world = _sky()
@@ -80,7 +80,7 @@ def _sky():
 
 
 def _tree(owner):
-    """The nodes of a new material or world, which has some from the start in newer versions."""
+    """The nodes of a new material or world; newer versions create them with it."""
     if owner.node_tree is None:
         owner.use_nodes = True
     return owner.node_tree

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Registering and unregistering the types that Blender's render job may be reading in its thread.
+"""Registration of the types that Blender's render job may be reading in its thread.
 
-Python cannot end a job of another engine. Types stay registered until it has ended; Blender would crash
-where a driver or the engine itself is read meanwhile.
+Python cannot end a job of another engine. Types stay registered until the job has ended, or Blender would
+crash when it evaluates a driver or calls the engine.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import bpy
 
 from . import render_engine
 
-# Seconds between two looks at the job.
+# Seconds between two checks of the job.
 TICK = 0.2
 
-# The modules whose types wait for the end of a job to be unregistered.
+# The modules whose types are to be unregistered when the job ends.
 _waiting: list[ModuleType] = []
 
 
 def register_types(modules: Sequence[ModuleType]) -> None:
-    """Register modules in this order; those that still wait for a job are registered already."""
+    """Register modules in this order, unless they still wait for a job and are registered."""
     if _waiting:
         _waiting.clear()
         return
@@ -31,7 +31,7 @@ def register_types(modules: Sequence[ModuleType]) -> None:
 
 
 def unregister_types(modules: Sequence[ModuleType]) -> None:
-    """Unregister modules in the reverse order, after the render job if one runs; SCFPF's own is ended."""
+    """Unregister modules in reverse order, after the render job if one runs; a job of SCFPF is cancelled."""
     _waiting[:] = modules
     if not bpy.app.is_job_running("RENDER"):
         _finish()
@@ -42,7 +42,7 @@ def unregister_types(modules: Sequence[ModuleType]) -> None:
 
 
 def _finish() -> float | None:
-    """Unregister what waits once no job runs; a timer's function."""
+    """Unregister the waiting modules once no job runs; a timer's function."""
     if bpy.app.is_job_running("RENDER"):
         return TICK
     render_engine.go_on()

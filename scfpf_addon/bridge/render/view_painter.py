@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture that is made in a thread and refined, and that gives way to the next one asked for."""
+"""Images of a viewport: a thread refines one until the next is requested."""
 
 from __future__ import annotations
 
@@ -14,25 +14,32 @@ from .render_inputs import RenderInputs
 from .scene_preparation import SceneCache
 
 
+class Rectangle(NamedTuple):
+    """A rectangle in a viewport, in pixels of its region: left bottom corner and size."""
+
+    left: float
+    bottom: float
+    width: float
+    height: float
+
+
 class Painting(NamedTuple):
-    """pixels: (H, W, 4) as in Frame. place: (left, bottom, right, top) in the region, pixels.
-    is_final: whether it gets no finer.
-    """
+    """An image and where it is drawn. pixels: (H, W, 4) as in Frame. is_final: whether it gets no finer."""
 
     pixels: Single
-    place: tuple[float, float, float, float]
+    rectangle: Rectangle
     is_final: bool
 
 
 class Commission(NamedTuple):
-    """What to paint: inputs, whose border is shown at ``place`` of the region."""
+    """A request for an image. The border of the inputs is drawn in the rectangle."""
 
     inputs: RenderInputs
-    place: tuple[float, float, float, float]
+    rectangle: Rectangle
 
 
 class ViewPainter:
-    """Paints what was asked for last. All methods belong to one thread, the caller's."""
+    """Paints the latest commission. Only the caller's thread may call its methods."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -40,19 +47,19 @@ class ViewPainter:
         self._thread: threading.Thread | None = None
         self._stopped = False
         self._cache: SceneCache | None = None
-        # The newest painting, and what went wrong instead; the number tells one from the next.
+        # The newest painting, or the message of an error instead; the number changes with each.
         self.painting: Painting | None = None
         self.message = ""
         self.number = 0
 
     @property
     def busy(self) -> bool:
-        """Whether there is more to come."""
+        """Whether the thread is at work."""
         with self._lock:
             return self._thread is not None
 
     def ask(self, commission: Commission) -> None:
-        """Paint this, and nothing of what was asked for before; returns at once."""
+        """Paint this, and drop earlier commissions; return at once."""
         with self._lock:
             self._wanted = commission
             if self._thread is None and not self._stopped:
@@ -66,7 +73,7 @@ class ViewPainter:
                     self._thread = thread
 
     def stop(self) -> None:
-        """Give up for good and wait for the thread."""
+        """Cancel for ever and wait for the thread."""
         with self._lock:
             self._stopped, thread = True, self._thread
         if thread is not None:
@@ -84,7 +91,7 @@ class ViewPainter:
             except Exception as error:  # A thread has nowhere to raise.
                 self._show(None, failure_message(error))
 
-    def _given_up(self) -> bool:
+    def _is_cancelled(self) -> bool:
         return self._stopped or self._wanted is not None
 
     def _show(self, painting: Painting | None, message: str = "") -> None:
@@ -96,8 +103,12 @@ class ViewPainter:
         self._cache = SceneCache.of(inputs.scene.geometry, self._cache)
         for step in (*coarse_inputs(inputs), inputs):
             frame = render_frame(
-                step.projection, step.scene, step.settings, self._cache.cast_scene, cancelled=self._given_up
+                step.projection,
+                step.scene,
+                step.settings,
+                self._cache.cast_scene,
+                cancelled=self._is_cancelled,
             )
             if frame is None:
                 return
-            self._show(Painting(frame.pixels, commission.place, step is inputs))
+            self._show(Painting(frame.pixels, commission.rectangle, step is inputs))

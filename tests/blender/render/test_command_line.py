@@ -157,7 +157,7 @@ def test_help_is_shown(run, capsys, arguments):
 def test_a_full_disk_is_a_line_and_a_code(addon, run, blend, tmp_path, capsys, monkeypatch):
     output = tmp_path / "out.png"
     output.write_bytes(b"an earlier picture")
-    module = addon("bridge.render.result_image")
+    module = addon("bridge.render.image_file")
     monkeypatch.setattr(module, "is_whole_picture", lambda _path: False)
     assert run("render", blend, "-o", output) == 1
     captured = capsys.readouterr()

@@ -110,7 +110,7 @@ def test_the_place_under_the_mouse_is_found_in_the_picture_only(addon, camera, i
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 32
     bpy.ops.scfpf.render()
     assert area.spaces.active.image.name == "SCFPF Render"
-    (region,) = click.picture_regions(window)
+    (region,) = click.image_regions(window)
     for u, v in ((0.25, 0.25), (0.5, 0.75)):
         x, y = region.view2d.view_to_region(u, v, clip=False)
         found = click.image_position(window, region.x + x, region.y + y)
@@ -120,7 +120,7 @@ def test_the_place_under_the_mouse_is_found_in_the_picture_only(addon, camera, i
             assert found == pytest.approx((u, v), abs=0.05)
     assert click.image_position(window, -5, -5) is None
     area.spaces.active.image = None
-    assert click.picture_regions(window) == []
+    assert click.image_regions(window) == []
 
 
 def test_pick_survives_save_and_reload(camera, tmp_path):

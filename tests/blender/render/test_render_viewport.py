@@ -55,7 +55,7 @@ def test_a_camera_view_shows_the_flexible_cameras_picture(addon, module, painter
     bpy.context.view_layer.objects.active = engine_scene.camera
     assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
     painting = paint(addon, module, painter, *viewport(engine_scene))
-    assert painting.is_final and np.allclose(painting.place, (0, 0, WIDTH, HEIGHT), atol=1e-3)
+    assert painting.is_final and np.allclose(painting.rectangle, (0, 0, WIDTH, HEIGHT), atol=1e-3)
     # The frame of a float32 camera is not quite the region.
     assert np.abs(painting.pixels - button()).max() < 1e-3
 
@@ -65,7 +65,7 @@ def test_a_zoomed_view_shows_a_part_of_the_picture(addon, module, painter, engin
     whole = button()
     # Twice as large, its middle moved by half a region: the frame's left lower quarter.
     painting = paint(addon, module, painter, *viewport(engine_scene, zoom=2.0, shift=(1.0, 1.0)))
-    assert np.allclose(painting.place, (0, 0, WIDTH, HEIGHT), atol=1.01)
+    assert np.allclose(painting.rectangle, (0, 0, WIDTH, HEIGHT), atol=1.01)
     rows, columns = (min(painting.pixels.shape[k], (HEIGHT, WIDTH)[k]) for k in (0, 1))
     assert rows >= HEIGHT - 1 and columns >= WIDTH - 1
     assert (np.abs(painting.pixels[:rows, :columns] - whole[:rows, :columns]) > 1e-3).mean() < 0.01
@@ -105,7 +105,7 @@ def test_the_last_one_asked_for_is_painted_and_the_scene_is_built_once(addon, mo
         painter.ask(last)
     while painter.busy:
         time.sleep(0.01)
-    assert painter.painting.is_final and painter.painting.place == last.place
+    assert painter.painting.is_final and painter.painting.rectangle == last.rectangle
     cache = painter._cache
     # The same triangles read again are the same scene; a moved vertex is another.
     again = addon("bridge.scene.read_scene").read_scene(bpy.context.evaluated_depsgraph_get())

@@ -14,6 +14,11 @@ def module(addon):
     return addon("bridge.render.result_image")
 
 
+@pytest.fixture
+def files(addon):
+    return addon("bridge.render.image_file")
+
+
 def picture(width=40, height=30, seed=0):
     """Premultiplied pixels (H, W, 4) with every kind of alpha, tiny, huge and negative values."""
     generator = np.random.default_rng(seed)
@@ -111,14 +116,13 @@ def undo_context():
     return bpy.context.temp_override(window=bpy.context.window_manager.windows[0])
 
 
-def test_undo_takes_back_renders_one_by_one_and_nothing_else(module, addon):
-    """As the operator does it: a stamp and one undo push after each write."""
-    stamp_result = addon("bridge.render.result_undo").stamp_result
+def test_undo_takes_back_renders_one_by_one_and_nothing_else(module):
+    """As the operator does it: one undo push after each write."""
     first, second = picture(), picture(50, 20, seed=1)
     with undo_context():
         bpy.ops.ed.undo_push(message="Start")
     for pixels in (first, second):
-        stamp_result(module.write_result(pixels))
+        module.write_result(pixels)
         with undo_context():
             bpy.ops.ed.undo_push(message="Render")
             bpy.ops.object.empty_add()
@@ -142,33 +146,29 @@ def test_undo_takes_back_renders_one_by_one_and_nothing_else(module, addon):
 @pytest.mark.parametrize("before", ["nothing", "a smaller picture"])
 def test_a_picture_that_no_file_can_hold_is_only_in_memory(module, addon, monkeypatch, before):
     """Blender counts a packed file's bytes in 31 bits and keeps the beginning of larger ones."""
-    packing, undo = (
-        addon("bridge.blender.packing"),
-        addon("bridge.render.result_undo"),
-    )
+    packing = addon("bridge.blender.packing")
     small, large = picture(), picture(50, 40, seed=1)
     if before != "nothing":
-        undo.stamp_result(module.write_result(small))
+        module.write_result(small)
         with undo_context():
             bpy.ops.ed.undo_push(message="Small")
     monkeypatch.setattr(packing, "LARGEST_FILE", packing.BESIDES_PIXELS + large.nbytes)
-    assert not undo.only_in_memory()
+    assert not module.only_in_memory()
     module.show_progress(large)
     assert "Save As" in module.keep_result() and "2 GB" in module.keep_result()
     image = module.result_image()
-    undo.stamp_result(image)
-    assert same(image, large) and not image.packed_file and undo.only_in_memory()
+    assert same(image, large) and not image.packed_file and module.only_in_memory()
     with undo_context():
         bpy.ops.ed.undo_push(message="Large")
     assert same(module.result_image(), large)
     if before != "nothing":
         with undo_context():
             bpy.ops.ed.undo()
-        assert same(module.result_image(), small) and not undo.only_in_memory()
+        assert same(module.result_image(), small) and not module.only_in_memory()
         with undo_context():
             bpy.ops.ed.redo()
         # It is lost, and the small one does not stand for it.
-        assert not module.result_image().has_data and not undo.only_in_memory()
+        assert not module.result_image().has_data and not module.only_in_memory()
     # One that fits is packed again.
     assert same(module.write_result(small), small) and module.result_image().packed_file
 
@@ -176,19 +176,15 @@ def test_a_picture_that_no_file_can_hold_is_only_in_memory(module, addon, monkey
 def test_a_picture_that_was_saved_as_a_file_comes_back_after_a_cancelled_one(
     module, addon, tmp_path, monkeypatch
 ):
-    packing, undo = (
-        addon("bridge.blender.packing"),
-        addon("bridge.render.result_undo"),
-    )
+    packing = addon("bridge.blender.packing")
     monkeypatch.setattr(packing, "LARGEST_FILE", packing.BESIDES_PIXELS)
     first, second = picture(), picture(seed=1)
     image = module.write_result(first)
-    undo.stamp_result(image)
-    assert undo.only_in_memory()
+    assert module.only_in_memory()
     image.file_format = "OPEN_EXR"
     image.save(filepath=str(tmp_path / "saved.exr"))
     image.filepath_raw, image.source = str(tmp_path / "saved.exr"), "FILE"
-    assert not image.packed_file and not undo.only_in_memory()
+    assert not image.packed_file and not module.only_in_memory()
     module.show_progress(second)
     module.discard_progress()
     # Saving has put the colours into another space.
@@ -271,22 +267,22 @@ def plain_picture():
     return pixels
 
 
-def test_png_holds_the_view_transform_of_the_pixels(module, tmp_path):
+def test_png_holds_the_view_transform_of_the_pixels(module, files, tmp_path):
     scene = bpy.context.scene
     pixels = plain_picture()
     image = module.write_result(pixels)
     straight = pixels[..., :3].astype(np.float64) / pixels[..., 3:]
     scene.view_settings.view_transform = "Standard"
-    standard = load_as_stored(module.save_result(image, str(tmp_path / "standard.png"), scene))
+    standard = load_as_stored(files.save_result(image, str(tmp_path / "standard.png"), scene))
     # Half a step of 8 bits, and a little for float32.
     assert standard[..., :3] == pytest.approx(srgb(straight), abs=0.51 / 255)
     assert standard[..., 3] == pytest.approx(pixels[..., 3], abs=0.51 / 255)
     scene.view_settings.view_transform = "Raw"
-    raw = load_as_stored(module.save_result(image, str(tmp_path / "raw.png"), scene))
+    raw = load_as_stored(files.save_result(image, str(tmp_path / "raw.png"), scene))
     assert raw[..., :3] == pytest.approx(straight, abs=0.51 / 255)
 
 
-def test_the_scenes_view_transform_is_that_of_a_render(module, tmp_path):
+def test_the_scenes_view_transform_is_that_of_a_render(module, files, tmp_path):
     """The same colour by Cycles and by us gives the same PNG under AgX."""
     scene = bpy.context.scene
     scene.view_settings.view_transform = "AgX"
@@ -307,18 +303,18 @@ def test_the_scenes_view_transform_is_that_of_a_render(module, tmp_path):
     bpy.ops.render.render(write_still=True)
     pixels = np.ones((4, 4, 4), np.float32)
     pixels[..., :3] = color
-    ours = module.save_result(module.write_result(pixels), str(tmp_path / "ours.png"), scene)
+    ours = files.save_result(module.write_result(pixels), str(tmp_path / "ours.png"), scene)
     theirs = load_as_stored(tmp_path / "cycles.png")
     # One step of 8 bits, should the two round apart.
     assert load_as_stored(ours) == pytest.approx(theirs, abs=1.01 / 255)
     assert np.abs(load_as_stored(ours)[..., :3] - srgb(np.array(color))).max() > 0.05
 
 
-def test_exr_holds_the_pixels_themselves(module, tmp_path):
+def test_exr_holds_the_pixels_themselves(module, files, tmp_path):
     scene = bpy.context.scene
     scene.view_settings.view_transform = "AgX"
     pixels = picture()
-    written = module.save_result(module.write_result(pixels), str(tmp_path / "linear.exr"), scene)
+    written = files.save_result(module.write_result(pixels), str(tmp_path / "linear.exr"), scene)
     assert load_as_stored(written).tobytes() == pixels.tobytes()
 
 
@@ -327,7 +323,7 @@ def settings_of(scene):
     return {name: getattr(scene.render.image_settings, name, None) for name in names}
 
 
-def test_the_extension_chooses_the_format_and_the_scene_keeps_its_own(module, tmp_path):
+def test_the_extension_chooses_the_format_and_the_scene_keeps_its_own(module, files, tmp_path):
     scene = bpy.context.scene
     scene.render.image_settings.file_format = "PNG"
     scene.render.image_settings.color_mode, scene.render.image_settings.color_depth = "BW", "16"
@@ -336,15 +332,15 @@ def test_the_extension_chooses_the_format_and_the_scene_keeps_its_own(module, tm
     starts = {".png": b"\x89PNG", ".exr": b"v/1\x01", ".jpg": b"\xff\xd8", ".tif": b"II*", ".webp": b"RIFF"}
     for extension, start in starts.items():
         path = tmp_path / f"picture{extension}"
-        assert module.save_result(image, str(path), scene) == str(path)
+        assert files.save_result(image, str(path), scene) == str(path)
         assert path.read_bytes().startswith(start)
         assert settings_of(scene) == before
     # PNG is the scene's own format: its grey and 16 bits count.
     assert (tmp_path / "picture.png").read_bytes()[24:26] == bytes([16, 0])
-    assert module.save_result(image, str(tmp_path / "bare"), scene) == str(tmp_path / "bare.png")
+    assert files.save_result(image, str(tmp_path / "bare"), scene) == str(tmp_path / "bare.png")
 
 
-def test_what_cannot_be_written_is_one_clear_error(module, tmp_path):
+def test_what_cannot_be_written_is_one_clear_error(module, files, tmp_path):
     scene = bpy.context.scene
     image = module.write_result(plain_picture())
     before = settings_of(scene)
@@ -359,8 +355,8 @@ def test_what_cannot_be_written_is_one_clear_error(module, tmp_path):
         tmp_path / f"{'x' * 300}.exr": "Cannot write",
     }
     for path, message in cases.items():
-        with pytest.raises(module.ResultError, match=message) as caught:
-            module.save_result(image, str(path), scene)
+        with pytest.raises(files.ResultError, match=message) as caught:
+            files.save_result(image, str(path), scene)
         assert "\n" not in str(caught.value)
         assert settings_of(scene) == before
 
@@ -380,22 +376,22 @@ def full_disk(left):
 
 
 @pytest.mark.parametrize("ending", [".png", ".exr", ".jpg", ".tif", ".webp"])
-def test_a_full_disk_is_said_and_the_earlier_picture_stays(module, addon, tmp_path, ending):
+def test_a_full_disk_is_said_and_the_earlier_picture_stays(module, files, addon, tmp_path, ending):
     """Blender 4.5 and 5.2 say nothing of a PNG or a WebP that they could not write, nor of a TIFF's end."""
     is_whole = addon("bridge.blender.atomic_files").is_whole_picture
     scene = bpy.context.scene
     path = tmp_path / f"picture{ending}"
     image = module.write_result(picture(160, 120))
-    assert module.save_result(image, str(path), scene) == str(path)
+    assert files.save_result(image, str(path), scene) == str(path)
     whole = path.read_bytes()
     assert is_whole(path)
     path.write_bytes(b"an earlier picture")
     for left in (0, 3, len(whole) // 2, len(whole) - 1000):
-        with full_disk(left), pytest.raises(module.ResultError, match="annot write"):
-            module.save_result(image, str(path), scene)
+        with full_disk(left), pytest.raises(files.ResultError, match="annot write"):
+            files.save_result(image, str(path), scene)
         assert path.read_bytes() == b"an earlier picture"
     assert os.listdir(tmp_path) == [path.name], "nothing else is left behind"
-    module.save_result(image, str(path), scene)
+    files.save_result(image, str(path), scene)
     assert path.stat().st_size == len(whole) and is_whole(path)
     if ending != ".exr":  # Blender itself reports an EXR that it could not write.
         for end in {*range(0, 40), *range(len(whole) - 40, len(whole)), *range(0, len(whole), 997)}:
@@ -403,13 +399,13 @@ def test_a_full_disk_is_said_and_the_earlier_picture_stays(module, addon, tmp_pa
             assert not is_whole(path), end
 
 
-def test_the_picture_goes_where_a_link_points_and_keeps_the_file_s_permissions(module, tmp_path):
+def test_the_picture_goes_where_a_link_points_and_keeps_the_file_s_permissions(module, files, tmp_path):
     scene, image = bpy.context.scene, module.write_result(plain_picture())
     (tmp_path / "there").mkdir()
     target, link = tmp_path / "there" / "real.png", tmp_path / "link.png"
     target.write_bytes(b"")
     target.chmod(0o640)
     link.symlink_to(target)
-    module.save_result(image, str(link), scene)
+    files.save_result(image, str(link), scene)
     assert link.is_symlink() and target.stat().st_mode & 0o777 == 0o640
     assert target.read_bytes()[:4] == b"\x89PNG"

@@ -201,7 +201,7 @@ def test_a_click_after_what_it_was_for_is_gone(addon, camera, monkeypatch):
     monkeypatch.setattr(click, "image_position", lambda *_: (0.25, 0.75))
     said = []
 
-    class Waiting(click.PictureClick):
+    class Waiting(click.ImageClick):
         poll = classmethod(addon("operators.volume.mappings")._poll_mapping)
         poll_message_set = staticmethod(said.append)
         execute = addon("operators.volume.mappings").SCFPF_OT_mapping_place.execute

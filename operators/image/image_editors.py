@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The place of a new picture: an Image Editor that is open and free, or else the place that F12 uses."""
+"""The Image Editor for a new image: one that is open and free, or else the one that F12 opens."""
 
 import bpy
 
@@ -7,10 +7,10 @@ from ...scfpf_addon.bridge.render.result_image import result_image
 
 
 def image_editors(window_manager) -> list:
-    """The image spaces that may show a picture, as F12 takes them.
+    """The image spaces that may show a render, as F12 chooses them.
 
-    Those that show ours come first, then those that show a render or nothing. An editor that shows another
-    image is somebody's reference.
+    Those that show the last render of SCFPF come first, then empty ones, then those of Blender's render. An
+    editor with another image is the user's reference.
     """
     spaces = [
         area.spaces.active
@@ -29,11 +29,11 @@ def is_render(image) -> bool:
     return image is not None and image.type == "RENDER_RESULT"
 
 
-def place_for_picture(context):
-    """Let an Image Editor be free where F12 would show its picture; returns its window.
+def open_image_editor(context):
+    """Make sure that an Image Editor is free where F12 would show its image; return its window.
 
-    One that is free and has a window of its own comes to the front. None if there is none and the preference
-    Render In says to keep the interface. Esc in what is opened goes back to what was before, as after F12.
+    A free one in a window of its own comes to the front. None if there is none and the preference Render In
+    is Keep User Interface. Esc in an opened editor restores the previous one, as after F12.
     """
     window_manager = context.window_manager
     editors = image_editors(window_manager)
@@ -44,7 +44,7 @@ def place_for_picture(context):
         return shown_in
     if context.preferences.view.render_display_type == "NONE":
         return None
-    # Blender opens the place of its own render: no editor shows that, or it would be free.
+    # Blender opens an editor for its own render: no other shows that, or it would be free.
     _view_show(context)
     opened = image_editors(window_manager)
     if not opened:
@@ -54,7 +54,7 @@ def place_for_picture(context):
 
 
 def _view_show(context) -> None:
-    """Blender's View Render, which opens the place of renders or brings its window to the front."""
+    """Call Blender's View Render, which opens the editor of renders or brings its window to the front."""
     window = context.window.parent if context.window.screen.is_temporary else context.window
     area = context.area if context.area in window.screen.areas[:] else max(window.screen.areas, key=_size)
     with context.temp_override(window=window, area=area):

@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of images, written through the scene's view transform. A file that is not whole replaces no other."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+
+import bpy
+
+from ..blender import versions
+from ..blender.atomic_files import is_whole_picture, replacing, require_writable, reserve
+
+# Extension → Blender's file format, colour channels and bits a channel.
+FILE_FORMATS = {
+    ".png": ("PNG", "RGBA", "8"),
+    ".exr": ("OPEN_EXR", "RGBA", "32"),
+    ".jpg": ("JPEG", "RGB", "8"),
+    ".jpeg": ("JPEG", "RGB", "8"),
+    ".tif": ("TIFF", "RGBA", "16"),
+    ".tiff": ("TIFF", "RGBA", "16"),
+    ".webp": ("WEBP", "RGBA", "8"),
+}
+
+# Bytes of a WebP per pixel, at most, with a margin. Blender 5.2 crashes if the disk has no room for them.
+WEBP_BYTES = 5
+CUT_OFF = "the file is incomplete, as on a full disk: free some space, or write to another disk"
+
+
+class ResultError(ValueError):
+    """An image cannot be written; the message gives the reason."""
+
+
+def with_ending(path: str, scene) -> str:
+    """A path with the ending that names its format: its own, else that of the scene's output.
+
+    Raises ResultError for an unknown ending.
+    """
+    if not os.path.splitext(path)[1]:
+        path += scene.render.file_extension
+    if os.path.splitext(path)[1].lower() not in FILE_FORMATS:
+        raise ResultError(f"Cannot write '{path}': use one of {', '.join(FILE_FORMATS)}")
+    return path
+
+
+def require_place(path: str) -> None:
+    """Raise ResultError if no image can be written to a path, absolute and with its ending."""
+    folder = os.path.dirname(path) or "."
+    if not os.path.isdir(folder):
+        raise ResultError(f"Cannot write '{path}': there is no folder '{folder}'")
+    if os.path.isdir(path):
+        raise ResultError(f"Cannot write '{path}': it is a folder")
+    try:
+        require_writable(Path(path))
+    except OSError as error:
+        raise ResultError(f"Cannot write '{path}': {error.strerror or error}") from error
+
+
+def save_result(image, path: str, scene) -> str:
+    """Write an image to a file through the scene's view transform; return the path written.
+
+    The ending of ``path`` chooses the format. The scene's output settings apply if they are of that format;
+    a path without an ending gets theirs. EXR keeps scene-linear values. A symbolic link stays one.
+    Raises ResultError for an unknown ending, a path that cannot be written, and an incomplete file, as on a
+    full disk; then an earlier file at that path is unchanged.
+    """
+    path = with_ending(bpy.path.abspath(path), scene)
+    require_place(path)
+    extension = os.path.splitext(path)[1].lower()
+    try:
+        with (
+            replacing(Path(os.path.realpath(path))) as part,
+            _output_format(scene.render.image_settings, *FILE_FORMATS[extension]),
+        ):
+            if extension == ".webp":
+                reserve(part, image.size[0] * image.size[1] * WEBP_BYTES)
+            image.save_render(str(part), scene=scene)
+            # Blender reports no error for a PNG, a TIFF or a WebP that it could not write to the end.
+            if not is_whole_picture(part):
+                raise ResultError(f"Cannot write '{path}': {CUT_OFF}")
+    except RuntimeError as error:
+        reason = str(error).splitlines()[0].removeprefix("Error: ")
+        raise ResultError(f"Cannot write '{path}': {reason}") from error
+    except OSError as error:
+        raise ResultError(f"Cannot write '{path}': {error.strerror or error}") from error
+    return path
+
+
+@contextmanager
+def _output_format(settings, file_format: str, color_mode: str, color_depth: str):
+    """Set the scene's output settings to a format, unless they have it already, and restore them."""
+    if settings.file_format == file_format:
+        yield
+        return
+    wanted = {
+        "media_type": "IMAGE",
+        "file_format": file_format,
+        "color_mode": color_mode,
+        "color_depth": color_depth,
+    }
+    names = versions.image_format_properties()
+    before = {name: getattr(settings, name) for name in names}
+    try:
+        for name in names:
+            setattr(settings, name, wanted[name])
+        yield
+    finally:
+        for name in names:
+            setattr(settings, name, before[name])
