@@ -34,7 +34,8 @@ from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.tiles import image_tiles
 from scfpf_addon.projection.volume.viewing_volume import Projection
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.scene.shading_scene import Light, Materials, Scene
+from scfpf_addon.shading.materials.constants import Materials
+from scfpf_addon.shading.scene.shading_scene import Light, Scene
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
 
 THREADS = 2

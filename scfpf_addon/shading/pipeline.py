@@ -11,7 +11,7 @@ from ..casting.common.cancellation import raise_if_cancelled
 from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array
 from ..projection.volume.viewing_volume import Projection
-from .lights.ray_visibility import seen_directly
+from .lights.ray_visibility import camera_scene
 from .lights.scene_culling import cull_scene
 from .passes.data_passes import DataPasses, PassSource
 from .sample_casting import SampleCaster
@@ -98,7 +98,7 @@ def _view(
     """
     if cast_scene is None:
         scene, cast_scene = cull_scene(scene, projection, alone, settings.pixel_error == 0.0)
-    everything, cast_scene = cast_scene, cast_scene and seen_directly(scene.geometry, cast_scene)
+    everything, cast_scene = cast_scene, cast_scene and camera_scene(scene.geometry, cast_scene)
     shading: Shading | None = None
     if everything and cast_scene:
         kind = StylisedShading if settings.stylised else Shading

@@ -10,9 +10,11 @@ from scfpf_addon.casting.common.geometry import Geometry
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
-from scfpf_addon.shading.lights.light_table import LightTable
-from scfpf_addon.shading.lights.lighting import Lamp, radiance
-from scfpf_addon.shading.scene.shading_scene import Materials, Scene
+from scfpf_addon.shading.lights.lamps import Lamp
+from scfpf_addon.shading.lights.lighting import Lighting
+from scfpf_addon.shading.materials.coefficients import MaterialCoefficients
+from scfpf_addon.shading.materials.constants import Materials
+from scfpf_addon.shading.scene.shading_scene import Scene
 from scfpf_addon.shading.scene.surface import SurfaceTable
 
 
@@ -107,8 +109,9 @@ def shade(what, triangle, position, tangent=(0, 0, -1), sample=0, samples=1):
         cast_position,
         np.broadcast_to(np.reshape(np.asarray(tangent, float), (3, -1)), (3, count)),
     )
-    lamps = [Lamp.of(light, cast_scene.matrix, samples) for light in what.lights]
-    return radiance(points, LightTable.of(what.materials, what.world_color), lamps, sample, cast_scene)
+    lamps = tuple(Lamp.of(light, cast_scene.matrix, samples) for light in what.lights)
+    coefficients = MaterialCoefficients.of(what.materials, what.world_color)
+    return Lighting(lamps, cast_scene).radiance(points, coefficients, sample)
 
 
 def looking_down(*heights, size=2.0, shifts=None, basis="BEZIER", **projection):

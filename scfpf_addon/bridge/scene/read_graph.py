@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...shading.materials.lobes import COAT_ROUGHNESS, METAL_ROUGHNESS
+from ...shading.materials.lobes import DIELECTRIC_ROUGHNESS, METAL_ROUGHNESS
 from ...shading.nodes.graph import Closure, MaterialGraph, Ref
 from ..blender.shader_nodes import resolve
 from .graph_builder import GraphBuilder
@@ -93,7 +93,9 @@ def _reflects(builder: GraphBuilder, closure: Closure) -> bool:
             return False
     diffuse = closure.kind == "PRINCIPLED" and builder.is_always(closure.inputs["metallic"], 0.0)
     roughness = builder.value(closure.inputs["roughness"])
-    return roughness is None or float(roughness[0]) < (COAT_ROUGHNESS if diffuse else METAL_ROUGHNESS)[1]
+    return (
+        roughness is None or float(roughness[0]) < (DIELECTRIC_ROUGHNESS if diffuse else METAL_ROUGHNESS)[1]
+    )
 
 
 class SurfaceReader(GraphReader):
@@ -166,11 +168,11 @@ def _principled(inputs: NodeInputs) -> dict[str, Ref]:
         "transmission": inputs.value("Transmission Weight"),
         "emission": builder.one("MULTIPLY", inputs.color("Emission Color"), strength),
         "normal": inputs.normal(),
-        "multiple": _multiple(inputs),
+        "multiscatter": _multiscatter(inputs),
     }
 
 
-def _multiple(inputs: NodeInputs) -> Ref:
+def _multiscatter(inputs: NodeInputs) -> Ref:
     """1 with multiscatter between microfacets, 0 without."""
     distribution = inputs.node.distribution
     if distribution in {"BECKMANN", "ASHIKHMIN_SHIRLEY"}:
@@ -194,7 +196,7 @@ def _rough(inputs: NodeInputs) -> dict[str, Ref]:
 def _glossy(inputs: NodeInputs) -> dict[str, Ref]:
     one = inputs.builder.constant(1.0)
     known = inputs.node.type == "BSDF_GLOSSY"
-    return {**_rough(inputs), "multiple": _multiple(inputs) if known else one}
+    return {**_rough(inputs), "multiscatter": _multiscatter(inputs) if known else one}
 
 
 def _emission(inputs: NodeInputs) -> dict[str, Ref]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...projection.typing import Array
+from ...shading.materials.constants import Materials
 from ...shading.nodes.graph import MaterialGraph
-from ...shading.scene.shading_scene import Materials
 from ..blender import versions
 from ..blender.shader_nodes import color_input, output_shaders, resolve, value_input
 from .read_graph import read_graph
@@ -23,14 +23,14 @@ NO_MATERIAL = "default_surface"
 
 @dataclass(frozen=True)
 class MaterialConstants:
-    """The constants of a material, scene-linear. base_color, emission: (3,). edge: see ``Materials``."""
+    """The constants of a material, scene-linear. base_color, emission: (3,). grazing: see ``Materials``."""
 
     base_color: Array
     metallic: float = 0.0
     roughness: float = 0.5
     specular_f0: float = DEFAULT_F0
     emission: Array | tuple = (0.0, 0.0, 0.0)
-    edge: float = 1.0
+    grazing: float = 1.0
 
 
 # The material of faces without one, as in Cycles and EEVEE.
@@ -79,7 +79,7 @@ class MaterialTable:
         """All materials as arrays, with colours and values in their allowed ranges."""
         columns = {
             name: np.nan_to_num(np.array([getattr(row, name) for row in self._rows], np.float64))
-            for name in ("base_color", "metallic", "roughness", "specular_f0", "emission", "edge")
+            for name in ("base_color", "metallic", "roughness", "specular_f0", "emission", "grazing")
         }
         for name in ("metallic", "roughness", "specular_f0"):
             columns[name] = columns[name].clip(0.0, 1.0)
@@ -169,7 +169,9 @@ def _diffuse(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
 
 def _glossy(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
     roughness = inputs.value("Roughness", inputs.viewport.roughness)
-    return MaterialConstants(inputs.color("Color"), metallic=1.0, roughness=roughness, edge=0.0), inputs.whole
+    return MaterialConstants(
+        inputs.color("Color"), metallic=1.0, roughness=roughness, grazing=0.0
+    ), inputs.whole
 
 
 def _emission(inputs: _Inputs) -> tuple[MaterialConstants, bool]:

@@ -11,15 +11,15 @@ from ...casting.common.geometry import Geometry
 from ...casting.common.ray_visibility import CAMERA, CATCHER, HOLDOUT, SHADOW, visible_to
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import BoolArray
-from .lighting import Lamp
+from .lamps import Lamp
 
 
-def seen_directly(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
+def camera_scene(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
     """What of a scene projectors meet; None where that is nothing."""
     return cast_scene.only(visible_to(geometry.visibility, CAMERA))
 
 
-def held_out(geometry: Geometry) -> BoolArray | None:
+def holdouts(geometry: Geometry) -> BoolArray | None:
     """Which triangles leave a hole in the picture, (T,); None for none."""
     if geometry.visibility is None:
         return None
@@ -27,24 +27,26 @@ def held_out(geometry: Geometry) -> BoolArray | None:
     return held if held.any() else None
 
 
-def catches(geometry: Geometry) -> bool:
+def has_catchers(geometry: Geometry) -> bool:
     """Whether of anything but shadows are seen."""
     return geometry.visibility is not None and bool((geometry.visibility & CATCHER).any())
 
 
-def uncaught(geometry: Geometry) -> Geometry:
+def without_catchers(geometry: Geometry) -> Geometry:
     """As if all shadow catchers were things like others."""
-    if geometry.visibility is None or not catches(geometry):
+    if geometry.visibility is None or not has_catchers(geometry):
         return geometry
     return replace(geometry, visibility=geometry.visibility & np.uint8(0xFF ^ CATCHER))
 
 
-def shadowing(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
+def shadow_scene(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
     """What of a scene casts shadows; None where that is nothing."""
     return cast_scene.only(visible_to(geometry.visibility, SHADOW))
 
 
-def shadowed(lamp: Lamp, geometry: Geometry, cast_scene: CastScene, some: BoolArray | None = None) -> Lamp:
+def with_occluders(
+    lamp: Lamp, geometry: Geometry, cast_scene: CastScene, some: BoolArray | None = None
+) -> Lamp:
     """The lamp with those things in its way alone that cast its shadows; some: (T,), of these triangles."""
     if not lamp.light.casts_shadow:
         return lamp

@@ -16,7 +16,6 @@ from ...casting.common.ray_visibility import CATCHER, SHADOW, visible_to
 from ...casting.continuation import WaysOut
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray, IndexArray
-from ..normals import dot
 from ..passes.light_passes import LightParts
 from ..scene.shading_scene import Scene
 from ..scene.sky_map import COLUMNS, ROWS, WorldLight
@@ -24,8 +23,10 @@ from ..scene.surface import SurfacePoints
 from ..scene.world import World
 from ..settings.frame_settings import FrameSettings
 from ..typing import Single
-from .lighting import Lamp, cut_shadows
-from .ray_visibility import shadowed, shadowing
+from ..vectors import dot
+from .lamps import Lamp
+from .ray_visibility import shadow_scene, with_occluders
+from .shadow_rays import cut_shadows
 from .sky_light import SkyLight
 
 # Places on an area lamp that stand for the whole of it.
@@ -67,7 +68,7 @@ class Catchers:
         light = scene.world.light if scene.world else even_light(*np.asarray(scene.world_color, np.float64))
         if light is not None:
             made = SkyLight.of(light, settings.samples)
-            full = replace(made, occluders=shadowing(scene.geometry, cast_scene))
+            full = replace(made, occluders=shadow_scene(scene.geometry, cast_scene))
             sky = full, replace(made, occluders=others)
         apart = "SHADOW_CATCHER" in settings.passes.names
         paper = settings.paper
@@ -75,7 +76,7 @@ class Catchers:
         background, world = scene.backdrop
         return cls(
             caught,
-            tuple((lamp, shadowed(lamp, scene.geometry, cast_scene, caught)) for lamp in lamps),
+            tuple((lamp, with_occluders(lamp, scene.geometry, cast_scene, caught)) for lamp in lamps),
             sky,
             cast_scene,
             world if shown and paper is None else None,

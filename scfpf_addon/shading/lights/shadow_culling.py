@@ -17,7 +17,7 @@ from ...projection.typing import Array, BoolArray
 from ...projection.volume.viewing_volume import ViewingVolume
 from ..sampling.sample_sets import BALL_REACH
 from ..scene.shading_scene import Light, Scene
-from .ray_visibility import catches
+from .ray_visibility import has_catchers
 
 # Turns of 45° about a sun's direction; axes and diagonals of space for other lamps.
 TURNS = np.arange(8) * (np.pi / 4)
@@ -40,7 +40,7 @@ def cull_shadow_casters(scene: Scene, shown: Geometry, volume: ViewingVolume) ->
     whole = scene.geometry
     everything = np.ones(len(whole.triangles), bool)
     # A world of one colour casts shadows on catchers alone.
-    if scene.world is not None or (catches(whole) and np.any(scene.world_color)):
+    if scene.world is not None or (has_catchers(whole) and np.any(scene.world_color)):
         return everything
     corners = np.ascontiguousarray(np.asarray(shown.vertices, np.float64).T)
     with np.errstate(invalid="ignore", over="ignore"):

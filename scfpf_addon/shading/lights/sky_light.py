@@ -9,15 +9,17 @@ import numpy as np
 
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
-from ..normals import dot
+from ..interpolation import bilinear
 from ..sampling.sample_sets import SILVER, pixel_positions, shuffled
 from ..sampling.samples import BITS, Bits, scramble
 from ..scene.shading_scene import Light
 from ..scene.sky_map import COLUMNS, NORMAL_ROWS, ROWS, WorldLight, brightness, map_places
 from ..scene.surface import TINY, SurfacePoints
-from ..tables import between
 from ..typing import Single
-from .lighting import Incidence, Lamp, cut_shadows
+from ..vectors import dot
+from .beams import Incidence
+from .lamps import Lamp
+from .shadow_rays import cut_shadows
 from .sky_sampling import QUANTILES, Picks, picks_of
 
 # Directions in which a pixel looks for what hides the sky, at least, where nothing else lights it.
@@ -115,7 +117,7 @@ class SkyLight:
     def irradiance(self, normal: Single) -> Single:
         """On surfaces of unit normals (3, N) without anything in the way, (3, N)."""
         row, column = map_places(normal, NORMAL_ROWS)
-        return between(self.light.irradiance, row + 0.5, column + 0.5)
+        return bilinear(self.light.irradiance, row + 0.5, column + 0.5)
 
 
 def place_marks(position: Single) -> Bits:

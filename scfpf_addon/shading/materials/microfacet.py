@@ -1,44 +1,46 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Highlights of rough surfaces: facets by GGX, shadowed by Smith (Walter et al. 2007, Heitz 2014)."""
+"""Reflection off rough surfaces: GGX facets with Smith's masking and shadowing.
+
+Walter et al. 2007, Heitz 2014. Their reflectance by Fresnel or Schlick, and tables of their albedo.
+"""
 
 from __future__ import annotations
 
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from ...projection.typing import Array, IndexArray
-from ..nodes.context import dot
 from ..nodes.inputs import fresnel_dielectric
 from ..typing import Single
-from .reflection import EVEN, passed_on, visible_facets
+from ..vectors import dot_row
+from .ggx_sampling import R2_STEP, masking_shadowing, visible_normals
 
-# The mean of Schlick's (1 - cos)⁵ over the hemisphere.
+# The mean of Schlick's (1 - cos)⁵ over the hemisphere, by the cosine.
 SCHLICK_MEAN = 1.0 / 21.0
-# The mean over the hemisphere of how much of the way from head-on to all a dielectric's reflection is, at an
-# index of refraction of 1.5.
+# The mean over the hemisphere of (F - F0) / (1 - F0) of a dielectric whose index of refraction is 1.5.
 FRESNEL_MEAN = 0.0540
-# Steps of roughness, the numbers that people choose, and of the cosine to the viewer in tables of what
-# surfaces reflect.
+# Steps of tables of albedo: of roughness, each hundredth that people choose, and of the cosine to the viewer.
 ROUGH_STEPS, VIEWS = 101, 1024
-# Cosines that a row of these is made from, more of them where it is seen edge-on, and draws for each.
-COSINES, DRAWS = 24, 256
-# A layer's share of grazing light is tabulated for this index of refraction; others differ by 0.02 at most.
+# Cosines that a row of these is computed at, denser towards grazing angles, and facets for each.
+COSINES, FACETS = 24, 256
+# The layer's albedo is tabulated for this index of refraction; for others it differs by at most 0.02.
 USUAL_IOR = 1.5
-# Cosine to the viewer below which a surface counts as seen edge-on.
+# The least cosine to the viewer.
 EDGE_ON = np.float32(1e-4)
 TINY = np.float32(1e-30)
 
 
-def facets(lit: Single, facing: Single, between: Single, alpha: Single) -> tuple[Single, Single]:
-    """Radiance of a white surface by irradiance, (N,), and the cosine of light and viewer to facets, (N,).
+def ggx_reflection(lit: Single, facing: Single, between: Single, alpha: Single) -> tuple[Single, Single]:
+    """Radiance of white facets by irradiance, (N,), and the cosine of light and viewer to the facets, (N,).
 
-    lit, facing, between: (N,) of the angles from normal to lamp, not below 0, from normal to viewer, and from
-    lamp to viewer. alpha: (N,) or (1,), the square of GGX's α. Of what is turned away from the lamp any
-    number comes out.
+    lit, facing, between: (N,) cosines from the normal to the lamp, at least 0, from the normal to the viewer,
+    and from the lamp to the viewer. alpha: (N,) or (1,), GGX's α squared. Where lit is 0 the radiance is any
+    number.
     """
     facing = np.maximum(facing, EDGE_ON)
-    # Half the square of the half vector's length, which is all that counts of it.
+    # Half the squared length of the half vector, the only property of it that is needed.
     half = 1 + between
     np.maximum(half, TINY, out=half)
     spread = lit + facing
@@ -49,7 +51,7 @@ def facets(lit: Single, facing: Single, between: Single, alpha: Single) -> tuple
     spread += 1
     spread *= spread
     rest = 1 - alpha
-    # Never below EDGE_ON · α, so that nothing is divided by 0.
+    # At least EDGE_ON · α, so that nothing is divided by 0.
     masked = _masking(lit, alpha, rest)
     masked *= facing
     other = _masking(facing, alpha, rest)
@@ -62,7 +64,7 @@ def facets(lit: Single, facing: Single, between: Single, alpha: Single) -> tuple
 
 
 def schlick(cosine: Single) -> Single:
-    """Schlick's share of grazing light, (1 - cos)⁵, (N,)."""
+    """Schlick's weight of F90, (1 - cos)⁵, (N,)."""
     away = 1 - cosine
     fourth = away * away
     fourth *= fourth
@@ -70,8 +72,8 @@ def schlick(cosine: Single) -> Single:
     return away
 
 
-def dielectric_share(cosine: Single, ior: Single) -> Single:
-    """As ``fresnel_dielectric`` from the thinner side, in float32. cosine: (N,), ior: (N,) or (1,)."""
+def dielectric_reflectance(cosine: Single, ior: Single) -> Single:
+    """``fresnel_dielectric`` from the thinner side, in float32. cosine: (N,), ior: (N,) or (1,)."""
     square = cosine * cosine
     root = square + (ior * ior - 1)
     np.sqrt(root, out=root)
@@ -91,32 +93,44 @@ def dielectric_share(cosine: Single, ior: Single) -> Single:
 
 
 def _masking(cosine: Single, alpha: Single, rest: Single) -> Single:
-    """The root that Smith's masking has for a cosine, (N,)."""
+    """The square root in Smith's masking for a cosine, (N,)."""
     root = cosine * cosine
     root *= rest
     root += alpha
     return np.sqrt(root, out=root)
 
 
-def sent_again(reflected: Array, white: Array) -> Array:
-    """Share of the light that facets send to each other which leaves the surface in the end.
+def ior_of(f0: Array) -> Array:
+    """The index of refraction of a dielectric that reflects ``f0`` head-on."""
+    root = np.sqrt(np.minimum(f0, 0.999))
+    result: Array = (1.0 + root) / (1.0 - root)
+    return result
 
-    reflected: mean reflectance of a facet. white: see ``mean_reflectance``. As in Cycles (Kulla, Conty 2017).
+
+def f0_of(ior: Array) -> Array:
+    """The reflectance head-on of a dielectric: the inverse of ``ior_of``."""
+    result: Array = ((ior - 1.0) / (ior + 1.0)) ** 2
+    return result
+
+
+def multiscatter_share(reflectance: Array, white: Array) -> Array:
+    """Share of multiply scattered light that leaves the surface in the end.
+
+    reflectance: mean of a facet's. white: see ``mean_albedo``. As in Cycles (Kulla, Conty 2017).
     """
-    share: Array = reflected * white / (1.0 - reflected * (1.0 - white))
+    share: Array = reflectance * white / (1.0 - reflectance * (1.0 - white))
     return share
 
 
-def mean_reflectance(roughness: Array) -> tuple[Array, Array]:
-    """What facets (n,) reflect in even light, as a mean over where they are seen from, (n,) each.
+def mean_albedo(roughness: Array) -> tuple[Array, Array]:
+    """Mean albedo of facets (n,) over the hemisphere: of white ones, and of a dielectric layer, (n,) each.
 
-    At once of white ones, and of those that do by how much of the way from head-on to all Fresnel's
-    reflection is.
+    Single scattering alone. The layer's is that of (F - F0) / (1 - F0) at USUAL_IOR.
     """
-    # Not by clip, which leaves NaN as it is.
+    # Unlike clip, these replace NaN.
     place = np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)
     below = np.minimum(place.astype(np.intp), ROUGH_STEPS - 2)
-    # Only steps that some material lies between: a scene has few, and each takes as long as 10,000 hits.
+    # Only steps next to some roughness: a scene has few, and each takes as long as 10,000 hits.
     wanted = np.zeros(ROUGH_STEPS, bool)
     wanted[below], wanted[below + 1] = True, True
     table = np.zeros((2, ROUGH_STEPS))
@@ -127,42 +141,53 @@ def mean_reflectance(roughness: Array) -> tuple[Array, Array]:
     return white, layered
 
 
-def seen_rows(roughness: Array) -> tuple[IndexArray, Single]:
-    """Where rows of roughness (n,) begin, (n,), in tables by where they are seen from, (3, R · VIEWS).
+class AlbedoCurves(NamedTuple):
+    """Albedo of the facets of M materials by the cosine to the viewer, in VIEWS columns.
 
-    Of VIEWS cosines each: the light that facets send to each other by what they send on at once, a metal's
-    share of grazing light and a layer's.
+    row: (M,) the entry where a material's curve begins in the tables (R · VIEWS,). compensation: multiple
+    over single scattering of white facets. schlick: albedo of facets that reflect (1 - cos)⁵. layer: as in
+    ``mean_albedo``.
     """
-    step = np.rint(np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)).astype(np.intp)
-    wanted = np.zeros(ROUGH_STEPS, bool)
-    wanted[step] = True
-    steps = np.flatnonzero(wanted)
-    curves = np.stack([_curves(int(each)) for each in steps], axis=1)
-    rows = np.stack([1.0 / curves[0] - 1.0, curves[1], curves[2]]).astype(np.float32)
-    return (np.cumsum(wanted) - 1)[step] * VIEWS, rows.reshape(3, -1)
+
+    row: IndexArray
+    compensation: Single
+    schlick: Single
+    layer: Single
+
+    @classmethod
+    def of(cls, roughness: Array) -> AlbedoCurves:
+        """The curves at roughnesses (M,), rounded to the steps."""
+        step = np.rint(np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)).astype(np.intp)
+        wanted = np.zeros(ROUGH_STEPS, bool)
+        wanted[step] = True
+        steps = np.flatnonzero(wanted)
+        curves = np.stack([_curves(int(each)) for each in steps], axis=1)
+        rows = np.stack([1.0 / curves[0] - 1.0, curves[1], curves[2]]).astype(np.float32)
+        return cls((np.cumsum(wanted) - 1)[step] * VIEWS, *rows.reshape(3, -1))
 
 
-# The middles of the columns, and what each counts in the mean of a curve over the hemisphere.
+# The middles of the columns, and their weights in the mean of a curve over the hemisphere.
 _VIEW = (np.arange(VIEWS) + 0.5) / VIEWS
 _MEAN = 2.0 * _VIEW / VIEWS
 
 
 @cache
 def _curves(step: int) -> Array:
-    """What facets reflect in even light by where they are seen from, (3, VIEWS), at the roughness of a step.
+    """Albedo of facets by the cosine to the viewer, (3, VIEWS), at a step of roughness.
 
-    At once of white ones, of those that reflect by Schlick's (1 - cos)⁵, and as ``mean_reflectance`` has it.
+    Single scattering of white facets, of those that reflect by Schlick's (1 - cos)⁵, and of the layer as in
+    ``mean_albedo``.
     """
     at = np.maximum(np.linspace(0.0, 1.0, COSINES) ** 2, 1e-4)
-    view_cosine = at.repeat(DRAWS)
+    view_cosine = at.repeat(FACETS)
     view = np.stack([np.sqrt(1.0 - view_cosine**2), 0.0 * view_cosine, view_cosine])
-    share = np.tile((np.arange(DRAWS)[:, None] * EVEN % 1.0).T, COSINES)
+    share = np.tile((np.arange(FACETS)[:, None] * R2_STEP % 1.0).T, COSINES)
     alpha = np.full_like(view_cosine, (step / (ROUGH_STEPS - 1)) ** 2)
-    facet = visible_facets(view, alpha, share)
-    cosine = dot(facet, view)
-    passed = passed_on(view, 2.0 * cosine * facet - view, alpha)
-    f0 = ((USUAL_IOR - 1.0) / (USUAL_IOR + 1.0)) ** 2
+    facet = visible_normals(view, alpha, share)
+    cosine = dot_row(facet, view)
+    passed = masking_shadowing(view, 2.0 * cosine * facet - view, alpha)
+    f0 = f0_of(np.array(USUAL_IOR))
     layered = (fresnel_dielectric(cosine, np.array(USUAL_IOR))[0] - f0) / (1.0 - f0)
     each = [passed, passed * (1.0 - cosine[0]) ** 5, passed * layered]
-    white, grazing, layered = (values.reshape(COSINES, DRAWS).mean(axis=1) for values in each)
+    white, grazing, layered = (values.reshape(COSINES, FACETS).mean(axis=1) for values in each)
     return np.stack([np.interp(_VIEW, at, values) for values in (white, grazing, layered)])

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import ShadingContext, dot, unit
+from ..vectors import dot_row, unit
+from .context import ShadingContext
 from .graph import Evaluator, registers
 from .inputs import towards_viewer
 
@@ -49,7 +50,7 @@ def bump(
     )
     normal = np.broadcast_to(normal, first.shape)
     right, up = np.cross(second, normal, axis=0), np.cross(normal, first, axis=0)
-    area = dot(first, right)
+    area = dot_row(first, right)
     slope = (along * right + across * up) * np.sign(area)
     raised = unit(np.abs(area) * normal - distance * settings["sign"] * slope)
     share = np.maximum(strength, 0.0)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import ShadingContext, dot
+from ..vectors import dot_row
+from .context import ShadingContext
 from .graph import Evaluator
 from .numbers import LUMINANCE, divided, power
 
@@ -256,7 +257,7 @@ def combine_color(inputs: Inputs, settings: Settings, place: ShadingContext) -> 
 
 def grey(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The RGB to BW node."""
-    return (dot(inputs[0], LUMINANCE),)
+    return (dot_row(inputs[0], LUMINANCE),)
 
 
 OPERATIONS: dict[str, Evaluator] = {

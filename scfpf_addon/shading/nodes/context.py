@@ -10,6 +10,7 @@ import numpy as np
 
 from ...casting.common.geometry import Geometry
 from ...projection.typing import Array, IndexArray
+from ..vectors import dot_row, unit
 from .image import ImageData
 
 
@@ -68,15 +69,15 @@ class ShadingContext:
         """Length of the longer of the triangles' edges at their first corner, (1, n)."""
         first, second, third = self.corners()
         along, across = second - first, third - first
-        length: Array = np.sqrt(np.maximum(dot(along, along), dot(across, across)))
+        length: Array = np.sqrt(np.maximum(dot_row(along, along), dot_row(across, across)))
         return length
 
     def beside(self, step: Array) -> ShadingContext:
         """The places ``step`` (3, n) away in the triangles' planes, with the same normals."""
         first, second, third = self.corners()
         along, across = second - first, third - first
-        aa, ab, bb = dot(along, along), dot(along, across), dot(across, across)
-        sa, sb = dot(step, along), dot(step, across)
+        aa, ab, bb = dot_row(along, along), dot_row(along, across), dot_row(across, across)
+        sa, sb = dot_row(step, along), dot_row(step, across)
         area = aa * bb - ab * ab
         inverse = np.divide(1.0, area, out=np.zeros_like(area), where=area > 0.0)
         moved = np.concatenate([bb * sa - ab * sb, aa * sb - ab * sa]) * inverse
@@ -98,25 +99,13 @@ class ShadingContext:
         along, across = second - first, third - first
         up = np.cross(along, across, axis=0)
         # As long as the root of its length, to grow as edges do.
-        up = up / np.maximum(np.power(dot(up, up), 0.25), np.finfo(np.float64).tiny)
+        up = up / np.maximum(np.power(dot_row(up, up), 0.25), np.finfo(np.float64).tiny)
         weight = (1.0 - self.barycentric.sum(axis=0), *self.barycentric)
         tangent = np.zeros((3, self.count))
         for shares, part in zip(corners.transpose(1, 2, 0), weight, strict=True):
             tangent += unit(along * shares[0] + across * shares[1] + up * shares[2]) * part
         # Not made unit again: Cycles' are as short between corners.
         return tangent * there, np.where(corners[:, 0, 3] < 0.0, -1.0, 1.0) * there
-
-
-def unit(vectors: Array) -> Array:
-    """(3, n) made unit; what has no direction is 0."""
-    length = np.sqrt(np.einsum("cn,cn->n", vectors, vectors))
-    return vectors / np.where(length > 0.0, length, 1.0)
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Scalar products of (3, n) or (3, 1) arrays, (1, n)."""
-    products: Array = a[0:1] * b[0:1] + a[1:2] * b[1:2] + a[2:3] * b[2:3]
-    return products
 
 
 def fit(values: Array, channels: int) -> Array:

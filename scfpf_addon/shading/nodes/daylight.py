@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import ShadingContext, unit
+from ..vectors import unit
+from .context import ShadingContext
 from .graph import Evaluator
 from .sky_model import XYZ_TO_RGB
 

@@ -80,6 +80,11 @@ class MaterialGraph:
         return operation.kind == "CONSTANT" and bool(np.all(operation.settings["value"] == value))
 
 
+def finite(values: Array) -> Array:
+    """Replace NaN and infinities with 0."""
+    return values if np.isfinite(values).all() else np.nan_to_num(values, posinf=0.0, neginf=0.0)
+
+
 def registers(
     graph: MaterialGraph, place: ShadingContext, table: Mapping[str, Evaluator]
 ) -> list[tuple[Array, ...]]:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import ShadingContext, dot, fit, unit
+from ..vectors import dot_row, unit
+from .context import ShadingContext, fit
 from .graph import Evaluator
 
 Settings = Mapping[str, Any]
@@ -44,7 +45,7 @@ def geometry(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple
 
 def reflection(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The Texture Coordinate node's Reflection: where the view is mirrored to."""
-    return (2.0 * dot(place.normal, place.view) * place.normal - place.view,)
+    return (2.0 * dot_row(place.normal, place.view) * place.normal - place.view,)
 
 
 def fresnel_dielectric(cosine: Array, ior: Array) -> Array:
@@ -65,7 +66,7 @@ def fresnel(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[
     """The Fresnel node: IOR, normal."""
     ior, normal = np.maximum(inputs[0], 1e-5), inputs[1]
     ior = np.where(place.back > 0.0, 1.0 / ior, ior)
-    return (fresnel_dielectric(dot(normal, place.view), ior),)
+    return (fresnel_dielectric(dot_row(normal, place.view), ior),)
 
 
 def layer_weight(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
@@ -73,12 +74,12 @@ def layer_weight(inputs: Inputs, settings: Settings, place: ShadingContext) -> t
     blend, normal = inputs
     ior = np.maximum(1.0 - blend, 1e-5)
     ior = np.where(place.back > 0.0, ior, 1.0 / ior)
-    facing = np.abs(dot(normal, place.view))
+    facing = np.abs(dot_row(normal, place.view))
     share = np.clip(blend, 0.0, 1.0 - 1e-5)
     # The blend bends the curve: exponent 2 b below a half, ½ / (1 - b) above.
     exponent = np.where(share < 0.5, 2.0 * share, 0.5 / (1.0 - share))
     facing = np.where(share != 0.5, np.power(np.maximum(facing, 0.0), exponent), facing)
-    return fresnel_dielectric(dot(normal, place.view), ior), 1.0 - facing
+    return fresnel_dielectric(dot_row(normal, place.view), ior), 1.0 - facing
 
 
 def normal_map(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
@@ -105,8 +106,8 @@ def normal_map(inputs: Inputs, settings: Settings, place: ShadingContext) -> tup
 
 def towards_viewer(normal: Array, place: ShadingContext) -> Array:
     """Normals turned as little as makes them face the viewer; what is no direction is the place's own."""
-    normal = np.where(np.isfinite(normal).all(axis=0) & (dot(normal, normal) > 0.0), normal, place.normal)
-    facing = dot(normal, place.view)
+    normal = np.where(np.isfinite(normal).all(axis=0) & (dot_row(normal, normal) > 0.0), normal, place.normal)
+    facing = dot_row(normal, place.view)
     turned = unit(normal + place.view * np.maximum(LEAST_FACING - facing, 0.0))
     return np.where(facing < LEAST_FACING, turned, normal)
 

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import ShadingContext, dot, unit
+from ..vectors import dot_row, unit
+from .context import ShadingContext
 from .graph import Evaluator
 
 # Share of red, green and blue in the grey of a colour (Rec.709, Blender's working space).
@@ -119,11 +120,11 @@ def math(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Arr
 
 
 def _length(a: Array) -> Array:
-    return np.sqrt(dot(a, a))
+    return np.sqrt(dot_row(a, a))
 
 
 def _refract(incident: Array, normal: Array, ratio: Array) -> Array:
-    cosine = dot(normal, incident)
+    cosine = dot_row(normal, incident)
     under = 1.0 - ratio**2 * (1.0 - cosine**2)
     bent = ratio * incident - (ratio * cosine + np.sqrt(np.maximum(under, 0.0))) * normal
     return np.where(under < 0.0, 0.0, bent)
@@ -144,10 +145,10 @@ VECTOR_MATH: dict[str, VectorFunction] = {
     "DIVIDE": lambda a, b, c, s: divided(a, b),
     "MULTIPLY_ADD": lambda a, b, c, s: a * b + c,
     "CROSS_PRODUCT": lambda a, b, c, s: _cross(a, b),
-    "PROJECT": lambda a, b, c, s: divided(dot(a, b), dot(b, b)) * b,
-    "REFLECT": lambda a, b, c, s: a - 2.0 * unit(b) * dot(unit(b), a),
+    "PROJECT": lambda a, b, c, s: divided(dot_row(a, b), dot_row(b, b)) * b,
+    "REFLECT": lambda a, b, c, s: a - 2.0 * unit(b) * dot_row(unit(b), a),
     "REFRACT": lambda a, b, c, s: _refract(a, unit(b), s),
-    "FACEFORWARD": lambda a, b, c, s: np.where(dot(c, b) < 0.0, a, -a),
+    "FACEFORWARD": lambda a, b, c, s: np.where(dot_row(c, b) < 0.0, a, -a),
     "SCALE": lambda a, b, c, s: a * s,
     "NORMALIZE": lambda a, b, c, s: unit(a),
     "ABSOLUTE": lambda a, b, c, s: np.abs(a),
@@ -168,7 +169,7 @@ VECTOR_MATH: dict[str, VectorFunction] = {
 }
 # Of two vectors: a number.
 VECTOR_VALUE: dict[str, Callable[[Array, Array], Array]] = {
-    "DOT_PRODUCT": dot,
+    "DOT_PRODUCT": dot_row,
     "DISTANCE": lambda a, b: _length(a - b),
     "LENGTH": lambda a, b: _length(a),
 }
@@ -243,7 +244,7 @@ def convert(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[
     """One kind of socket linked to another: GREY of a colour, MEAN of a vector, SPREAD of a number."""
     (value,) = inputs
     if settings["to"] == "GREY":
-        return (dot(value, LUMINANCE),)
+        return (dot_row(value, LUMINANCE),)
     if settings["to"] == "MEAN":
         return (value.mean(axis=0, keepdims=True),)
     return (np.repeat(value, 3, axis=0),)

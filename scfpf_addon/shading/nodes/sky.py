@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from ..tables import between
-from .context import ShadingContext, unit
+from ..interpolation import bilinear
+from ..vectors import unit
+from .context import ShadingContext
 from .graph import Evaluator
 from .sky_model import COLUMNS, ROWS, Air, sky_table, sun_color
 
@@ -32,7 +33,7 @@ def sky(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Arra
     turn = np.arctan2(way[0], way[1]) - rotation
     turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
     row = np.sqrt(np.arcsin(np.clip(way[2], 0.0, 1.0)) / (np.pi / 2)) * (ROWS - 1)
-    light = between(sky_table(what), row, turn / np.pi * (COLUMNS - 1))
+    light = bilinear(sky_table(what), row, turn / np.pi * (COLUMNS - 1))
     light *= _below(way[2], what) * settings["scale"]
     if settings["size"] > 0.0:
         _add_sun(light, way, settings, place.blur)

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.typing import Array
-from ..tables import between
+from ..interpolation import bilinear
 
 GROUND, TOP = 6.36e6, 6.42e6
 AIR_HEIGHT, DUST_HEIGHT = 8e3, 1.2e3
@@ -209,7 +209,7 @@ def scattered_again(what: Air, radius: Array, cosine: Array) -> Array:
     table = _again_table(what._replace(elevation=0.0, altitude=0.0))
     row = np.sqrt(np.clip((radius - GROUND) / (TOP - GROUND), 0.0, 1.0)) * (table.shape[1] - 1)
     column = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0) * (table.shape[2] - 1)
-    return between(table, row, column).T
+    return bilinear(table, row, column).T
 
 
 @lru_cache(maxsize=4)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ...projection.typing import Array
-from .context import ShadingContext, unit
+from ..vectors import unit
+from .context import ShadingContext
 from .graph import Evaluator
 from .image import sample
 

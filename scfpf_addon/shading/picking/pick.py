@@ -11,7 +11,7 @@ from ...casting.cast import cast
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
-from ..lights.ray_visibility import seen_directly
+from ..lights.ray_visibility import camera_scene
 from ..scene.shading_scene import Scene
 
 # Error of the hit at a silhouette, in pixels; small, as it is one projector only.
@@ -78,7 +78,7 @@ def visible_scene(scene: Scene) -> CastScene | None:
     geometry = scene.geometry
     if not len(geometry.triangles):
         return None
-    return seen_directly(geometry, CastScene(geometry.vertices, geometry.triangles))
+    return camera_scene(geometry, CastScene(geometry.vertices, geometry.triangles))
 
 
 def object_name(scene: Scene, number: int) -> str:

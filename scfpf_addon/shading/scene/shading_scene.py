@@ -5,43 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from ...casting.common.geometry import Geometry
 from ...projection.typing import Array, BoolArray
-
-if TYPE_CHECKING:
-    from ..nodes.graph import MaterialGraph
-    from ..nodes.image import ImageData
-    from .world import World
+from ..materials.constants import Materials
+from ..nodes.image import ImageData
+from .world import World
 
 LightKind = Literal["POINT", "SUN", "SPOT", "AREA"]
-
-
-@dataclass(frozen=True)
-class Materials:
-    """Constants of M materials, scene-linear. colours (M, 3), the rest (M,), float64.
-
-    ambient: the share of the world's light that is not left to mirrors, None for all of it. layer: the share
-    of a dielectric's reflection that is not left to mirrors, over: how much of it is above what is diffuse,
-    edge: of what grazing light adds to a
-    reflection, multiple: of what facets send on to each other; None for all of these. graphs: by number,
-    the materials that are more than constants.
-    """
-
-    base_color: Array
-    metallic: Array
-    roughness: Array
-    specular_f0: Array
-    emission: Array
-    ambient: Array | None = None
-    layer: Array | None = None
-    over: Array | None = None
-    edge: Array | None = None
-    multiple: Array | None = None
-    graphs: Mapping[int, MaterialGraph] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

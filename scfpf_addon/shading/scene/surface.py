@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ...casting.common.geometry import Geometry
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
-from ..normals import dot, normals_of
 from ..typing import Single
+from ..vectors import dot
+from .normals import normals_of
 
 # Smallest length that is divided by: keeps a zero vector zero instead of NaN.
 TINY = np.float32(1e-30)

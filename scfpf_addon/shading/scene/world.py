@@ -12,12 +12,12 @@ import numpy as np
 from ...casting.common.cancellation import raise_if_cancelled
 from ...casting.common.geometry import Geometry
 from ...projection.typing import Array, IndexArray
-from ..materials.lobes import clean
-from ..nodes.context import ShadingContext, fit, unit
-from ..nodes.graph import MaterialGraph, registers
+from ..nodes.context import ShadingContext, fit
+from ..nodes.graph import MaterialGraph, finite, registers
 from ..nodes.image import ImageData, linear_from_srgb
 from ..nodes.operations import OPERATIONS
 from ..typing import Single
+from ..vectors import unit
 from .sky_map import COLUMNS, ROWS, WorldLight, map_directions
 
 # Directions of which a world is reckoned at once.
@@ -115,7 +115,7 @@ def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Ar
         for closure in graph.closures:
             if closure.kind == "EMISSION":
                 color, weight = closure.inputs["color"], closure.weight
-                light[:, some] += clean(
+                light[:, some] += finite(
                     results[color.operation][color.output] * results[weight.operation][weight.output]
                 )
     return np.clip(light, 0.0, BRIGHTEST)

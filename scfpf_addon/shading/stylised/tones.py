@@ -11,9 +11,10 @@ from ...casting.common.hits import Hits
 from ...casting.continuation import Continuation
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import IndexArray
-from ..lights.ray_visibility import uncaught
+from ..lights.ray_visibility import without_catchers
+from ..materials.constants import Materials
 from ..passes.light_passes import LightParts
-from ..scene.shading_scene import Materials, Scene
+from ..scene.shading_scene import Scene
 from ..settings.frame_settings import FrameSettings
 from ..settings.stylised_settings import Stylised
 from ..tracing.hit_colors import Shading
@@ -70,7 +71,7 @@ class StylisedShading(Shading):
             raise ValueError("the settings have no style")
         plain = Shading.of(scene, cast_scene, settings)
         parts = {each.name: getattr(plain, each.name) for each in fields(Shading)}
-        scene = replace(scene, geometry=uncaught(scene.geometry))
+        scene = replace(scene, geometry=without_catchers(scene.geometry))
         flat = light = None
         if style.fill in ("TOON", "FLAT"):
             flat = Shading.of(without_light(scene), cast_scene, settings)

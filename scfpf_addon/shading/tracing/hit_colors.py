@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,12 +11,10 @@ from ...casting.common.hits import Hits
 from ...casting.continuation import Continuation
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import BoolArray, IndexArray
-from ..lights.light_culling import cull_lights
-from ..lights.light_table import LightTable
-from ..lights.lighting import Lamp, radiance
-from ..lights.ray_visibility import catches, held_out, shadowed, shadowing
+from ..lights.lighting import Lighting
+from ..lights.ray_visibility import has_catchers, holdouts
 from ..lights.shadow_catchers import Catchers
-from ..lights.sky_light import SkyLight
+from ..materials.coefficients import MaterialCoefficients
 from ..passes.light_passes import LightParts
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
@@ -27,15 +25,15 @@ from .tracer import Tracer
 
 @dataclass(frozen=True)
 class Shading:
-    """All that colours a hit: lookup tables, and lamps in cast space.
+    """All that colours a hit: lookup tables, and lights in cast space.
 
     held_out: (T,) the triangles that leave a hole in the picture, None for none. catchers: those of which
     but shadows are seen.
     """
 
     surface: SurfaceTable
-    coefficients: LightTable
-    lamps: tuple[Lamp, ...]
+    coefficients: MaterialCoefficients
+    lighting: Lighting
     tracer: Tracer | None
     held_out: BoolArray | None = None
     catchers: Catchers | None = None
@@ -43,18 +41,14 @@ class Shading:
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
         """Prepared for frames of these settings. Lights without power or reach are left out."""
-        lights = cull_lights(scene.lights, scene.geometry.vertices)
-        sky = sky_of(scene, cast_scene, settings.samples)
-        shadows = any(light.casts_shadow for light in lights) or sky is not None
-        cast_shadows = shadows or catches(scene.geometry)
-        surface = SurfaceTable.of(scene.geometry, cast_scene, cast_shadows, settings.threads)
-        coefficients = LightTable.of(scene.materials, scene.world_color, sky)
-        lamps = tuple(Lamp.of(light, cast_scene.matrix, settings.samples) for light in lights)
-        lamps += sky.lamps if sky else ()
-        lamps = tuple(shadowed(lamp, scene.geometry, cast_scene) for lamp in lamps)
-        catchers = Catchers.of(scene, cast_scene, lamps, settings)
-        tracer = Tracer.of(scene, surface, coefficients, lamps, settings.transparent, catchers)
-        return cls(surface, coefficients, lamps, tracer, held_out(scene.geometry), catchers)
+        lighting = Lighting.of(scene, cast_scene, settings.samples)
+        shadows = lighting.casts_shadows or has_catchers(scene.geometry)
+        surface = SurfaceTable.of(scene.geometry, cast_scene, shadows, settings.threads)
+        with_unit = lighting.sky is not None
+        coefficients = MaterialCoefficients.of(scene.materials, scene.world_color, with_unit=with_unit)
+        catchers = Catchers.of(scene, cast_scene, lighting.lamps, settings)
+        tracer = Tracer.of(scene, surface, coefficients, lighting, settings.transparent, catchers)
+        return cls(surface, coefficients, lighting, tracer, holdouts(scene.geometry), catchers)
 
     def color(
         self,
@@ -78,7 +72,7 @@ class Shading:
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
             position, tangent = position.take(where, axis=1), tangent.take(where, axis=1)
         points = self.surface.points(triangle, barycentric, position, tangent)
-        color = radiance(points, self.coefficients, self.lamps, sample, self.surface.cast_scene, parts)
+        color = self.lighting.radiance(points, self.coefficients, sample, parts)
         if self.catchers:
             color = self.catchers.over(color, triangle, points, sample, continuation.leaving(where), parts)
         if self.held_out is None:
@@ -90,10 +84,3 @@ class Shading:
             color = np.concatenate([color, np.ones_like(color[:1])])
         color *= ~held
         return color
-
-
-def sky_of(scene: Scene, cast_scene: CastScene, samples: int) -> SkyLight | None:
-    """What lights as a scene's world does, None for one that is the same all around."""
-    if scene.world is None:
-        return None
-    return replace(SkyLight.of(scene.world.light, samples), occluders=shadowing(scene.geometry, cast_scene))

@@ -9,20 +9,22 @@ from functools import cached_property
 import numpy as np
 
 from ...casting.common.cancellation import raise_if_cancelled
-from ...projection.typing import Array, BoolArray, IndexArray
-from ..lights.light_table import LightTable
-from ..lights.lighting import Lamp, radiance
-from ..materials.lobes import Body, Sent, lobes
-from ..nodes.context import ShadingContext, dot, unit
-from ..scene.shading_scene import Materials, Scene
+from ...projection.typing import BoolArray, IndexArray
+from ..lights.lighting import Lighting
+from ..materials.coefficients import MaterialCoefficients
+from ..materials.constants import Materials
+from ..materials.lobes import Body, ScatteredLobe, lobes
+from ..nodes.context import ShadingContext
+from ..scene.shading_scene import Scene
 from ..scene.surface import SurfacePoints, SurfaceTable
+from ..vectors import dot_row, unit
 from .path_wave import PathFilm, PathWave
 
 # Hits whose graph is evaluated at once: a large graph keeps a hundred arrays of them.
 MOST_AT_ONCE = 1 << 14
 
 # A lobe that scatters light on, at the places (n,) of a wave.
-Scattered = tuple[IndexArray, Sent]
+Scattered = tuple[IndexArray, ScatteredLobe]
 # A body that lamps light, at the places (n,) of a wave.
 LitBody = tuple[IndexArray, Body]
 
@@ -31,19 +33,23 @@ LitBody = tuple[IndexArray, Body]
 class HitLighting:
     """Tables that light hits.
 
-    has_graph: (M,) whether a material is a node graph. table, lamps: of materials without one.
+    coefficients: of materials that are constants. has_graph: (M,) whether a material is a node graph.
     """
 
     scene: Scene
     surface: SurfaceTable
-    table: LightTable
-    lamps: tuple[Lamp, ...]
+    coefficients: MaterialCoefficients
+    lighting: Lighting
     has_graph: BoolArray
 
     @cached_property
-    def _emission(self) -> LightTable:
-        """The table of materials in the dark: emission alone."""
-        return LightTable.of(self.scene.materials, np.zeros(3))
+    def _emission(self) -> MaterialCoefficients:
+        """The coefficients of materials in the dark: emission alone."""
+        return MaterialCoefficients.of(self.scene.materials, np.zeros(3))
+
+    @cached_property
+    def _dark(self) -> Lighting:
+        return self.lighting.dark()
 
     def gather(self, wave: PathWave, sample: int, film: PathFilm, last: bool) -> list[Scattered]:
         """Add the light that leaves the wave's places to the film; return the lobes that scatter light on.
@@ -66,7 +72,7 @@ class HitLighting:
                 for lobe in lobes(self.scene.materials.graphs[int(number)], context):
                     if isinstance(lobe, Body):
                         bodies.append((which, lobe))
-                    elif lobe.kind == "THROUGH" or not last:
+                    elif lobe.kind == "TRANSPARENT" or not last:
                         scattered.append((which, lobe))
         if bodies:
             self._gather_bodies(wave, points, bodies, sample, film, last)
@@ -79,7 +85,7 @@ class HitLighting:
         tangent, position = hits.tangent.take(which, 1), hits.position.take(which, 1)
         view = -unit(tangent)
         flat = self.surface.flat.take(triangle, 1).astype(np.float64)
-        back = (dot(flat, view) < 0.0).astype(np.float64)
+        back = (dot_row(flat, view) < 0.0).astype(np.float64)
         return ShadingContext(
             self.scene.geometry,
             self.scene.images,
@@ -100,8 +106,10 @@ class HitLighting:
         if not len(plain):
             return
         parts = film.parts_of_hits(len(plain))
-        table, lamps = (self._emission, ()) if last else (self.table, self.lamps)
-        color = radiance(points.take(plain), table, lamps, sample, self.surface.cast_scene, parts)
+        lighting, coefficients = self.lighting, self.coefficients
+        if last:
+            lighting, coefficients = self._dark, self._emission
+        color = lighting.radiance(points.take(plain), coefficients, sample, parts)
         film.gather(wave.pixel[plain], wave.throughput[:, plain], color, parts, wave.on_ray[plain])
 
     def _gather_bodies(
@@ -122,33 +130,13 @@ class HitLighting:
             return
         which, weight = which[some], weight[some]
         normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
-        materials = _stacked([body.materials for _, body in bodies], some)
-        world = (np.zeros(3), None) if last else (self.scene.world_color, self.table.sky)
-        table = LightTable.of(materials, *world, per_hit=True)
+        materials = Materials.stacked([body.materials for _, body in bodies], some)
+        lighting = self._dark if last else self.lighting
+        environment = np.zeros(3) if last else self.scene.world_color
+        with_unit = lighting.sky is not None
+        table = MaterialCoefficients.of(materials, environment, per_hit=True, with_unit=with_unit)
         lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
         parts = film.parts_of_hits(len(some))
-        lamps = () if last else self.lamps
-        color = radiance(lit, table, lamps, sample, self.surface.cast_scene, parts)
+        color = lighting.radiance(lit, table, sample, parts)
         throughput = wave.throughput[:, which] * weight
         film.gather(wave.pixel[which], throughput, color, parts, wave.on_ray[which])
-
-
-def _stacked(parts: list[Materials], some: IndexArray) -> Materials:
-    """The rows ``some`` of several lists of materials."""
-
-    def rows(name: str) -> Array:
-        """One constant of all lists, for ``some``."""
-        return np.concatenate([getattr(part, name) for part in parts])[some]
-
-    return Materials(
-        base_color=rows("base_color"),
-        metallic=rows("metallic"),
-        roughness=rows("roughness"),
-        specular_f0=rows("specular_f0"),
-        emission=rows("emission"),
-        ambient=rows("ambient"),
-        layer=rows("layer"),
-        over=rows("over"),
-        edge=rows("edge"),
-        multiple=rows("multiple"),
-    )

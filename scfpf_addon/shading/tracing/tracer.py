@@ -16,15 +16,15 @@ from ...casting.common.hits import Hits
 from ...casting.common.ray_visibility import HOLDOUT
 from ...casting.continuation import Behind, WaysOut
 from ...projection.typing import Array, IndexArray
-from ..lights.light_table import LightTable
-from ..lights.lighting import Lamp
+from ..lights.lighting import Lighting
 from ..lights.shadow_catchers import Catchers
-from ..materials.lobes import Sent
-from ..nodes.context import unit
+from ..materials.coefficients import MaterialCoefficients
+from ..materials.lobes import ScatteredLobe
 from ..passes.light_passes import LightParts
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
 from ..typing import Single
+from ..vectors import unit
 from .hit_lighting import HitLighting
 from .lobe_sampling import LobeSampler, ReflectionSamples
 from .path_wave import GLOSSY, TOTAL, TRANSMISSION, TRANSPARENT, PathFilm, PathWave
@@ -34,9 +34,9 @@ LEAST_SHARE = 1.0 / 2560.0
 
 # The rows of ``PathWave.depth`` in which each kind of lobe counts.
 DEPTHS = {
-    "THROUGH": (TRANSPARENT,),
-    "MIRROR": (TOTAL, GLOSSY),
-    "REFRACTED": (TOTAL, TRANSMISSION),
+    "TRANSPARENT": (TRANSPARENT,),
+    "GLOSSY": (TOTAL, GLOSSY),
+    "TRANSMISSION": (TOTAL, TRANSMISSION),
 }
 
 
@@ -59,8 +59,8 @@ class Tracer:
         cls,
         scene: Scene,
         surface: SurfaceTable,
-        table: LightTable,
-        lamps: tuple[Lamp, ...],
+        coefficients: MaterialCoefficients,
+        lighting: Lighting,
         transparent: bool,
         catchers: Catchers | None = None,
     ) -> Tracer | None:
@@ -70,8 +70,8 @@ class Tracer:
             return None
         has_graph = np.zeros(len(scene.materials.metallic), bool)
         has_graph[list(graphs)] = True
-        lighting = HitLighting(scene, surface, table, lamps, has_graph)
-        return cls(scene, lighting, LobeSampler.of(scene, surface.cast_scene), transparent, catchers)
+        hit_lighting = HitLighting(scene, surface, coefficients, lighting, has_graph)
+        return cls(scene, hit_lighting, LobeSampler.of(scene, surface.cast_scene), transparent, catchers)
 
     def needed(self, triangle: IndexArray) -> bool:
         """Whether the material of any of the triangles is a graph."""
@@ -153,7 +153,7 @@ class Tracer:
         self,
         wave: PathWave,
         which: IndexArray,
-        lobe: Sent,
+        lobe: ScatteredLobe,
         film: PathFilm,
         behind: Behind,
         samples: ReflectionSamples,
@@ -167,7 +167,7 @@ class Tracer:
         within = (depth <= self._limits + 1).all(axis=0)
         going = np.flatnonzero((throughput.max(axis=0) >= LEAST_SHARE) & within)
         came, lobe, throughput = wave.take(which[going]), lobe.take(going), throughput[:, going]
-        on_ray = came.on_ray | (lobe.kind != "THROUGH")
+        on_ray = came.on_ray | (lobe.kind != "TRANSPARENT")
         hits = Hits.empty(len(going))
         on = np.flatnonzero(~on_ray)
         if len(on):
@@ -177,7 +177,7 @@ class Tracer:
             met, passed = self.sampler.scatter(came.take(off), lobe.take(off), samples)
             hits.put(off, met)
             throughput[:, off] *= passed
-        from_glass = (came.from_glass & (lobe.kind != "MIRROR")) | (lobe.kind == "REFRACTED")
+        from_glass = (came.from_glass & (lobe.kind != "GLOSSY")) | (lobe.kind == "TRANSMISSION")
         sent = PathWave(hits, came.pixel, throughput, on_ray, from_glass, depth[:, going])
         self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film)
         return sent.take(np.flatnonzero(hits.triangle >= 0))

@@ -15,11 +15,12 @@ from scfpf_addon.projection.surfaces.surface import Disc
 from scfpf_addon.projection.volume.reparameterisation import Polar
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
-from scfpf_addon.shading.materials.reflection import sent_on_at_once
+from scfpf_addon.shading.lights import lighting
+from scfpf_addon.shading.materials.ggx_sampling import single_scatter_albedo
 from scfpf_addon.shading.report import RenderReport
 from scfpf_addon.shading.scene.shading_scene import Light, Scene
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
-from scfpf_addon.shading.tracing import hit_colors, scene_view
+from scfpf_addon.shading.tracing import scene_view
 
 
 def overhead(build, **more):
@@ -173,7 +174,7 @@ def test_highlights_follow_the_tangent_of_a_curved_projector(build, towards, shi
     # GGX's density and Smith's masking where the half vector is the normal.
     squared, up = 0.04**2, towards[2]
     full = 1 / (np.pi * squared) / (4 * np.sqrt(squared + (1 - squared) * up**2))
-    full /= sent_on_at_once(np.array([up]), np.array([0.2]))[0]
+    full /= single_scatter_albedo(np.array([up]), np.array([0.2]))[0]
     if shines:
         assert np.allclose(done.pixels[..., :3], full, rtol=3e-3)
     else:
@@ -248,7 +249,7 @@ def test_cancelling_at_once_renders_nothing(build, monkeypatch):
     assert render_frame(projection, scene, FrameSettings(64, 64), cancelled=lambda: True) is None
 
 
-@pytest.mark.parametrize(("room", "where"), [(scene_view, "cast"), (hit_colors, "radiance")])
+@pytest.mark.parametrize(("room", "where"), [(scene_view, "cast"), (lighting.Lighting, "radiance")])
 def test_what_a_tile_raises_is_raised_after_the_threads_have_ended(build, monkeypatch, room, where):
     projection, scene = busy(build)
     before, calls = threading.active_count(), []

@@ -51,7 +51,7 @@ def heavy(build):
         Light("SUN", np.full(3, 2.0), build.placed(shines=(0.3, 0.2, -1))),
     ]
     scene = build.scene(parts, lights)
-    mirror = graph("GLOSSY", roughness=[0.2], multiple=[1.0])
+    mirror = graph("GLOSSY", roughness=[0.2], multiscatter=[1.0])
     glass = graph("GLASS", roughness=[0.0], ior=[1.5])
     materials = replace(scene.materials, graphs={1: mirror, 2: glass})
     geometry = scene.geometry

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from scfpf_addon.shading.materials.reflection import sent_on_at_once
+from scfpf_addon.shading.materials.ggx_sampling import single_scatter_albedo
 from scfpf_addon.shading.scene.shading_scene import Light
 
 DOWN = (0, 0, -1)
@@ -222,9 +222,9 @@ def test_the_lobe_reflects_what_arrives(build, roughness, degrees):
     metal = build.scene(lights=[sun], metallic=1.0, roughness=roughness, f0=0.04)
     towards, solid_angle = hemisphere()
     leaving = build.shade(metal, 0, np.zeros((3, len(solid_angle))), tangent=-towards)[0]
-    leaving *= sent_on_at_once(towards[2], np.full(len(solid_angle), roughness))
+    leaving *= single_scatter_albedo(towards[2], np.full(len(solid_angle), roughness))
     reflected = (leaving * towards[2] * solid_angle).sum() / np.cos(angle)
-    once = sent_on_at_once(np.array([np.cos(angle)]), np.array([roughness]))[0]
+    once = single_scatter_albedo(np.array([np.cos(angle)]), np.array([roughness]))[0]
     assert reflected == pytest.approx(once, rel=1e-2)
 
 
@@ -249,7 +249,7 @@ def test_the_highlight_lies_where_the_tangent_mirrors_the_lamp(build, roughness)
     squared = rough**4
     # GGX's density over masking by Smith, both at the middle, times Lambert's cosine.
     full = 1 / (np.pi * squared) / (4 * 0.8 * np.sqrt(squared + (1 - squared) * 0.64)) * 0.8
-    full /= sent_on_at_once(np.array([0.8]), np.array([rough]))[0]
+    full /= single_scatter_albedo(np.array([0.8]), np.array([rough]))[0]
     assert leaving[0] == pytest.approx(full, rel=2e-2 if not roughness else 3e-3)
 
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from scfpf_addon.shading.frame import render_frame
+from scfpf_addon.shading.lights import lighting
 from scfpf_addon.shading.lights.light_culling import cull_lights
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
-from scfpf_addon.shading.tracing import hit_colors
 
 WHITE = np.ones(3)
 
@@ -41,9 +41,9 @@ def test_no_light_that_reaches_something_is_left_out(build, monkeypatch, kind):
     view = build.looking_down(2, -1)
     settings = FrameSettings(16, 12, samples=4)
     made = []
-    monkeypatch.setattr(hit_colors, "cull_lights", lambda *given: made.extend(cull_lights(*given)) or made)
+    monkeypatch.setattr(lighting, "cull_lights", lambda *given: made.extend(cull_lights(*given)) or made)
     some = render_frame(view, scene, settings).pixels
-    monkeypatch.setattr(hit_colors, "cull_lights", lambda lights, _vertices: list(lights))
+    monkeypatch.setattr(lighting, "cull_lights", lambda lights, _vertices: list(lights))
     assert np.array_equal(render_frame(view, scene, settings).pixels, some)
     assert 0.3 * len(lights) < len(made) < 0.95 * len(lights)
 

@@ -12,7 +12,7 @@ from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.lights.sky_light import SkyLight
-from scfpf_addon.shading.materials import reflection
+from scfpf_addon.shading.materials import ggx_sampling
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.nodes.image import ImageData
 from scfpf_addon.shading.passes.data_passes import DataPasses
@@ -144,7 +144,7 @@ def test_the_curve_goes_from_neighbour_to_neighbour():
 def mirror(roughness):
     """A metal of all the light."""
     operations = (constant(1.0), constant(1.0, 1.0, 1.0), constant(roughness), Operation("NORMAL"))
-    inputs = {"color": Ref(1), "roughness": Ref(2), "normal": Ref(3), "multiple": Ref(0)}
+    inputs = {"color": Ref(1), "roughness": Ref(2), "normal": Ref(3), "multiscatter": Ref(0)}
     return MaterialGraph(operations, (Closure("GLOSSY", Ref(0), inputs),), reflects=True)
 
 
@@ -212,17 +212,17 @@ def test_facets_reflect_as_their_distribution_says(roughness, cosine):
     half = way + view[:, None]
     half /= np.linalg.norm(half, axis=0)
     density = alpha**2 / (np.pi * (half[2] ** 2 * (alpha**2 - 1) + 1) ** 2)
-    shadow = 1 / (1 + reflection.seen_share(way[2], alpha) + reflection.seen_share(cosine, alpha))
+    shadow = 1 / (1 + ggx_sampling.smith_lambda(way[2], alpha) + ggx_sampling.smith_lambda(cosine, alpha))
     value = density * shadow / (4 * cosine)
-    share = (np.arange(4096)[:, None] * reflection.EVEN % 1.0).T
+    share = (np.arange(4096)[:, None] * ggx_sampling.R2_STEP % 1.0).T
     many = np.repeat(view[:, None], 4096, axis=1)
     up = np.repeat([[0.0], [0.0], [1.0]], 4096, axis=1)
-    way_drawn, passed, _ = reflection.reflected(-many, up, up, np.full(4096, roughness), share)
+    way_drawn, passed, _ = ggx_sampling.reflected(-many, up, up, np.full(4096, roughness), share)
     # ``reflected`` has axes of its own: what counts is the height.
     for power in (0, 1, 3):
         expected = (value * way[2] ** power * area).sum()
         assert (passed * np.maximum(way_drawn[2], 0) ** power).mean() == pytest.approx(expected, rel=0.01)
-    once = reflection.sent_on_at_once(np.array([cosine]), np.array([roughness]))[0]
+    once = ggx_sampling.single_scatter_albedo(np.array([cosine]), np.array([roughness]))[0]
     assert once == pytest.approx((value * area).sum(), rel=0.02)
 
 

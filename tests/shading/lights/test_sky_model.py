@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from scfpf_addon.shading.nodes import sky, sky_model
-from scfpf_addon.shading.nodes.context import unit
 from scfpf_addon.shading.nodes.sky_model import GROUND, TOP, Air, sky_table, sun_color
 from scfpf_addon.shading.scene.world import Surroundings
+from scfpf_addon.shading.vectors import unit
 
 USUAL = Air(0.6, 0.0, 1.0, 1.0, 1.0)
 NOTHING = Air(0.6, 0.0, 0.0, 0.0, 0.0)

@@ -51,7 +51,7 @@ def test_what_casts_shadows_only_is_built_for_shadows_only(build):
     part, cast_scene = cull_scene(scene, build.looking_down(2, -1, size=1.8))
     assert len(part.geometry.triangles) == len(cast_scene.triangles) == (~ball).sum()
     shading = Shading.of(part, cast_scene, FrameSettings(4, 4))
-    assert shading.lamps[0].occluders is None
+    assert shading.lighting.lamps[0].occluders is None
     settings = FrameSettings(32, 32, samples=1)
     view = build.looking_down(2, -1, size=1.8)
     made, seen = (

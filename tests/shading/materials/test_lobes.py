@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from scfpf_addon.casting.common.geometry import Geometry
-from scfpf_addon.shading.lights.light_table import LightTable
-from scfpf_addon.shading.materials.lobes import Body, Sent, ior_of, lobes
+from scfpf_addon.shading.materials.coefficients import MaterialCoefficients
+from scfpf_addon.shading.materials.lobes import Body, ScatteredLobe, lobes
+from scfpf_addon.shading.materials.microfacet import ior_of
 from scfpf_addon.shading.nodes.context import ShadingContext
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 
@@ -21,7 +22,7 @@ PRINCIPLED = {
     "transmission": 0.0,
     "alpha": 1.0,
     "emission": np.zeros(3),
-    "multiple": 0.0,
+    "multiscatter": 0.0,
 }
 
 
@@ -47,7 +48,9 @@ def shader(kind, weight=1.0, cosine=0.8, back=0.0, **inputs):
     made = list(
         lobes(MaterialGraph(tuple(operations), (Closure(kind, Ref(0), refs),)), at_surface(cosine, back))
     )
-    return [one for one in made if isinstance(one, Body)], [one for one in made if isinstance(one, Sent)]
+    return [one for one in made if isinstance(one, Body)], [
+        one for one in made if isinstance(one, ScatteredLobe)
+    ]
 
 
 def schlick(r0, cosine):
@@ -81,7 +84,7 @@ def test_what_weighs_nothing_or_is_no_number_is_left_out():
 
 def test_transparency_lets_its_colour_through():
     bodies, (through,) = shader("TRANSPARENT", 0.5, color=COLOR)
-    assert not bodies and through.kind == "THROUGH"
+    assert not bodies and through.kind == "TRANSPARENT"
     np.testing.assert_allclose(through.tint, np.tile(0.5 * COLOR[:, None], COUNT))
 
 
@@ -91,7 +94,7 @@ def test_glass_mirrors_fresnels_share_and_refracts_the_rest(cosine, back):
     white = np.ones(3)
     _, sent = shader("GLASS", cosine=cosine, back=back, color=white, roughness=0.0, ior=1.3)
     mirror, refracted = sent
-    assert (mirror.kind, refracted.kind) == ("MIRROR", "REFRACTED")
+    assert (mirror.kind, refracted.kind) == ("GLOSSY", "TRANSMISSION")
     ratio = 1 / 1.3 if back else 1.3
     np.testing.assert_allclose(refracted.ior, ratio)
     np.testing.assert_allclose(mirror.tint, fresnel(cosine, ratio), atol=1e-12)
@@ -106,40 +109,42 @@ def test_refraction_ends_at_the_critical_angle():
 
 def test_a_glossy_surface_is_followed_as_far_as_it_is_smooth():
     for roughness, share in ((0.2, 1.0), (0.8, 0.5), (1.0, 0.0)):
-        (body,), sent = shader("GLOSSY", color=COLOR, roughness=roughness, multiple=0.0)
+        (body,), sent = shader("GLOSSY", color=COLOR, roughness=roughness, multiscatter=0.0)
         np.testing.assert_allclose(body.materials.ambient, 1.0 - share, atol=1e-12)
         assert bool(sent) == (share > 0)
         for mirror in sent:
             np.testing.assert_allclose(mirror.tint, share)
             np.testing.assert_allclose(
-                mirror.gloss.reflectance(np.full(COUNT, 0.3)), np.tile(COLOR[:, None], COUNT)
+                mirror.rough.reflectance(np.full(COUNT, 0.3)), np.tile(COLOR[:, None], COUNT)
             )
 
 
 def test_a_rough_metal_reflects_by_schlick():
     bodies, (mirror,) = shader("PRINCIPLED", **PRINCIPLED | {"metallic": 1.0, "roughness": 0.3})
-    np.testing.assert_allclose(mirror.gloss.reflectance(np.full(COUNT, 0.4))[:, 0], schlick(COLOR, 0.4))
-    np.testing.assert_allclose(mirror.gloss.reflectance(np.ones(COUNT))[:, 0], COLOR)
+    np.testing.assert_allclose(mirror.rough.reflectance(np.full(COUNT, 0.4))[:, 0], schlick(COLOR, 0.4))
+    np.testing.assert_allclose(mirror.rough.reflectance(np.ones(COUNT))[:, 0], COLOR)
     (body,) = bodies
     assert (body.materials.metallic == 1.0).all() and (body.materials.ambient == 0.0).all()
     some = mirror.take(np.array([2]))
-    assert some.tint.shape == (3, 1) and some.gloss.front.shape == (3, 1)
+    assert some.tint.shape == (3, 1) and some.rough.f0.shape == (3, 1)
 
 
 def test_a_coat_takes_fresnels_share_from_what_lies_under_it():
     (body,), (coat,) = shader("PRINCIPLED", cosine=0.5, **PRINCIPLED | {"roughness": 0.1})
     lost = fresnel(0.5, 1.5)
-    table, every = LightTable.of(body.materials, np.zeros(3)), np.arange(COUNT)
-    left = table.diffuse * table.seen(every, np.full(COUNT, 0.5, np.float32)).under * np.pi
+    table, every = MaterialCoefficients.of(body.materials, np.zeros(3)), np.arange(COUNT)
+    left = (
+        table.diffuse * table.view_terms(every, np.full(COUNT, 0.5, np.float32)).layer_transmittance * np.pi
+    )
     np.testing.assert_allclose(left[:, 0], COLOR * (1 - lost), rtol=2e-3)
-    np.testing.assert_allclose(coat.gloss.reflectance(np.full(COUNT, 0.5)), lost)
+    np.testing.assert_allclose(coat.rough.reflectance(np.full(COUNT, 0.5)), lost)
     np.testing.assert_allclose(body.materials.specular_f0, 0.04)
 
 
 def test_alpha_and_transmission_share_a_surface():
     bodies, sent = shader("PRINCIPLED", **PRINCIPLED | {"alpha": 0.25, "transmission": 1.0})
     through, mirror, refracted = sent
-    assert [one.kind for one in sent] == ["THROUGH", "MIRROR", "REFRACTED"]
+    assert [one.kind for one in sent] == ["TRANSPARENT", "GLOSSY", "TRANSMISSION"]
     np.testing.assert_allclose(through.tint, 0.75)
     # What goes in and out again is the base's colour, so that each way it is its root.
     share = fresnel(0.8, 1.5)

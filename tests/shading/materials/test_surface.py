@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from scfpf_addon.casting.common import parallel
 from scfpf_addon.casting.scene.cast_scene import CastScene
-from scfpf_addon.shading.lights.light_table import LightTable
-from scfpf_addon.shading.scene.shading_scene import Materials
+from scfpf_addon.shading.materials.coefficients import MaterialCoefficients
+from scfpf_addon.shading.materials.constants import Materials
 from scfpf_addon.shading.scene.surface import SurfaceTable
 
 
@@ -135,39 +135,48 @@ def rows(base, metallic, roughness, f0, emission=(0, 0, 0)):
 
 
 def shine(table, number, cosine):
-    """What facets of a material reflect, (3, 1), seen head-on."""
-    material, seen = np.full(1, number), table.seen(np.full(1, number), np.ones(1, np.float32))
-    return np.broadcast_to(table.shine(material, np.full(1, cosine, np.float32), seen), (3, 1))
+    """Reflectance of a material's facets, (3, 1), seen head-on."""
+    material, view = np.full(1, number), table.view_terms(np.full(1, number), np.ones(1, np.float32))
+    return np.broadcast_to(table.reflectance(material, np.full(1, cosine, np.float32), view), (3, 1))
 
 
 def mean_diffuse(table):
-    """What a table's materials scatter of even light, (3, M), as a mean over where they are seen from."""
+    """Diffuse albedo of a table's materials, (3, M), as a mean over the directions to the viewer."""
     cosines = (np.arange(4000, dtype=np.float32) + 0.5) / 4000
-    each = [table.seen(np.full(1, number), cosines).under for number in range(table.over.size)]
-    shares = [1.0 if under is None else 2 * np.mean(cosines * under) for under in each]
+    each = [
+        table.view_terms(np.full(1, number), cosines).layer_transmittance
+        for number in range(table.coverage.size)
+    ]
+    shares = [
+        1.0 if transmittance is None else 2 * np.mean(cosines * transmittance) for transmittance in each
+    ]
     return table.diffuse * np.pi * shares
 
 
 def test_white_things_send_all_light_back():
     """In even light nothing is lost in white metals and dielectrics of any roughness, nor is anything won."""
     grid = np.meshgrid([0.0, 0.25, 1.0], [0.0, 0.3, 0.6, 1.0], [0.0, 0.04, 0.3])
-    table = LightTable.of(rows((1, 1, 1), *grid), np.array([0.5, 0.5, 1]))
+    table = MaterialCoefficients.of(rows((1, 1, 1), *grid), np.array([0.5, 0.5, 1]))
     cosines = (np.arange(4000, dtype=np.float32) + 0.5) / 4000
     for number in range(table.alpha.size):
         material = np.full(1, number)
-        light = table.unlit(material, table.seen(material, cosines))
+        light = table.unlit(material, table.view_terms(material, cosines))
         mean = 2 * np.mean(cosines * np.broadcast_to(light, (3, 4000)), axis=1)
         assert np.allclose(mean, [0.5, 0.5, 1], rtol=2e-3)
-        # Metals, which have nothing below them, from wherever they are seen.
-        if table.front[0, number] == 1:
+        # Metals, which have nothing below them, in all directions to the viewer.
+        if table.metal_f0[0, number] == 1:
             assert np.allclose(light, [[0.5], [0.5], [1]], rtol=1e-5)
     # The layer of a dielectric keeps from what is below what it reflects itself.
-    dull, polished = mean_diffuse(LightTable.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3)))[0]
+    dull, polished = mean_diffuse(
+        MaterialCoefficients.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3))
+    )[0]
     assert dull == pytest.approx(1.0) and 0.65 < polished < 0.75
 
 
 def test_what_light_makes_of_materials():
-    table = LightTable.of(rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04, (1, 2, 3)), np.array([0.5, 0.5, 1]))
+    table = MaterialCoefficients.of(
+        rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04, (1, 2, 3)), np.array([0.5, 0.5, 1])
+    )
     assert np.allclose(table.emission.T, [1, 2, 3])
     # Facets of polished things send nothing to each other; head-on it is f0, or the base colour of a metal.
     head_on = np.concatenate([shine(table, number, 1.0) for number in (0, 1)], axis=1)
@@ -178,15 +187,22 @@ def test_what_light_makes_of_materials():
     assert np.allclose(mean_diffuse(table).T, [(1 - layer) * np.array([0.2, 0.4, 0.6]), [0] * 3], atol=2e-3)
     # Schlick's mean is 1/21 of the way to white.
     metal = np.array([0.2, 0.4, 0.6]) + np.array([0.8, 0.6, 0.4]) / 21
-    even = LightTable.of(rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04), np.ones(3))
+    even = MaterialCoefficients.of(rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04), np.ones(3))
     cosines, second = (np.arange(4000, dtype=np.float32) + 0.5) / 4000, np.ones(4000, np.intp)
-    reflected = 2 * np.mean(cosines * even.unlit(second, even.seen(second, cosines)), axis=1)
+    reflected = 2 * np.mean(cosines * even.unlit(second, even.view_terms(second, cosines)), axis=1)
     assert np.allclose(reflected, metal, rtol=2e-2)
     # A glossy shader is as bright everywhere, and what lacks f0 has no highlight at any angle.
-    flat = LightTable.of(replace(rows((0.5,) * 3, 1.0, 0.08, 0.04), edge=np.zeros(1)), np.zeros(3))
-    assert not flat.edge.any() and flat.front.mean() == pytest.approx(0.5, rel=1e-3)
-    matt = LightTable.of(rows((1, 1, 1), 0.0, 0.5, 0.0), np.zeros(3))
-    assert not matt.glossy and not matt.front.any() and not matt.edge.any() and not matt.coat.any()
+    flat = MaterialCoefficients.of(
+        replace(rows((0.5,) * 3, 1.0, 0.08, 0.04), grazing=np.zeros(1)), np.zeros(3)
+    )
+    assert not flat.metal_grazing.any() and flat.metal_f0.mean() == pytest.approx(0.5, rel=1e-3)
+    matt = MaterialCoefficients.of(rows((1, 1, 1), 0.0, 0.5, 0.0), np.zeros(3))
+    assert (
+        not matt.glossy
+        and not matt.metal_f0.any()
+        and not matt.metal_grazing.any()
+        and not matt.specular.any()
+    )
 
 
 def test_what_a_hit_is_coloured_by_does_not_depend_on_the_others():
@@ -208,12 +224,16 @@ def test_what_a_hit_is_coloured_by_does_not_depend_on_the_others():
                 for name in ("base_color", "metallic", "roughness", "specular_f0", "emission")
             },
         )
-        table = LightTable.of(part, np.full(3, 0.5), per_hit=True)
+        table = MaterialCoefficients.of(part, np.full(3, 0.5), per_hit=True)
         every = np.arange(len(metallic[some]))
-        seen = table.seen(every, facing[some])
-        shine = np.broadcast_to(table.shine(every, cosine[some], seen), (3, len(every)))
-        under = np.ones(len(every), np.float32) if seen.under is None else seen.under
-        return np.concatenate([table.unlit(every, seen) * np.float32(1), shine, table.diffuse * under])
+        view = table.view_terms(every, facing[some])
+        shine = np.broadcast_to(table.reflectance(every, cosine[some], view), (3, len(every)))
+        transmittance = (
+            np.ones(len(every), np.float32) if view.layer_transmittance is None else view.layer_transmittance
+        )
+        return np.concatenate(
+            [table.unlit(every, view) * np.float32(1), shine, table.diffuse * transmittance]
+        )
 
     whole = coloured(slice(None))
     for size in (1, 7, 64, 65):
@@ -222,13 +242,13 @@ def test_what_a_hit_is_coloured_by_does_not_depend_on_the_others():
 
 
 def test_black_plastic_shows_of_an_even_world_what_its_layer_reflects():
-    """Walsh's formula for an index of 1.5, as a mean over where it is seen from; alone, and beside white."""
+    """Walsh's formula for an index of 1.5, as a mean over where it is view from; alone, and beside white."""
     for base in ([0.0], [0.0, 1.0]):
         number = np.repeat(np.reshape(base, (-1, 1)), 3, axis=1)
         each = [np.full(len(base), value) for value in (0.0, 0.08, 0.04)]
         for per_hit in (False, True):
-            table = LightTable.of(Materials(number, *each, 0 * number), np.ones(3), per_hit=per_hit)
+            table = MaterialCoefficients.of(Materials(number, *each, 0 * number), np.ones(3), per_hit=per_hit)
             cosines = (np.arange(4000, dtype=np.float32) + 0.5) / 4000
             black = np.zeros(4000, np.intp)
-            shown = 2 * np.mean(cosines * table.unlit(black, table.seen(black, cosines)), axis=1)
+            shown = 2 * np.mean(cosines * table.unlit(black, table.view_terms(black, cosines)), axis=1)
             assert shown == pytest.approx(0.0918, abs=2e-3)

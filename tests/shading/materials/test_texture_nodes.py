@@ -8,11 +8,12 @@ import pytest
 
 from scfpf_addon.casting.common.geometry import Geometry, Layer
 from scfpf_addon.shading.nodes import inputs, noise, textures
-from scfpf_addon.shading.nodes.context import ShadingContext, unit
+from scfpf_addon.shading.nodes.context import ShadingContext
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.nodes.image import ImageData
 from scfpf_addon.shading.nodes.operations import OPERATIONS
 from scfpf_addon.shading.scene.world import Surroundings, World
+from scfpf_addon.shading.vectors import unit
 
 MASK = 0xFFFFFFFF
 CORNERS = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]])

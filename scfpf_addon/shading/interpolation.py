@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a table says between its places."""
+"""Interpolation in tables."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from .typing import Single
 Values = TypeVar("Values", Array, Single)
 
 
-def between(table: Values, row: Array, column: Array) -> Values:
-    """The values (K, n) of a table (K, R, C) at rows and columns (n,), bilinear, in the table's precision."""
+def bilinear(table: Values, row: Array, column: Array) -> Values:
+    """The values (K, n) of a table (K, R, C) at rows and columns (n,), in the table's precision."""
     low = np.clip(row.astype(np.intp), 0, table.shape[1] - 2)
     left = np.clip(column.astype(np.intp), 0, table.shape[2] - 2)
     up, along = (row - low).astype(table.dtype), (column - left).astype(table.dtype)

@@ -8,10 +8,11 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from ..casting.common.geometry import Geometry
-from ..casting.common.parallel import chunks, parallel_map
-from ..casting.scene.cast_scene import CastScene
-from .typing import Single
+from ...casting.common.geometry import Geometry
+from ...casting.common.parallel import chunks, parallel_map
+from ...casting.scene.cast_scene import CastScene
+from ..typing import Single
+from ..vectors import dot
 
 # Corner normals this close to their triangle's, component by component, are no smooth shading:
 # float32 normals that were stored in 16 bits.
@@ -27,12 +28,6 @@ class Normals(NamedTuple):
     flat: Single
     smooth: Single | None
     bulge: Single | None
-
-
-def dot(a: Single, b: Single) -> Single:
-    """Scalar products of two (3, N) arrays, (N,); either may be (3, 1)."""
-    result: Single = np.einsum("cn,cn->n", a, b)
-    return result
 
 
 def normals_of(geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int) -> Normals:
