@@ -98,7 +98,7 @@ class Stylised:
 
     def __post_init__(self) -> None:
         if self.steps < 1 or self.detail < 1:
-            raise ValueError("a stylised image needs at least one step of light and a detail of 1")
+            raise ValueError("Drawn Style needs at least one step of light and a detail of 1")
 
     @property
     def lit(self) -> bool:
