@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...projection.arrays import median
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
-from ...projection.volume.median import median
 from ..common.hits import CastError, NothingToCastAt
 from ..common.parallel import chunks, parallel_map
 from .neighbours import edge_neighbours

@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, is_dataclass
 
 import numpy as np
 
+from ..arrays import bilinear_net
 from ..surfaces.surface import ControlSurface, Plane
 from ..typing import Array, BoolArray, IndexArray
 from ..volume.basis import SpanBasis
@@ -123,16 +124,8 @@ def _left_between(
     size = float(np.linalg.norm(np.ptp(known, axis=1))) / max(cells) if known.size else 0.0
     if size == 0.0:
         return np.zeros(x.shape)
-    share = np.arange(parts) / parts
-
-    def filled(values: Array) -> Array:
-        """Every value of the last axis, and what lies between it and the next."""
-        between = values[..., :-1, None] * (1.0 - share) + values[..., 1:, None] * share
-        return np.concatenate([between.reshape(*values.shape[:-1], -1), values[..., -1:]], axis=-1)
-
     tile = sample.tile.reshape(x.shape).astype(np.float64)
-    flat = np.stack([*points, tile])
-    net = filled(np.swapaxes(filled(flat[:, ::parts, ::parts]), 1, 2)).swapaxes(1, 2)
+    net = bilinear_net(np.stack([*points, tile])[:, ::parts, ::parts], parts)
     away = np.linalg.norm(points - net[:3], axis=0)
     found: Array = np.where(net[3] == tile, np.nan_to_num(away / size), 0.0)
     return found

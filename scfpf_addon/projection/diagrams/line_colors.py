@@ -55,9 +55,3 @@ def luminance(color: tuple[float, ...]) -> float:
     """Relative luminance of a display colour, 0 black to 1 white (WCAG 2.1, "relative luminance")."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color[:3]]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def contrast(first: tuple[float, ...], second: tuple[float, ...]) -> float:
-    """Contrast ratio of two display colours, 1 to 21 (WCAG 2.1, "contrast ratio")."""
-    darker, lighter = sorted((luminance(first), luminance(second)))
-    return (lighter + 0.05) / (darker + 0.05)

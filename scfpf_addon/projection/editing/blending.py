@@ -12,6 +12,7 @@ from math import comb, lcm
 
 import numpy as np
 
+from ..arrays import bilinear_net
 from ..typing import Array
 from ..volume.basis import BasisKind
 from ..volume.reparameterisation import Polar
@@ -117,16 +118,7 @@ def _points(projection: Projection, matrix: Array | None, times: Array, faces: i
 def _bend(layers: Array) -> float:
     """How far points are from a grid of every STEPS-th line, as a share of the size."""
     size = float(np.ptp(layers.reshape(-1, 3), axis=0).max())
-    grid = _between(_between(layers[:, ::STEPS, ::STEPS]).swapaxes(1, 2)).swapaxes(1, 2)
-    worst = float(np.linalg.norm(layers - grid, axis=-1).max())
+    points = np.moveaxis(layers, -1, 1)
+    off = points - bilinear_net(points[..., ::STEPS, ::STEPS], STEPS)
+    worst = float(np.linalg.norm(off, axis=1).max())
     return worst / size if size > 0.0 else 0.0
-
-
-def _between(lines: Array) -> Array:
-    """Lines (K, R, ...) with STEPS - 1 lines more, evenly, between any two."""
-    count = lines.shape[1] - 1
-    place = np.arange(STEPS * count + 1) / STEPS
-    cell = np.minimum(place.astype(np.int64), count - 1)
-    share = (place - cell)[:, None, None]
-    between: Array = (1.0 - share) * lines[:, cell] + share * lines[:, cell + 1]
-    return between

@@ -96,10 +96,10 @@ class Insertion(NamedTuple):
 def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
     """The same volume with one control surface more. cells: as for ``blend``.
 
-    BEZIER: ``elevated``. POLYLINE: a surface half-way between the one at ``index`` and the
-    next. B_SPLINE and NURBS: up to three surfaces are elevated, of four the span is cut
-    in two at t = 1/2; more have knots that no even spacing with one more holds, so that no
-    surface can be added and leave the volume as it is: EditingError.
+    BEZIER: degree elevation, Pi' = i/(m+1)·P(i-1) + (1 - i/(m+1))·Pi for i = 1 … m; the ends stay. POLYLINE:
+    a surface half-way between the one at ``index`` and the next. B_SPLINE and NURBS: up to three surfaces
+    are elevated, of four the span is cut in two at t = 1/2. Raises EditingError for more: no even spacing of
+    knots with one surface more leaves the volume as it is.
     """
     surfaces, count = volume.surfaces, len(volume.surfaces)
     if volume.basis == "POLYLINE":
@@ -122,15 +122,6 @@ def inserted(volume: ViewingVolume, index: int, cells: int) -> Insertion:
     inner = [s * old[i] + (1 - s) * old[i + 1] for i, s in enumerate(shares)]
     shares = [s * old[i] / w for i, (s, w) in enumerate(zip(shares, inner, strict=True))]
     return Insertion(1, count - 2, _blends(surfaces, shares, cells), (old[0], *inner, old[-1]))
-
-
-def elevated(surfaces: Sequence[ControlSurface], cells: int) -> list[Shape]:
-    """The inner control surfaces of the same Bézier volume with one surface more.
-
-    Degree elevation: Pi' = i/(m+1)·P(i-1) + (1 - i/(m+1))·Pi for i = 1 … m, with
-    m = len(surfaces) - 1 and the ends as they were. cells: as for ``blend``.
-    """
-    return _blends(surfaces, [i / len(surfaces) for i in range(1, len(surfaces))], cells)
 
 
 def _blends(surfaces: Sequence[ControlSurface], shares: Sequence[float], cells: int) -> list[Shape]:

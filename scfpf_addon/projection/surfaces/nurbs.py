@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays import BLOCK, evaluate_pieces
 from ..typing import Array, IndexArray
-from .piecewise import BLOCK, evaluate_pieces
 from .surface import ControlSurface, Placement, SurfaceSample
 
 LOWEST_ORDER = 2

@@ -13,6 +13,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from ..arrays import transform
 from ..typing import Array, BoolArray, IndexArray
 
 
@@ -45,27 +46,6 @@ def _rows(*components: Array) -> Array:
 def _box(x: float, y: float, z: float) -> Array:
     """The corners (3, 8) of a box about the origin that reaches to x, y, z."""
     return np.stack(np.meshgrid([-x, x], [-y, y], [-z, z])).reshape(3, -1)
-
-
-def _apply(matrix: Array, vectors: Array, offset: Array | None = None) -> Array:
-    """matrix (3, 3) times vectors (3, N), plus offset (3,).
-
-    Row by row without a matrix product: BLAS would start threads of its own
-    inside each of ours. Terms that a matrix does not have cost nothing.
-    """
-    result = np.empty(vectors.shape)
-    term = np.empty(vectors.shape[1:])
-    for row, target in zip(matrix, result, strict=True):
-        used = np.flatnonzero(row)
-        if len(used) == 0:
-            target.fill(0.0)
-            continue
-        np.multiply(vectors[used[0]], row[used[0]], out=target)
-        for column in used[1:]:
-            target += np.multiply(vectors[column], row[column], out=term)
-    if offset is not None:
-        result += offset[:, None]
-    return result
 
 
 def _bilinear(terms: tuple[Array, Array, Array, Array], u: Array, v: Array) -> Array:
@@ -114,15 +94,15 @@ class ControlSurface:
         sample = self.local(u, v)
         linear = self.matrix[:3, :3]
         return sample._replace(
-            position=_apply(linear, sample.position, self.matrix[:3, 3]),
-            du=_apply(linear, sample.du),
-            dv=_apply(linear, sample.dv),
+            position=transform(linear, sample.position, self.matrix[:3, 3]),
+            du=transform(linear, sample.du),
+            dv=transform(linear, sample.dv),
         )
 
     def positions(self, u: Array, v: Array) -> Placement:
         """``evaluate`` without derivatives. u, v: (N,) float64."""
         placement = self.local_position(u, v)
-        moved = _apply(self.matrix[:3, :3], placement.position, self.matrix[:3, 3])
+        moved = transform(self.matrix[:3, :3], placement.position, self.matrix[:3, 3])
         return placement._replace(position=moved)
 
     def local_hull(self) -> Array:
@@ -131,7 +111,7 @@ class ControlSurface:
 
     def hull(self) -> Array:
         """``local_hull`` in volume space."""
-        return _apply(self.matrix[:3, :3], self.local_hull(), self.matrix[:3, 3])
+        return transform(self.matrix[:3, :3], self.local_hull(), self.matrix[:3, 3])
 
     def transformed(self, matrix: Array) -> Self:
         """The same surface with ``matrix`` (4, 4) applied after its own."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arrays import median
 from ..typing import Array, BoolArray
 from .bezier import bernstein, derivative, product
-from .median import median
 from .viewing_volume import ControlSample, Projection, ViewingVolume, VolumeSample, determinant
 
 # A fold is looked for at this many positions along each side of the image and along t.

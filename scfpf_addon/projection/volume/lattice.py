@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..surfaces.piecewise import BLOCK, evaluate_pieces
+from ..arrays import BLOCK, evaluate_pieces
 from ..surfaces.surface import ControlSurface, Placement, SurfaceSample
 from ..typing import Array, IndexArray
 from .basis import SpanBasis, span_basis

@@ -15,7 +15,7 @@ from scfpf_addon.projection.diagrams.diagram import (
     projector_point,
     volume_signature,
 )
-from scfpf_addon.projection.diagrams.line_colors import BRIGHT, DARK, contrast, line_colors, luminance
+from scfpf_addon.projection.diagrams.line_colors import BRIGHT, DARK, line_colors, luminance
 from scfpf_addon.projection.diagrams.marks import DASH_SHARE, direction_arrows, far_rim, iso_lines, safe_area
 from scfpf_addon.projection.surfaces.surface import Cylinder, Disc, Plane, Point
 from scfpf_addon.projection.volume.reparameterisation import Polar
@@ -169,6 +169,12 @@ def test_every_option_counts_in_the_signature():
     signatures = {volume_signature(quadratic(), options) for options in (base, *others)}
     assert len(signatures) == len(others) + 1
     assert volume_signature(quadratic(), DiagramOptions(3, 3)) == volume_signature(quadratic(), base)
+
+
+def contrast(first, second):
+    """Contrast ratio of two display colours, 1 to 21 (WCAG 2.1, "contrast ratio")."""
+    darker, lighter = sorted((luminance(first), luminance(second)))
+    return (lighter + 0.05) / (darker + 0.05)
 
 
 def test_contrast_is_that_of_the_web_guidelines():

@@ -41,7 +41,7 @@ def surface(shape):
 
 
 def elevated(surfaces, cells=64):
-    shapes = volume_edits.elevated(surfaces, cells)
+    shapes = volume_edits.inserted(ViewingVolume(tuple(surfaces)), 0, cells).shapes
     inner = tuple(surface(shape) for shape in shapes)
     return ViewingVolume((surfaces[0], *inner, surfaces[-1])), shapes
 

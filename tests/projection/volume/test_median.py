@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from scfpf_addon.projection.volume.median import median
+from scfpf_addon.projection.arrays import median
 
 
 @given(arrays(float, array_shapes(max_dims=2), elements=st.floats(-1e300, 1e300) | st.just(np.nan)))
