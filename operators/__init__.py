@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user can do: ``bpy.ops.scfpf``. One module a family."""
+"""The operators ``bpy.ops.scfpf``, in modules by task."""
 
 from .camera import (
     blend,
@@ -14,7 +14,7 @@ from .camera import (
     tutorial,
 )
 from .image import find, pick, render
-from .volume import edit_volume, framing, image_fit, mappings, surface_tools, surfaces, volume_tools
+from .volume import framing, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
 MODULES = (
@@ -22,7 +22,6 @@ MODULES = (
     presets,
     own_presets,
     surfaces,
-    edit_volume,
     volume_tools,
     surface_tools,
     framing,
@@ -33,7 +32,6 @@ MODULES = (
     pick,
     find,
     mappings,
-    image_fit,
     preview,
     cycles,
     stylised,

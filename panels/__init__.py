@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the user sees: panels, lists and menus. They draw and decide nothing."""
+"""Panels, lists and menus. They draw, and leave decisions to operators and the bridge."""
 
 from . import (
     camera_panels,
@@ -7,7 +7,7 @@ from . import (
     engine_panels,
     mapping_stack,
     menus,
-    own_preset_menus,
+    preset_menus,
     preview,
     stylised,
     surface_list,
@@ -19,7 +19,7 @@ MODULES = (
     thumbnails,
     surface_list,
     mapping_stack,
-    own_preset_menus,
+    preset_menus,
     menus,
     camera_panels,
     preview,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Cycles rig's panel: the switch, what the chords cost, and what stands in the way."""
+"""The panel Cycles: the switch, the price of the rig, and what keeps it from working."""
 
 import textwrap
 
@@ -9,9 +9,9 @@ from ..scfpf_addon.cycles.chord_planning import Price, price_of_rig
 from ..scfpf_addon.cycles.prices import price
 from ..scfpf_addon.cycles.rig import cautions
 from ..scfpf_addon.cycles.rig_data import rig_of
-from .camera_panels import LINE, _DataTab, _Sidebar, _Subsection, draw_text
+from .base import LINE, Subsection, draw_lines, draw_text, section_panels
 
-# What passes and settings do otherwise than with an ordinary camera, a line each.
+# Differences from an ordinary camera, one a line.
 DIFFERENCES = (
     "Depth, Mist: use t and depth instead",
     "The camera's motion is not blurred",
@@ -19,7 +19,7 @@ DIFFERENCES = (
 
 
 def facts(price: Price) -> list[str]:
-    """What a rig costs, a line each."""
+    """The price of a rig, one fact a line."""
     count = f"{price.chords} chord{'s' * (price.chords != 1)}"
     return [
         f"{count}, off by {price.error:.2g} px",
@@ -30,14 +30,14 @@ def facts(price: Price) -> list[str]:
 
 
 def expected(camera, scene) -> list[str]:
-    """The price of a rig that has not been made."""
+    """The price that a rig for this camera would have, or that it is being computed."""
     found = price(camera, scene)
     if found is None:
         return ["Working out what it costs ..."]
     return textwrap.wrap(found, LINE) if isinstance(found, str) else facts(found)
 
 
-class _CyclesSection(_Subsection):
+class _CyclesSection(Subsection):
     bl_label = "Cycles"
     bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}
@@ -57,20 +57,8 @@ class _CyclesSection(_Subsection):
             for text in cautions(context.scene, context.view_layer, rig):
                 draw_text(layout, text, "ERROR")
             layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
-        column = layout.column(align=True)
-        column.scale_y = 0.8
-        column.active = False
         lines = facts(price_of_rig(rig)) if is_on else expected(camera, context.scene)
-        for text in (*lines, *DIFFERENCES):
-            column.label(text=text)
+        draw_lines(layout, (*lines, *DIFFERENCES))
 
 
-class SCFPF_PT_data_cycles(_CyclesSection, _DataTab, bpy.types.Panel):
-    bl_parent_id = "SCFPF_PT_data"
-
-
-class SCFPF_PT_view_cycles(_CyclesSection, _Sidebar, bpy.types.Panel):
-    bl_parent_id = "SCFPF_PT_view"
-
-
-register, unregister = bpy.utils.register_classes_factory((SCFPF_PT_data_cycles, SCFPF_PT_view_cycles))
+register, unregister = bpy.utils.register_classes_factory(section_panels(_CyclesSection, "cycles"))

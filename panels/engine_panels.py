@@ -7,13 +7,14 @@ from ..scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.bridge.render.render_passes import PASS_SWITCHES
 from ..scfpf_addon.cycles.engine_choice import ignored_camera
-from .camera_panels import draw_caster_fault, draw_ignored
+from .base import split_properties
+from .render_button import draw_caster_fault, draw_ignored
 
-# Blender's panels that every engine may show come with BLENDER_RENDER; these would promise what is not there,
-# or are the bare siblings of those below.
+# Panels for every engine are marked BLENDER_RENDER. These have settings without effect here, or are plainer
+# versions of those in TAKEN.
 LEFT_OUT = ("DATA_PT_light", "DATA_PT_spot", "NODE_DATA_PT_light", "MATERIAL_PT_freestyle_line")
 LEFT_OUT_FAMILIES = ("RENDER_PT_freestyle", "VIEWLAYER_PT_freestyle")
-# EEVEE's own that draw what materials, worlds and lights are made of.
+# EEVEE's panels of materials, worlds and lights, which work for this engine too.
 TAKEN = (
     "EEVEE_MATERIAL_PT_context_material",
     "EEVEE_MATERIAL_PT_surface",
@@ -25,7 +26,7 @@ TAKEN = (
 
 
 def _blenders_panels():
-    """Blender's panels that are shown for this engine too."""
+    """Blender's panels that this engine shows too."""
     for panel in bpy.types.Panel.__subclasses__():
         name = panel.__name__
         shared = "BLENDER_RENDER" in getattr(panel, "COMPAT_ENGINES", ())
@@ -33,7 +34,9 @@ def _blenders_panels():
             yield panel
 
 
-class _EnginePanel:
+class EnginePanel:
+    """A panel of the Properties editor that only the engine SCFPF shows."""
+
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     COMPAT_ENGINES = {ENGINE}
@@ -43,16 +46,15 @@ class _EnginePanel:
         return context.engine in cls.COMPAT_ENGINES
 
 
-class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
-    """Through what F12 looks, and how exactly"""
+class SCFPF_PT_engine_camera(EnginePanel, bpy.types.Panel):
+    """The camera of F12, and how exactly it is rendered"""
 
     bl_label = "Sampling"
     bl_context = "render"
 
     def draw(self, context):
-        layout = self.layout
+        layout = split_properties(self)
         draw_caster_fault(layout)
-        layout.use_property_split = True
         scene = context.scene
         layout.prop(scene, "camera")
         camera = camera_behind(scene.camera)
@@ -69,7 +71,7 @@ class SCFPF_PT_engine_camera(_EnginePanel, bpy.types.Panel):
             layout.label(text="An ordinary camera: F12 renders its view", icon="INFO")
 
 
-class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_pattern(EnginePanel, bpy.types.Panel):
     """Placement of samples; the Render button uses it too"""
 
     bl_label = "Pattern and Adaptive Sampling"
@@ -78,8 +80,7 @@ class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split_properties(self)
         options = context.scene.scfpf_sampling
         row = layout.row()
         row.active = not options.use_adaptive
@@ -94,7 +95,7 @@ class SCFPF_PT_engine_pattern(_EnginePanel, bpy.types.Panel):
             layout.label(text="No effect: raise Samples above Min Samples", icon="INFO")
 
 
-class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_motion_blur(EnginePanel, bpy.types.Panel):
     """Blur of objects, lights, cameras and control surfaces that move while the shutter is open"""
 
     bl_label = "Motion Blur"
@@ -105,8 +106,7 @@ class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
         self.layout.prop(context.scene.render, "use_motion_blur", text="")
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split_properties(self)
         scene = context.scene
         layout.active = scene.render.use_motion_blur
         layout.prop(scene.render, "motion_blur_position")
@@ -117,7 +117,7 @@ class SCFPF_PT_engine_motion_blur(_EnginePanel, bpy.types.Panel):
             layout.label(text="Fewer samples than steps: raise Samples", icon="INFO")
 
 
-class SCFPF_PT_engine_light_paths(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_light_paths(EnginePanel, bpy.types.Panel):
     """Limits of reflections, refractions and transparency: the scene's settings for Cycles"""
 
     bl_label = "Light Paths"
@@ -129,9 +129,7 @@ class SCFPF_PT_engine_light_paths(_EnginePanel, bpy.types.Panel):
         return super().poll(context) and hasattr(context.scene, "cycles")
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split_properties(self, decorate=False)
         cycles = context.scene.cycles
         column = layout.column(align=True)
         column.prop(cycles, "max_bounces", text="Max Bounces")
@@ -140,7 +138,7 @@ class SCFPF_PT_engine_light_paths(_EnginePanel, bpy.types.Panel):
         layout.prop(cycles, "transparent_max_bounces", text="Transparent")
 
 
-class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_film(EnginePanel, bpy.types.Panel):
     """The pixel filter, and the background of the picture"""
 
     bl_label = "Film"
@@ -148,9 +146,7 @@ class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split_properties(self, decorate=False)
         scene = context.scene
         if hasattr(scene, "cycles"):
             layout.prop(scene.cycles, "film_exposure")
@@ -162,7 +158,7 @@ class SCFPF_PT_engine_film(_EnginePanel, bpy.types.Panel):
         row.prop(scene.render, "filter_size")
 
 
-class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_performance(EnginePanel, bpy.types.Panel):
     """Number of threads, which does not change the picture, and memory"""
 
     bl_label = "Performance"
@@ -170,9 +166,7 @@ class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split_properties(self, decorate=False)
         render = context.scene.render
         layout.prop(render, "threads_mode")
         column = layout.column()
@@ -181,16 +175,14 @@ class SCFPF_PT_engine_performance(_EnginePanel, bpy.types.Panel):
         layout.prop(render, "use_persistent_data", text="Keep Scene in Memory")
 
 
-class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_passes(EnginePanel, bpy.types.Panel):
     """Passes that F12 makes beside the picture"""
 
     bl_label = "Passes"
     bl_context = "view_layer"
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split_properties(self, decorate=False)
         view_layer = context.view_layer
         for heading in ("Data", "Light", "Projectors", "Indices"):
             column = layout.column(heading=heading, align=True)
@@ -209,7 +201,7 @@ class SCFPF_PT_engine_passes(_EnginePanel, bpy.types.Panel):
             layout.label(text="Depth: length along the projector from the near surface", icon="INFO")
 
 
-class SCFPF_PT_engine_filter(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_filter(EnginePanel, bpy.types.Panel):
     """Parts of the scene that the view layer leaves out, and overrides of its material and world"""
 
     bl_label = "Filter and Override"
@@ -217,9 +209,7 @@ class SCFPF_PT_engine_filter(_EnginePanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
+        layout = split_properties(self, decorate=False)
         view_layer = context.view_layer
         column = layout.column(heading="Include", align=True)
         column.prop(view_layer, "use_sky", text="Environment")
@@ -231,7 +221,7 @@ class SCFPF_PT_engine_filter(_EnginePanel, bpy.types.Panel):
         layout.prop(view_layer, "world_override")
 
 
-class SCFPF_PT_engine_beam(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_beam(EnginePanel, bpy.types.Panel):
     """Spread of an area light's light"""
 
     bl_label = "Beam Shape"
@@ -243,14 +233,13 @@ class SCFPF_PT_engine_beam(_EnginePanel, bpy.types.Panel):
         return super().poll(context) and context.light is not None and context.light.type == "AREA"
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split_properties(self)
         layout.prop(context.light, "spread")
         if hasattr(context.light, "cycles"):
             layout.prop(context.light.cycles, "is_portal", text="Portal")
 
 
-class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_ray_visibility(EnginePanel, bpy.types.Panel):
     """Kinds of rays that meet this object, or kinds of light that a light gives"""
 
     bl_label = "Ray Visibility"
@@ -262,8 +251,7 @@ class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
         return super().poll(context) and context.object is not None and context.object.type != "CAMERA"
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split_properties(self)
         owner = context.object
         if owner.type == "LIGHT":
             layout.prop(owner, "visible_diffuse", text="Diffuse")
@@ -276,7 +264,7 @@ class SCFPF_PT_engine_ray_visibility(_EnginePanel, bpy.types.Panel):
         layout.prop(owner, "is_shadow_catcher")
 
 
-class SCFPF_PT_engine_world_visibility(_EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_world_visibility(EnginePanel, bpy.types.Panel):
     """Visibility of the world to projectors that meet nothing"""
 
     bl_label = "Ray Visibility"
@@ -288,8 +276,7 @@ class SCFPF_PT_engine_world_visibility(_EnginePanel, bpy.types.Panel):
         return super().poll(context) and hasattr(context.world, "cycles_visibility")
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
+        layout = split_properties(self)
         layout.prop(context.world.cycles_visibility, "camera", text="Projectors")
 
 
@@ -311,11 +298,11 @@ _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
 
 
 def draw_engine(self, context):
-    """Below the choice of the render engine."""
+    """Warn below the choice of the render engine if F12 ignores a flexible camera."""
     camera = ignored_camera(context.scene)
     if camera is not None:
         column = self.layout.column()
-        # The button of the Cycles rig is for this camera, whichever object is active.
+        # The button of the Cycles rig must act on this camera, whichever object is active.
         column.context_pointer_set("object", camera)
         draw_ignored(column, context.scene, camera)
 

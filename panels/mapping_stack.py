@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stack of image mappings: its list, and the settings of the one that is selected."""
+"""The stack of image mappings: its list, and the settings of the selected mapping."""
 
 import bpy
 
@@ -15,15 +15,13 @@ MAPPING_ICONS = {
     "GRID": "MESH_GRID",
     "DISPLAY": "DESKTOP",
 }
-# Properties of each kind that are drawn one below the other.
+# The properties of each kind, drawn one below the other.
 DRAWN = {
-    "RADIAL_CURVE": ("centre",),
-    "LENS": ("centre", "radius", "magnification", "falloff"),
-    "DISTORTION": ("centre", "radius", "numerator", "denominator"),
-    "ST_MAP": (),
-    "GRID": (),
+    "LENS": ("radius", "magnification", "falloff"),
+    "DISTORTION": ("radius", "numerator", "denominator"),
     "DISPLAY": ("arc", "distance"),
 }
+# The kinds with a centre, which a click in the image can place.
 PLACED = {"RADIAL_CURVE", "LENS", "DISTORTION"}
 
 
@@ -43,7 +41,7 @@ class SCFPF_UL_mappings(bpy.types.UIList):
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index):
         row = layout.row(align=True)
         row.active = item.enabled
-        # The panel splits its properties into name and value, for which there is no room here.
+        # A row has no room for the panel's split into name and value.
         row.use_property_split = row.use_property_decorate = False
         row.prop(item, "name", text="", emboss=False, icon=MAPPING_ICONS[item.kind])
         row.prop(
@@ -52,7 +50,7 @@ class SCFPF_UL_mappings(bpy.types.UIList):
 
 
 def draw_stack(layout, camera) -> None:
-    """The list of a camera's mappings with its buttons, and what is selected in it."""
+    """Draw the list of a camera's mappings with its buttons, and the selected mapping."""
     settings = camera.scfpf
     row = layout.row()
     row.template_list(
@@ -78,9 +76,8 @@ def _draw_mapping(layout, mapping) -> None:
         row = column.row(align=True)
         row.prop(mapping, "centre")
         row.operator("scfpf.mapping_place", text="", icon="EYEDROPPER")
-    for name in DRAWN[mapping.kind]:
-        if name != "centre":
-            column.prop(mapping, name)
+    for name in DRAWN.get(mapping.kind, ()):
+        column.prop(mapping, name)
     if mapping.kind == "RADIAL_CURVE":
         node = curve_node(mapping.curve)
         if node is not None:

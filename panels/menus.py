@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Menus, and our entries in Blender's own."""
+"""The menus of control surfaces, and the extension's entries in Blender's menus."""
 
 import bpy
 
-from ..operators.camera.presets import preset_groups
 from ..scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS
-from .thumbnails import draw_entries
 
-# Blender's menus that duplicate objects.
+# Blender's menus with the commands that duplicate objects.
 OBJECT_MENUS = ("VIEW3D_MT_object", "VIEW3D_MT_object_context_menu")
 
 
@@ -19,66 +17,6 @@ class SCFPF_MT_surface_add(bpy.types.Menu):
     def draw(self, _context):
         for key, kind in BLENDER_KINDS.items():
             self.layout.operator("scfpf.surface_add", text=kind.title, icon=kind.icon).kind = key
-
-
-def _group_menu(identifier: str, group: str, items, operator: str) -> type[bpy.types.Menu]:
-    """A menu of one group of presets, whose entries call an operator."""
-
-    def draw(self, _context):
-        self.layout.operator_context = "EXEC_REGION_WIN"
-        draw_entries(self.layout, operator, items)
-
-    contents = {"__doc__": f"Ready-made projections: {group}", "bl_label": group, "draw": draw}
-    return type(identifier, (bpy.types.Menu,), contents)
-
-
-def _group_menus(prefix: str, operator: str) -> tuple[type[bpy.types.Menu], ...]:
-    return tuple(
-        _group_menu(f"{prefix}_{number}", group, items, operator)
-        for number, (group, items) in enumerate(preset_groups())
-    )
-
-
-APPLY_MENUS = _group_menus("SCFPF_MT_presets_group", "scfpf.preset_apply")
-BLEND_MENUS = _group_menus("SCFPF_MT_blend_group", "scfpf.camera_blend_preset")
-ADD_MENUS = _group_menus("SCFPF_MT_camera_add_group", "scfpf.camera_add")
-
-
-class SCFPF_MT_presets(bpy.types.Menu):
-    """Ready-made projections for this camera"""
-
-    bl_label = "Projection Presets"
-
-    def draw(self, _context):
-        for menu in APPLY_MENUS:
-            # Beside entries with icons a long name would be cut off without one.
-            self.layout.menu(menu.__name__, icon="BLANK1")
-        self.layout.separator()
-        self.layout.menu("SCFPF_MT_presets_own", icon="USER")
-        self.layout.operator(
-            "scfpf.camera_from_camera", text="This Camera's Own Frustum", icon="OUTLINER_OB_CAMERA"
-        )
-        self.layout.operator("scfpf.preset_load", text="From File...", icon="FILE_FOLDER")
-
-
-class SCFPF_MT_camera_add_preset(bpy.types.Menu):
-    """Flexible cameras with a ready-made projection"""
-
-    bl_label = "Flexible Camera Preset"
-
-    def draw(self, _context):
-        for menu in ADD_MENUS:
-            self.layout.menu(menu.__name__)
-
-
-class SCFPF_MT_blend_presets(bpy.types.Menu):
-    """Ready-made projections that this camera can be blended with"""
-
-    bl_label = "Blend with Preset"
-
-    def draw(self, _context):
-        for menu in BLEND_MENUS:
-            self.layout.menu(menu.__name__)
 
 
 class SCFPF_MT_surface_specials(bpy.types.Menu):
@@ -135,12 +73,6 @@ def _duplicate_entry(menu, context):
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
         SCFPF_MT_surface_add,
-        *APPLY_MENUS,
-        SCFPF_MT_presets,
-        *ADD_MENUS,
-        *BLEND_MENUS,
-        SCFPF_MT_blend_presets,
-        SCFPF_MT_camera_add_preset,
         SCFPF_MT_surface_specials,
     )
 )

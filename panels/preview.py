@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview's panel: the toggle, what the preview cannot show, and what it has left out."""
+"""The panel Live Preview: the switch, what the preview cannot show, and what it has left out."""
 
 import bpy
 
 from ..operators.camera.preview import FLAT
 from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
 from ..scfpf_addon.scanline.preview.preview_viewports import viewports_of
-from .camera_panels import _DataTab, _Sidebar, _Subsection, draw_text
+from .base import Subsection, draw_lines, draw_text, section_panels
 
-# Differences from an image by Render, a line each.
+# Differences from an image by Render, one a line.
 DIFFERENCES = (
     "Solid or Material Preview, no lights",
     "Rendered shading: press Render",
@@ -25,11 +25,11 @@ LEFT_OUT = (
 
 
 def reported(counts) -> list[str]:
-    """A sentence for each of a preview's counts that is not 0."""
+    """A sentence for each count of a preview that is not 0."""
     return [text.format(counts[key]) for key, text in LEFT_OUT if counts[key]]
 
 
-class _PreviewSection(_Subsection):
+class _PreviewSection(Subsection):
     bl_label = "Live Preview"
     bl_order = 2
 
@@ -53,19 +53,7 @@ class _PreviewSection(_Subsection):
                 draw_text(layout, FLAT, "ERROR")
             for text in reported(left_out(source, depsgraph)):
                 draw_text(layout, text, "INFO")
-        column = layout.column(align=True)
-        column.scale_y = 0.8
-        column.active = False
-        for text in DIFFERENCES:
-            column.label(text=text)
+        draw_lines(layout, DIFFERENCES)
 
 
-class SCFPF_PT_data_preview(_PreviewSection, _DataTab, bpy.types.Panel):
-    bl_parent_id = "SCFPF_PT_data"
-
-
-class SCFPF_PT_view_preview(_PreviewSection, _Sidebar, bpy.types.Panel):
-    bl_parent_id = "SCFPF_PT_view"
-
-
-register, unregister = bpy.utils.register_classes_factory((SCFPF_PT_data_preview, SCFPF_PT_view_preview))
+register, unregister = bpy.utils.register_classes_factory(section_panels(_PreviewSection, "preview"))

@@ -4,12 +4,12 @@
 import bpy
 
 from ..scfpf_addon.bridge.settings.stylised_properties import LINE_KINDS
-from .camera_panels import _DataTab, _Sidebar, _Subsection
-from .engine_panels import _EnginePanel
+from .base import Subsection, section_panels
+from .engine_panels import EnginePanel
 
 
 def draw_style(layout, scene) -> None:
-    """All settings of a scene's Drawn Style."""
+    """Draw all settings of a scene's Drawn Style."""
     options = scene.scfpf_drawn
     layout.use_property_split = True
     layout.operator_menu_enum("scfpf.drawn_style", "style", text="Style", icon="PRESET")
@@ -31,7 +31,7 @@ def draw_style(layout, scene) -> None:
 
 
 def draw_fill(layout, options) -> None:
-    """The fill between the lines, and the paper behind everything."""
+    """Draw the settings of the fill between lines, and of the paper."""
     layout.prop(options, "fill")
     column = layout.column()
     if options.fill == "TOON":
@@ -50,7 +50,7 @@ def draw_fill(layout, options) -> None:
 
 
 def draw_lines(layout, options) -> None:
-    """The lines to draw, and their look."""
+    """Draw the settings of lines: which, how wide, of which color."""
     layout.active = options.use_lines
     column = layout.column(heading="Draw", align=True)
     for name in LINE_KINDS:
@@ -68,7 +68,7 @@ def draw_lines(layout, options) -> None:
 
 
 def draw_hatching(layout, options) -> None:
-    """Strokes by t or by tone."""
+    """Draw the settings of hatching by t or by tone."""
     layout.prop(options, "hatching", text="Strokes")
     if options.hatching == "NONE":
         return
@@ -90,7 +90,7 @@ class _DrawnSection:
         self.layout.prop(context.scene.scfpf_drawn, "use_drawn", text="")
 
 
-class SCFPF_PT_engine_drawn(_DrawnSection, _EnginePanel, bpy.types.Panel):
+class SCFPF_PT_engine_drawn(_DrawnSection, EnginePanel, bpy.types.Panel):
     """Lines, flat shades and paper; the Render button follows it too"""
 
     bl_context = "render"
@@ -99,21 +99,13 @@ class SCFPF_PT_engine_drawn(_DrawnSection, _EnginePanel, bpy.types.Panel):
         draw_style(self.layout, context.scene)
 
 
-class _CameraSection(_DrawnSection, _Subsection):
+class _CameraSection(_DrawnSection, Subsection):
     bl_order = 4
 
     def draw_settings(self, context, _camera, _settings):
         draw_style(self.layout, context.scene)
 
 
-class SCFPF_PT_data_drawn(_CameraSection, _DataTab, bpy.types.Panel):
-    bl_parent_id = "SCFPF_PT_data"
-
-
-class SCFPF_PT_view_drawn(_CameraSection, _Sidebar, bpy.types.Panel):
-    bl_parent_id = "SCFPF_PT_view"
-
-
 register, unregister = bpy.utils.register_classes_factory(
-    (SCFPF_PT_engine_drawn, SCFPF_PT_data_drawn, SCFPF_PT_view_drawn)
+    (SCFPF_PT_engine_drawn, *section_panels(_CameraSection, "drawn"))
 )

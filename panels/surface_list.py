@@ -1,20 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The list of a camera's control surfaces, from near to far."""
+"""The list of a camera's control surfaces, from near to far, and the settings of the active one."""
 
 import bpy
 
+from ..scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent
+from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
 from ..scfpf_addon.bridge.surfaces.kinds import icon_of
+from ..scfpf_addon.bridge.surfaces.surface_object import parameter_properties
+from ..scfpf_addon.projection.editing.volume_edits import EditingError
+from .base import draw_text
 
-# Of a weight in the list, in the interface's units: six digits.
+# The width of a weight in the list, in the interface's units: six digits.
 WEIGHT_WIDTH = 3
 
 
 def absence_of(scene, slot) -> str:
-    """The reason why a scene does not have a slot's object, in two or three words; empty if it has it."""
+    """The reason why a scene lacks a slot's object, in two or three words; empty if the scene has it."""
     if slot.object is None:
         return "deleted"
-    # A visible object is there; finding an object in a scene takes longer the more there are.
+    # A visible object is in the scene; searching a scene takes longer the more objects it has.
     if scene == bpy.context.scene and slot.object.visible_get():
         return ""
     return absence(slot.object, scene) if is_absent(slot.object, scene) else ""
@@ -31,15 +36,8 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
             row.label(text=text, icon="ERROR")
             return
         row.prop(item.object, "name", text="", emboss=False, icon=icon_of(item.object))
-        end = (
-            ""
-            if len(data.surfaces) == 1
-            else "Near"
-            if index == 0
-            else "Far"
-            if index == len(data.surfaces) - 1
-            else ""
-        )
+        last = len(data.surfaces) - 1
+        end = {0: "Near", last: "Far"}.get(index, "") if last > 0 else ""
         if end and end not in item.object.name:
             place = row.row()
             place.alignment = "RIGHT"
@@ -48,10 +46,72 @@ class SCFPF_UL_surfaces(bpy.types.UIList):
         if data.basis == "NURBS":
             weight = row.row()
             weight.ui_units_x = WEIGHT_WIDTH
-            # The panel splits its properties into name and value, for which there is no room here.
+            # A row has no room for the panel's split into name and value.
             weight.use_property_split = weight.use_property_decorate = False
             weight.prop(item, "weight", text="", emboss=False)
         row.operator("scfpf.surface_select", text="", icon="RESTRICT_SELECT_OFF", emboss=False).index = index
+
+
+def draw_surfaces(layout, context, settings) -> None:
+    """Draw the list of a camera's control surfaces with its buttons, and the active surface."""
+    row = layout.row()
+    row.template_list(
+        "SCFPF_UL_surfaces", "", settings, "surfaces", settings, "active_surface", rows=5, sort_lock=True
+    )
+    column = row.column(align=True)
+    column.menu("SCFPF_MT_surface_add", text="", icon="ADD")
+    column.operator("scfpf.surface_remove", text="", icon="REMOVE")
+    column.separator()
+    column.operator("scfpf.surface_move", text="", icon="TRIA_UP").direction = "UP"
+    column.operator("scfpf.surface_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+    column.separator()
+    column.menu("SCFPF_MT_surface_specials", text="", icon="DOWNARROW_HLT")
+    row = layout.row(align=True)
+    row.operator("scfpf.edit_volume", icon="EDITMODE_HLT", depress=settings.edit_volume)
+    row.operator("scfpf.volume_frame", text="", icon="VIEW_PAN")
+    if settings.active_surface < len(settings.surfaces):
+        _draw_surface(layout, context, settings.surfaces[settings.active_surface], settings.basis)
+
+
+def _draw_surface(layout, context, slot, basis: str) -> None:
+    """Draw the weight, kind and sizes of a control surface."""
+    if where := absence_of(context.scene, slot):
+        is_gone = where == "deleted"
+        text = "Remove it from the list with -" if is_gone else "Link it to the scene, or press -"
+        layout.label(text=text, icon="ERROR")
+        return
+    column = layout.column()
+    if basis == "NURBS":
+        column.prop(slot, "weight")
+    column.prop(slot.object.scfpf_surface, "kind")
+    try:
+        for label, owner, name in parameter_properties(slot.object):
+            column.prop(owner, name, text=label)
+    except SurfaceError as error:
+        draw_text(column, str(error), "ERROR")
+    if is_scaled(slot.object):
+        _draw_world_sizes(layout.column(align=True), context.scene, slot.object)
+
+
+def _draw_world_sizes(layout, scene, surface) -> None:
+    """Draw the sizes of a scaled surface in world units, and the button that applies the scale to them."""
+    units = scene.unit_settings
+    try:
+        sizes = world_sizes(surface)
+    except SurfaceError:
+        return  # The panel shows this error instead of the sizes.
+    except EditingError:
+        factors = " × ".join(f"{factor:.4g}" for factor in whole_scale(surface))
+        layout.label(text=f"In the World: Scaled {factors}", icon="INFO")
+    else:
+        for number, (label, length) in enumerate(sizes):
+            text = f"{length:.4g}"
+            if units.system != "NONE":
+                text = bpy.utils.units.to_string(
+                    units.system, "LENGTH", length * units.scale_length, precision=4, split_unit=False
+                )
+            layout.label(text=f"{label} in the World: {text}", icon="BLANK1" if number else "INFO")
+    layout.operator("scfpf.surface_apply_scale", icon="CON_SIZELIKE")
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_UL_surfaces,))

@@ -1,25 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures beside the presets in menus, loaded when a menu is opened first."""
+"""Images beside the presets in menus, loaded when a menu first opens."""
 
 import bpy.utils.previews
 
 from ..operators.camera.presets import FOLDER
 from ..scfpf_addon.bridge.camera.camera_preset import own_picture
 
-# How much larger than an icon they are drawn.
+# The size of an image in icons.
 SCALE = 3.6
 
 _loaded = []
 
 
 def thumbnail(preset: str) -> int:
-    """The number of a shipped preset's picture as an icon, 0 if it has none."""
+    """The icon number of a shipped preset's image, 0 if it has none."""
     path = FOLDER / "thumbnails" / f"{preset}.png"
     return _icon(preset, path) if path.is_file() else 0
 
 
 def own_thumbnail(preset: str) -> int:
-    """The number of an own preset's picture as an icon, 0 if it has none. Replaced ones are read anew."""
+    """The icon number of an own preset's image, 0 if it has none. A replaced image has another number."""
     found = own_picture(preset)
     return _icon(f"{found[1]} {preset}", found[0]) if found else 0
 
@@ -27,27 +27,27 @@ def own_thumbnail(preset: str) -> int:
 def _icon(name: str, path) -> int:
     if not _loaded:
         return 0
-    pictures = _loaded[0]
-    if name not in pictures:
-        # Asking for its size reads the file at once; else the first menu would show that it waits.
-        pictures.load(name, str(path), "IMAGE").image_size[:]
-    return pictures[name].icon_id
+    previews = _loaded[0]
+    if name not in previews:
+        # Accessing the size loads the file at once: the first menu would show a placeholder otherwise.
+        previews.load(name, str(path), "IMAGE").image_size[:]
+    return previews[name].icon_id
 
 
-def draw_entries(layout, operator: str, items, picture=thumbnail) -> None:
-    """Presets (identifier, name, description): each its picture, and an operator that takes the identifier.
+def draw_entries(layout, operator: str, items, icon_of=thumbnail) -> None:
+    """Draw presets (identifier, name, description), each as an image and a button of an operator.
 
-    picture: the icon's number by identifier. All pictures come first, then all names, of the same heights:
-    a menu makes a new column of whatever begins farther right than the item before it.
+    icon_of: a function from an identifier to its icon number. Images form one column, names another, of the
+    same heights: a menu starts a new column at an item that begins farther right than the one before it.
     """
-    icons = [picture(preset) for preset, _name, _description in items]
+    icons = [icon_of(preset) for preset, _name, _description in items]
     row = layout.row()
-    pictures = row.column()
+    images = row.column()
     for icon in icons if any(icons) else ():
         if icon:
-            pictures.template_icon(icon_value=icon, scale=SCALE)
+            images.template_icon(icon_value=icon, scale=SCALE)
         else:
-            pictures.label()
+            images.label()
     names = row.column()
     for icon, (preset, name, _description) in zip(icons, items, strict=True):
         entry = names.column()

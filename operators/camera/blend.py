@@ -24,34 +24,33 @@ from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.editing.blending import BlendError, blended
 from ..common.target import flexible_camera_of, poll_flexible_camera
-from ..common.tool import Tool
-from .presets import preset_items, shipped_preset
+from ..common.tool import Tool, select_only
+from .presets import preset_choices, preset_items, shipped_preset
 
 
 def blend_camera(context, first, second, second_name: str):
-    """A new flexible camera between a camera and a projection in world space; returns it, made active.
+    """A new flexible camera between a camera and a projection in world space, active and the scene camera.
 
-    Raises what BAD_INPUT lists; nothing is left behind then.
+    Raises an error of BAD_INPUT before anything is made.
     """
-    scene = context.scene
     own, blend = _blend(context, first, second, first)
     camera = new_blend_camera(first, f"{first.name} to {second_name}")
     settings = camera.scfpf
     settings.blend_ends.first = first
     settings.pixel_error, settings.samples = first.scfpf.pixel_error, first.scfpf.samples
-    _give(context, camera, blend)
+    _give_surfaces(context, camera, blend)
     make_flexible(camera)
     approximate_lens(camera, own)
-    for obj in context.selected_objects:
-        obj.select_set(False)
-    camera.select_set(True)
-    context.view_layer.objects.active = camera
-    scene.camera = camera
+    select_only(context, camera)
+    context.scene.camera = camera
     return camera
 
 
 def _blend(context, first, second, camera):
-    """The first camera's projection, and its blend with a projection in world space, in a camera's space."""
+    """The first camera's projection, and its blend with a projection ``second``, both in ``camera``'s space.
+
+    second: in world space. Raises FlexibleCameraError for a camera of scale 0.
+    """
     world = np.array(camera.matrix_world, np.float64)
     if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
         raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
@@ -61,8 +60,8 @@ def _blend(context, first, second, camera):
     return own, blended(own, second.transformed(inward))
 
 
-def _give(context, camera, blend) -> None:
-    """Make a camera's surfaces those of a blend: the ones that it has where these can be, else others."""
+def _give_surfaces(context, camera, blend) -> None:
+    """Give a camera the surfaces of a blend: reshape those it has if the points agree, else replace them."""
     if is_blend(camera) and has_room(camera, blend):
         write_shapes(camera, blend)
     else:
@@ -82,7 +81,7 @@ def _give(context, camera, blend) -> None:
 
 
 def _preset_before(context, camera, preset):
-    """A preset's projection as it is where a camera stands, in world space."""
+    """A preset's projection placed at a camera, in world space."""
     world = np.array(camera.matrix_world, np.float64)
     return preset.projection(image_aspect(context.scene)).transformed(world)
 
@@ -126,10 +125,6 @@ def _chosen(context) -> list:
     ]
 
 
-def _items(_operator, _context):
-    return preset_items()
-
-
 class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
     """Make a flexible camera between this one and a preset where it stands: its Blend, which can be animated,
     goes from this camera's picture to the preset's, and beyond both"""
@@ -137,7 +132,9 @@ class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
     bl_idname = "scfpf.camera_blend_preset"
     bl_label = "Blend with Preset"
 
-    preset: EnumProperty(name="Preset", description="The projection at which the blend ends", items=_items)
+    preset: EnumProperty(
+        name="Preset", description="The projection at which the blend ends", items=preset_choices
+    )
 
     def edit(self, context, camera):
         preset = shipped_preset(self.preset)
@@ -172,20 +169,20 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
             second = read_projection(other, context.evaluated_depsgraph_get(), aspect)
             name = other.name
         else:
-            if ends.preset not in {stem for stem, _name, _text in preset_items()}:
+            if ends.preset not in (stem for stem, _name, _text in preset_items()):
                 raise BlendError(
                     f"There is no preset '{ends.preset}': choose a camera at which the blend ends"
                 )
             preset = shipped_preset(ends.preset)
             second, name = _preset_before(context, first, preset), preset.name
         own, blend = _blend(context, first, second, camera)
-        _give(context, camera, blend)
+        _give_surfaces(context, camera, blend)
         approximate_lens(camera, own)
         return f"'{camera.name}' goes from '{first.name}' to '{name}' as they are at present"
 
 
 def _end(context, camera, end):
-    """One of a blend's cameras, if it can still be read. Raises BlendError."""
+    """``end``, a flexible camera other than the blend itself that the scene has. Raises BlendError."""
     if lost := absent_text(end, context.scene, "choose another camera"):
         raise BlendError(lost)
     if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Flexible cameras: add one, or make one out of an ordinary camera."""
+"""Add a flexible camera, or make an ordinary camera flexible."""
 
 import bpy
 import numpy as np
@@ -7,17 +7,18 @@ from bpy.props import EnumProperty
 
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.errors import BAD_INPUT, refused
-from ..common.local_view import show_in_local_view
-from ..common.placement import Box, camera_like_view, camera_seeing, fit_depth, scene_box
+from ..common.errors import BAD_INPUT
+from ..common.scene_box import Box, scene_box
 from ..common.target import camera_of, poll_camera, poll_object_mode, poll_scene
+from ..common.tool import Action, select_only, show_in_local_view, tooltip_of
+from .camera_placement import camera_like_view, camera_seeing, fit_depth
 from .presets import preset_items, shipped_preset, use_preset
 
-# What a new camera frames in an empty scene: a cube of Blender's usual size.
+# A new camera frames this in an empty scene: the size of Blender's default cube.
 EMPTY_SCENE = Box(np.full(3, -1.0), np.full(3, 1.0))
 
 _VIEW = ("VIEW", "From View", "The frustum of what the 3D viewport shows, as an editable volume")
-# Blender keeps only the pointers of a dynamic enum's strings: this keeps the strings.
+# Blender keeps only pointers to the strings of a dynamic enum.
 _items_kept: list[tuple[str, str, str]] = []
 
 
@@ -26,12 +27,11 @@ def _items(_operator, _context):
     return _items_kept
 
 
-class SCFPF_OT_camera_add(bpy.types.Operator):
+class SCFPF_OT_camera_add(Action, bpy.types.Operator):
     """Add a camera whose viewing volume is modeled with control surfaces, looking as the viewport does"""
 
     bl_idname = "scfpf.camera_add"
     bl_label = "Add Flexible Camera"
-    bl_options = {"REGISTER", "UNDO"}
 
     preset: EnumProperty(
         name="Projection", description="The viewing volume that the camera starts with", items=_items
@@ -39,20 +39,16 @@ class SCFPF_OT_camera_add(bpy.types.Operator):
 
     @classmethod
     def description(cls, _context, properties):
-        texts = {identifier: text for identifier, _name, text in preset_items()}
-        return texts.get(properties.preset, cls.__doc__)
+        return tooltip_of(cls, preset_items(), properties.preset)
 
     @classmethod
     def poll(cls, context):
         return poll_scene(cls, context) and poll_object_mode(cls, context)
 
-    def execute(self, context):
+    def act(self, context):
         scene = context.scene
-        try:
-            aspect = image_aspect(scene)
-            preset = None if self.preset == _VIEW[0] else shipped_preset(self.preset)
-        except BAD_INPUT as error:
-            return refused(self, error)
+        aspect = image_aspect(scene)
+        preset = None if self.preset == _VIEW[0] else shipped_preset(self.preset)
         box = scene_box(context) or EMPTY_SCENE
         data, matrix = camera_like_view(context, aspect) or camera_seeing(box, aspect)
         camera = bpy.data.objects.new("Flexible Camera", data)
@@ -66,57 +62,43 @@ class SCFPF_OT_camera_add(bpy.types.Operator):
                 volume_from_camera(camera, scene)
             else:
                 use_preset(context, camera, preset, fit=True)
-        except BAD_INPUT as error:
+        except BAD_INPUT:
             bpy.data.cameras.remove(data)
-            return refused(self, error)
-        for obj in context.selected_objects:
-            obj.select_set(False)
-        camera.select_set(True)
-        context.view_layer.objects.active = camera
+            raise
+        select_only(context, camera)
         show_in_local_view(context, [camera, *(slot.object for slot in camera.scfpf.surfaces)])
         if scene.camera is None:
             scene.camera = camera
-        return {"FINISHED"}
 
 
-class SCFPF_OT_camera_from_camera(bpy.types.Operator):
+class SCFPF_OT_camera_from_camera(Action, bpy.types.Operator):
     """Give the camera a viewing volume that is its own frustum, from clip start to clip end"""
 
     bl_idname = "scfpf.camera_from_camera"
     bl_label = "Flexible Camera from This Camera"
-    bl_options = {"REGISTER", "UNDO"}
 
     poll = classmethod(poll_camera)
 
-    def execute(self, context):
-        try:
-            volume_from_camera(camera_of(context), context.scene)
-        except BAD_INPUT as error:
-            return refused(self, error)
-        return {"FINISHED"}
+    def act(self, context):
+        volume_from_camera(camera_of(context), context.scene)
 
 
-class SCFPF_OT_camera_toggle(bpy.types.Operator):
+class SCFPF_OT_camera_toggle(Action, bpy.types.Operator):
     """Switch between the ordinary camera and the flexible one, which keeps its control surfaces"""
 
     bl_idname = "scfpf.camera_toggle"
     bl_label = "Flexible Projection"
-    bl_options = {"REGISTER", "UNDO"}
 
     poll = classmethod(poll_camera)
 
-    def execute(self, context):
+    def act(self, context):
         camera = camera_of(context)
-        try:
-            if camera.scfpf.enabled:
-                camera.scfpf.enabled = False
-            elif len(camera.scfpf.surfaces) > 0:
-                make_flexible(camera)
-            else:
-                volume_from_camera(camera, context.scene)
-        except BAD_INPUT as error:
-            return refused(self, error)
-        return {"FINISHED"}
+        if camera.scfpf.enabled:
+            camera.scfpf.enabled = False
+        elif len(camera.scfpf.surfaces) > 0:
+            make_flexible(camera)
+        else:
+            volume_from_camera(camera, context.scene)
 
 
 register, unregister = bpy.utils.register_classes_factory(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cycles' path tracing along the projectors of a flexible camera."""
+"""The Cycles rig of a flexible camera: set it up, update it, add its passes, render through it."""
 
 import bpy
 
@@ -8,21 +8,22 @@ from ...scfpf_addon.cycles.chord_planning import Planning, planned
 from ...scfpf_addon.cycles.rig_data import rig_of
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import camera_of, poll_flexible_camera
+from ..common.tool import Action
 
 SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"
-# Seconds between two steps: Blender shows the progress and takes the Esc key meanwhile.
+# Seconds between two steps, in which Blender shows the progress and handles the Esc key.
 TICK = 0.01
 
 
 class _Planned:
-    """An operator that plans chords, which takes seconds: at once for scripts, step by step in a window."""
+    """An operator that plans chords, which takes seconds: step by step in a window, at once for scripts."""
 
     def planned_camera(self, context):
-        """The camera to plan for, or None where nothing is to be planned."""
+        """The camera to plan for, or None to call ``finish`` without a plan."""
         raise NotImplementedError
 
     def finish(self, context, camera, plan):
-        """Do what the plan is for; plan: as Planning.plan returns it, None without a camera."""
+        """Apply the plan, as ``Planning.plan`` returns it, or None without a camera."""
         raise NotImplementedError
 
     def execute(self, context):
@@ -60,7 +61,7 @@ class _Planned:
                 self._show_progress(context)
                 return {"RUNNING_MODAL"}
             self._show_progress(context)
-            # The button's own camera, which a modal operator's context does not have any more.
+            # A modal operator's context lacks the camera of the button's panel.
             camera = self._planning.camera(context)
             outcome = self.finish(context, camera, self._planning.plan(context))
         except BAD_INPUT as error:
@@ -71,9 +72,10 @@ class _Planned:
         return outcome
 
     def cancel(self, context):
-        """Blender ends the operator: its window closes, another file is opened, or Blender quits.
+        """End the planning as Blender closes the window, opens a file or quits.
 
-        The scene cannot be evaluated meanwhile. If the file stays the timer restores the frame."""
+        The scene cannot be evaluated meanwhile: a timer restores the frame if the file stays open.
+        """
         bpy.app.timers.register(self._planning.give_up, first_interval=0.0)
         self._leave(context)
 
@@ -135,25 +137,19 @@ class SCFPF_OT_cycles_rig_update(_Planned, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SCFPF_OT_cycles_passes(bpy.types.Operator):
+class SCFPF_OT_cycles_passes(Action, bpy.types.Operator):
     """Give the compositor passes of t, depth along the projectors, and (u, v, t); press again to remove
     them"""
 
     bl_idname = "scfpf.cycles_passes"
     bl_label = "t, Depth, (u, v, t) Passes"
-    bl_options = {"REGISTER", "UNDO"}
 
     poll = SCFPF_OT_cycles_rig_update.poll
 
-    def execute(self, context):
+    def act(self, context):
         rig = rig_of(context.scene)
-        try:
-            rigs.set_passes(rig, not rig.scfpf_rig.passes)
-        except BAD_INPUT as error:
-            return refused(self, error)
-        if rig.scfpf_rig.passes:
-            self.report({"INFO"}, "Link the outputs of the compositor's node SCFPF Passes")
-        return {"FINISHED"}
+        rigs.set_passes(rig, not rig.scfpf_rig.passes)
+        return "Link the outputs of the compositor's node SCFPF Passes" if rig.scfpf_rig.passes else None
 
 
 class SCFPF_OT_cycles_render(bpy.types.Operator):
@@ -188,7 +184,7 @@ CLASSES = (
     SCFPF_OT_cycles_passes,
     SCFPF_OT_cycles_render,
 )
-# Blender's own F12 takes the local camera of a viewport that the mouse is over, which is the flexible one.
+# Blender's own F12 uses the local camera of the viewport under the mouse, which is the flexible one.
 KEYS = {False: {}, True: {"ctrl": True}}
 KEYMAP = "Screen"
 

@@ -28,7 +28,7 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
         for obj in context.selected_objects:
             obj.select_set(False)
         for obj in originals:
-            # What is hidden cannot be selected; ``make_single_user`` copies it.
+            # Hidden surfaces cannot be selected; ``make_single_user`` copies them.
             if obj.name in context.view_layer.objects:
                 obj.select_set(True)
         context.view_layer.objects.active = camera

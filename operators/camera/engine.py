@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine for flexible cameras: the switch, and a warning where F12 ignores them."""
+"""Choose SCFPF as the render engine, and warn when F12 ignores a flexible camera."""
 
 import sys
 from collections import deque
@@ -11,11 +11,11 @@ from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import f12_warning
 from ..common.target import poll_scene
 
-# Seconds between two looks for a warning that waits, and until it is reported.
+# Seconds between two checks of the queue, and until a warning is reported.
 LOOK = 0.5
 TICK = 0.1
 
-# Warnings of renders that have begun: handlers run in the thread of the render, reports need the main one.
+# Warnings to report from the main thread: handlers run in the thread of the render.
 _waiting: deque[str] = deque()
 
 
@@ -26,9 +26,7 @@ class SCFPF_OT_engine_use(bpy.types.Operator):
     bl_label = "Use SCFPF for F12"
     bl_options = {"REGISTER", "UNDO"}
 
-    @classmethod
-    def poll(cls, context):
-        return poll_scene(cls, context)
+    poll = classmethod(poll_scene)
 
     def execute(self, context):
         context.scene.render.engine = ENGINE
@@ -52,7 +50,7 @@ class SCFPF_OT_engine_warn(bpy.types.Operator):
         return {"FINISHED"}
 
     def invoke(self, context, _event):
-        # Blender shows the reports of operators that a script calls only if these end later.
+        # Blender shows the report of an operator called by a script only if the operator ends later.
         self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
@@ -79,7 +77,7 @@ def _render_begins(scene, *_) -> None:
 
 
 def _look() -> float:
-    """Report what waits; a timer, in the main thread."""
+    """Report the queued warnings; a timer of the main thread."""
     windows = bpy.context.window_manager.windows
     while _waiting and windows:
         with bpy.context.temp_override(window=windows[0]):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An artist's own presets: the present volume saved, listed in the menu, shared as files, removed."""
+"""The artist's own presets: save, apply and remove them, and share them as files."""
 
 import pathlib
 import time
@@ -10,19 +10,18 @@ from bpy.props import BoolProperty, StringProperty
 from ...scfpf_addon.bridge.camera import camera_preset
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
-from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of
-from ..common.tool import Tool
-from .presets import PresetOperator
+from ..common.tool import Action, Tool, tooltip_of
+from .presets import PresetOperator, ReadsPresetFile
 
-# Names and descriptions by file, and the file's time and size when they were read; strings only.
+# By file name: the file's time and size when it was read, the preset's name and its description.
 _read: dict[str, tuple[tuple[int, int], str, str]] = {}
-# Seconds that a menu may spend on reading files; it reads the others when it is opened again.
+# Seconds that a menu may spend on reading files; the others wait until it is opened again.
 MENU_SECONDS = 2.0
 
 
 def own_presets() -> list[tuple[str, str, str]]:
-    """(stem, name, description) of each own preset, by name; a file that is none says so."""
+    """(stem, name, description) of each own preset, by name; a damaged file has its error as description."""
     found = []
     start = time.monotonic()
     for path in camera_preset.own_files():
@@ -46,8 +45,8 @@ def own_presets() -> list[tuple[str, str, str]]:
     return sorted(found, key=lambda item: item[1].lower())
 
 
-def _kept(preset, replace: bool) -> str:
-    """Take a preset into the list, with a picture of its volume; returns what to say of it."""
+def _store(preset, replace: bool) -> str:
+    """Add a preset to the list with an image of its volume; returns the message to report."""
     path = camera_preset.store_own(preset, replace)
     message = f"The preset '{preset.name}' is in the menu under Your Own"
     try:
@@ -58,7 +57,7 @@ def _kept(preset, replace: bool) -> str:
 
 
 class _SavesVolume(Tool):
-    """Makes a preset of the camera's present volume."""
+    """Make a preset of the camera's volume at this frame."""
 
     bl_options = {"REGISTER"}
 
@@ -73,7 +72,7 @@ class _SavesVolume(Tool):
         return self.ask(context, event)
 
     def preset(self, context, camera):
-        """The volume as it is now. Raises what BAD_INPUT lists."""
+        """The camera's volume as a preset. Raises an error of BAD_INPUT."""
         if not self.name.strip():
             raise PresetError("Give the preset a name")
         aspect = image_aspect(context.scene)
@@ -96,7 +95,7 @@ class SCFPF_OT_preset_save(_SavesVolume, bpy.types.Operator):
 
     def edit(self, context, camera):
         preset = self.preset(context, camera)
-        return _kept(preset, self.replace)
+        return _store(preset, self.replace)
 
 
 class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
@@ -122,31 +121,19 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
         return f"The preset is in {path.name}"
 
 
-class SCFPF_OT_preset_import(bpy.types.Operator):
+class SCFPF_OT_preset_import(ReadsPresetFile, Action, bpy.types.Operator):
     """Add a preset file (JSON) to your own presets. It is checked, and is data only"""
 
     bl_idname = "scfpf.preset_import"
     bl_label = "Import Projection Preset"
     bl_options = {"REGISTER"}
 
-    filepath: StringProperty(name="File", description="The preset file to read", subtype="FILE_PATH")
-    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
     replace: BoolProperty(
         name="Replace", description="Replace a preset of your own that has the same name", default=False
     )
 
-    def execute(self, _context):
-        try:
-            preset = read_preset(pathlib.Path(bpy.path.abspath(self.filepath)))
-            message = _kept(preset, self.replace)
-        except BAD_INPUT as error:
-            return refused(self, error)
-        self.report({"INFO"}, message)
-        return {"FINISHED"}
-
-    def invoke(self, context, _event):
-        context.window_manager.fileselect_add(self)
-        return {"RUNNING_MODAL"}
+    def act(self, _context):
+        return _store(self.read(), self.replace)
 
 
 class SCFPF_OT_preset_apply_own(PresetOperator, bpy.types.Operator):
@@ -159,14 +146,13 @@ class SCFPF_OT_preset_apply_own(PresetOperator, bpy.types.Operator):
 
     @classmethod
     def description(cls, _context, properties):
-        texts = {stem: text for stem, _name, text in own_presets()}
-        return texts.get(properties.preset) or cls.__doc__
+        return tooltip_of(cls, own_presets(), properties.preset)
 
     def read(self):
         return read_preset(camera_preset.own_file(self.preset))
 
 
-class SCFPF_OT_preset_remove(bpy.types.Operator):
+class SCFPF_OT_preset_remove(Action, bpy.types.Operator):
     """Remove a preset of your own; its file is deleted"""
 
     bl_idname = "scfpf.preset_remove"
@@ -175,13 +161,9 @@ class SCFPF_OT_preset_remove(bpy.types.Operator):
 
     preset: StringProperty(name="Preset", description="The name of the preset's file, without its ending")
 
-    def execute(self, _context):
-        try:
-            camera_preset.remove_own(self.preset)
-        except BAD_INPUT as error:
-            return refused(self, error)
-        self.report({"INFO"}, f"The preset '{self.preset}' is removed")
-        return {"FINISHED"}
+    def act(self, _context):
+        camera_preset.remove_own(self.preset)
+        return f"The preset '{self.preset}' is removed"
 
     def invoke(self, context, event):
         return context.window_manager.invoke_confirm(self, event)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Presets: a ready-made projection for a camera."""
+"""The shipped presets, and operators that give a camera the volume of a preset."""
 
 import functools
 import pathlib
@@ -10,30 +10,29 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from ...scfpf_addon.bridge.camera.flexible_camera import apply_preset
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
-from ..common.errors import BAD_INPUT, refused
-from ..common.placement import around_subject, reaching_scale, scene_box
+from ..common.scene_box import scene_box
 from ..common.target import camera_of, poll_camera
+from ..common.tool import Action, tooltip_of
+from .camera_placement import around_subject, reaching_scale
 
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
-
-
 Item = tuple[str, str, str]
-# Where a preset is listed whose file names no group.
+# The group of presets whose file names none.
 OTHER_GROUP = "Other"
 
 
 @functools.cache
 def preset_groups() -> tuple[tuple[str, tuple[Item, ...]], ...]:
-    """Every shipped preset as (identifier, name, description), by the groups that the files name.
+    """Every shipped preset as (identifier, name, description), by group, in alphabetical order.
 
-    Groups and names are in alphabetical order. Kept: Blender holds on to the strings.
+    Cached, as Blender keeps only pointers to the strings.
     """
     groups: dict[str, list[Item]] = {}
     for path in sorted(FOLDER.glob("*.json")):
         try:
             preset = read_preset(path)
         except PresetError as error:
-            # Listed all the same: choosing it reports what is wrong with it.
+            # The menu lists it, and choosing it reports the error.
             group, item = OTHER_GROUP, (path.stem, path.stem, str(error))
         else:
             group = preset.group or OTHER_GROUP
@@ -44,21 +43,25 @@ def preset_groups() -> tuple[tuple[str, tuple[Item, ...]], ...]:
 
 @functools.cache
 def preset_items() -> tuple[Item, ...]:
-    """The shipped presets of ``preset_groups`` in one row."""
+    """The shipped presets of ``preset_groups`` in one list."""
     return tuple(item for _group, items in preset_groups() for item in items)
 
 
-def _items(_operator, _context):
+def preset_choices(_operator, _context) -> tuple[Item, ...]:
+    """The shipped presets as the items of an EnumProperty."""
     return preset_items()
 
 
 def shipped_preset(identifier: str):
-    """The preset of an item of ``preset_items``."""
+    """Read a shipped preset by its identifier. Raises PresetError."""
     return read_preset(FOLDER / f"{identifier}.json")
 
 
 def use_preset(context, camera, preset, fit: bool) -> None:
-    """Replace the camera's volume by a preset's. fit: as the operators' property of that name."""
+    """Replace the camera's volume by a preset's.
+
+    fit: scale the volume, or place the camera, so that the preset holds the selection or the scene.
+    """
     aspect = image_aspect(context.scene)
     box = (scene_box(context, selected_only=True) or scene_box(context)) if fit else None
     scale = 1.0
@@ -69,10 +72,8 @@ def use_preset(context, camera, preset, fit: bool) -> None:
     apply_preset(camera, preset, aspect, scale)
 
 
-class PresetOperator:
-    """Gives the camera the volume of the preset that ``read`` answers with."""
-
-    bl_options = {"REGISTER", "UNDO"}
+class PresetOperator(Action):
+    """Give the camera the volume of the preset that ``read`` returns."""
 
     fit: BoolProperty(
         name="Fit to Scene",
@@ -86,38 +87,14 @@ class PresetOperator:
     def read(self):
         raise NotImplementedError
 
-    def execute(self, context):
-        try:
-            preset = self.read()
-            use_preset(context, camera_of(context), preset, self.fit)
-        except BAD_INPUT as error:
-            return refused(self, error)
-        self.report({"INFO"}, f"The camera has the volume of the preset {preset.name}")
-        return {"FINISHED"}
+    def act(self, context):
+        preset = self.read()
+        use_preset(context, camera_of(context), preset, self.fit)
+        return f"The camera has the volume of the preset {preset.name}"
 
 
-class SCFPF_OT_preset_apply(PresetOperator, bpy.types.Operator):
-    """Replace the camera's control surfaces by those of a preset"""
-
-    bl_idname = "scfpf.preset_apply"
-    bl_label = "Apply Projection Preset"
-
-    preset: EnumProperty(name="Preset", description="The projection that the camera gets", items=_items)
-
-    @classmethod
-    def description(cls, _context, properties):
-        texts = {identifier: text for identifier, _name, text in preset_items()}
-        return texts.get(properties.preset, cls.__doc__)
-
-    def read(self):
-        return shipped_preset(self.preset)
-
-
-class SCFPF_OT_preset_load(PresetOperator, bpy.types.Operator):
-    """Replace the camera's control surfaces by those of a preset file (JSON)"""
-
-    bl_idname = "scfpf.preset_load"
-    bl_label = "Load Projection Preset"
+class ReadsPresetFile:
+    """An operator that asks for a preset file to read."""
 
     filepath: StringProperty(name="File", description="The preset file to read", subtype="FILE_PATH")
     filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
@@ -128,6 +105,31 @@ class SCFPF_OT_preset_load(PresetOperator, bpy.types.Operator):
     def invoke(self, context, _event):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
+
+
+class SCFPF_OT_preset_apply(PresetOperator, bpy.types.Operator):
+    """Replace the camera's control surfaces by those of a preset"""
+
+    bl_idname = "scfpf.preset_apply"
+    bl_label = "Apply Projection Preset"
+
+    preset: EnumProperty(
+        name="Preset", description="The projection that the camera gets", items=preset_choices
+    )
+
+    @classmethod
+    def description(cls, _context, properties):
+        return tooltip_of(cls, preset_items(), properties.preset)
+
+    def read(self):
+        return shipped_preset(self.preset)
+
+
+class SCFPF_OT_preset_load(ReadsPresetFile, PresetOperator, bpy.types.Operator):
+    """Replace the camera's control surfaces by those of a preset file (JSON)"""
+
+    bl_idname = "scfpf.preset_load"
+    bl_label = "Load Projection Preset"
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_preset_apply, SCFPF_OT_preset_load))

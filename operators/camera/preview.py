@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview of a flexible camera."""
+"""Live Preview: switch it on and off, and show its viewport."""
 
 import bpy
 
@@ -11,6 +11,7 @@ from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
+from ..common.tool import Action
 
 FLAT = (
     "The live preview cannot show this volume, which is flat: all its projectors lie in one surface. "
@@ -34,7 +35,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
             switch_off(source)
             return {"FINISHED"}
         if source is not None:
-            # It shows another view layer: it moves to this one.
+            # A preview of another view layer is replaced.
             switch_off(source)
         try:
             source = switch_on(context, camera)
@@ -44,7 +45,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         try:
             read_projection(camera, depsgraph, image_aspect(context.scene))
         except BAD_INPUT as error:
-            # The preview stays: it follows once the volume is mended.
+            # The preview stays and follows as soon as the volume is valid.
             self.report({"WARNING"}, reason(error))
         else:
             if is_flat(source, depsgraph):
@@ -56,7 +57,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class SCFPF_OT_preview_show(bpy.types.Operator):
+class SCFPF_OT_preview_show(Action, bpy.types.Operator):
     """Open the viewport of the live preview again"""
 
     bl_idname = "scfpf.preview_show"
@@ -75,12 +76,8 @@ class SCFPF_OT_preview_show(bpy.types.Operator):
             return False
         return True
 
-    def execute(self, context):
-        try:
-            show(context, preview_of(camera_of(context), context.scene))
-        except BAD_INPUT as error:
-            return refused(self, error)
-        return {"FINISHED"}
+    def act(self, context):
+        show(context, preview_of(camera_of(context), context.scene))
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_preview_toggle, SCFPF_OT_preview_show))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drawn styles: one click for all settings of a look."""
+"""Apply a ready-made style to a scene's Drawn Style."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The first step of the tutorial: a scene to look at."""
+"""Add the scene of the tutorial."""
 
 import bpy
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What operators share."""
+"""Base classes, targets, placement and errors of all operators."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The errors that mean bad input: operators report them in one line; all others are bugs and are raised."""
+"""The errors that mean bad input, which operators report in one line. Other errors are bugs and propagate."""
 
 from ...scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ...scfpf_addon.bridge.blender.slot_animation import SlotError
@@ -33,6 +33,6 @@ BAD_INPUT = (
 
 
 def refused(operator, error) -> set[str]:
-    """Report one of BAD_INPUT; what an operator returns then."""
+    """Report one of BAD_INPUT, and return what a cancelled operator returns."""
     operator.report({"ERROR"}, reason(error))
     return {"CANCELLED"}

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The camera that an operator or a panel works on."""
+"""The camera and the slot that an operator or a panel works on, and the polls that require them."""
 
 import bpy
 
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.blender.scene_objects import missing_text
+from ...scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ...scfpf_addon.bridge.render.render_errors import RenderError
 
 NO_CAMERA = (
@@ -13,7 +14,7 @@ NO_CAMERA = (
 
 
 def camera_with_surface(scene, surface):
-    """The camera of ``scene`` that has ``surface`` in its list, or None."""
+    """The camera of ``scene`` that lists ``surface``, or None."""
     parent = surface.parent
     candidates = [parent] if parent is not None and parent.type == "CAMERA" else []
     for camera in candidates + [obj for obj in scene.objects if obj.type == "CAMERA"]:
@@ -23,16 +24,16 @@ def camera_with_surface(scene, surface):
 
 
 def camera_of(context):
-    """The camera object that the user is at work on, flexible or not, or None.
+    """The camera object to work on, flexible or not, or None.
 
-    The active object if it is a camera; the camera whose control surface it is;
-    else the scene's camera.
+    The active object if it is a camera, else the camera that the active object is a control surface of, else
+    the scene's camera.
     """
     active = context.object
     if active is not None:
         if active.type == "CAMERA":
             return camera_behind(active)
-        # Asked only of control surfaces: panels come here at every redraw.
+        # Panels call this at every redraw: only control surfaces are searched for.
         owner = camera_with_surface(context.scene, active) if active.scfpf_surface.kind != "NONE" else None
         if owner is not None:
             return owner
@@ -46,7 +47,7 @@ def flexible_camera_of(context):
 
 
 def poll_scene(cls, context) -> bool:
-    """A poll for operators that change the scene's own settings."""
+    """Poll for operators that change the scene's own settings."""
     if not context.scene.is_editable:
         cls.poll_message_set("The scene is linked from another file: make it local first")
         return False
@@ -54,7 +55,7 @@ def poll_scene(cls, context) -> bool:
 
 
 def poll_object_mode(cls, context) -> bool:
-    """Adding and removing objects needs Object Mode, as everywhere in Blender."""
+    """Poll for operators that add or remove objects, which needs Object Mode everywhere in Blender."""
     if context.mode != "OBJECT":
         cls.poll_message_set("Go to Object Mode first")
         return False
@@ -62,12 +63,12 @@ def poll_object_mode(cls, context) -> bool:
 
 
 def poll_camera(cls, context) -> bool:
-    """A poll for operators on a camera that can be edited; says why when not."""
+    """Poll for operators on an editable camera in Object Mode."""
     return poll_camera_in_any_mode(cls, context) and poll_object_mode(cls, context)
 
 
 def poll_camera_in_any_mode(cls, context) -> bool:
-    """``poll_camera`` for operators that neither add nor remove what the artist is at work on."""
+    """``poll_camera`` for operators that add and remove no objects."""
     camera = camera_of(context)
     if camera is None:
         cls.poll_message_set("Select a camera, or add one with Add > Camera > Flexible Camera")
@@ -96,8 +97,36 @@ def _poll_flexible(cls, context) -> bool:
     return True
 
 
+def active_slot(camera):
+    """The active entry of a camera's list of control surfaces, or None."""
+    settings = camera.scfpf
+    chosen = settings.active_surface
+    return settings.surfaces[chosen] if chosen < len(settings.surfaces) else None
+
+
+def poll_slot(cls, context) -> bool:
+    """Poll for operators on the active control surface."""
+    if not poll_flexible_camera(cls, context):
+        return False
+    if active_slot(flexible_camera_of(context)) is None:
+        cls.poll_message_set("Choose a control surface in the camera's list first")
+        return False
+    return True
+
+
+def poll_volume(cls, context) -> bool:
+    """Poll for operators on a whole volume: at least two surfaces, or a lattice."""
+    if not poll_flexible_camera(cls, context):
+        return False
+    slots = flexible_camera_of(context).scfpf.surfaces
+    if len(slots) < 2 and not is_lattice_volume(slots):
+        cls.poll_message_set("The volume needs at least two control surfaces: add one with +")
+        return False
+    return True
+
+
 def render_camera(context):
-    """The camera of Render if none is named: the scene's if flexible, else the active one, or None."""
+    """The scene's camera if it is flexible, else ``flexible_camera_of``: the camera of Render by default."""
     camera = camera_behind(context.scene.camera)
     if camera is not None and camera.scfpf.enabled:
         return camera
@@ -105,7 +134,7 @@ def render_camera(context):
 
 
 def chosen_camera(context, name: str):
-    """The flexible camera of a name, or without one what Render means. Raises RenderError."""
+    """The flexible camera called ``name``, or ``render_camera`` if the name is empty. Raises RenderError."""
     camera = bpy.data.objects.get(name) if name else render_camera(context)
     if camera is None:
         if name:
@@ -117,7 +146,7 @@ def chosen_camera(context, name: str):
 
 
 def editable_camera(context, name: str):
-    """``chosen_camera``, if what was found through it can be kept on it. Raises RenderError."""
+    """``chosen_camera`` if it is editable, so that results can be stored on it. Raises RenderError."""
     camera = chosen_camera(context, name)
     if not camera.is_editable:
         raise RenderError(f"{camera.name} is linked from another file: make a library override of it")
@@ -125,11 +154,11 @@ def editable_camera(context, name: str):
 
 
 def take_up_edits(context) -> None:
-    """Let objects that are in a mode of editing be seen as they are now."""
+    """Write the edits of objects in Edit Mode or another mode to their data."""
     for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
         edited.update_from_editmode()
 
 
 def object_by_uid(session_uid: int):
-    """The object of this session's number, whatever was renamed, undone or loaded since; None if gone."""
+    """The object with a ``session_uid``, which survives renaming and undo; None if it was removed."""
     return next((obj for obj in bpy.data.objects if obj.session_uid == session_uid), None)

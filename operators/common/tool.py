@@ -1,39 +1,64 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The common base of the tools for volumes and surfaces."""
+"""Base classes of operators, and the selection and local view of the objects that operators make."""
 
-from ...scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from .errors import BAD_INPUT, refused
-from .local_view import show_in_local_view
 from .target import flexible_camera_of, poll_flexible_camera
 
+# Steps in a list, by the property Direction.
+STEPS = {"UP": -1, "DOWN": 1}
 
-class Tool:
-    """Errors become one line, and ``edit(context, camera)`` may return a line to report."""
+
+class Action:
+    """An operator that does ``act(context)``, which may return a line to report; bad input is reported."""
 
     bl_options = {"REGISTER", "UNDO"}
 
-    poll = classmethod(poll_flexible_camera)
+    def act(self, context) -> str | None:
+        raise NotImplementedError
 
     def execute(self, context):
-        camera = flexible_camera_of(context)
-        before = {slot.object for slot in camera.scfpf.surfaces}
         try:
-            message = self.edit(context, camera)
+            message = self.act(context)
         except BAD_INPUT as error:
             return refused(self, error)
-        made = [slot.object for slot in camera.scfpf.surfaces if slot.object not in before]
-        show_in_local_view(context, made)
         if message:
             self.report({"INFO"}, message)
         return {"FINISHED"}
 
 
-def poll_two(cls, context):
-    """A poll for tools that need a volume: two surfaces at least, or a lattice."""
-    if not poll_flexible_camera(cls, context):
-        return False
-    slots = flexible_camera_of(context).scfpf.surfaces
-    if len(slots) < 2 and not is_lattice_volume(slots):
-        cls.poll_message_set("The volume needs at least two control surfaces: add one with +")
-        return False
-    return True
+class Tool(Action):
+    """An action ``edit(context, camera)`` on a flexible camera; new control surfaces join the local view."""
+
+    poll = classmethod(poll_flexible_camera)
+
+    def act(self, context):
+        camera = flexible_camera_of(context)
+        before = {slot.object for slot in camera.scfpf.surfaces}
+        message = self.edit(context, camera)
+        made = [slot.object for slot in camera.scfpf.surfaces if slot.object not in before]
+        show_in_local_view(context, made)
+        return message
+
+
+def tooltip_of(cls, items, identifier: str) -> str:
+    """The description of one of ``items`` (identifier, name, description), else the operator's own."""
+    return next((text for item, _name, text in items if item == identifier and text), cls.__doc__)
+
+
+def select_only(context, obj) -> None:
+    """Make an object the only selected one, and the active one."""
+    for other in context.selected_objects:
+        other.select_set(False)
+    obj.select_set(True)
+    context.view_layer.objects.active = obj
+
+
+def show_in_local_view(context, objects) -> None:
+    """Add objects to the local view of the present 3D viewport, if any, as Blender's own Add does."""
+    space = context.space_data
+    if space is None or space.type != "VIEW_3D" or space.local_view is None:
+        return
+    context.view_layer.update()
+    for obj in objects:
+        if obj is not None and obj.name in context.view_layer.objects:
+            obj.local_view_set(space, True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Frame the picture: pan, tilt, roll, dolly and zoom of the whole volume, by values or by dragging."""
+"""Frame Picture: pan, tilt, roll, dolly and zoom the whole volume, by values or by dragging."""
 
 import math
 
@@ -9,18 +9,16 @@ from mathutils import Matrix, Vector
 
 from ...scfpf_addon.bridge.camera import volume_edits
 from ...scfpf_addon.projection.editing.volume_edits import framing
-from ..common.errors import BAD_INPUT, refused
-from ..common.target import flexible_camera_of, object_by_uid
-from .surfaces import poll_slot
+from ..common.target import flexible_camera_of, object_by_uid, poll_slot
+from ..common.tool import Action
 
-# What a drag over the whole width of the region does: radians, the logarithm of a factor, and a share of
-# the volume's depth.
+# The effect of a drag across the region: radians, the logarithm of a factor, a share of the volume's depth.
 TURN, ZOOM, DOLLY = math.radians(60), 2.0, 1.0
-# One notch of the wheel.
+# The zoom of one notch of the wheel.
 WHEEL = 1.05
 # The zoom that the properties allow.
 LEAST_ZOOM, MOST_ZOOM = 0.01, 100.0
-# An axis of the camera that is seen this much foreshortened has no side on the screen.
+# An axis of the camera foreshortened to less than this share has no direction on the screen.
 SEEN = 0.2
 KEYS = (
     "Move: pan and tilt    Ctrl or wheel: zoom    Shift: dolly    R: roll    "
@@ -28,12 +26,11 @@ KEYS = (
 )
 
 
-class SCFPF_OT_volume_frame(bpy.types.Operator):
+class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
     """Pan, tilt, roll, dolly or zoom the whole volume with the mouse; the camera object stays where it is"""
 
     bl_idname = "scfpf.volume_frame"
     bl_label = "Frame Picture"
-    bl_options = {"REGISTER", "UNDO"}
 
     pan: FloatProperty(name="Pan", description="Turn the volume to the right", subtype="ANGLE")
     tilt: FloatProperty(name="Tilt", description="Turn the volume upwards", subtype="ANGLE")
@@ -49,12 +46,8 @@ class SCFPF_OT_volume_frame(bpy.types.Operator):
 
     poll = classmethod(poll_slot)
 
-    def execute(self, context):
-        try:
-            volume_edits.move_volume(flexible_camera_of(context), self._matrix())
-        except BAD_INPUT as error:
-            return refused(self, error)
-        return {"FINISHED"}
+    def act(self, context):
+        volume_edits.move_volume(flexible_camera_of(context), self._matrix())
 
     def _matrix(self):
         return framing(self.pan, self.tilt, self.roll, self.dolly, self.zoom)
@@ -111,12 +104,12 @@ class SCFPF_OT_volume_frame(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _drag(self, event):
-        """Take up a movement of the mouse; what it does depends on the keys that are held."""
+        """Apply a movement of the mouse, by the modifier keys that are held."""
         old, self._mouse = self._mouse, (event.mouse_x, event.mouse_y)
         x, y = ((now - then) / self._reach for now, then in zip(self._mouse, old, strict=True))
         if self._rolling:
             a, b = (math.atan2(p[1] - self._centre[1], p[0] - self._centre[0]) for p in (old, self._mouse))
-            # Seen from the front the volume turns the other way.
+            # From in front of the camera the roll looks reversed.
             self.roll += self._sides[2] * math.remainder(b - a, math.tau)
         elif event.ctrl:
             self._zoom_by(math.exp(ZOOM * (x + y)))
@@ -130,7 +123,7 @@ class SCFPF_OT_volume_frame(bpy.types.Operator):
         self.zoom = min(max(self.zoom * factor, LEAST_ZOOM), MOST_ZOOM)
 
     def _restore(self, camera):
-        """Put every surface back to where it was, to the last bit."""
+        """Restore the matrices of all surfaces exactly."""
         for slot in camera.scfpf.surfaces:
             if slot.object is not None and slot.object.session_uid in self._before:
                 slot.object.matrix_parent_inverse = Matrix(self._before[slot.object.session_uid])
@@ -165,9 +158,9 @@ def _depth(camera, surface) -> float:
 
 
 def _sides(camera, view) -> tuple[int, int, int]:
-    """On which side of the screen the camera's right, its top and its back are: 1 or -1.
+    """The signs of the camera's right, top and back on the screen, 1 or -1.
 
-    So that what is dragged to the right goes to the right, from behind the camera and from before it.
+    They make a drag to the right move the image to the right from behind the camera and from in front.
     """
     if view is None:
         return 1, 1, 1

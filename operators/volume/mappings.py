@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stack of image mappings: added to, put in order, placed on the picture, written as an ST map."""
+"""The stack of image mappings: add, remove, move and place them, and write them as an ST map."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty
@@ -11,7 +11,7 @@ from ...scfpf_addon.bridge.mappings.st_map_image import CONTENTS, write_st_map
 from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.settings.mapping_properties import MAPPING_KINDS
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_flexible_camera_in_any_mode
-from ..common.tool import Tool
+from ..common.tool import STEPS, Tool, select_only, tooltip_of
 from ..image.image_click import ImageClick
 
 MAPPING_NAMES = {kind: name for kind, name, _ in MAPPING_KINDS}
@@ -45,7 +45,7 @@ class SCFPF_OT_mapping_add(Tool, bpy.types.Operator):
 
     @classmethod
     def description(cls, _context, properties):
-        return next(text for kind, _, text in MAPPING_KINDS if kind == properties.kind)
+        return tooltip_of(cls, MAPPING_KINDS, properties.kind)
 
     def edit(self, _context, camera):
         mapping_edits.add_mapping(camera, self.kind, MAPPING_NAMES[self.kind])
@@ -78,8 +78,7 @@ class SCFPF_OT_mapping_move(Tool, bpy.types.Operator):
     poll = classmethod(_poll_mapping)
 
     def edit(self, _context, camera):
-        step = -1 if self.direction == "UP" else 1
-        mapping_edits.move_mapping(camera, camera.scfpf.active_mapping, step)
+        mapping_edits.move_mapping(camera, camera.scfpf.active_mapping, STEPS[self.direction])
 
 
 class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
@@ -96,11 +95,8 @@ class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):
             raise MappingError(
                 "The grid is not in this view layer: choose another mesh, or add a new mapping"
             )
-        for obj in context.selected_objects:
-            obj.select_set(False)
         grid.hide_set(False)
-        grid.select_set(True)
-        context.view_layer.objects.active = grid
+        select_only(context, grid)
 
 
 class SCFPF_OT_mapping_place(ImageClick, bpy.types.Operator):

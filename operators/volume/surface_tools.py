@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tools for the points of a control surface: subdivide, equalise, convert; and the volume as a lattice."""
+"""Tools for the shape of control surfaces: convert, subdivide, equalise, apply the scale."""
 
 import bpy
 from bpy.props import EnumProperty, IntProperty
@@ -10,11 +10,10 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.surfaces import lattice_object
 from ...scfpf_addon.bridge.surfaces.kinds import PARAMETRIC_KINDS
 from ...scfpf_addon.projection.editing.respacing import EVEN
-from ..common.target import flexible_camera_of
-from ..common.tool import Tool, poll_two
-from .surfaces import poll_slot
+from ..common.target import active_slot, flexible_camera_of, poll_slot, poll_volume
+from ..common.tool import Tool
 
-# From here on a converted surface counts as changed, as a share of its size: float32 gives about 1e-7.
+# A converted surface counts as changed above this share of its size; float32 gives about 1e-7.
 CHANGED_SHARE = 1e-6
 
 DIRECTIONS = (
@@ -24,14 +23,19 @@ DIRECTIONS = (
 )
 
 
+def _chosen(direction: str) -> dict[str, bool]:
+    """The arguments ``along_u`` and ``along_v`` of an edit, by an item of DIRECTIONS."""
+    return {"along_u": direction != "V", "along_v": direction != "U"}
+
+
 def kept_share(scene, camera) -> float:
-    """The share of its size by which a surface may change and the picture stay: the pixel error's."""
+    """The change of a surface that stays within the pixel error, as a share of its size."""
     error = camera.scfpf.pixel_error / max(image_size(scene))
     return max(error, CHANGED_SHARE)
 
 
 def _off(change: float, what: str, kept: float = CHANGED_SHARE) -> str | None:
-    """The line that says how far something new is off, None where it is not."""
+    """The message that a converted shape is off by more than ``kept``, else None."""
     if change <= kept:
         return None
     return f"The {what} is off by up to {100 * change:.2g} % of the size: use more points to reduce that"
@@ -66,9 +70,9 @@ class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
             camera,
             context.evaluated_depsgraph_get(),
             camera.scfpf.active_surface,
-            self.columns,
-            self.rows,
-            kept,
+            columns=self.columns,
+            rows=self.rows,
+            share=kept,
         )
         return _off(change, "grid", kept)
 
@@ -83,8 +87,7 @@ class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
     columns: IntProperty(
         name="Columns",
         description="Control points along u, at least 4; 0 in either direction chooses enough to stay "
-        "within the "
-        "pixel error. A grid keeps its own number",
+        "within the pixel error. A grid keeps its own number",
         default=0,
         min=0,
         max=64,
@@ -92,8 +95,7 @@ class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
     rows: IntProperty(
         name="Rows",
         description="Control points along v, at least 4; 0 in either direction chooses enough to stay "
-        "within the "
-        "pixel error. A grid keeps its own number",
+        "within the pixel error. A grid keeps its own number",
         default=0,
         min=0,
         max=64,
@@ -107,9 +109,9 @@ class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
             camera,
             context.evaluated_depsgraph_get(),
             camera.scfpf.active_surface,
-            self.columns,
-            self.rows,
-            kept,
+            columns=self.columns,
+            rows=self.rows,
+            share=kept,
         )
         return _off(change, "patch", kept)
 
@@ -130,9 +132,7 @@ class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):
     poll = classmethod(poll_slot)
 
     def edit(self, context, camera):
-        across, up = surface_edits.subdivide(
-            camera, camera.scfpf.active_surface, self.direction != "V", self.direction != "U"
-        )
+        across, up = surface_edits.subdivide(camera, camera.scfpf.active_surface, **_chosen(self.direction))
         return f"{across} × {up} control points"
 
 
@@ -156,10 +156,9 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
             camera,
             context.evaluated_depsgraph_get(),
             camera.scfpf.active_surface,
-            self.columns,
-            self.rows,
-            self.direction != "V",
-            self.direction != "U",
+            columns=self.columns,
+            rows=self.rows,
+            **_chosen(self.direction),
         )
         if left <= EVEN:
             return None
@@ -178,15 +177,14 @@ class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
     def poll(cls, context):
         if not poll_slot(cls, context):
             return False
-        settings = flexible_camera_of(context).scfpf
-        surface = settings.surfaces[settings.active_surface].object
+        surface = active_slot(flexible_camera_of(context)).object
         if surface is not None and surface.scfpf_surface.kind in PARAMETRIC_KINDS and not is_scaled(surface):
             cls.poll_message_set("The sizes are those in the world already: there is no scale to apply")
             return False
         return True
 
     def edit(self, context, camera):
-        context.evaluated_depsgraph_get()  # objects that have just been moved
+        context.evaluated_depsgraph_get()  # updates the matrices of objects that were moved
         volume_edits.apply_scale(camera, camera.scfpf.active_surface)
 
 
@@ -212,7 +210,7 @@ class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
         default="LINEAR",
     )
 
-    poll = classmethod(poll_two)
+    poll = classmethod(poll_volume)
 
     def edit(self, context, camera):
         change = surface_edits.convert_to_lattice(

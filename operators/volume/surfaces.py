@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The control surfaces of a flexible camera: add, attach, remove, reorder, select."""
+"""The list of control surfaces: add, attach, remove, reorder and select them, and the mode Edit Volume."""
 
 import bpy
 from bpy.props import EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.camera.flexible_camera import (
+    FlexibleCameraError,
     add_surface,
     attach_surface,
     move_surface,
@@ -13,55 +14,33 @@ from ...scfpf_addon.bridge.camera.flexible_camera import (
 from ...scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS, KIND_ITEMS
 from ...scfpf_addon.bridge.volume.edit_mode import set_edit_volume
 from ..common.errors import BAD_INPUT, refused
-from ..common.local_view import show_in_local_view
-from ..common.placement import surface_place
-from ..common.target import flexible_camera_of, poll_flexible_camera
-from ..common.tool import Tool
+from ..common.target import flexible_camera_of, poll_flexible_camera, poll_slot
+from ..common.tool import STEPS, Action, Tool, select_only
+from .surface_placement import surface_place
 
 
-def poll_slot(cls, context):
-    if not poll_flexible_camera(cls, context):
-        return False
-    settings = flexible_camera_of(context).scfpf
-    if settings.active_surface >= len(settings.surfaces):
-        cls.poll_message_set("Choose a control surface in the camera's list first")
-        return False
-    return True
-
-
-class SCFPF_OT_surface_add(bpy.types.Operator):
+class SCFPF_OT_surface_add(Tool, bpy.types.Operator):
     """Add a control surface after the active one, halfway to the next"""
 
     bl_idname = "scfpf.surface_add"
     bl_label = "Add Control Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(
         name="Kind", description="The shape of the new control surface", items=KIND_ITEMS, default="PLANE"
     )
 
-    poll = classmethod(poll_flexible_camera)
-
     @classmethod
     def description(cls, _context, properties):
         return f"{BLENDER_KINDS[properties.kind].record.text}. {cls.__doc__}"
 
-    def execute(self, context):
-        camera = flexible_camera_of(context)
+    def edit(self, context, camera):
         settings = camera.scfpf
         index = min(settings.active_surface + 1, len(settings.surfaces))
-        try:
-            matrix, parameters, points = surface_place(
-                camera, context.evaluated_depsgraph_get(), self.kind, index
-            )
-            surface = add_surface(
-                camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index
-            )
-        except BAD_INPUT as error:
-            return refused(self, error)
+        matrix, parameters, points = surface_place(
+            camera, context.evaluated_depsgraph_get(), self.kind, index
+        )
+        add_surface(camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index)
         settings.active_surface = index
-        show_in_local_view(context, [surface])
-        return {"FINISHED"}
 
 
 class SCFPF_OT_surface_attach(bpy.types.Operator):
@@ -137,15 +116,14 @@ class SCFPF_OT_surface_move(Tool, bpy.types.Operator):
     poll = classmethod(poll_slot)
 
     def edit(self, _context, camera):
-        move_surface(camera, camera.scfpf.active_surface, -1 if self.direction == "UP" else 1)
+        move_surface(camera, camera.scfpf.active_surface, STEPS[self.direction])
 
 
-class SCFPF_OT_surface_select(bpy.types.Operator):
+class SCFPF_OT_surface_select(Action, bpy.types.Operator):
     """Select the control surface's object and make it active; enters the Edit Volume mode"""
 
     bl_idname = "scfpf.surface_select"
     bl_label = "Select Control Surface"
-    bl_options = {"REGISTER", "UNDO"}
 
     index: IntProperty(
         name="Index",
@@ -157,31 +135,42 @@ class SCFPF_OT_surface_select(bpy.types.Operator):
 
     poll = classmethod(poll_slot)
 
-    def execute(self, context):
+    def act(self, context):
         camera = flexible_camera_of(context)
         settings = camera.scfpf
         index = settings.active_surface if self.index < 0 else self.index
         surface = settings.surfaces[index].object if index < len(settings.surfaces) else None
         if surface is None or surface.name not in context.view_layer.objects:
-            self.report(
-                {"ERROR"}, "This control surface has no object in the view layer: remove it from the list"
+            raise FlexibleCameraError(
+                "This control surface has no object in the view layer: remove it from the list"
             )
-            return {"CANCELLED"}
         if not surface.visible_get():
-            self.report({"ERROR"}, f"{surface.name} is hidden: show it in the Outliner to select it")
-            return {"CANCELLED"}
-        try:
-            if surface.hide_select:
-                set_edit_volume(camera, True)
-        except BAD_INPUT as error:
-            return refused(self, error)
+            raise FlexibleCameraError(f"{surface.name} is hidden: show it in the Outliner to select it")
+        if surface.hide_select:
+            set_edit_volume(camera, True)
         context.view_layer.update()
         settings.active_surface = index
-        for obj in context.selected_objects:
-            obj.select_set(False)
-        surface.select_set(True)
-        context.view_layer.objects.active = surface
-        return {"FINISHED"}
+        select_only(context, surface)
+
+
+class SCFPF_OT_edit_volume(Tool, bpy.types.Operator):
+    """Show this camera's control surfaces in front of the scene and make them selectable; press again to
+    end that"""
+
+    bl_idname = "scfpf.edit_volume"
+    bl_label = "Edit Volume"
+
+    poll = classmethod(poll_slot)
+
+    def edit(self, context, camera):
+        settings = camera.scfpf
+        set_edit_volume(camera, not settings.edit_volume)
+        surfaces = {slot.object for slot in settings.surfaces} - {None}
+        if not settings.edit_volume and context.object in surfaces:
+            # A surface that cannot be clicked is deselected; the active camera keeps its panels visible.
+            context.object.select_set(False)
+            context.view_layer.objects.active = camera
+            camera.select_set(True)
 
 
 register, unregister = bpy.utils.register_classes_factory(
@@ -191,5 +180,6 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_OT_surface_remove,
         SCFPF_OT_surface_move,
         SCFPF_OT_surface_select,
+        SCFPF_OT_edit_volume,
     )
 )

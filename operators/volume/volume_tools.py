@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tools for the whole volume and its control surfaces: insert, duplicate, mirror, align, frame."""
+"""Tools for a whole volume and the order, place and users of its control surfaces."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.camera import volume_edits
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
+from ...scfpf_addon.bridge.camera.image_fit import fit_to_picture
 from ...scfpf_addon.bridge.render.image_size import image_aspect
-from ..common.placement import SHAPES, scene_box
-from ..common.target import flexible_camera_of
-from ..common.tool import Tool, poll_two
-from .surfaces import poll_slot
+from ..common.scene_box import SHAPES, scene_box
+from ..common.target import active_slot, flexible_camera_of, poll_slot, poll_volume
+from ..common.tool import Tool
 
 
 class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
@@ -28,7 +28,7 @@ class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
         max=512,
     )
 
-    poll = classmethod(poll_two)
+    poll = classmethod(poll_volume)
 
     def edit(self, context, camera):
         exact = volume_edits.insert_surface(
@@ -64,7 +64,7 @@ class SCFPF_OT_volume_swap(Tool, bpy.types.Operator):
     bl_idname = "scfpf.volume_swap"
     bl_label = "Swap Near and Far"
 
-    poll = classmethod(poll_two)
+    poll = classmethod(poll_volume)
 
     def edit(self, context, camera):
         volume_edits.swap_ends(camera)
@@ -114,9 +114,9 @@ class SCFPF_OT_surface_snap_to_view(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         view = context.region_data
         window = view.window_matrix
-        context.evaluated_depsgraph_get()  # surfaces that have just been moved
+        context.evaluated_depsgraph_get()  # updates the matrices of surfaces that were moved
         half_width = min(1 / window[0][0], image_aspect(context.scene) / window[1][1])
-        # In perspective the last row of the window matrix divides by depth.
+        # The last row of a perspective window matrix divides by depth.
         parallel = window[3][3] != 0
         seen = volume_edits.View(view.view_matrix.inverted(), half_width, parallel)
         volume_edits.snap_near_to_view(camera, seen)
@@ -135,16 +135,15 @@ class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
     def poll(cls, context):
         if not poll_slot(cls, context):
             return False
-        settings = flexible_camera_of(context).scfpf
-        target = context.object
-        if target in (None, settings.surfaces[settings.active_surface].object, settings.id_data):
+        camera = flexible_camera_of(context)
+        if context.object in (None, active_slot(camera).object, camera):
             cls.poll_message_set("Make the object to align to the active one")
             return False
         return True
 
     def edit(self, context, camera):
         index = camera.scfpf.active_surface
-        context.evaluated_depsgraph_get()  # objects that have just been moved
+        context.evaluated_depsgraph_get()  # updates the matrices of objects that were moved
         volume_edits.align_surface(camera, index, context.object, self.location, self.rotation)
 
 
@@ -169,7 +168,7 @@ class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        if not poll_two(cls, context):
+        if not poll_volume(cls, context):
             return False
         if not any(
             obj.type in SHAPES and obj.scfpf_surface.kind == "NONE" for obj in context.selected_objects
@@ -186,6 +185,16 @@ class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
         volume_edits.fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
 
 
+class SCFPF_OT_volume_fit_picture(Tool, bpy.types.Operator):
+    """Fit the volume to the aspect of the resolution, so that nothing in the picture looks stretched"""
+
+    bl_idname = "scfpf.volume_fit_picture"
+    bl_label = "Fit to Resolution"
+
+    def edit(self, context, camera):
+        fit_to_picture(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
+
+
 register, unregister = bpy.utils.register_classes_factory(
     (
         SCFPF_OT_surface_insert,
@@ -196,5 +205,6 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_OT_surface_align,
         SCFPF_OT_volume_single_user,
         SCFPF_OT_volume_fit,
+        SCFPF_OT_volume_fit_picture,
     )
 )

@@ -126,7 +126,7 @@ def labels(installed):
         def label(self, text="", **_options):
             said.append(text)
 
-    panel = importlib.import_module(f"{installed}.panels.camera_panels")
+    panel = importlib.import_module(f"{installed}.panels.render_button")
     panel.draw_render(Layout(), bpy.context, bpy.context.scene.camera)
     return " ".join(said)
 

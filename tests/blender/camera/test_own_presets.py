@@ -231,7 +231,7 @@ BROKEN = {
 
 def test_each_broken_file_among_own_presets_says_what_is_wrong(addon, camera, folder):
     """Listed under the file's name with the fault as its tooltip; applied or imported it is refused."""
-    menus, own_presets = addon("panels.own_preset_menus"), addon("operators.camera.own_presets").own_presets
+    menus, own_presets = addon("panels.preset_menus"), addon("operators.camera.own_presets").own_presets
     presets = addon("operators.camera.presets").FOLDER
     whole = json.loads((presets / "perspective.json").read_text(encoding="utf-8"))
     for name, content in BROKEN.items():

@@ -152,7 +152,7 @@ def test_new_camera_that_looks_away_has_a_volume_of_the_scene_size():
 @pytest.mark.parametrize("size", [0.05, 2.0, 30.0, 3000.0])
 def test_presets_in_a_scene_hold_its_middle(addon, size):
     """Whatever its size; from where a new camera sees all of it, and none is lost before the near surface."""
-    placement = addon("operators.common.placement")
+    placement = addon("operators.camera.camera_placement")
     preset_module = addon("operators.camera.presets")
     invert = addon("projection.volume.inverse").invert
     box = placement.Box(np.full(3, -size / 2), np.full(3, size / 2))
@@ -164,7 +164,7 @@ def test_presets_in_a_scene_hold_its_middle(addon, size):
         found = invert(volume, seen)
         assert found.found.all(), (identifier, scale)
         if identifier == "orthographic" and size <= 2.0:
-            corners = placement._through(matrix.inverted(), box.corners).T / scale
+            corners = placement.transformed(matrix.inverted(), box.corners).T / scale
             assert invert(volume, corners).found.all()
 
 

@@ -61,12 +61,14 @@ def test_the_preview_s_section_says_what_is_left_out_and_what_is_wrong(camera, a
 
 
 def test_no_line_is_cut_off_by_the_sidebar(camera, addon):
-    panels = [addon(f"panels.{name}") for name in ("preview", "cycles", "camera_panels")]
-    lines = [*panels[0].DIFFERENCES, *panels[1].DIFFERENCES, *panels[2].ABSENT.values()]
-    layout = RecordingLayout()
-    panels[2].draw_text(layout, "The rig works only in Cycles: choose it as the Render Engine", "ERROR")
+    preview, cycles, render_button = (
+        addon(f"panels.{name}") for name in ("preview", "cycles", "render_button")
+    )
+    lines = [*preview.DIFFERENCES, *cycles.DIFFERENCES, *render_button.ABSENT.values()]
+    base, layout = addon("panels.base"), RecordingLayout()
+    base.draw_text(layout, "The rig works only in Cycles: choose it as the Render Engine", "ERROR")
     lines += [entry[1] for entry in layout.record]
-    assert max(map(len, lines)) <= panels[2].LINE + 2
+    assert max(map(len, lines)) <= base.LINE + 2
 
 
 def test_parameters_of_the_active_surface_are_drawn(camera):
@@ -235,7 +237,7 @@ def test_add_menus_have_our_entries(addon):
         ("VIEW3D_MT_add", menus._surface_entries),
     ):
         assert entries in getattr(bpy.types, menu)._dyn_ui_initialize()
-        fake = FakePanel(menus.SCFPF_MT_presets)
+        fake = FakePanel(menus.SCFPF_MT_surface_add)
         entries(fake, bpy.context)
         assert fake.layout.record
 

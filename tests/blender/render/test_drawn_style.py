@@ -191,7 +191,11 @@ def test_panels_have_every_setting(addon, engine_scene, options):
     panels, shown = addon("panels.stylised"), set()
     for hatching, fill in (("NONE", "RENDERED"), ("DEPTH", "TOON"), ("TONE", "PAPER")):
         options.hatching, options.fill = hatching, fill
-        for panel in (panels.SCFPF_PT_engine_drawn, panels.SCFPF_PT_data_drawn, panels.SCFPF_PT_view_drawn):
+        for panel in (
+            panels.SCFPF_PT_engine_drawn,
+            bpy.types.SCFPF_PT_data_drawn,
+            bpy.types.SCFPF_PT_view_drawn,
+        ):
             layout = SimpleNamespace(layout=Layout(shown))
             if panel is panels.SCFPF_PT_engine_drawn:
                 panel.draw(layout, bpy.context)

@@ -109,7 +109,7 @@ def test_a_flat_volume_shows_nothing_and_says_so(addon, flexible, camera, switch
     assert state() == (True, 0)
     layout = RecordingLayout()
     section = SimpleNamespace(layout=layout)
-    addon("panels.preview").SCFPF_PT_view_preview.draw_settings(section, bpy.context, camera, camera.scfpf)
+    bpy.types.SCFPF_PT_view_preview.draw_settings(section, bpy.context, camera, camera.scfpf)
     assert addon("operators.camera.preview").FLAT in " ".join(
         one[1] for one in layout.record if one[0] == "label"
     )

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The two places of a flexible camera's panels, and lines of text in them."""
+
+import textwrap
+
+import bpy
+
+from ..operators.common.target import flexible_camera_of
+
+# Characters that fit a line of the sidebar, roughly.
+LINE = 36
+
+
+class DataTab:
+    """A panel in the Data tab of a camera."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        # A pinned camera's data may be shown while another object is active.
+        obj = context.object
+        return obj is not None and obj.type == "CAMERA" and obj.data == context.camera
+
+
+class Sidebar:
+    """A panel in the sidebar of the 3D viewport."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Flexible"
+    names_camera = True
+
+    @classmethod
+    def poll(cls, _context):
+        return True
+
+
+class Subsection:
+    """A part of the panel of a flexible camera. ``bl_order`` puts first what is edited most."""
+
+    @classmethod
+    def poll(cls, context):
+        return flexible_camera_of(context) is not None and super().poll(context)
+
+    def draw(self, context):
+        self.layout.use_property_split = True
+        camera = flexible_camera_of(context)
+        self.draw_settings(context, camera, camera.scfpf)
+
+
+def section_panels(section: type, name: str) -> tuple[type[bpy.types.Panel], ...]:
+    """The panels SCFPF_PT_data_NAME and SCFPF_PT_view_NAME of a section, for the two places."""
+    return tuple(
+        type(
+            f"SCFPF_PT_{place}_{name}",
+            (section, base, bpy.types.Panel),
+            {"bl_parent_id": f"SCFPF_PT_{place}"},
+        )
+        for place, base in (("data", DataTab), ("view", Sidebar))
+    )
+
+
+def draw_text(layout, text: str, icon: str) -> None:
+    """Draw a text in as many lines of the sidebar as it needs, with an icon before the first."""
+    column = layout.column(align=True)
+    for number, line in enumerate(textwrap.wrap(text, LINE)):
+        column.label(text=line, icon="BLANK1" if number else icon)
+
+
+def draw_lines(layout, lines, height: float = 0.8) -> None:
+    """Draw gray lines of information, of a height in units of ordinary ones."""
+    column = layout.column(align=True)
+    column.scale_y = height
+    column.active = False
+    for line in lines:
+        column.label(text=line)
+
+
+def split_properties(panel, decorate: bool = True):
+    """The layout of a panel with names beside values, and with or without the dots of keyframes."""
+    panel.layout.use_property_split = True
+    panel.layout.use_property_decorate = decorate
+    return panel.layout

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The Render button with its progress, and what keeps it or F12 from rendering a flexible camera."""
+
+from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
+from ..scfpf_addon.bridge.render import render_job
+from ..scfpf_addon.bridge.render.result_image import result_image
+from ..scfpf_addon.casting.scene.embreex import caster_fault
+from ..scfpf_addon.cycles.engine_choice import engine_name, ignored_camera
+from ..scfpf_addon.cycles.rig_data import rig_of
+from .base import draw_lines, draw_text
+from .surface_list import absence_of
+
+# The problem of a control surface that the scene lacks, by ``absence_of``.
+ABSENT = {
+    "deleted": "A control surface was deleted",
+    "in another scene": "A control surface is in another scene",
+    "in no scene": "A control surface is in no scene",
+}
+
+
+def problems(scene, camera) -> list[str]:
+    """The reasons why a flexible camera cannot render, each in a few words."""
+    slots = camera.scfpf.surfaces
+    found = []
+    if len(slots) < 2 and not is_lattice_volume(slots):
+        found.append("A volume needs two control surfaces")
+    absent = {absence_of(scene, slot) for slot in slots}
+    return found + [text for where, text in ABSENT.items() if where in absent]
+
+
+def draw_render(layout, context, camera) -> None:
+    """Draw the Render button or the progress, problems, and the report of the last render."""
+    job = render_job.current()
+    row = layout.row(align=True)
+    row.scale_y = 1.5
+    if job is None:
+        row.operator("scfpf.render", text="Render", icon="RENDER_STILL").camera = camera.name
+        if result_image() is not None:
+            row.operator("scfpf.result_show", text="", icon="IMAGE_DATA")
+    else:
+        text = "Canceling" if job.cancelled else f"Rendering {job.progress:.0%}"
+        row.progress(factor=job.progress, text=text)
+        row.operator("scfpf.render_cancel", text="", icon="X")
+    for problem in problems(context.scene, camera):
+        layout.label(text=problem, icon="ERROR")
+    if ignored_camera(context.scene) == camera:
+        draw_ignored(layout, context.scene, camera)
+    if context.scene.render.use_multiview:
+        layout.label(text="One view: F12 renders all", icon="INFO")
+    draw_caster_fault(layout)
+    draw_report(layout, camera.scfpf.report)
+
+
+def draw_ignored(layout, scene, camera) -> None:
+    """Say that F12 ignores the flexible camera, and offer SCFPF, and a Cycles rig if the scene has none."""
+    column = layout.column(align=True)
+    column.label(text=f"F12 ({engine_name(scene)}) ignores the volume", icon="ERROR")
+    column.operator("scfpf.engine_use", icon="RENDER_STILL")
+    rig = rig_of(scene)
+    if rig is None or rig.scfpf_rig.camera != camera:
+        column.operator("scfpf.cycles_rig", icon="SHADING_RENDERED")
+
+
+def draw_caster_fault(layout) -> None:
+    """Say why the Render button cannot work, and what works without it."""
+    fault = caster_fault()
+    if fault:
+        column = layout.column(align=True)
+        column.alert = True
+        draw_text(column, f"Rendering is off: {fault}", "ERROR")
+        draw_text(column, "Editing, the live preview and Cycles work without it.", "BLANK1")
+
+
+def draw_report(layout, text: str) -> None:
+    """Draw the parts of a render's report, one a line."""
+    if text:
+        draw_lines(layout, text.split(" · "))
