@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image positions to hits."""
+"""Casting: from image positions to hits."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,28 +14,29 @@ from .common.hits import CastCounts, CastError, Hits
 from .curves.bends import bend_groups
 from .curves.chords import cast_chords, complete
 from .curves.projector_batch import ProjectorBatch
-from .curves.schedule import corners, plan, sample_curves, scene_reach, split
+from .curves.sampled_curves import sample_curves
+from .curves.schedule import corners, plan, scene_reach, split
 from .exact.exact_cast import cast_exact
 from .scene.cast_scene import CastScene
-from .scene.occupancy import boxes_of_blocks, stretches
+from .scene.stretches import Stretches, boxes_of_blocks, stretches
 from .straight import cast_straight
 
 __all__ = ["CastCounts", "Hits", "cast"]
 
-# Control points farther out than this, in cast units (the scene reaches to 1),
-# cannot be told from infinity in float32; their projectors count as not finite.
+# Control points farther out than this, in cast units (the scene extends to 1), are
+# as good as infinite in float32; their projectors count as not finite.
 FARTHEST = 1e15
 
-# Where a hit is in doubt a projector is followed again by chords that stray this share of the
-# pixel error, or by the chords cut in so many, which is quicker to plan and as near.
+# A projector whose hit is in doubt is followed again by chords that stray this share of the pixel
+# error, or by the chords cut in so many parts, which is faster to plan and as precise.
 FINE_SHARE = 1.0 / 16.0
-FINER = 6
+FINE_PARTS = 6
 
-# Pixel errors below this are beyond float32 and count as this.
+# Smaller pixel errors are beyond float32 and count as this.
 SMALLEST_ERROR = 1e-4
 
-# Straight rays start where the scene does when the control points lie farther out
-# than this: float32 loses a digit with every power of ten.
+# If the control points are farther out than this, straight rays start where the scene begins:
+# float32 loses a digit with every power of ten.
 FAR = 4.0
 
 
@@ -54,17 +56,17 @@ def cast(
     projection: in cast space, ``projection.transformed(scene.matrix)``. x, y: (N,)
     float64 in [0, 1]; neighbours in the image should be neighbours here, since they
     share their chords. pixel_size: a pixel's width and height in the same units.
-    pixel_error: how far, in pixels, a silhouette may be displaced by curved
-    projectors, >= 0. Straight ones and polylines have no such error, but float32's:
-    their rays may pass an edge that they should meet, or the other way round. Chords are
-    held to it on sampled projectors of the tile, with a margin; things thinner than it
-    may be missed, and t of what is hit is that of the curve itself, but for edges that chords
+    pixel_error: the largest displacement of a silhouette by curved projectors, in pixels, >= 0.
+    Chords keep it on sampled projectors of the tile, with a margin. Things thinner than it
+    may be missed. t of a hit is that of the curve itself, except at edges that chords
     of a sixteenth of the error meet and the curve does not. 0: the first hit in
-    float64, certified (``exact.cast_exact``). counts: added to when given. columns: says that x, y
+    float64, certified (``exact.cast_exact``). Straight projectors and polylines have only
+    float32's error: their rays may pass an edge that they should meet, or the other way round.
+    counts: if given, added to. columns: if given, x, y
     are whole rows of that many neighbouring pixels, from the bottom up; empty space is then
     skipped for square blocks of them.
-    weighted: whether barycentric weights are wanted; straight rays leave them 0 if not.
-    Raises CastError for a negative or non-finite pixel error, and for 0 where the memory
+    weighted: whether barycentric weights are needed; if not, straight rays leave them 0.
+    Raises CastError for a negative or non-finite pixel error, and for 0 if the memory
     does not suffice.
     """
     if not 0.0 <= pixel_error < math.inf:
@@ -76,79 +78,89 @@ def cast(
     if columns is not None and len(x) % columns:
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
     spans = projection.volume.spans
-    if pixel_error == 0.0:
-        points, mask, _ = usable_projectors(projection, x, y)
-        counts.projectors += int(np.count_nonzero(mask))
-        batch = ProjectorBatch(spans, points)
-        return complete(cast_exact(scene, batch, mask, columns, counts), batch)
-    if not spans.is_polyline:
-        return _cast_curved(scene, projection, x, y, pixel_size, pixel_error, counts, columns)
+    if pixel_error > 0.0 and not spans.is_polyline:
+        tile = _Tile(scene, projection, x, y, pixel_size, columns)
+        return _cast_curved(tile, max(pixel_error, SMALLEST_ERROR), counts)
     points, mask, farthest = usable_projectors(projection, x, y)
-    if spans.is_straight and farthest <= FAR:
-        return cast_straight(scene, points, mask, (0.0, 1.0), counts, weighted)
-    reach = scene_reach(spans, points, scene)
-    if spans.is_straight:
+    if pixel_error > 0.0 and spans.is_straight:
+        reach = None if farthest <= FAR else scene_reach(spans, points, scene)
         return cast_straight(scene, points, mask, reach or (0.0, 1.0), counts, weighted)
     counts.projectors += int(np.count_nonzero(mask))
     batch = ProjectorBatch(spans, points)
+    if pixel_error == 0.0:
+        return complete(cast_exact(scene, batch, mask, columns, counts), batch)
+    reach = scene_reach(spans, points, scene)
     if reach is None:
         return complete(Hits.unplaced(len(x))._replace(mask=mask), batch)
     return complete(cast_chords(scene, batch, mask, corners(spans, reach), counts)[0], batch)
 
 
-def _cast_curved(
-    scene: CastScene,
-    projection: Projection,
-    x: Array,
-    y: Array,
-    pixel_size: tuple[float, float],
+class _Tile(NamedTuple):
+    """The arguments of ``cast``."""
+
+    scene: CastScene
+    projection: Projection
+    x: Array
+    y: Array
+    pixel_size: tuple[float, float]
+    columns: int | None
+
+
+def _cast_curved(tile: _Tile, pixel_error: float, counts: CastCounts) -> Hits:
+    """As cast, for spans of degree 2 and more, and for rational ones."""
+    spans = tile.projection.volume.spans
+    with np.errstate(invalid="ignore", over="ignore"):
+        points, mask = tile.projection.projectors(tile.x, tile.y)
+        batch = ProjectorBatch(spans, points)
+        boxes = boxes_of_blocks(batch.single, tile.columns)
+    if not boxes.farthest < FARTHEST:
+        points, mask, _ = usable_projectors(tile.projection, tile.x, tile.y)
+        batch = ProjectorBatch(spans, points)
+        boxes = boxes_of_blocks(batch.single, tile.columns)
+    counts.projectors += int(np.count_nonzero(mask))
+    where = stretches(tile.scene.occupancy, spans, boxes)
+    if where.reach is None or not mask.any():
+        return complete(Hits.unplaced(batch.count)._replace(mask=mask), batch)
+    groups = bend_groups(points, mask)
+    if len(groups) == 1:
+        return complete(_cast_group(tile, batch, groups[0], where, pixel_error, counts), batch)
+    hits = Hits.unplaced(batch.count)
+    for group in groups:
+        which = np.flatnonzero(group)
+        hits.put(which, _cast_group(tile, batch, group, where, pixel_error, counts).take(which))
+    return complete(hits, batch)
+
+
+def _cast_group(
+    tile: _Tile,
+    batch: ProjectorBatch,
+    group: BoolArray,
+    where: Stretches,
     pixel_error: float,
     counts: CastCounts,
-    columns: int | None,
 ) -> Hits:
-    """As cast, for spans of degree 2 and more, and for rational ones."""
-    spans = projection.volume.spans
-    with np.errstate(invalid="ignore", over="ignore"):
-        points, mask = projection.projectors(x, y)
-        batch = ProjectorBatch(spans, points)
-        boxes = boxes_of_blocks(batch.single, columns)
-    if not boxes.farthest < FARTHEST:
-        points, mask, _ = usable_projectors(projection, x, y)
-        batch = ProjectorBatch(spans, points)
-        boxes = boxes_of_blocks(batch.single, columns)
-    counts.projectors += int(np.count_nonzero(mask))
-    where = stretches(scene.occupancy, spans, boxes)
-    reach = where.reach
-    if reach is None or not mask.any():
-        return complete(Hits.unplaced(len(x))._replace(mask=mask), batch)
-    error = max(pixel_error, SMALLEST_ERROR)
-    groups = bend_groups(points, mask)
-    answer = Hits.unplaced(len(x) if len(groups) > 1 else 0)
-    for group in groups:
-        curves = sample_curves(projection, x, y, group, pixel_size, columns)
-        schedule = plan(spans, curves, reach, error, 1)
-        counts.error_bound = max(counts.error_bound, schedule.error)
-        hits, doubtful = cast_chords(scene, batch, group, schedule, counts, where, False)
-        if len(doubtful):
-            counts.refined += len(doubtful)
-            if spans.point_weights is None:
-                fine = split(spans, schedule, FINER)
-            else:
-                fine = plan(spans, curves, reach, FINE_SHARE * error, 1)
-            own = CastCounts()
-            some, there = batch.take(doubtful), where.take(doubtful)
-            hits.put(doubtful, cast_chords(scene, some, group[doubtful], fine, own, there)[0])
-            own.chords = 0
-            counts.add(own)
-        if len(groups) == 1:
-            return complete(hits, batch)
-        which = np.flatnonzero(group)
-        answer.put(which, hits.take(which))
-    return complete(answer, batch)
+    """The hits of a group (N,) of the projectors, which share their chords."""
+    spans, reach = batch.spans, where.reach or (0.0, 1.0)
+    curves = sample_curves(tile.projection, tile.x, tile.y, group, tile.pixel_size, tile.columns)
+    schedule = plan(spans, curves, reach, pixel_error)
+    counts.error_bound = max(counts.error_bound, schedule.error)
+    hits, doubtful = cast_chords(tile.scene, batch, group, schedule, counts, where, last=False)
+    if len(doubtful):
+        counts.refined += len(doubtful)
+        if spans.point_weights is None:
+            fine = split(spans, schedule, FINE_PARTS)
+        else:
+            fine = plan(spans, curves, reach, FINE_SHARE * pixel_error)
+        own = CastCounts()
+        some, there = batch.take(doubtful), where.take(doubtful)
+        hits.put(doubtful, cast_chords(tile.scene, some, group[doubtful], fine, own, there)[0])
+        own.chords = 0
+        counts.add(own)
+    return hits
 
 
 def usable_projectors(projection: Projection, x: Array, y: Array) -> tuple[Array, BoolArray, float]:
-    """Control points (K, 3, N), which projectors exist, and the largest coordinate.
+    """Control points (K, 3, N), whether each projector exists (N,), and the largest coordinate.
 
     Projectors that are not finite do not exist; their control points are 0.
     """

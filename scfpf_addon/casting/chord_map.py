@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How projectors are cut into chords, pixel by pixel: what a render pass shows of the casting."""
+"""The chords of each pixel's projector, for the render pass that shows them."""
 
 from __future__ import annotations
 
@@ -7,21 +7,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..projection.typing import Array, BoolArray
-from ..projection.volume.viewing_volume import Projection, image_derivatives
+from ..projection.typing import Array, BoolArray, IndexArray
+from ..projection.volume.viewing_volume import Projection
 from .cast import SMALLEST_ERROR, usable_projectors
 from .curves.bends import bend_groups
+from .curves.chord_rules import Chords
 from .curves.projector_batch import ProjectorBatch
-from .curves.schedule import Schedule, corners, pixel_lengths, plan, sample_curves, scene_reach
+from .curves.sampled_curves import curves_through, pixel_length, pixel_widths, sample_curves
+from .curves.schedule import corners, plan, scene_reach
 from .scene.cast_scene import CastScene
-from .scene.occupancy import boxes_of_blocks, stretches
+from .scene.stretches import boxes_of_blocks, stretches
 
 
 @dataclass(frozen=True)
 class ChordMap:
-    """count: (N,) chords of each projector from where the scene begins to its hit, or to where the scene
-    ends; those through empty space, which are never cast, count too. error: (N,) distance of the curve
-    from its chord at that place, in pixels.
+    """Chords of N projectors.
+
+    count: (N,) chords from where the scene begins to the hit, or to where the scene ends on a miss. Chords
+    through empty space, which are never cast, count too. error: (N,) distance of the curve from its chord
+    there, in pixels.
     """
 
     count: Array
@@ -38,7 +42,7 @@ def chord_map(
     pixel_error: float,
     columns: int,
 ) -> ChordMap:
-    """The chords of projectors that hit at t (N,), inf on a miss; the rest as for ``cast``.
+    """The chords of projectors that hit at t (N,), inf on a miss; other arguments as for ``cast``.
 
     Straight projectors are one chord without an error; exact casting has no chords: 0.
     """
@@ -60,7 +64,7 @@ def chord_map(
         return made
     for group in bend_groups(points, mask):
         curves = sample_curves(projection, x, y, group, pixel_size)
-        schedule = plan(spans, curves, reach, max(pixel_error, SMALLEST_ERROR), 1)
+        schedule = plan(spans, curves, reach, max(pixel_error, SMALLEST_ERROR))
         chord = _chord(schedule, t[group])
         made.count[group] = chord + 1
         made.error[group] = _error(projection, schedule, chord, x[group], y[group], t[group], pixel_size)
@@ -69,38 +73,35 @@ def chord_map(
     return made
 
 
-def _chord(schedule: Schedule, t: Array) -> Array:
+def _chord(chords: Chords, t: Array) -> IndexArray:
     """The number of the chord that t (N,) falls into; the last one for inf."""
-    chord: Array = np.clip(np.searchsorted(schedule.breaks, t, "right") - 1, 0, schedule.count - 1)
+    chord: IndexArray = np.clip(np.searchsorted(chords.breaks, t, "right") - 1, 0, chords.count - 1)
     return chord
 
 
 def _error(
     projection: Projection,
-    schedule: Schedule,
-    chord: Array,
+    chords: Chords,
+    chord: IndexArray,
     x: Array,
     y: Array,
     t: Array,
     pixel_size: tuple[float, float],
 ) -> Array:
-    """Distance of the curves at t (N,) from their chords, in pixels as ``schedule.tolerance`` has them."""
-    image = projection.parameters(x, y)
-    controls = projection.volume.controls(image.u, image.v)
-    dx, dy = image_derivatives(controls.du, controls.dv, image.jacobian)
+    """Distances (N,) of the curves at t (N,) from their chords, in pixels as in ``schedule.tolerance``."""
+    curves, _, _ = curves_through(projection, x, y)
     here, slope = projection.volume.spans.weights(np.minimum(t, 1.0))
-    position = np.einsum("kn,kcn->cn", here, controls.points)
-    tangent = np.einsum("kn,kcn->cn", slope, controls.points)
-    start, end = (np.einsum("nk,kcn->cn", schedule.ends[chord + k], controls.points) for k in (0, 1))
+    position = np.einsum("kn,kcn->cn", here, curves.points)
+    tangent = np.einsum("kn,kcn->cn", slope, curves.points)
+    start, end = chords.ends_of(curves.points, chord)
     way, away = end - start, position - start
     share = np.clip(_share(away, way), 0.0, 1.0)
     distance = np.sqrt(_dot(away - way * share, away - way * share))
-    across = []
-    for derivative, size in zip((dx, dy), pixel_size, strict=True):
+    sides = []
+    for derivative, size in zip((curves.dx, curves.dy), pixel_size, strict=True):
         step = np.einsum("kn,kcn->cn", here, derivative) * size
-        across.append(step - tangent * _share(step, tangent))
-    xx, yy, xy = _dot(across[0], across[0]), _dot(across[1], across[1]), _dot(*across)
-    pixel = pixel_lengths(xx, yy, xy)
+        sides.append(step - tangent * _share(step, tangent))
+    pixel = pixel_length(*pixel_widths(_dot(sides[0], sides[0]), _dot(sides[1], sides[1]), _dot(*sides)))
     error: Array = np.divide(distance, pixel, out=np.zeros_like(pixel), where=pixel > 0.0)
     return error
 
@@ -111,6 +112,6 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _share(a: Array, along: Array) -> Array:
-    """How much of ``along`` (3, N) lies in a (3, N): 0 where it has no length."""
+    """The coefficient of ``along`` (3, N) in the projection of a (3, N) onto it; 0 where it has no length."""
     squared = _dot(along, along)
     return np.divide(_dot(a, along), squared, out=np.zeros_like(squared), where=squared > 0.0)

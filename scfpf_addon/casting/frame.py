@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Casting a whole image in tiles on all cores."""
+"""Casting a whole image, in tiles on all cores."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .tiles import TileJob, image_tiles, run_tiles
 
 
 def pixel_centres(width: int, height: int, rows: tuple[int, int]) -> tuple[Array, Array]:
-    """x and y in [0, 1] of the pixels' centres in a band of rows, each (N,), row by row."""
+    """x and y in [0, 1] of the centres of pixels in a band of rows, each (N,), row by row."""
     first, last = rows
     x = np.tile((np.arange(width) + 0.5) / width, last - first)
     y = np.repeat((np.arange(first, last) + 0.5) / height, width)
@@ -36,9 +36,9 @@ def cast_frame(
     """Cast a projector through every pixel's centre.
 
     projection: in world space. Returns hits in image order (row 0 at the bottom,
-    pixel (i, j) at index j·width + i), or None when ``cancelled`` (asked from the
-    calling thread) answered True. threads: 0 for all cores; they have ended when
-    this returns. Memory: 117 bytes a pixel, and some 30 MB a thread.
+    pixel (i, j) at index j·width + i), or None if ``cancelled``, called in the
+    calling thread, returned True. threads: 0 for all cores; they have ended when
+    this returns. Memory: 117 bytes a pixel and some 30 MB a thread.
     Raises CastError for an image without pixels or a bad pixel error.
     """
     tiles = image_tiles(width, height)
@@ -55,7 +55,7 @@ def cast_frame(
         return own
 
     def finished(rows: slice, own: CastCounts) -> None:
-        """Add up what a tile did."""
+        """Add up the counts of the tiles."""
         if counts is not None:
             counts.add(own)
 

@@ -9,8 +9,8 @@ from ..projection.typing import Array, BoolArray, Float32Array, IndexArray
 from .common.hits import CastCounts, Hits
 from .scene.cast_scene import CastScene
 
-# Rays run this share past t = 1, so that float32 cannot lose a hit just before
-# it; what the float64 solve then puts past 1 is dropped.
+# Rays extend this share past t = 1, so that float32 cannot lose a hit just before
+# it; hits that the float64 solve then finds past 1 are dropped.
 END_SLACK = 1e-6
 
 # Rays are moved by about one float32 rounding: Embree loses some of those that pass
@@ -18,17 +18,17 @@ END_SLACK = 1e-6
 OFF_VERTICES = (2.0**-23 * np.array([[1.0], [0.7], [0.4]])).astype(np.float32)
 
 # A float64 solution this far from [0, 1] means a triangle seen edge-on, whose
-# plane says nothing; Embree's own distance is kept then.
+# plane determines nothing; Embree's own distance is kept then.
 EDGE_ON = 1e-4
 
 
-def float32_rays(
+def _float32_rays(
     start: Array, way: Array, mask: BoolArray, reach: tuple[float, float]
 ) -> tuple[Float32Array, Float32Array, Float32Array]:
     """Origins and directions (3, N) and limits (N,) of rays along the segments from start to start + way.
 
-    start, way: (3, N), cast space. mask: (N,), the others are switched off. reach: the part of
-    [0, 1] that can hold a hit.
+    start, way: (3, N), cast space. mask: (N,), other rays are switched off. reach: the part of
+    [0, 1] in which a hit can lie.
     """
     first, last = reach
     origins = (start + way * first if first > 0.0 else start).astype(np.float32)
@@ -40,12 +40,13 @@ def float32_rays(
     return origins, directions, limits
 
 
-def plane_shares(
-    scene: CastScene, triangle: IndexArray, start: Array | Float32Array, way: Array | Float32Array
+def _plane_shares(
+    scene: CastScene, triangle: IndexArray, start: Array, way: Array
 ) -> tuple[Array, IndexArray]:
-    """Where segments from start to start + way, (3, N), meet the planes of triangles (N,): t (N,), float64.
+    """Where segments from start to start + way, (3, N), meet the planes of triangles (N,): t (N,).
 
-    And of which t says nothing, for they are seen edge-on. For triangle -1 the last one stands in.
+    Also the numbers of the segments that see their triangle edge-on, whose t is useless. The triangle -1
+    means the last one.
     """
     plane = scene.planes.take(triangle, 1, mode="wrap")
     height = np.einsum("cn,cn->n", plane[:3], start)
@@ -67,20 +68,20 @@ def cast_straight(
 ) -> Hits:
     """Cast the segments from points[0] to points[1].
 
-    points: (2, 3, N) finite, cast space. mask: (N,). reach: the part of [0, 1]
-    that can hold a hit; the ray starts at its beginning. weighted: whether barycentric
-    weights are wanted; they are 0 otherwise.
+    points: (2, 3, N) finite, cast space. mask: (N,). reach: the part of [0, 1] in which
+    a hit can lie; the ray starts at its beginning. weighted: whether barycentric
+    weights are needed; otherwise they are 0.
     """
     start, way = points[0], points[1] - points[0]
     first, last = reach
-    origins, directions, limits = float32_rays(start, way, mask, reach)
+    origins, directions, limits = _float32_rays(start, way, mask, reach)
     found = scene.mesh.trace(origins, directions, limits)
     count = int(np.count_nonzero(mask))
     counts.projectors, counts.rays = counts.projectors + count, counts.rays + count
     counts.chords += count
 
-    # On a miss the last triangle stands in; what comes of it is overwritten below.
-    t, lost = plane_shares(scene, found, start, way)
+    # A miss gets the values of the last triangle, which are overwritten below.
+    t, lost = _plane_shares(scene, found, start, way)
     hit = found >= 0
     lost = lost[hit[lost]]
     if len(lost):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An image cut into tiles, and threads that work on them."""
+"""Tiles of an image, and threads that work on them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .common.parallel import started, thread_count
 
 Result = TypeVar("Result")
 
-# Pixels in a tile: enough for NumPy to forget its overhead (curved casting takes a tenth less than
+# Pixels in a tile: enough for NumPy's overhead not to matter (curved casting takes a tenth less time than
 # with two thirds of them), few enough for all cores to have work to the end and for the
 # arrays of one tile to stay in a core's cache.
 TILE_PIXELS = 3 << 15
@@ -24,7 +24,7 @@ TILE_PIXELS = 3 << 15
 # An image is cut into at least this many tiles, if it has so many rows, so that all cores work.
 FEWEST_TILES = 16
 
-# Seconds between two looks at how far the threads are, and whether the user has cancelled.
+# Seconds between two checks of the threads' progress and of cancellation.
 POLL_SECONDS = 0.05
 
 
@@ -32,20 +32,20 @@ POLL_SECONDS = 0.05
 class TileJob:
     """A tile as the thread that works on it sees it.
 
-    rows: of the image. stop: set when the work is to be given up. done: share of the
+    rows: of the image. cancelled: set when the work is cancelled. done: share of the
     tile, in [0, 1], that the thread may raise as it goes.
     """
 
     rows: slice
-    stop: Event
+    cancelled: Event
     done: float = 0.0
 
 
 def image_tiles(width: int, height: int) -> list[slice]:
-    """The image as bands of whole rows, bottom to top.
+    """The tiles of an image: bands of whole rows, bottom to top.
 
-    They depend on the image's size alone: projectors share their chords within a
-    tile, so the same image comes out whatever the number of threads.
+    They depend on the image's size alone. Projectors share their chords within a
+    tile, so the result does not depend on the number of threads.
     Raises CastError for an image without pixels.
     """
     if width < 1 or height < 1:
@@ -64,19 +64,19 @@ def run_tiles(
     progress: Callable[[float], None] | None = None,
     cancelled: Callable[[], bool] | None = None,
 ) -> bool:
-    """Do the work of all tiles in threads (0 for all cores); False when cancelled before the end.
+    """Do the work of all tiles in threads (0 for all cores); False if cancelled before the end.
 
     finished, progress(share of the rows, in [0, 1]) and cancelled are called in the
-    calling thread. What ``work`` raises is raised here. However this ends, the work left
-    over is told to stop by its event, and all threads have ended.
+    calling thread. Exceptions of ``work`` are raised here. However this ends, work that is left
+    has been cancelled, and all threads have ended.
     """
-    stop = Event()
-    jobs = [TileJob(rows, stop) for rows in tiles]
+    ends = Event()
+    jobs = [TileJob(rows, ends) for rows in tiles]
     height = sum(rows.stop - rows.start for rows in tiles)
     waiting: SimpleQueue[TileJob] = SimpleQueue()
     for job in jobs:
         waiting.put(job)
-    # The result of each, or what its work raised.
+    # The result of each, or the exception of its work.
     ended: SimpleQueue[tuple[TileJob, list[Result], BaseException | None]] = SimpleQueue()
 
     def work_off(most: int = len(jobs)) -> None:
@@ -85,10 +85,10 @@ def run_tiles(
                 job = waiting.get_nowait()
             except Empty:
                 return
-            if stop.is_set():
+            if ends.is_set():
                 return
             try:
-                with cancelled_by(stop):
+                with cancelled_by(ends):
                     ended.put((job, [work(job)], None))
             except BaseException as error:  # A thread has nowhere to raise.
                 ended.put((job, [], error))
@@ -110,14 +110,14 @@ def run_tiles(
             if progress:
                 progress(sum(job.done * (job.rows.stop - job.rows.start) for job in jobs) / height)
     finally:
-        stop.set()
+        ends.set()
         for thread in running:
             thread.join()
     return True
 
 
 def _taken(queue: SimpleQueue[Result], seconds: float) -> Iterator[Result]:
-    """All that is in a queue, after waiting so long for the first at most."""
+    """All entries of a queue, after waiting at most so long for the first."""
     try:
         yield queue.get(timeout=seconds)
         while True:

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Curved projectors: chords find candidates, float64 decides.
+"""Casting curved projectors: chords find candidates, float64 decides.
 
 All projectors of a tile take the same steps in t, so a step is one batch of
-rays. A chord's hit is only recorded; afterwards the curve itself is met with the
-hit triangle's plane. Where that point lies outside the triangle the neighbours
-are tried. Where these are not hit either the hit is in doubt: the projector is
-followed again from its beginning by finer chords, and what they hit counts. To go
-on behind a doubtful hit instead would lead through closed surfaces: the chords of a
+rays. The hit of a chord is only recorded; afterwards the curve itself is intersected with the
+plane of the triangle. If that point lies outside the triangle, the neighbours
+are tried. If these are not hit either, the hit is in doubt. Such a projector is
+followed again from its beginning by finer chords, whose hit counts. Continuing
+past a doubtful hit instead would lead through closed surfaces: the chords of a
 projector are one line without a gap, and only their first hit is certainly outside.
 """
 
@@ -20,16 +20,17 @@ from numpy.typing import NDArray
 from ...projection.typing import BoolArray, IndexArray
 from ..common.hits import CastCounts, Hits
 from ..scene.cast_scene import CastScene
-from ..scene.occupancy import Stretches, everywhere
+from ..scene.stretches import Stretches, everywhere
 from .march import OVERLAP, Records, Traced, march
-from .projector_batch import ProjectorBatch, Solutions
+from .plane_hits import Solutions, move_to_neighbours, solve
+from .projector_batch import ProjectorBatch
 from .schedule import Schedule
 
 # A solution may lie this share of a chord before or after the chord that found it.
 NEIGHBOURHOOD = 0.25
 
-# Fewer projectors than this are cast with all their chords at once, those behind a hit for
-# nothing: to step through the chords costs more.
+# Fewer projectors than this are cast with all their chords at once, those after a hit in
+# vain: to step through the chords costs more.
 FEW = 1024
 
 # float32 is good enough for chord ends while its rounding of the control points
@@ -38,21 +39,12 @@ ROUNDING_SHARE = 0.1
 
 
 class Work(NamedTuple):
-    """What every step of one tile's cast looks at and fills in."""
+    """The data of one tile's cast."""
 
     scene: CastScene
     batch: ProjectorBatch
     schedule: Schedule
-    hits: Hits
     counts: CastCounts
-
-    def store(self, projector: NDArray[np.intp], found: Solutions) -> None:
-        """Write the solutions of the projectors into the hits."""
-        self.hits.t[projector] = found.t
-        self.hits.triangle[projector] = found.triangle
-        # Row by row: indices along one axis alone are quick.
-        for row, weights in zip(self.hits.barycentric, found.barycentric, strict=True):
-            row[projector] = weights
 
 
 def cast_chords(
@@ -66,34 +58,33 @@ def cast_chords(
 ) -> tuple[Hits, NDArray[np.intp]]:
     """Cast the projectors of ``batch``, cast space; mask: (N,) says which exist.
 
-    schedule: the tile's chords. Position and tangent of the answer are not filled
-    in yet (``complete``). where: the stretches that are not empty, if known. last: keep
-    hits that the curves do not bear out as the chords have them. Otherwise they are left
-    out, and the second answer is the projectors that have one.
+    schedule: the tile's chords. where: the stretches that are not empty, if known. last: keep
+    hits of chords that the curves do not confirm; otherwise these are misses.
+    Returns the hits, whose position and tangent are undefined (see ``complete``), and the
+    projectors with an unconfirmed hit.
     """
     hits = Hits.unplaced(batch.count)._replace(mask=mask)
-    work = Work(scene, batch, schedule, hits, counts)
+    work = Work(scene, batch, schedule, counts)
     records = _march(work, mask, where)
     curves = batch.take(records.projector)
     begin, end = schedule.breaks[:-1], schedule.breaks[1:]
     slack = NEIGHBOURHOOD * (end - begin)
-    span = batch.spans.locate(0.5 * (begin + end))[0].take(records.chord)
+    span = schedule.span.take(records.chord)
     low, high = (begin - slack).take(records.chord), (end + slack).take(records.chord)
-    found = curves.solve(scene, records.triangle, span, low, high)
-    counts.walked += curves.walk(scene, span, low, high, found)
-    work.store(records.projector, found)
+    found = solve(curves, scene, records.triangle, span, low, high)
+    counts.walked += move_to_neighbours(curves, scene, span, low, high, found)
+    found.store(hits, records.projector)
     doubtful = np.flatnonzero(~found.inside)
     some = records.take(doubtful)
     if last:
         counts.unresolved += len(doubtful)
-        work.store(some.projector, _chord_hits(work, some))
+        _chord_hits(work, some).store(hits, some.projector)
     else:
-        work.store(some.projector, _none(len(doubtful)))
+        _misses(len(doubtful)).store(hits, some.projector)
     return hits, some.projector
 
 
-def _none(count: int) -> Solutions:
-    """Solutions that are none."""
+def _misses(count: int) -> Solutions:
     return Solutions(
         np.full(count, np.inf), np.full(count, -1, np.int32), np.zeros((2, count)), np.zeros(count, bool)
     )
@@ -111,7 +102,7 @@ def complete(hits: Hits, batch: ProjectorBatch) -> Hits:
 
 
 def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
-    """The first chord that hits, for every projector; chords through nothing are left out."""
+    """The first chord that hits, for every projector; chords through empty space are left out."""
     batch, schedule = work.batch, work.schedule
     if where is None:
         reach, where = float(np.abs(batch.single).max(initial=0.0)), everywhere(batch.count)
@@ -125,12 +116,9 @@ def _march(work: Work, mask: BoolArray, where: Stretches | None) -> Records:
         return _at_once(work, np.flatnonzero(mask), source, held, where.block)
 
     def trace(start: NDArray[Any], way: NDArray[Any], limits: NDArray[np.float32]) -> Traced:
-        """``CastScene.trace`` as the march asks for it: triangles (N,), and no places along the rays."""
-        single = np.float32
-        found = work.scene.mesh.trace(
-            start.astype(single, copy=False), way.astype(single, copy=False), limits
-        )
-        return found, None
+        """The first triangles on the chords, (N,), without where on the chords."""
+        origins, ways = (ends.astype(np.float32, copy=False) for ends in (start, way))
+        return work.scene.mesh.trace(origins, ways, limits), None
 
     records, _, rays = march(source, schedule.ends, held, where.members(), mask, trace)
     work.counts.rays += rays
@@ -165,13 +153,11 @@ def _at_once(
 
 
 def _chord_hits(work: Work, records: Records) -> Solutions:
-    """Hits as the chords have them: where on the chord, and the triangle's nearest point to it."""
+    """Hits of the chords themselves: where on the chord, and the point of the triangle nearest to it."""
     low, high = work.schedule.breaks[records.chord], work.schedule.breaks[records.chord + 1]
-    controls = work.batch.points.take(records.projector, 2)
-    start, end = (np.einsum("nk,kcn->cn", work.schedule.ends[records.chord + k], controls) for k in (0, 1))
+    start, end = work.schedule.ends_of(work.batch.points.take(records.projector, 2), records.chord)
     way, limits = end - start, np.full(len(low), 1.0 + OVERLAP, np.float32)
     share = work.scene.mesh.trace_distance(start.astype(np.float32), way.astype(np.float32), limits)
     share = np.minimum(share.astype(np.float64), 1.0)
-    weights = np.clip(work.scene.barycentric(start + way * share, records.triangle), 0.0, 1.0)
-    weights /= np.maximum(weights.sum(axis=0), 1.0)
+    weights = work.scene.clipped_barycentric(start + way * share, records.triangle)
     return Solutions(low + share * (high - low), records.triangle, weights, np.ones(len(low), bool))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a Bézier curve meets a plane: roots of polynomials in Bernstein form.
+"""Roots of polynomials in Bernstein form: where a Bézier curve meets a plane.
 
 The heights of a curve's control points over a plane are the Bernstein
 coefficients of the curve's height; all functions here work on batches of such
@@ -12,7 +12,8 @@ from math import comb
 
 import numpy as np
 
-from ...projection.typing import Array, BoolArray
+from ...projection.typing import Array, BoolArray, IndexArray
+from ...projection.volume.bezier import restrict
 
 # Splits a float64 into two halves of 26 bits (Veltkamp 1968).
 SPLITTER = 2.0**27 + 1.0
@@ -20,18 +21,18 @@ SPLITTER = 2.0**27 + 1.0
 # Newton steps and halvings until a bracket in [0, 1] is one rounding wide.
 MOST_STEPS = 64
 
-# Steps of Newton's method that nearly always settle where a polynomial is monotone.
+# Steps of Newton's method that nearly always converge where a polynomial is monotone.
 NEWTON_STEPS = 3
 
-# A root is final when a step moves it by less than this: what is left after a step of
-# Newton's is its square over the distance of the nearest other root, and roots nearer than
-# 2⁻²⁶ to each other are not told apart by float64 coefficients.
-SETTLED = 2.0**-40
+# A root is final when a step moves it by less than this: the error left after a step of
+# Newton's is its square over the distance of the nearest other root, and float64
+# coefficients cannot separate roots nearer than 2⁻²⁶ to each other.
+CONVERGED = 2.0**-40
 
 # Roots farther from a part's middle than this share of half its length are left to rounding.
 WITHIN = 1.0 - 2.0**-30
 
-# And where the polynomial is no higher than this share of its largest coefficient: two roundings.
+# A root is final, too, where the polynomial is below this share of its largest coefficient: two roundings.
 NOISE = 2.0**-52
 
 
@@ -54,7 +55,7 @@ def _within(roots: Array) -> Array:
 
 
 def _quadratic(coefficients: Array) -> Array:
-    """As unit_roots: most have ends on different sides and one root, most of the others none."""
+    """As unit_roots. Most have ends on different sides and one root, most of the others none."""
     first, middle, last = coefficients
     roots = np.full((2, len(first)), np.nan)
     sides = first * last
@@ -75,11 +76,11 @@ def crossing(first: Array, middle: Array, last: Array) -> Array:
 
 
 def short_cubic_roots(coefficients: Array, low: Array, high: Array) -> tuple[Array, BoolArray]:
-    """A root (N,) in [low, high] of N cubics, (4, N), and where it is surely the only one there.
+    """A root (N,) in [low, high] of N cubics, (4, N), and whether it is surely the only one there.
 
     About the middle m of a short part with half its length h a cubic is d0 + d1 x + d2 x² + d3 x³, x in
-    [-1, 1]. Where |d1| > 2|d2| + 3|d3| it rises or falls throughout, so that one root is all there is. Not
-    sure are those for which that does not hold, and roots so near an end that rounding would decide.
+    [-1, 1]. Where |d1| > 2|d2| + 3|d3| it rises or falls throughout, and so has one root at most. Cubics
+    for which that does not hold are not sure, nor are roots so near an end that rounding would decide.
     """
     first, second, third, fourth = coefficients
     one, two, three = second - first, third - second, fourth - third
@@ -108,10 +109,56 @@ def short_cubic_roots(coefficients: Array, low: Array, high: Array) -> tuple[Arr
         step = (d0 + x * (d1 + x * (d2 + x * d3))) * slope
         x -= step
         sure = np.abs(d1) > 2.0 * np.abs(d2) + 3.0 * np.abs(d3)
-        sure &= (np.abs(x) < WITHIN) & (np.abs(step) <= SETTLED)
+        sure &= (np.abs(x) < WITHIN) & (np.abs(step) <= CONVERGED)
     x *= half
     x += middle
     return x, sure
+
+
+def short_roots(coefficients: Array, low: Array, high: Array) -> tuple[Array, IndexArray, Array]:
+    """The roots in [low, high] of N polynomials (d+1, N), where those are short parts with a single root.
+
+    Returns the first root (N,), the numbers (M,) of the polynomials that may have several roots, and
+    the further roots of these (d-1, M); NaN where there is none.
+    """
+    if len(coefficients) == 3:
+        root, others = _single_roots(coefficients, low, high)
+    elif len(coefficients) == 4:
+        root, sure = short_cubic_roots(coefficients, low, high)
+        others = np.flatnonzero(~sure)
+    else:
+        root, others = np.empty(len(low)), np.arange(len(low))
+    between = _roots_between if len(coefficients) > 2 else _linear
+    roots = between(coefficients.take(others, 1), low.take(others), high.take(others))
+    root[others] = roots[0]
+    return root, others, roots[1:]
+
+
+def _roots_between(coefficients: Array, low: Array, high: Array) -> Array:
+    """The roots in [low, high] of N polynomials, ascending, (d, N), NaN where fewer exist."""
+    roots: Array = low + unit_roots(restrict(coefficients, low, high)) * (high - low)
+    return roots
+
+
+def _linear(coefficients: Array, low: Array, high: Array) -> Array:
+    """As _roots_between, of linear polynomials."""
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        root = coefficients[0] / (coefficients[0] - coefficients[1])
+        return np.where((root >= low) & (root <= high), root, np.nan)[None]
+
+
+def _single_roots(coefficients: Array, low: Array, high: Array) -> tuple[Array, IndexArray]:
+    """The roots (N,) of quadratics whose ends lie on different sides, and the numbers of the others.
+
+    The others have another number of roots, or their root is not in [low, high], or an end of that
+    is 0 or 1, where rounding decides.
+    """
+    first, middle, last = coefficients
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        root = crossing(first, middle, last)
+        known = (first * last < 0.0) & (root >= low) & (root <= high)
+    known &= (low > 0.0) & (high < 1.0)
+    return root, np.flatnonzero(~known)
 
 
 def _turning(first: Array, middle: Array, last: Array) -> Array:
@@ -167,8 +214,8 @@ def _general(coefficients: Array) -> Array:
 def _monotone(coefficients: Array) -> Array:
     """The one root (N,) of polynomials that rise or fall throughout and cross 0.
 
-    Newton's method from the root of the quadratic through both ends and the middle; where
-    that does not settle soon, with a bracket.
+    Newton's method from the root of the quadratic through both ends and the middle; with
+    a bracket where that does not converge soon.
     """
     degree = len(coefficients) - 1
     start, end = coefficients[0], coefficients[-1]
@@ -186,7 +233,7 @@ def _monotone(coefficients: Array) -> Array:
             height = height * s + power
         step = height / slope
         s = s - step
-    lost = np.flatnonzero(~((np.abs(step) <= SETTLED) & (s >= 0.0) & (s <= 1.0)))
+    lost = np.flatnonzero(~((np.abs(step) <= CONVERGED) & (s >= 0.0) & (s <= 1.0)))
     if len(lost):
         s[lost] = _bracketed(coefficients.take(lost, 1), np.zeros(len(lost)), np.ones(len(lost)))
     return s
@@ -233,11 +280,11 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
         newton = height / slope
         step = s - newton
         # A last step leads out of the bracket by rounding alone.
-        usable = ((step >= low) & (step <= high)) | (np.abs(newton) <= SETTLED)
+        usable = ((step >= low) & (step <= high)) | (np.abs(newton) <= CONVERGED)
         step = np.where(usable, step, 0.5 * (low + high))
         step = np.where(height == 0.0, s, step)
         result[active] = step
-        going = np.flatnonzero((np.abs(step - s) > SETTLED) & (np.abs(height) > noise))
+        going = np.flatnonzero((np.abs(step - s) > CONVERGED) & (np.abs(height) > noise))
         if len(going) == 0:
             break
         s = step
@@ -249,9 +296,9 @@ def _bracketed(coefficients: Array, low: Array, high: Array) -> Array:
 
 
 def _guess(low: Array, high: Array, start: Array, start_slope: Array, end: Array, end_slope: Array) -> Array:
-    """About where pieces cross 0, from their heights and slopes at both ends.
+    """A first guess of where pieces cross 0, from their heights and slopes at both ends.
 
-    By the parabola that a cubic with these begins as, from the end that is nearer to 0: there the
+    The parabola with which a cubic with these values begins, from the end that is nearer to 0: there the
     piece may have just turned, and Newton's method would only halve its distance with each step.
     """
     back = np.abs(end) < np.abs(start)

@@ -13,18 +13,14 @@ The method of Wang (1984), with the ends shifted and breaks graded along t.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
 from ...projection.typing import Array
 from ...projection.volume.basis import SpanBasis
 from ...projection.volume.bezier import bernstein, restrict
+from ..curves.chord_rules import SHIFT, Chords, fewest_certain, joined
+from ..scene.projector_boxes import piece_bounds, weights_between
 from .rational_bounds import rational_chords
-
-# Ends are shifted by this times q'' h², half of the distance of a chord from its curve.
-SHIFT = 1.0 / 16.0
 
 # Pieces of a span whose bounds are compared with the scene's, at each level.
 PIECES = 32
@@ -35,32 +31,8 @@ REACH_LEVELS = 10
 # Rounding of a piece's bounds, as a share of the largest coordinate of its control points.
 ROUNDING = 1e-14
 
-# Places at which a span is looked at for its need of chords.
+# Places at which the demand of a span for chords is evaluated.
 STEPS = 64
-
-# More chords a span than this are never cast.
-MOST_CHORDS = 1 << 16
-
-# Chords are added by this factor until the bound holds.
-GROWTH = 1.03
-
-
-@dataclass(frozen=True)
-class Chords:
-    """Chords of a tile: n in all.
-
-    breaks: (n+1,) increasing t. ends: (n+1, K) weights of the control points at the
-    chords' ends. span: (n,) the span of each.
-    """
-
-    breaks: Array
-    ends: Array
-    span: NDArray[np.intp]
-
-    @property
-    def count(self) -> int:
-        """The number of chords."""
-        return len(self.span)
 
 
 def certain_chords(
@@ -69,14 +41,11 @@ def certain_chords(
     """Chords that stay within epsilon of the projectors (K, 3, N) while these are in a box.
 
     lower, upper: (3,) the box. The chords cover, without a gap, all t at which any
-    projector may be in it. None where none can. Also returns the distance that is
-    certain: epsilon or less, more only where MOST_CHORDS do not suffice.
+    projector may be in it; None if no projector can. Also returns the distance that is
+    certain: it is above epsilon only where MOST_CERTAIN chords a span do not suffice.
     """
-    low, high, weights = points.min(axis=2), points.max(axis=2), spans.point_weights
-    reach = [
-        span_reach(matrix, low, high, lower, upper, None if weights is None else weights[span])
-        for span, matrix in enumerate(spans.matrices)
-    ]
+    low, high = points.min(axis=2), points.max(axis=2)
+    reach = [_span_reach(spans, span, low, high, lower, upper) for span in range(len(spans.matrices))]
     used = [span for span, part in enumerate(reach) if part is not None]
     if not used:
         return None, 0.0
@@ -85,43 +54,36 @@ def certain_chords(
         first, last = reach[span] or (0.0, 1.0)
         # The chords are one line: between spans it goes through the break itself.
         start, end = first if span == used[0] else 0.0, last if span == used[-1] else 1.0
-        if weights is not None:
+        if spans.point_weights is not None:
             local, ends, certain = rational_chords(spans, span, points, (start, end), epsilon)
         else:
-            joined = span > used[0], span < used[-1]
-            local, ends, certain = _span_chords(spans.matrices[span], points, (start, end), epsilon, joined)
+            between = span > used[0], span < used[-1]
+            local, ends, certain = _span_chords(spans.matrices[span], points, (start, end), epsilon, between)
         bound = max(bound, certain)
         begin, length = spans.breaks[span], spans.breaks[span + 1] - spans.breaks[span]
         breaks = begin + local * length
         if end == 1.0:
             breaks[-1] = spans.breaks[span + 1]
         parts.append(Chords(breaks, ends, np.full(len(local) - 1, span)))
-    return _joined(parts), bound
+    return joined(parts), bound
 
 
-def span_reach(
-    matrix: Array, low: Array, high: Array, lower: Array, upper: Array, weights: Array | None = None
+def _span_reach(
+    spans: SpanBasis, span: int, low: Array, high: Array, lower: Array, upper: Array
 ) -> tuple[float, float] | None:
-    """The part of a span, in its own parameter, in which curves can be in a box.
+    """The part of a span, in its own parameter, in which curves can be in a box; None if they cannot.
 
-    matrix: (d+1, K); low, high: (K, 3) bounds of the control points; lower, upper: (3,); weights: (d+1,)
-    of a rational span.
-    None where they cannot. Certain: pieces lie within the hull of their control points.
+    low, high: (K, 3) bounds of the control points; lower, upper: (3,) the box. Certain: pieces lie within
+    the hull of their control points.
     """
-    degree = len(matrix) - 1
     slack = ROUNDING * max(float(np.abs(low).max()), float(np.abs(high).max()))
+    matrix = spans.matrices[span : span + 1]
+    weights = None if spans.point_weights is None else spans.point_weights[span : span + 1]
     first, last = 0.0, 1.0
     for _ in range(REACH_LEVELS):
         edges = np.linspace(first, last, PIECES + 1)
-        identity = np.broadcast_to(np.eye(degree + 1)[:, :, None], (degree + 1, degree + 1, PIECES))
-        pieces = restrict(identity, edges[:-1], edges[1:])
-        if weights is not None:
-            pieces = pieces * weights[:, None]
-            pieces /= pieces.sum(axis=1, keepdims=True)
-        shares = np.einsum("jip,ik->pjk", pieces, matrix)
-        positive, negative = np.maximum(shares, 0.0), np.minimum(shares, 0.0)
-        least = (positive @ low + negative @ high).min(axis=1)
-        most = (positive @ high + negative @ low).max(axis=1)
+        pieces = weights_between(edges, matrix, weights)
+        least, most = (bound[:, :, 0].T for bound in piece_bounds(pieces, low[:, :, None], high[:, :, None]))
         touching = ((least <= upper + slack) & (most >= lower - slack)).all(axis=1)
         inside = np.flatnonzero(touching)
         if len(inside) == 0:
@@ -133,47 +95,37 @@ def span_reach(
     return first, last
 
 
-def _joined(parts: list[Chords]) -> Chords:
-    return Chords(
-        np.concatenate([p.breaks[:-1] for p in parts] + [parts[-1].breaks[-1:]]),
-        np.concatenate([p.ends[:-1] for p in parts] + [parts[-1].ends[-1:]]),
-        np.concatenate([p.span for p in parts]),
-    )
-
-
 def _span_chords(
-    matrix: Array, points: Array, reach: tuple[float, float], epsilon: float, joined: tuple[bool, bool]
+    matrix: Array, points: Array, reach: tuple[float, float], epsilon: float, between: tuple[bool, bool]
 ) -> tuple[Array, Array, float]:
     """Breaks (n+1,) in a span's own parameter, weights (n+1, K) of the ends, and their bound.
 
-    joined: whether another span's chords come before and after.
+    between: whether another span's chords come before and after.
     """
-    first, last = reach
     second, third = _derivative_bounds(matrix, points)
     if not second.any():
-        local = np.array([first, last])
+        local = np.array(reach)
         return local, bernstein(len(matrix) - 1, local).T @ matrix, 0.0
-    edges = np.linspace(first, last, STEPS + 1)
-    density = np.sqrt(SHIFT * _blend(second, 0.5 * (edges[1:] + edges[:-1])) / epsilon)
+    edges = np.linspace(*reach, STEPS + 1)
+    density = np.sqrt(SHIFT * _bezier_value(second, 0.5 * (edges[1:] + edges[:-1])) / epsilon)
     # Where q'' vanishes for an instant steps would grow without limit.
     density = np.maximum(density, 0.1 * density.max())
-    total = np.concatenate([[0.0], np.cumsum(density * np.diff(edges))])
-    count = int(np.clip(np.ceil(total[-1]), 1, MOST_CHORDS))
-    while True:
-        local = np.interp(np.linspace(0.0, total[-1], count + 1), total, edges)
-        local[0], local[-1] = first, last
+
+    def shifts(local: Array) -> Array:
+        """Shifts of the ends, in units of SHIFT."""
         steps = np.diff(local)
         around = np.concatenate([steps[:1], steps, steps[-1:]])
         shift = around[1:] * around[:-1]
-        shift[[0, -1]] = np.where(joined, 0.0, shift[[0, -1]])
-        bound = _bound(local, shift, second, third)
-        if bound <= epsilon or count >= MOST_CHORDS:
-            break
-        count = min(max(int(count * GROWTH), count + 1), MOST_CHORDS)
+        shift[[0, -1]] = np.where(between, 0.0, shift[[0, -1]])
+        return shift
+
+    local, bound = fewest_certain(
+        edges, density * np.diff(edges), epsilon, lambda local: _bound(local, shifts(local), second, third)
+    )
     degree = len(matrix) - 1
     curvature = degree * (degree - 1) * np.diff(matrix, 2, axis=0)
     ends = bernstein(degree, local).T @ matrix
-    ends -= SHIFT * shift[:, None] * (bernstein(degree - 2, local).T @ curvature)
+    ends -= SHIFT * shifts(local)[:, None] * (bernstein(degree - 2, local).T @ curvature)
     return local, ends, bound
 
 
@@ -188,12 +140,13 @@ def _derivative_bounds(matrix: Array, points: Array) -> tuple[Array, Array]:
         factor = degree * (degree - 1) * (degree - 2 if order == 3 else 1)
         differences = np.einsum("ik,kcn->icn", factor * np.diff(matrix, order, axis=0), points)
         bounds.append(np.sqrt((differences**2).sum(axis=1).max(axis=1)))
-    # What control points on one straight line leave by rounding is no bend.
+    # Control points on a straight line have second differences by rounding alone.
     noise = 1e-15 * degree**2 * np.abs(points).max()
     return np.where(bounds[0] > noise, bounds[0], 0.0), bounds[1]
 
 
-def _blend(coefficients: Array, at: Array) -> Array:
+def _bezier_value(coefficients: Array, at: Array) -> Array:
+    """The polynomial with Bernstein coefficients (d+1,) at parameters (n,)."""
     result: Array = coefficients @ bernstein(len(coefficients) - 1, at)
     return result
 
@@ -208,6 +161,6 @@ def _bound(local: Array, shift: Array, second: Array, third: Array) -> float:
     share = np.maximum(np.maximum(alpha, beta) * SHIFT, np.abs(deepest))
     pieces = restrict(np.repeat(third[:, None], len(steps), axis=1), local[:-1], local[1:])
     change = pieces.max(axis=0) * 0.5 * steps
-    middle = _blend(second, 0.5 * (local[:-1] + local[1:]))
+    middle = _bezier_value(second, 0.5 * (local[:-1] + local[1:]))
     apart = area * (middle * share + change * (0.125 + SHIFT * np.maximum(alpha, beta)))
     return float(apart.max())

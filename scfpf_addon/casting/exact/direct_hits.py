@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""First hits of which exact casting is certain without a walk, nearly all."""
+"""First hits of which exact casting is certain without a traversal, nearly all."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, IndexArray
-from ..curves.projector_batch import Solutions
+from ..curves.plane_hits import Solutions, first_root
 from ..scene.cast_scene import CastScene
-from .traversal import RESTART, SHORTEST, Rays, Walk, store
+from .traversal import RESTART, SHORTEST, Rays, Traversal
 
 # A straight look from a prism's face to a hit strays this far from the curve at most: a few
 # roundings (2⁻²⁴) of a coordinate of 1.
@@ -20,7 +20,7 @@ STRAY = 3e-7
 WELL_WITHIN = 2e-6
 
 
-def settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
+def certify(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
     """Keep the hits of which it is certain that they are the first; the other rays have to be walked on.
 
     rays: at the first face that each projector meets. triangle: (M,) whose prism that is. Its
@@ -28,65 +28,65 @@ def settle(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
     and its neighbours', which are not entered where a hit is well within the triangle. A
     look at the triangles themselves, straight from there to the hit, finds what is between.
     """
-    scene = walk.scene
-    curves = walk.batch.take(rays.projector)
-    met_t, end_t = _straight(walk, rays)
-    found, way = curves.next_root(scene, triangle, walk.chords.span.take(rays.chord), met_t, end_t)
-    walk.counts.tested += len(triangle)
+    scene = traversal.scene
+    curves = traversal.batch.take(rays.projector)
+    met_t, end_t = _straight(traversal, rays)
+    found, way = first_root(curves, scene, triangle, traversal.chords.span.take(rays.chord), met_t, end_t)
+    traversal.counts.tested += len(triangle)
     start = curves.place(met_t)
     way -= start
-    certain = _well_within(walk, found.barycentric, triangle) & _nearer(walk, rays, found)
-    certain &= _well_within(walk, scene.barycentric(start, triangle), triangle)
+    certain = _well_within(traversal, found.barycentric, triangle) & _nearer(traversal, rays, found)
+    certain &= _well_within(traversal, scene.barycentric(start, triangle), triangle)
     some = np.flatnonzero(certain)
-    seen = _seen(walk, start.take(some, 1), way.take(some, 1), 1.0)
+    seen = _seen(traversal, start.take(some, 1), way.take(some, 1), 1.0)
     some = some[(seen < 0) | (seen == triangle.take(some))]
-    store(walk.hits, rays.projector.take(some), found.take(some))
+    found.take(some).store(traversal.hits, rays.projector.take(some))
     certain[:] = False
     certain[some] = True
     rest = np.flatnonzero(~certain)
-    return rest[~_beside(walk, rays.take(rest), triangle[rest], found.take(rest))]
+    return rest[~_beside(traversal, rays.take(rest), triangle[rest], found.take(rest))]
 
 
-def _straight(walk: Walk, rays: Rays) -> tuple[Array, Array]:
+def _straight(traversal: Traversal, rays: Rays) -> tuple[Array, Array]:
     """In t, where the rays are and how far curves are straight from there, (M,) each."""
-    breaks = walk.chords.breaks
+    breaks = traversal.chords.breaks
     steps = np.diff(breaks)
     met_t = breaks.take(rays.chord) + rays.share * steps.take(rays.chord)
     # Chords of steps h are ‖q''‖ h²/16 from their curves, at most ε, a straight line over a
     # share of one ‖q''‖ (share h)²/8; it may end on the next chord.
     length = np.minimum(steps, np.append(steps[1:], steps[-1])).take(rays.chord)
-    straight = min(float(np.sqrt(0.5 * STRAY / walk.prisms.epsilon)), 1.0)
+    straight = min(float(np.sqrt(0.5 * STRAY / traversal.prisms.epsilon)), 1.0)
     return met_t, met_t + straight * length
 
 
-def _nearer(walk: Walk, rays: Rays, found: Solutions) -> BoolArray:
+def _nearer(traversal: Traversal, rays: Rays, found: Solutions) -> BoolArray:
     """Which solutions are hits before those known from looking around, where projectors begin in prisms."""
     with np.errstate(invalid="ignore"):
-        nearer: BoolArray = found.inside & (found.t < walk.hits.t.take(rays.projector))
+        nearer: BoolArray = found.inside & (found.t < traversal.hits.t.take(rays.projector))
     return nearer
 
 
-def _well_within(walk: Walk, weights: Array, triangle: IndexArray) -> BoolArray:
+def _well_within(traversal: Traversal, weights: Array, triangle: IndexArray) -> BoolArray:
     """Whether places (barycentric weights (2, M)) are not near the edges of their triangles."""
-    margin = WELL_WITHIN * walk.prisms.steepest.take(triangle)
+    margin = WELL_WITHIN * traversal.prisms.steepest.take(triangle)
     second, third = weights
     with np.errstate(invalid="ignore"):
         well: BoolArray = (second > margin) & (third > margin) & (1.0 - second - third > margin)
     return well
 
 
-def _seen(walk: Walk, start: Array, way: Array, after: float) -> NDArray[np.int32]:
+def _seen(traversal: Traversal, start: Array, way: Array, after: float) -> NDArray[np.int32]:
     """The first triangles on straight ways (3, M), -1 for none, from a little before to ``after`` as much."""
     slack = way * (RESTART / np.maximum(np.sqrt(np.einsum("cn,cn->n", way, way)), SHORTEST))
-    walk.counts.rays += way.shape[1]
-    return walk.scene.mesh.trace(
+    traversal.counts.rays += way.shape[1]
+    return traversal.scene.mesh.trace(
         (start - slack).astype(np.float32),
         (way + (1.0 + after) * slack).astype(np.float32),
         np.ones(way.shape[1], np.float32),
     )
 
 
-def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32], known: Solutions) -> BoolArray:
+def _beside(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], known: Solutions) -> BoolArray:
     """As settle, for ways over two triangles that share an edge, met both: which are certain.
 
     known: where the curves meet the triangles whose prisms were met, each one of the two or next to
@@ -94,18 +94,18 @@ def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32], known: Solution
     far from all of their other edges that float32 cannot be wrong about their neighbours; one that
     is over the same triangle all the time has but entered the prism of a neighbour first.
     """
-    scene = walk.scene
-    curves = walk.batch.take(rays.projector)
-    met_t, end_t = _straight(walk, rays)
+    scene = traversal.scene
+    curves = traversal.batch.take(rays.projector)
+    met_t, end_t = _straight(traversal, rays)
     start = curves.place(met_t)
-    aim = _seen(walk, start, curves.place(np.minimum(end_t, 1.0)) - start, 0.0)
+    aim = _seen(traversal, start, curves.place(np.minimum(end_t, 1.0)) - start, 0.0)
     some = np.flatnonzero(aim >= 0)
     curves, start, aim, known = curves.take(some), start.take(some, 1), aim[some], known.take(some)
     part, met_t, end_t = rays.take(some), met_t[some], end_t[some]
-    span = walk.chords.span.take(part.chord)
-    found, place = curves.next_root(scene, aim, span, met_t, end_t)
+    span = traversal.chords.span.take(part.chord)
+    found, place = first_root(curves, scene, aim, span, met_t, end_t)
     begin, end = _over(scene, start, aim), _all_weights(found.barycentric)
-    margin = WELL_WITHIN * walk.prisms.steepest.take(aim)
+    margin = WELL_WITHIN * traversal.prisms.steepest.take(aim)
     with np.errstate(invalid="ignore"):
         aside = ~(end > margin).all(axis=0)
         edge = np.where(aside, end.argmin(axis=0), begin.argmin(axis=0))
@@ -116,20 +116,20 @@ def _beside(walk: Walk, rays: Rays, triangle: NDArray[np.int32], known: Solution
     pair = np.flatnonzero(~clear & (other >= 0))
     mate = other[pair]
     clear &= (met == aim) | (around == met).any(axis=0)
-    two, there = curves.take(pair).next_root(scene, mate, span[pair], met_t[pair], end_t[pair])
-    walk.counts.tested += len(some) + len(pair)
+    two, there = first_root(curves.take(pair), scene, mate, span[pair], met_t[pair], end_t[pair])
+    traversal.counts.tested += len(some) + len(pair)
     with np.errstate(invalid="ignore"):
         better = two.inside & ~(found.inside[pair] & (found.t[pair] <= two.t))
     found.put(pair, two, np.flatnonzero(better))
     place[:, pair] = np.where(better, there, place.take(pair, 1))
     beside = (scene.neighbours.take(mate, 1) == met[pair]).any(axis=0)
     beside |= (met[pair] == aim[pair]) | (around.take(pair, 1) == met[pair]).any(axis=0)
-    over = _over_pair(walk, start.take(pair, 1), place.take(pair, 1), aim[pair], mate)
+    over = _over_pair(traversal, start.take(pair, 1), place.take(pair, 1), aim[pair], mate)
     clear[pair] = beside & over
     with np.errstate(invalid="ignore"):
         clear &= ~(known.inside & (known.t < found.t))
-    clear &= _nearer(walk, part, found)
-    store(walk.hits, part.projector[clear], found.take(np.flatnonzero(clear)))
+    clear &= _nearer(traversal, part, found)
+    found.take(np.flatnonzero(clear)).store(traversal.hits, part.projector[clear])
     certain = np.zeros(len(rays.projector), bool)
     certain[some] = clear
     return certain
@@ -145,21 +145,21 @@ def _over(scene: CastScene, positions: Array, triangle: IndexArray) -> Array:
     return _all_weights(scene.barycentric(positions, triangle))
 
 
-def _over_pair(walk: Walk, start: Array, end: Array, one: IndexArray, two: IndexArray) -> BoolArray:
+def _over_pair(traversal: Traversal, start: Array, end: Array, one: IndexArray, two: IndexArray) -> BoolArray:
     """Whether straight ways (3, M) are over two neighbours each, and far from their other edges."""
-    scene = walk.scene
+    scene = traversal.scene
     number = np.arange(len(one))
     over = []
     clear = np.ones(len(one), bool)
     for triangle, across in ((one, two), (two, one)):
         shared = scene.neighbours.take(triangle, 1) == across
         clear &= shared.any(axis=0)
-        margin = WELL_WITHIN * walk.prisms.steepest.take(triangle)
+        margin = WELL_WITHIN * traversal.prisms.steepest.take(triangle)
         for point in (start, end):
             with np.errstate(invalid="ignore"):
                 well = _over(scene, point, triangle) > margin
             over.append(((well | shared).all(axis=0), well.all(axis=0)))
-        apart = _apart(walk, start, end - start, triangle)
+        apart = _apart(traversal, start, end - start, triangle)
         # Edges are numbered by the corner opposite.
         apart[shared.argmax(axis=0), number] = np.inf
         clear &= apart.min(axis=0, initial=np.inf) > WELL_WITHIN
@@ -169,9 +169,9 @@ def _over_pair(walk: Walk, start: Array, end: Array, one: IndexArray, two: Index
     return clear
 
 
-def _apart(walk: Walk, start: Array, way: Array, triangle: IndexArray) -> Array:
+def _apart(traversal: Traversal, start: Array, way: Array, triangle: IndexArray) -> Array:
     """How far straight lines (3, M) are from those through the edges opposite their triangles' corners."""
-    corners = [walk.scene.vertices.take(row, 1) for row in walk.scene.triangles.take(triangle, 0).T]
+    corners = [traversal.scene.vertices.take(row, 1) for row in traversal.scene.triangles.take(triangle, 0).T]
     apart = np.empty((3, len(triangle)))
     for k, (first, second) in enumerate(
         zip(corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)

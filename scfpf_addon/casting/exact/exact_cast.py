@@ -3,7 +3,7 @@
 
 Chords within ε of the projectors (``certify``) are cast at prisms that enclose all
 points within ε of each triangle (``prisms``). Where a chord enters or leaves a prism
-the curve itself is met with that triangle in float64; a hit bounds the walk, which
+the curve itself is met with that triangle in float64; a hit bounds the traversal, which
 goes on until nothing lies before it that was not entered. Prisms that are entered at
 one place, which Embree cannot tell apart, are left to a look at the triangles
 themselves, as far as the thickness of a prism. Where the first prism that is met holds a
@@ -20,17 +20,18 @@ from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..common.hits import CastCounts, CastError, Hits
+from ..curves.chord_rules import MOST_CERTAIN
 from ..curves.march import march
 from ..curves.projector_batch import ProjectorBatch
 from ..scene.cast_scene import CastScene
-from ..scene.occupancy import boxes_of_blocks, stretches
-from .chord_bounds import MOST_CHORDS, certain_chords
-from .direct_hits import settle
+from ..scene.stretches import boxes_of_blocks, stretches
+from .chord_bounds import certain_chords
+from .direct_hits import certify
 from .traversal import (
     RESTART,
     SHORTEST,
     Rays,
-    Walk,
+    Traversal,
     advance,
     behind,
     chord_ends,
@@ -97,7 +98,7 @@ def cast_exact(
     boxes = boxes_of_blocks(batch.single, columns)
     where = stretches(prisms.occupancy, batch.spans, boxes, prisms.epsilon)
     held = where.within(chords.breaks[:-1], chords.breaks[1:])
-    walk = Walk(
+    traversal = Traversal(
         scene,
         prisms,
         batch,
@@ -110,11 +111,11 @@ def cast_exact(
         rounding > LARGEST_ROUNDING,
     )
     if chords.breaks[0] == 0.0:
-        _look_around(walk, present[where.held[0].take(where.block.take(present))])
-    rays, found = _first_wave(walk, held, where.members(), mask)
+        _look_around(traversal, present[where.held[0].take(where.block.take(present))])
+    rays, found = _first_wave(traversal, held, where.members(), mask)
     # A bound on rational chords says nothing of ‖q''‖.
     rational = batch.spans.point_weights is not None
-    doubtful = np.arange(len(found)) if rational else settle(walk, rays, found)
+    doubtful = np.arange(len(found)) if rational else certify(traversal, rays, found)
     rays, found = rays.take(doubtful), found[doubtful]
     step, faces = RESTART, 0
     while len(rays.projector):
@@ -124,12 +125,12 @@ def cast_exact(
             counts.unresolved += len(rays.projector)
         fresh = np.flatnonzero((found != rays.last).all(axis=0))
         tested = rays.take(fresh)
-        also, others = _overtaken(walk, rays, found, step)
+        also, others = _overtaken(traversal, rays, found, step)
         pairs = np.concatenate([fresh, also])
-        meet_near(walk, rays.take(pairs), np.concatenate([found[fresh], others]), step)
-        _look(walk, tested, found[fresh], crossing(walk, tested, found[fresh]))
+        meet_near(traversal, rays.take(pairs), np.concatenate([found[fresh], others]), step)
+        _look(traversal, tested, found[fresh], crossing(traversal, tested, found[fresh]))
         rays.last[1], rays.last[0] = rays.last[0], found
-        rays, found = advance(walk, behind(walk, rays, step))
+        rays, found = advance(traversal, behind(traversal, rays, step))
     return hits
 
 
@@ -137,8 +138,9 @@ def _in_halves(scene: CastScene, batch: ProjectorBatch, mask: BoolArray, counts:
     """As cast_exact, where all projectors at once need too many chords: halves need fewer."""
     if batch.count <= FEWEST:
         raise CastError(
-            f"exact casting would need more than {MOST_CHORDS:,} chords a projector, so much larger than the "
-            "scene is the viewing volume: set the pixel error above 0, or bring the control surfaces nearer"
+            f"exact casting would need more than {MOST_CERTAIN:,} chords a projector, so much larger "
+            "than the scene is the viewing volume: set the pixel error above 0, "
+            "or bring the control surfaces nearer"
         )
     hits = Hits.unplaced(batch.count)
     for part in np.array_split(np.arange(batch.count), 2):
@@ -146,60 +148,60 @@ def _in_halves(scene: CastScene, batch: ProjectorBatch, mask: BoolArray, counts:
     return hits
 
 
-def _look_around(walk: Walk, alive: NDArray[np.intp]) -> None:
+def _look_around(traversal: Traversal, alive: NDArray[np.intp]) -> None:
     """Meet the curves with the triangles whose prisms they begin in: chords never enter these.
 
     A way along one of the three axes leaves the two caps of any prism within √3 times
     the distance between them.
     """
-    at = np.einsum("k,kcn->cn", walk.chords.ends[0], walk.batch.points.take(alive, 2))
-    held = np.flatnonzero(walk.prisms.occupancy.holds_finely(at - RESTART, at + RESTART))
+    at = np.einsum("k,kcn->cn", traversal.chords.ends[0], traversal.batch.points.take(alive, 2))
+    held = np.flatnonzero(traversal.prisms.occupancy.holds_finely(at - RESTART, at + RESTART))
     alive, at = alive.take(held), at.take(held, 1)
     if len(alive) == 0:
         return
-    length = 2.0 * np.sqrt(3.0) * (walk.prisms.thickness + RESTART)
+    length = 2.0 * np.sqrt(3.0) * (traversal.prisms.thickness + RESTART)
     for axis in np.eye(3):
         projector = alive
         start, gone = at, np.zeros(len(alive))
         while len(projector):
             way = np.repeat(axis[:, None] * length, len(projector), axis=1)
             origin = start + axis[:, None] * gone
-            found, far = walk.trace(origin, way, (1.0 - gone / length).astype(np.float32))
+            found, far = traversal.trace(origin, way, (1.0 - gone / length).astype(np.float32))
             met = np.flatnonzero(found >= 0)
             projector, start = projector[met], start[:, met]
-            meet(walk, projector, np.zeros(len(met), np.intp), found[met])
+            meet(traversal, projector, np.zeros(len(met), np.intp), found[met])
             gone = gone[met] + far[met] * length + RESTART
     # Among many small triangles a way out of one prism passes others over.
-    first = walk.batch.points.take(alive, 2)
-    way = np.einsum("k,kcn->cn", walk.chords.ends[1] - walk.chords.ends[0], first)
+    first = traversal.batch.points.take(alive, 2)
+    way = np.einsum("k,kcn->cn", traversal.chords.ends[1] - traversal.chords.ends[0], first)
     share = np.minimum(length / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST), 1.0) / FIRST_LOOKS
     none, zero = np.full((2, len(alive)), -1, np.int32), np.zeros(len(alive), np.intp)
     for step in range(FIRST_LOOKS):
-        _look(walk, Rays(alive, zero, step * share, none), none[0], share * walk.chords.breaks[1])
+        _look(traversal, Rays(alive, zero, step * share, none), none[0], share * traversal.chords.breaks[1])
 
 
 def _first_wave(
-    walk: Walk, held: BoolArray, members: IndexArray, mask: BoolArray
+    traversal: Traversal, held: BoolArray, members: IndexArray, mask: BoolArray
 ) -> tuple[Rays, NDArray[np.int32]]:
     """Follow the chords of all projectors, in step, until each enters a prism."""
-    source: NDArray[Any] = walk.batch.points if walk.far else walk.batch.single
-    before = walk.counts.rays
-    records, share, cast = march(source, walk.chords.ends, held, members, mask, walk.trace)
-    walk.counts.chords += cast
-    walk.counts.rays = before + cast
+    source: NDArray[Any] = traversal.batch.points if traversal.far else traversal.batch.single
+    before = traversal.counts.rays
+    records, share, cast = march(source, traversal.chords.ends, held, members, mask, traversal.trace)
+    traversal.counts.chords += cast
+    traversal.counts.rays = before + cast
     last = np.full((2, len(share)), -1, np.int32)
     return Rays(records.projector, records.chord, np.minimum(share, 1.0), last), records.triangle
 
 
 def _overtaken(
-    walk: Walk, rays: Rays, triangle: NDArray[np.int32], step: float
+    traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], step: float
 ) -> tuple[IndexArray, NDArray[np.int32]]:
     """The triangles whose prisms begin in the ``step`` behind a face, which the walk passes over.
 
     Short rays back from where walks go on find the last of them first.
     triangle: (M,) whose prisms' faces were met. The answer: numbers of rays, and a triangle for each.
     """
-    start, end = chord_ends(walk, rays)
+    start, end = chord_ends(traversal, rays)
     way = end - start
     start += way * rays.share
     way *= step / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST)
@@ -207,7 +209,7 @@ def _overtaken(
     limits = np.full(len(triangle), 1.5, np.float32)
     numbers, triangles, ray = [], [], np.arange(len(triangle))
     for _ in range(LAYERS):
-        found, far = walk.trace(start, -way, limits)
+        found, far = traversal.trace(start, -way, limits)
         other = np.flatnonzero((found >= 0) & (found != triangle))
         if len(other) == 0:
             break
@@ -222,7 +224,7 @@ def _overtaken(
     return np.concatenate(numbers), np.concatenate(triangles)
 
 
-def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32], length: Array) -> None:
+def _look(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], length: Array) -> None:
     """Look at the triangles themselves, from where prisms were met to the hit or their other side.
 
     Prisms that are entered less than RESTART behind another are passed over by the
@@ -231,37 +233,39 @@ def _look(walk: Walk, rays: Rays, triangle: NDArray[np.int32], length: Array) ->
     look does not leave the curve.
     triangle: (M,) whose prisms were met, and which have been met with already. length: (M,) in t.
     """
-    projector, met_t = rays.projector, time_of(walk, rays)
-    end_t = np.minimum(met_t + length, walk.chords.breaks[-1])
+    projector, met_t = rays.projector, time_of(traversal, rays)
+    end_t = np.minimum(met_t + length, traversal.chords.breaks[-1])
     # From where the last look ended: a prism passed over may be so slanted that it is left only
     # behind the next hit.
-    before = np.maximum(walk.looked[projector], met_t - np.diff(walk.chords.breaks).take(rays.chord))
+    before = np.maximum(
+        traversal.looked[projector], met_t - np.diff(traversal.chords.breaks).take(rays.chord)
+    )
     start_t = np.minimum(met_t, before)
-    walk.looked[projector] = end_t
-    curves = walk.batch.take(projector)
+    traversal.looked[projector] = end_t
+    curves = traversal.batch.take(projector)
     start = curves.place(start_t)
-    span = walk.chords.span[rays.chord]
+    span = traversal.chords.span[rays.chord]
     for _ in range(LAYERS):
-        way = curves.place(np.minimum(walk.hits.t.take(projector), end_t)) - start
+        way = curves.place(np.minimum(traversal.hits.t.take(projector), end_t)) - start
         slack = way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST))
         origins, ways = (start - slack).astype(np.float32), (way + 2.0 * slack).astype(np.float32)
-        walk.counts.rays += len(projector)
-        found = walk.scene.mesh.trace(origins, ways, np.ones(len(projector), np.float32))
-        other = np.flatnonzero((found >= 0) & (found != walk.hits.triangle.take(projector)))
+        traversal.counts.rays += len(projector)
+        found = traversal.scene.mesh.trace(origins, ways, np.ones(len(projector), np.float32))
+        other = np.flatnonzero((found >= 0) & (found != traversal.hits.triangle.take(projector)))
         if len(other) == 0:
             break
-        before = walk.hits.t[projector[other]]
+        before = traversal.hits.t[projector[other]]
         # What float32 takes for one may be the other side of an edge.
-        across = walk.scene.neighbours[:, found[other]].ravel()
+        across = traversal.scene.neighbours[:, found[other]].ravel()
         fresh, there = other[found[other] != triangle[other]], across >= 0
         pairs = np.concatenate([fresh, np.tile(other, 3)[there]])
-        meet(walk, projector[pairs], span[pairs], np.concatenate([found[fresh], across[there]]))
-        borne_out = walk.hits.triangle[projector[other]] == found[other]
-        lost = other[(walk.hits.t[projector[other]] >= before) | ~borne_out]
+        meet(traversal, projector[pairs], span[pairs], np.concatenate([found[fresh], across[there]]))
+        borne_out = traversal.hits.triangle[projector[other]] == found[other]
+        lost = other[(traversal.hits.t[projector[other]] >= before) | ~borne_out]
         if len(lost):
             # If not there either, it is passed.
             limits = np.ones(len(lost), np.float32)
-            far = walk.scene.mesh.trace_distance(origins[:, lost], ways[:, lost], limits)
+            far = traversal.scene.mesh.trace_distance(origins[:, lost], ways[:, lost], limits)
             start[:, lost] += (way[:, lost] + 2.0 * slack[:, lost]) * far
         projector, triangle, end_t, span = projector[other], found[other], end_t[other], span[other]
         start, curves = start[:, other], curves.take(other)

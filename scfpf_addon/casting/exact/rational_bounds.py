@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Chords whose distance from rational projectors is certain, for ``certify``.
+"""Chords whose distance from rational projectors is certain, for ``chord_bounds``.
 
 All projectors of a volume share the weights of its surfaces, so that a point is a sum of
 control points by rational functions R of t alone: q = Σ R P. A chord from a to b leaves its
 curve, at the same t, by at most max‖q''‖ (b - a)²/8. On pieces in which the denominator
-hardly varies ‖q''‖ is measured in the middle, and bound elsewhere by ‖q'''‖, for which the
-Bernstein coefficients of the R''' are enough.
+hardly varies ‖q''‖ is measured in the middle, and bounded elsewhere by ‖q'''‖, for which the
+Bernstein coefficients of the R''' suffice.
 """
 
 from __future__ import annotations
@@ -15,17 +15,12 @@ import numpy as np
 from ...projection.typing import Array
 from ...projection.volume.basis import SpanBasis
 from ...projection.volume.bezier import bernstein, derivative, product, restrict
+from ..curves.chord_rules import fewest_certain, halved_until_steady
 
-# Pieces between which chords are graded: at least so many, and more until the denominator's
-# coefficients in each are within this factor.
+# Pieces between which chords are graded: the least number; they are halved until the denominator's
+# coefficients in each are within the factor.
 LEAST_PIECES = 24
 STEADY = 1.3
-
-# More chords a span than this are never cast.
-MOST_CHORDS = 1 << 16
-
-# Chords are added by this factor until the bound holds.
-GROWTH = 1.03
 
 
 def rational_chords(
@@ -35,37 +30,24 @@ def rational_chords(
 
     reach: the part of the span, in its own parameter. Returns the breaks in that (n+1,), the
     weights (n+1, K) of the chords' ends, which lie on the curves, and the distance that is certain:
-    epsilon or less, more only where MOST_CHORDS do not suffice.
+    it is above epsilon only where MOST_CERTAIN chords do not suffice.
     """
     assert spans.point_weights is not None
     weights = spans.point_weights[span]
-    edges = _steady(weights, *reach)
+    edges, _ = halved_until_steady(weights, np.linspace(*reach, LEAST_PIECES + 1), STEADY)
     bends = _bends(weights, spans.matrices[span], points, edges)
-    share = np.sqrt(0.125 * bends / epsilon) * np.diff(edges)
-    total = np.concatenate([[0.0], np.cumsum(share)])
-    count = int(np.clip(np.ceil(total[-1]), 1, MOST_CHORDS))
-    while True:
-        local = np.interp(np.linspace(0.0, total[-1], count + 1), total, edges)
-        local[0], local[-1] = reach
+
+    def bound(local: Array) -> float:
+        """The largest distance of chords between these breaks."""
         first = np.clip(np.searchsorted(edges, local[:-1], side="right") - 1, 0, len(bends) - 1)
         last = np.clip(np.searchsorted(edges, local[1:], side="left"), first + 1, len(bends))
         # reduceat takes the pieces from each even place to the odd one after it.
         most = np.maximum.reduceat(np.append(bends, 0.0), np.stack([first, last], axis=1).ravel())[::2]
-        bound = float((0.125 * most * np.diff(local) ** 2).max())
-        if bound <= epsilon or count >= MOST_CHORDS:
-            return local, spans.values(span, local), bound
-        count = min(max(int(count * GROWTH), count + 1), MOST_CHORDS)
+        return float((0.125 * most * np.diff(local) ** 2).max())
 
-
-def _steady(weights: Array, first: float, last: float) -> Array:
-    """Edges of pieces in which a denominator with these coefficients (d+1,) hardly varies."""
-    edges = np.linspace(first, last, LEAST_PIECES + 1)
-    while True:
-        parts = restrict(weights[:, None], edges[:-1], edges[1:])
-        much = np.flatnonzero(parts.max(axis=0) > STEADY * parts.min(axis=0))
-        if len(much) == 0:
-            return edges
-        edges = np.insert(edges, much + 1, 0.5 * (edges[much] + edges[much + 1]))
+    demand = np.sqrt(0.125 * bends / epsilon) * np.diff(edges)
+    local, certain = fewest_certain(edges, demand, epsilon, bound)
+    return local, spans.values(span, local), certain
 
 
 def _bends(weights: Array, matrix: Array, points: Array, edges: Array) -> Array:
@@ -92,7 +74,7 @@ def _bends(weights: Array, matrix: Array, points: Array, edges: Array) -> Array:
 
 
 def _derived(above: Array, below: Array, power: int) -> Array:
-    """What stands above w^(power+1) in the derivative of a/w^power: a (d+1, K, P), w (e+1, P)."""
+    """The numerator over w^(power+1) of the derivative of a/w^power: a (d+1, K, P), w (e+1, P)."""
     rising, slope = derivative(above), derivative(below)
     first = product(rising[:, None] * below[None, :, None])
     second = product(above[:, None] * slope[None, :, None])

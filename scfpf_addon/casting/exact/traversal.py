@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ..common.hits import CastCounts, Hits
+from ..curves.chord_rules import Chords
 from ..curves.march import OVERLAP
-from ..curves.projector_batch import T_ROUNDING, ProjectorBatch, Solutions
+from ..curves.plane_hits import T_ROUNDING, Solutions, solve
+from ..curves.projector_batch import ProjectorBatch
 from ..scene.cast_scene import CastScene
 from ..scene.prisms import PrismScene
-from .chord_bounds import Chords
 
 # A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
 # of a coordinate of 1, so that it does not meet the face again.
@@ -52,7 +53,7 @@ class Rays(NamedTuple):
         )
 
 
-class Walk(NamedTuple):
+class Traversal(NamedTuple):
     """What every step of a tile's walk looks at and fills in.
 
     looked: (N,) t up to which the triangles themselves have been looked at, inf at first.
@@ -104,35 +105,35 @@ def following(held: BoolArray) -> NDArray[np.intp]:
     return after
 
 
-def time_of(walk: Walk, rays: Rays) -> Array:
+def time_of(traversal: Traversal, rays: Rays) -> Array:
     """Where the rays are, in t, (M,)."""
-    low, high = walk.chords.breaks[rays.chord], walk.chords.breaks[rays.chord + 1]
+    low, high = traversal.chords.breaks[rays.chord], traversal.chords.breaks[rays.chord + 1]
     return low + rays.share * (high - low)
 
 
-def advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
+def advance(traversal: Traversal, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
     """Follow chords until they meet prisms' faces; gives where and which, without those that meet none."""
-    chords = walk.chords
+    chords = traversal.chords
     parts, triangles = [], []
     while len(rays.projector):
         if len(rays.projector) <= FEW:
-            along = _ahead(walk, rays)
+            along = _ahead(traversal, rays)
             if np.count_nonzero(along) <= MOST_AT_ONCE:
-                some, found = _advance_at_once(walk, rays, along)
+                some, found = _advance_at_once(traversal, rays, along)
                 parts.append(some)
                 triangles.append(found)
                 break
         low, high = chords.breaks[rays.chord], chords.breaks[rays.chord + 1]
-        limit = (walk.hits.t[rays.projector] - low) / (high - low)
-        start, end = chord_ends(walk, rays)
-        found, share = _cast(walk, start, end - start, rays.share, limit)
+        limit = (traversal.hits.t[rays.projector] - low) / (high - low)
+        start, end = chord_ends(traversal, rays)
+        found, share = _cast(traversal, start, end - start, rays.share, limit)
         met = np.flatnonzero(found >= 0)
         if len(met):
             parts.append(rays.take(met)._replace(share=share[met]))
             triangles.append(found[met])
-        chord = walk.following[rays.chord + 1, walk.block[rays.projector]]
+        chord = traversal.following[rays.chord + 1, traversal.block[rays.projector]]
         going = np.flatnonzero((found < 0) & (chord < chords.count))
-        going = going[walk.hits.t[rays.projector[going]] > chords.breaks[chord[going]]]
+        going = going[traversal.hits.t[rays.projector[going]] > chords.breaks[chord[going]]]
         rays = Rays(
             rays.projector[going],
             chord[going],
@@ -145,16 +146,16 @@ def advance(walk: Walk, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
     return joined, np.concatenate(triangles)
 
 
-def _ahead(walk: Walk, rays: Rays) -> BoolArray:
+def _ahead(traversal: Traversal, rays: Rays) -> BoolArray:
     """The chords (M, n) that rays may still meet something on."""
-    chords, number = walk.chords, np.arange(walk.chords.count)
-    held: BoolArray = number == walk.following[:-1].take(walk.block[rays.projector], 1).T
-    held &= (number > rays.chord[:, None]) & (chords.breaks[:-1] < walk.hits.t[rays.projector][:, None])
+    chords, number = traversal.chords, np.arange(traversal.chords.count)
+    held: BoolArray = number == traversal.following[:-1].take(traversal.block[rays.projector], 1).T
+    held &= (number > rays.chord[:, None]) & (chords.breaks[:-1] < traversal.hits.t[rays.projector][:, None])
     held[np.arange(len(held)), rays.chord] = True
     return held
 
 
-def _advance_at_once(walk: Walk, rays: Rays, along: BoolArray) -> tuple[Rays, NDArray[np.int32]]:
+def _advance_at_once(traversal: Traversal, rays: Rays, along: BoolArray) -> tuple[Rays, NDArray[np.int32]]:
     """As advance, by one batch of the chords ``along`` (M, n): the first that meets a face counts."""
     which, chord = np.nonzero(along)
     here = chord == rays.chord[which]
@@ -164,10 +165,10 @@ def _advance_at_once(walk: Walk, rays: Rays, along: BoolArray) -> tuple[Rays, ND
         np.where(here, rays.share[which], 0.0),
         np.where(here, rays.last[:, which], np.int32(-1)),
     )
-    low, high = walk.chords.breaks[chord], walk.chords.breaks[chord + 1]
-    limit = (walk.hits.t[fresh.projector] - low) / (high - low)
-    start, end = chord_ends(walk, fresh)
-    found, share = _cast(walk, start, end - start, fresh.share, limit)
+    low, high = traversal.chords.breaks[chord], traversal.chords.breaks[chord + 1]
+    limit = (traversal.hits.t[fresh.projector] - low) / (high - low)
+    start, end = chord_ends(traversal, fresh)
+    found, share = _cast(traversal, start, end - start, fresh.share, limit)
     # In order of the chords: of several written to a place the last is the first met.
     hit = np.flatnonzero(found >= 0)[::-1]
     first = np.full(len(along), -1)
@@ -177,102 +178,93 @@ def _advance_at_once(walk: Walk, rays: Rays, along: BoolArray) -> tuple[Rays, ND
 
 
 def _cast(
-    walk: Walk, start: Array, way: Array, share: Array, limit: Array
+    traversal: Traversal, start: Array, way: Array, share: Array, limit: Array
 ) -> tuple[NDArray[np.int32], Array]:
     """The prisms met on chords from ``share`` to ``limit`` of them, -1 for none, and where."""
     left = 1.0 - share
     limit = np.where(limit < 1.0, (limit - share) / left, 1.0) + OVERLAP
-    walk.counts.chords += len(share)
+    traversal.counts.chords += len(share)
     origin = start + way * share
-    found, far = walk.trace(origin, way * left, limit.astype(np.float32))
+    found, far = traversal.trace(origin, way * left, limit.astype(np.float32))
     where: Array = np.minimum(share + far * left, 1.0)
     return found, where
 
 
-def chord_ends(walk: Walk, rays: Rays) -> tuple[Array, Array]:
+def chord_ends(traversal: Traversal, rays: Rays) -> tuple[Array, Array]:
     """Where the rays' chords begin and end, (3, M) each."""
-    controls = walk.batch.points.take(rays.projector, 2)
-    ends = walk.chords.ends.T
+    controls = traversal.batch.points.take(rays.projector, 2)
+    ends = traversal.chords.ends.T
     return (
         np.einsum("kn,kcn->cn", ends.take(rays.chord, 1), controls),
         np.einsum("kn,kcn->cn", ends.take(rays.chord + 1, 1), controls),
     )
 
 
-def meet(walk: Walk, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
+def meet(traversal: Traversal, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
     """Meet curves with triangles, from the spans given on, and keep what is nearer."""
-    breaks = walk.batch.spans.breaks
-    walk.counts.tested += len(triangle)
+    breaks = traversal.batch.spans.breaks
+    traversal.counts.tested += len(triangle)
     while len(projector):
-        curves = walk.batch.take(projector)
+        curves = traversal.batch.take(projector)
         # What lies at the very end of a span may come out past it by rounding.
         low, high = breaks[span] - T_ROUNDING, breaks[span + 1] + T_ROUNDING
-        found = curves.solve(walk.scene, triangle, span, low, high)
-        keep(walk, projector, found)
+        found = solve(curves, traversal.scene, triangle, span, low, high)
+        keep(traversal, projector, found)
         going = np.flatnonzero(~found.inside & (span + 2 < len(breaks)))
         projector, triangle, span = projector[going], triangle[going], span[going] + 1
 
 
-def meet_near(walk: Walk, rays: Rays, triangle: NDArray[np.int32], step: float) -> None:
+def meet_near(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], step: float) -> None:
     """Meet curves with the triangles whose prisms their chords enter or leave.
 
     Where both ends of a chord lie outside the slab that a prism is in, all that it holds of the curve is
     on this chord. Otherwise the whole curve is met with the triangle. step: how far behind a place on
     a chord a prism may begin.
     """
-    scene, chords = walk.scene, walk.chords
-    curves = walk.batch.take(rays.projector)
+    scene, chords = traversal.scene, traversal.chords
+    curves = traversal.batch.take(rays.projector)
     ends = (np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + k, 1), curves.points) for k in (0, 1))
-    slab = walk.prisms.thickness + step
+    slab = traversal.prisms.thickness + step
     near = np.logical_or.reduce([np.abs(scene.heights(end, triangle)) <= slab for end in ends])
-    span, breaks = chords.span[rays.chord], walk.batch.spans.breaks
+    span, breaks = chords.span[rays.chord], traversal.batch.spans.breaks
     low = np.where(near, breaks[span] - T_ROUNDING, chords.breaks[rays.chord])
     high = np.where(near, breaks[span + 1] + T_ROUNDING, chords.breaks[rays.chord + 1])
-    walk.counts.tested += len(triangle)
-    found = curves.solve(scene, triangle, span, low, high)
-    keep(walk, rays.projector, found)
+    traversal.counts.tested += len(triangle)
+    found = solve(curves, scene, triangle, span, low, high)
+    keep(traversal, rays.projector, found)
     going = np.flatnonzero(near & ~found.inside & (span + 2 < len(breaks)))
-    meet(walk, rays.projector[going], span[going] + 1, triangle[going])
+    meet(traversal, rays.projector[going], span[going] + 1, triangle[going])
 
 
-def keep(walk: Walk, projector: IndexArray, found: Solutions) -> None:
+def keep(traversal: Traversal, projector: IndexArray, found: Solutions) -> None:
     """Store the hits that are nearer than what is known; a projector may have several."""
-    nearer = np.flatnonzero(found.inside & (found.t < walk.hits.t[projector]))
+    nearer = np.flatnonzero(found.inside & (found.t < traversal.hits.t[projector]))
     # Of several writes to a place the last is the nearest.
     nearer = nearer[np.argsort(-found.t[nearer], kind="stable")]
-    store(walk.hits, projector[nearer], found.take(nearer))
+    found.take(nearer).store(traversal.hits, projector[nearer])
 
 
-def store(hits: Hits, projector: IndexArray, found: Solutions) -> None:
-    """Write the solutions into the hits of the projectors (M,)."""
-    hits.t[projector] = found.t
-    hits.triangle[projector] = found.triangle
-    # Row by row: indices along one axis alone are quick.
-    for row, weights in zip(hits.barycentric, found.barycentric, strict=True):
-        row[projector] = weights
-
-
-def behind(walk: Walk, rays: Rays, step: float) -> Rays:
+def behind(traversal: Traversal, rays: Rays, step: float) -> Rays:
     """The rays ``step`` behind the faces they have met, without those that have passed their hit."""
-    chords = walk.chords
-    start, end = chord_ends(walk, rays)
+    chords = traversal.chords
+    start, end = chord_ends(traversal, rays)
     length = np.sqrt(((end - start) ** 2).sum(axis=0))
     share = rays.share + step / np.maximum(length, SHORTEST)
     over = share >= 1.0
-    beyond = walk.following[rays.chord + 1, walk.block[rays.projector]]
+    beyond = traversal.following[rays.chord + 1, traversal.block[rays.projector]]
     chord = np.where(over, beyond, rays.chord)
     share = np.where(over, 0.0, share)
     rays = Rays(rays.projector, chord, share, np.where(over, np.int32(-1), rays.last))
     rays = rays.take(np.flatnonzero(chord < chords.count))
-    return rays.take(np.flatnonzero(time_of(walk, rays) < walk.hits.t[rays.projector]))
+    return rays.take(np.flatnonzero(time_of(traversal, rays) < traversal.hits.t[rays.projector]))
 
 
-def crossing(walk: Walk, rays: Rays, triangle: NDArray[np.int32]) -> Array:
+def crossing(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32]) -> Array:
     """How long in t chords take from one cap of a triangle's prism to the other, at most all of a chord."""
-    chords = walk.chords
-    controls = walk.batch.points.take(rays.projector, 2)
+    chords = traversal.chords
+    controls = traversal.batch.points.take(rays.projector, 2)
     way = np.einsum("kn,kcn->cn", (chords.ends[1:] - chords.ends[:-1]).T.take(rays.chord, 1), controls)
-    climb = np.abs(np.einsum("cn,cn->n", way, walk.scene.normals(triangle)))
-    share = 2.0 * walk.prisms.thickness / np.maximum(climb, 2.0 * walk.prisms.thickness)
+    climb = np.abs(np.einsum("cn,cn->n", way, traversal.scene.normals(triangle)))
+    share = 2.0 * traversal.prisms.thickness / np.maximum(climb, 2.0 * traversal.prisms.thickness)
     duration: Array = np.minimum(1.5 * share, 1.0) * np.diff(chords.breaks).take(rays.chord)
     return duration

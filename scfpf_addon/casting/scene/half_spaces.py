@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What triangles can meet a convex body, by planes that it lies behind.
+"""The triangles that can meet a convex body, by the half-spaces that contain it.
 
-A triangle whose corners are all in front of the same plane cannot. A bit a plane and vertex: that
-takes a tenth of the time of looking at the triangles themselves. Planes that leave out next to nothing
-are not asked, as some of the triangles tell.
+A triangle whose corners are all in front of the same plane cannot. One bit per plane and vertex
+takes a tenth of the time of testing whole triangles. Planes that reject almost nothing, as a sample of
+the triangles tells, are not tested.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from ...projection.typing import Array, BoolArray
 from ..common.parallel import chunks
 
-# Bits of a vertex.
+# Planes are bits of a vertex's uint16.
 MOST_PLANES = 16
-# So many triangles at least tell which planes are worth asking of all; fewer than twice as many are looked at
-# one by one.
+# At least so many triangles are sampled to choose the planes; if there are fewer than twice as many
+# triangles, all are tested directly.
 SAMPLES = 4096
-# A plane leaves out this share of all triangles at least, or it takes longer than they would.
+# A plane must reject this share of all triangles, or testing it takes longer than casting at them.
 WORTH = 0.003
-# Planes stand off by this share of the largest coordinate, for rounding: bodies are often made of
-# float32 values, whose places are not known any better.
+# Planes are moved out by this share of the largest coordinate, for rounding: bodies are often made of
+# float32 values, whose positions are no more precise.
 SLACK = 1e-6
 
 
@@ -38,27 +38,27 @@ class HalfSpaces:
 
     @classmethod
     def around(cls, normals: Array, points: Array) -> Self:
-        """The narrowest with normals (K, 3) of any length round points (3, N), with SLACK to spare."""
+        """The narrowest half-spaces with normals (K, 3) of any length around points (3, N), plus SLACK."""
         length = np.linalg.norm(normals, axis=1)
         unit = normals[length > 0.0] / length[length > 0.0, None]
         limits = highest(unit, points)
         return cls(unit, limits + SLACK * float(np.abs(points).max()))
 
     def with_planes_of(self, other: Self) -> Self:
-        """What lies in both."""
+        """The intersection with another body."""
         return type(self)(
             np.concatenate([self.normals, other.normals]), np.concatenate([self.limits, other.limits])
         )
 
     def met_by(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
-        """Whether triangles (T, 3) may meet the body, (T,); those with a vertex that is NaN may.
+        """Whether triangles (T, 3) may meet the body, (T,); triangles with a vertex that is NaN may.
 
-        vertices: (V, 3). Of many triangles a few may be told to meet it that do not.
+        vertices: (V, 3). A few triangles that do not meet it may be reported too.
         """
         some = self._in_front(vertices, triangles[:: max(1, len(triangles) // SAMPLES)])
         if some.shape[1] == len(triangles):
             return ~some.any(axis=0)
-        return self._worth_asking(some)._met_by_bits(vertices, triangles)
+        return self._worth_testing(some)._met_by_bits(vertices, triangles)
 
     def _in_front(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
         """Whether all of each triangle's corners are in front of each plane, (K, T)."""
@@ -69,8 +69,8 @@ class HalfSpaces:
                 np.all((heights(normal, corners) > limit).reshape(3, -1), axis=0, out=row)
         return found
 
-    def _worth_asking(self, in_front: BoolArray) -> Self:
-        """The planes that leave out most of some triangles; in_front: (K, n)."""
+    def _worth_testing(self, in_front: BoolArray) -> Self:
+        """The planes that reject most of some triangles; in_front: (K, n)."""
         chosen: list[int] = []
         left = np.ones(in_front.shape[1], bool)
         while len(chosen) < min(MOST_PLANES, len(in_front)):
@@ -83,14 +83,14 @@ class HalfSpaces:
         return type(self)(self.normals[chosen], self.limits[chosen])
 
     def _met_by_bits(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
-        """As ``met_by``, for MOST_PLANES at most."""
-        # In one thread: steps so short take as long in two, which wait for each other.
+        """As ``met_by``, for at most MOST_PLANES planes."""
+        # In one thread: steps this short take as long in two, which wait for each other.
         outside = np.empty(len(vertices), np.uint16)
         for some in chunks(len(vertices)):
             outside[some] = self._outside(np.ascontiguousarray(vertices[some].T))
         met: BoolArray = np.empty(len(triangles), bool)
         for some in chunks(len(triangles)):
-            # NumPy is quickest at this mode, with indices of its own kind.
+            # NumPy is fastest in this mode, with indices of its own dtype.
             corner = triangles[some].T.astype(np.intp, order="C")
             common = outside.take(corner[0], mode="clip")
             common &= outside.take(corner[1], mode="clip")
@@ -99,32 +99,32 @@ class HalfSpaces:
         return met
 
     def _outside(self, points: Array) -> NDArray[np.uint16]:
-        """Which of the planes points (3, n) are in front of, (n,), a bit a plane."""
+        """The planes that points (3, n) are in front of, (n,), one bit per plane."""
         bits = np.zeros(points.shape[1], np.uint16)
-        room = np.empty((2, len(bits)))
+        buffer = np.empty((2, len(bits)))
         with np.errstate(invalid="ignore", over="ignore"):
             for bit, (normal, limit) in enumerate(zip(self.normals, self.limits, strict=True)):
-                bits |= (heights(normal, points, room) > limit) * np.uint16(1 << bit)
+                bits |= (heights(normal, points, buffer) > limit) * np.uint16(1 << bit)
         return bits
 
 
 def highest(normals: Array, points: Array) -> Array:
-    """The largest of ``heights`` by normals (K, 3), (K,); points: (3, N) as they lie in memory, N > 0."""
+    """The largest of ``heights`` over points (3, N), N > 0, for each of normals (K, 3): (K,)."""
     most = np.full(len(normals), -np.inf)
     for some in chunks(points.shape[1]):
         part = np.ascontiguousarray(points[:, some])
-        room = np.empty((2, part.shape[1]))
-        np.maximum(most, [heights(normal, part, room).max() for normal in normals], out=most)
+        buffer = np.empty((2, part.shape[1]))
+        np.maximum(most, [heights(normal, part, buffer).max() for normal in normals], out=most)
     return most
 
 
-def heights(normal: Array, points: Array, room: Array | None = None) -> Array:
-    """normal (3,) · points (3, N), without BLAS, which wakes its threads for so slim a product.
+def heights(normal: Array, points: Array, buffer: Array | None = None) -> Array:
+    """normal (3,) · points (3, N), without BLAS, which starts its threads for so slim a product.
 
-    room: (2, N), in the first row of which they come back then.
+    buffer: (2, N), whose first row then is the result.
     """
     result: Array
-    result, term = np.empty((2, points.shape[1])) if room is None else room
+    result, term = np.empty((2, points.shape[1])) if buffer is None else buffer
     np.multiply(normal[0], points[0], out=result)
     result += np.multiply(normal[1], points[1], out=term)
     result += np.multiply(normal[2], points[2], out=term)

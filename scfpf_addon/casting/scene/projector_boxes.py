@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Projectors cut into pieces along t, and boxes that certainly hold them."""
+"""Boxes that certainly contain projectors, cut into pieces along t."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from ...projection.volume.bezier import restrict
 # Pieces of a span.
 PIECES = 64
 
-# Sets of weights that are kept, of the projections that are cast at a time.
+# Sets of weights in the cache: of the projections that are cast at a time.
 KEPT = 16
 
 
 def piece_edges(spans: SpanBasis, parts: int = 1) -> Array:
-    """Where the P = S·PIECES·parts pieces begin and end in t, (P + 1,)."""
+    """The edges in t of the P = S·PIECES·parts pieces, (P + 1,)."""
     starts = np.linspace(0.0, 1.0, PIECES * parts + 1)[:-1]
     lengths = np.diff(spans.breaks)[:, None]
     edges: Array = np.append((spans.breaks[:-1, None] + starts * lengths).ravel(), spans.breaks[-1])
@@ -29,7 +29,7 @@ def piece_edges(spans: SpanBasis, parts: int = 1) -> Array:
 
 
 def piece_weights(spans: SpanBasis, parts: int = 1) -> Array:
-    """How pieces' control points are made of the projector's, (S·PIECES·parts, degree+1, K), read-only."""
+    """Weights of the control points in those of the pieces, (S·PIECES·parts, degree+1, K), read-only."""
     weights = spans.point_weights
     return _kept_weights(
         spans.matrices.tobytes(), spans.matrices.shape, None if weights is None else weights.tobytes(), parts
@@ -40,20 +40,29 @@ def piece_weights(spans: SpanBasis, parts: int = 1) -> Array:
 def _kept_weights(
     matrices: bytes, shape: tuple[int, int, int], point_weights: bytes | None, parts: int
 ) -> Array:
-    """As piece_weights: every tile of a picture asks for the same ones."""
+    """As piece_weights: all tiles of an image need the same ones."""
     edges = np.linspace(0.0, 1.0, PIECES * parts + 1)
-    order = shape[1]
-    made = np.frombuffer(matrices).reshape(shape)
-    identity = np.broadcast_to(np.eye(order)[:, :, None], (order, order, PIECES * parts))
+    weights = None if point_weights is None else np.frombuffer(point_weights).reshape(shape[:2])
+    result = weights_between(edges, np.frombuffer(matrices).reshape(shape), weights)
+    result.setflags(write=False)
+    return result
+
+
+def weights_between(edges: Array, matrices: Array, point_weights: Array | None) -> Array:
+    """As piece_weights, of the P pieces between edges (P+1,) in the parameter of S spans: (S·P, degree+1, K).
+
+    matrices, point_weights: as in ``SpanBasis``.
+    """
+    count, order, controls = matrices.shape
+    identity = np.broadcast_to(np.eye(order)[:, :, None], (order, order, len(edges) - 1))
     pieces = restrict(identity, edges[:-1], edges[1:])
     if point_weights is None:
-        weights = np.einsum("jip,sik->spjk", pieces, made)
+        weights = np.einsum("jip,sik->spjk", pieces, matrices)
     else:
-        shares = np.einsum("jip,si->spji", pieces, np.frombuffer(point_weights).reshape(shape[:2]))
+        shares = np.einsum("jip,si->spji", pieces, point_weights)
         shares /= shares.sum(axis=3, keepdims=True)
-        weights = np.einsum("spji,sik->spjk", shares, made)
-    result: Array = np.ascontiguousarray(weights.reshape(-1, order, shape[2]))
-    result.setflags(write=False)
+        weights = np.einsum("spji,sik->spjk", shares, matrices)
+    result: Array = np.ascontiguousarray(weights.reshape(count * (len(edges) - 1), order, controls))
     return result
 
 
@@ -63,8 +72,8 @@ def piece_bounds(
     """Bounds (3, P, B) of P pieces of projectors whose control points lie in boxes (K, 3, B).
 
     weights: of the pieces (``piece_weights``). The control points of a piece enclose it,
-    and are weighted sums of the projector's. Reckoned in the precision of the boxes; the
-    caller makes them wider by its rounding.
+    and are weighted sums of the projector's. Computed in the precision of the boxes; the
+    caller widens the bounds by its rounding.
     """
     rounded = weights.astype(lower.dtype, copy=False)
     positive, negative = np.maximum(rounded, 0.0), np.minimum(rounded, 0.0)
@@ -84,9 +93,9 @@ def piece_bounds(
 def bounds_of_each(
     weights: Array, which: IndexArray, lower: NDArray[Any], upper: NDArray[Any]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """As piece_bounds, of the parts (P, parts, degree+1, K) of one piece each: (3, parts, M) both.
+    """As piece_bounds, of the parts of one piece each: (3, parts, M) both.
 
-    which: (M,) the pieces. lower, upper: (K, 3, M).
+    weights: (P, parts, degree+1, K). which: (M,) the pieces. lower, upper: (K, 3, M).
     """
     each = weights.astype(lower.dtype, copy=False).take(which, 0).transpose(3, 1, 2, 0)
     each = np.ascontiguousarray(each)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The chords of a picture's projectors in Cycles: their number, their ends, the resolution of their sheets.
+"""The chords of an image's projectors in Cycles: their number, their ends, the resolution of their sheets.
 
 A ray runs along a chord until a sheet turns it into the next. All projectors share the sheets,
-so there is one list of breaks in t for the picture, planned as the caster plans a tile.
+so there is one list of breaks in t for the image, planned as the caster plans a tile.
 Sheets are triangles: between their vertices a projector is the mean of those at the corners.
 """
 
@@ -13,15 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...casting.curves.schedule import END_CHORD, SHIFT, Curves
+from ...casting.curves.chord_rules import SHIFT, graded, half_cosine, running_total
+from ...casting.curves.sampled_curves import Curves, across, blend, curves_through
 from ...projection.mappings.stack import is_disc
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.basis import SpanBasis
-from ...projection.volume.viewing_volume import Projection, image_derivatives
+from ...projection.volume.viewing_volume import Projection
 from ..portals.sheets import picture_places
-from .pixel_footprint import SMALLEST_ERROR, blend, pixels, without
+from .pixel_footprint import SMALLEST_ERROR, pixels
 
-# Projectors that are looked at, across and up the picture.
+# Projectors that are sampled, across and up the image.
 SAMPLES = (25, 17)
 
 # Places at which a chord is compared with its curve, both ends included.
@@ -30,13 +31,13 @@ PLACES = 9
 # The chords' part of the pixel error; the rest is for the sheets between their vertices.
 CHORD_SHARE = 0.75
 
-# More chords than this are not made: each is a sheet, and a step of every ray.
+# At most so many chords are made: each is a sheet, and a step of every ray.
 MOST_CHORDS = 256
 
-# Attempts to find the fewest chords that are right.
+# Attempts to find the fewest chords within the pixel error.
 ATTEMPTS = 12
 
-# Steps in t at which the demand for chords is looked at, a span.
+# Steps in t at which the demand for chords is evaluated, per span.
 STEPS = 64
 
 # Cells across and up a sheet: at least, and at most.
@@ -45,25 +46,25 @@ FEWEST_CELLS, MOST_CELLS = 8, 256
 # Vertices of all sheets together, at most: some 800 MB in Blender and Cycles.
 MOST_VERTICES = 1_500_000
 
-# Cells of a sheet that are looked at, across and up.
+# Cells of a sheet that are sampled, across and up.
 CELL_SAMPLES = 16
 
-# Rim of a polar picture: this many cells make a polygon that the eye takes for a circle.
+# Cells along the rim of a polar image: their polygon looks like a circle.
 ROUND_CELLS = 64
 
-# Time a chord costs, as a share of what a plain camera needs in a simple scene, and the rig itself.
+# Rendering time of a chord, and of the rig itself, as a share of a plain camera's in a simple scene.
 COST_CHORD, COST_RIG = 0.25, 0.3
 
 
 @dataclass(frozen=True)
 class ChordPlan:
-    """The chords of a picture.
+    """The chords of an image.
 
     breaks: (n+1,) increasing from 0 to 1 in t. shifts: (n+1,): chords end at Q(t) - shift Q''(t).
     cells: of each sheet, across and up. error: the largest distance between curve and chord
     plus that between vertices, on the sampled projectors, in pixels. missing: the share of
-    the sampled projectors that do not exist (holes of a surface, or of an image mapping). disc: whether the
-    picture is one.
+    the sampled projectors that do not exist (holes of a surface, or of an image mapping). disc: whether
+    the image is one.
     """
 
     breaks: Array
@@ -90,7 +91,7 @@ def rendering_cost(chords: int) -> float:
 
 
 class PlanError(ValueError):
-    """The volume has no projector that could be followed; the message says what to do."""
+    """The volume has no finite projector; the message says what to do."""
 
 
 def plan_chords(
@@ -99,12 +100,12 @@ def plan_chords(
     pixel_error: float,
     lines: tuple[int, int] = (1, 1),
 ) -> ChordPlan:
-    """Plan the chords of a picture.
+    """Plan the chords of an image.
 
-    projections: the same volume at one or more frames; those whose spans differ from the first's (weights
-    that are animated) are left aside. size: width and height of the picture in pixels. pixel_error: as
+    projections: the same volume at one or more frames; those whose spans differ from the first's
+    (animated weights) are ignored. size: width and height of the image in pixels. pixel_error: as
     in ``casting.cast``. lines: cells of the surfaces' own grids, whose lines sheets should follow.
-    Raises PlanError where nothing is to be seen.
+    Raises PlanError if no projector is finite.
     """
     first = projections[0]
     spans = first.volume.spans
@@ -133,26 +134,29 @@ def _same(a: SpanBasis, b: SpanBasis) -> bool:
 
 
 def _sample(projection: Projection, size: tuple[int, int]) -> tuple[Curves, BoolArray]:
-    """Projectors all over the picture, and which of those there should be exist."""
+    """Projectors spread over the image, and whether each exists, of those that should."""
     # Borders too, a little inside: derivatives are one-sided there.
     x, y = (np.linspace(1e-6, 1.0 - 1e-6, count) for count in SAMPLES)
     across, up = np.meshgrid(x, y)
     x, y = picture_places(across.ravel(), up.ravel(), *_shape(projection))
-    image = projection.parameters(x, y)
-    with np.errstate(invalid="ignore", over="ignore"):
-        controls = projection.volume.controls(image.u, image.v)
-        dx, dy = image_derivatives(controls.du, controls.dv, image.jacobian)
-    curves = Curves(controls.points, dx / size[0], dy / size[1])
-    finite = np.logical_and.reduce([np.isfinite(c).all(axis=(0, 1)) for c in curves])
-    present = controls.valid & finite
+    curves, valid, mask = _curves(projection, size, x, y)
+    present = valid & curves.finite()
     if not _shape(projection)[0]:
         # On the rim of a disc rounding decides.
-        present &= image.mask
-    return Curves(*(c[:, :, present] for c in curves)), present
+        present &= mask
+    return curves.only(present), present
+
+
+def _curves(
+    projection: Projection, size: tuple[int, int], x: Array, y: Array
+) -> tuple[Curves, BoolArray, BoolArray]:
+    """As ``curves_through``, with derivatives by one pixel."""
+    curves, valid, mask = curves_through(projection, x, y)
+    return Curves(curves.points, curves.dx / size[0], curves.dy / size[1]), valid, mask
 
 
 def _shape(projection: Projection) -> tuple[bool, float]:
-    """Whether the picture is a disc, and its aspect."""
+    """Whether the image is a disc, and its aspect."""
     return is_disc(projection.reparameterisation, projection.aspect), projection.aspect
 
 
@@ -183,25 +187,19 @@ def _breaks(spans: SpanBasis, curves: Curves, pixel_error: float) -> tuple[Array
 
 
 def _demand(spans: SpanBasis, span: int, curves: Curves) -> tuple[Array, Array]:
-    """Places in a span, as angles, and the chords there must be before each for an error of a pixel."""
-    # As in casting.schedule: even steps in θ are fine at both ends of s = (1 - cos θ)/2.
+    """Places in a span, as angles (``half_cosine``), and the chords before each for an error of one pixel."""
     edges = np.linspace(0.0, np.pi, STEPS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
-    there = pixels(curves, spans, span, 0.5 - 0.5 * np.cos(middle))
+    there = pixels(curves, spans, span, half_cosine(middle))
     length = spans.breaks[span + 1] - spans.breaks[span]
     bend = SHIFT * there.moved(there.bend)
     share = np.sqrt(bend).max(axis=1) * length * 0.5 * np.sin(middle) * np.diff(edges)
-    return edges, np.concatenate([[0.0], np.cumsum(share)])
+    return edges, running_total(share)
 
 
 def _quantiles(spans: SpanBasis, span: int, edges: Array, total: Array, density: float) -> Array:
-    """The breaks of one span but for its end."""
-    count = max(1, int(np.ceil(density * total[-1])))
-    shares = np.ones(count)
-    # One end of theirs is not shifted.
-    shares[[0, -1]] = END_CHORD
-    quantiles = np.concatenate([[0.0], np.cumsum(shares)]) * (total[-1] / shares.sum())
-    local = 0.5 - 0.5 * np.cos(np.interp(quantiles, total, edges))
+    """The breaks of one span without its end."""
+    local = graded(total, edges, max(1, int(np.ceil(density * total[-1]))))
     local[0] = 0.0
     low, high = spans.breaks[span], spans.breaks[span + 1]
     breaks: Array = low + local[:-1] * (high - low)
@@ -209,9 +207,9 @@ def _quantiles(spans: SpanBasis, span: int, edges: Array, total: Array, density:
 
 
 def _shifts(spans: SpanBasis, breaks: Array) -> Array:
-    """What ends of chords are moved by, times the bend: half the error then lies on either side of the curve.
+    """Shifts of the chords' ends, in units of the bend: half the error then lies on either side of the curve.
 
-    Not those of rational projectors: with their bend they would move along the curve as well.
+    0 for rational projectors: with their bend, ends would move along the curve as well.
     """
     shifts = np.zeros(len(breaks))
     if spans.point_weights is None:
@@ -236,7 +234,7 @@ def _measure(spans: SpanBasis, curves: Curves, breaks: Array, shifts: Array) -> 
         weights = values - np.array([shift, next_shift])[:, None] * bends
         ends = np.einsum("gk,kcs->gcs", weights, curves.points)
         chord = np.broadcast_to((ends[1] - ends[0])[:, None], there.position.shape)
-        offset = without(there.position - ends[0][:, None], chord)
+        offset = across(there.position - ends[0][:, None], chord)
         largest = max(largest, float(there.moved(offset).max(initial=0.0)))
     return largest
 
@@ -248,7 +246,7 @@ def _cells(
     pixel_error: float,
     lines: tuple[int, int],
 ) -> tuple[tuple[int, int], float]:
-    """Cells across and up such that projectors are right between vertices too, and the error that is left."""
+    """Cells across and up that keep the pixel error between vertices too, and the error that is left."""
     least = ROUND_CELLS if _shape(projections[0])[0] else FEWEST_CELLS
     most = MOST_VERTICES // len(breaks)
     # Multiples of the surfaces' own cells: their lines are creases.
@@ -267,7 +265,7 @@ def _cells(
 
 
 def _between(projection: Projection, size: tuple[int, int], breaks: Array, cells: Sequence[int]) -> Array:
-    """How far projectors are off half way along cells' sides and diagonals, in pixels."""
+    """The error half way along cells' sides and diagonals, in pixels: (3,) across, up, diagonal."""
     column, row = (
         np.unique(np.linspace(0, count - 1, min(count, CELL_SAMPLES)).astype(int)) for count in cells
     )
@@ -293,18 +291,14 @@ def _off(
     """Largest distance, in pixels, of projectors half way from the mean of those at both ends."""
     spans = projection.volume.spans
     x, y = (0.5 * (a + b) for a, b in zip(one, other, strict=True))
-    image = projection.parameters(x, y)
     with np.errstate(invalid="ignore", over="ignore"):
-        controls = projection.volume.controls(image.u, image.v)
-        dx, dy = image_derivatives(controls.du, controls.dv, image.jacobian)
-        curves = Curves(controls.points, dx / size[0], dy / size[1])
+        curves, valid, _ = _curves(projection, size, x, y)
         ends = [projection.projectors(*place) for place in (one, other)]
-        off = 0.5 * (ends[0].points + ends[1].points) - controls.points
-    valid = controls.valid & ends[0].valid & ends[1].valid
-    valid &= np.logical_and.reduce([np.isfinite(c).all(axis=(0, 1)) for c in (*curves, off)])
+        off = 0.5 * (ends[0].points + ends[1].points) - curves.points
+    valid = valid & ends[0].valid & ends[1].valid & curves.finite() & np.isfinite(off).all(axis=(0, 1))
     if not valid.any():
         return 0.0
-    curves, off = Curves(*(c[:, :, valid] for c in curves)), off[:, :, valid]
+    curves, off = curves.only(valid), off[:, :, valid]
     largest = 0.0
     for span, (low, high) in enumerate(zip(spans.breaks[:-1], spans.breaks[1:], strict=True)):
         inside = breaks[(breaks >= low) & (breaks <= high)]

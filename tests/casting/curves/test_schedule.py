@@ -10,7 +10,8 @@ from benchmarks.scenes import bent_projection, boxes, frame_at
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.hits import CastCounts
 from scfpf_addon.casting.curves.bends import bend_groups, bends
-from scfpf_addon.casting.curves.schedule import MOST_CHORDS, plan, sample_curves, scene_reach, split
+from scfpf_addon.casting.curves.sampled_curves import sample_curves
+from scfpf_addon.casting.curves.schedule import MOST_CHORDS, plan, scene_reach, split
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.surfaces.surface import Disc, Grid, Plane, Point, SphereSector
@@ -62,11 +63,11 @@ VOLUMES = {
 }
 
 
-def schedule(projection, pixel_error, finer=1, reach=(0.0, 1.0)):
+def schedule(projection, pixel_error):
     x, y = pixel_centres(WIDTH, HEIGHT, (0, HEIGHT))
     mask = projection.projectors(x, y).valid
     curves = sample_curves(projection, x, y, mask, SIZE)
-    return plan(projection.volume.spans, curves, reach, pixel_error, finer)
+    return plan(projection.volume.spans, curves, (0.0, 1.0), pixel_error)
 
 
 def displacement(projection, chords, count=80):
@@ -249,4 +250,4 @@ def test_a_volume_that_telescopes_a_thousandfold_needs_a_fifteenth_of_even_chord
     curves = sample_curves(projection, x, y, mask, (1 / width, 1 / 1080))
     even = int(chord_count(points, 0.1 * 0.001 / width).max())
     assert even == 1518
-    assert plan(projection.volume.spans, curves, (0.0, 1.0), 0.1, 1).count <= 105
+    assert plan(projection.volume.spans, curves, (0.0, 1.0), 0.1).count <= 105

@@ -15,6 +15,7 @@ from benchmarks.hard_scenes import open_fan, sphere
 from benchmarks.scenes import bent_projection, boxes, columns
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.hits import CastCounts
+from scfpf_addon.casting.curves.plane_hits import solve
 from scfpf_addon.casting.curves.projector_batch import ProjectorBatch
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -47,7 +48,7 @@ def plane_depth(scene, inside, x, y, triangle, t):
     points, _ = inside.projectors(x, y)
     batch = ProjectorBatch(inside.volume.spans, points)
     span = inside.volume.spans.locate(np.minimum(t, 1.0))[0]
-    found = batch.solve(scene, np.maximum(triangle, 0), span, t - 0.05, np.minimum(t + 0.05, 1.0))
+    found = solve(batch, scene, np.maximum(triangle, 0), span, t - 0.05, np.minimum(t + 0.05, 1.0))
     return np.where((triangle >= 0) & ~np.isnan(found.t), found.t, 2.0)
 
 

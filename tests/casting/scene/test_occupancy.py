@@ -11,7 +11,8 @@ from scfpf_addon.casting.cast import CastCounts
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene import occupancy
 from scfpf_addon.casting.scene.cast_scene import CastScene
-from scfpf_addon.casting.scene.occupancy import CELLS, FINER, Occupancy, Stretches, boxes_of_blocks, stretches
+from scfpf_addon.casting.scene.occupancy import CELLS, FINER, Occupancy
+from scfpf_addon.casting.scene.stretches import Stretches, boxes_of_blocks, stretches
 
 WIDTH, HEIGHT = 75, 43
 

@@ -4,8 +4,8 @@
 import numpy as np
 import pytest
 
-from scfpf_addon.casting.curves.schedule import MOST_SQUEEZE, Curves
-from scfpf_addon.cycles.chords.pixel_footprint import pixels, without
+from scfpf_addon.casting.curves.sampled_curves import MOST_SQUEEZE, Curves, across
+from scfpf_addon.cycles.chords.pixel_footprint import pixels
 from scfpf_addon.projection.volume.basis import span_basis
 
 PLACES = np.array([0.0, 0.3, 1.0])
@@ -31,7 +31,7 @@ def test_ways_across_are_counted_in_pixels(squeeze):
         for number in range(40):
             tangent = there.tangent[:, group, number]
             dx, dy = (
-                without(c[0, :, number][:, None, None], tangent[:, None, None])[:, 0, 0] for c in curves[1:]
+                across(c[0, :, number][:, None, None], tangent[:, None, None])[:, 0, 0] for c in curves[1:]
             )
             if np.linalg.cond(np.stack([dx, dy], axis=1)) > 0.9 * MOST_SQUEEZE:
                 continue
@@ -47,7 +47,7 @@ def test_squeezed_pixels_count_as_less_squeezed():
     curves = projectors(generator, 0.0)
     there = pixels(curves, span_basis("BEZIER", 2), 0, PLACES)
     assert there.narrow == pytest.approx(there.wide / MOST_SQUEEZE)
-    offset = np.cross(there.tangent, there.across, axis=0)
+    offset = np.cross(there.tangent, there.widest, axis=0)
     length = np.linalg.norm(offset, axis=0)
     assert there.moved(offset) == pytest.approx(length / there.narrow)
 
