@@ -32,12 +32,10 @@ POLL_SECONDS = 0.05
 class TileJob:
     """A tile as the thread that works on it sees it.
 
-    rows: of the image. cancelled: set when the work is cancelled. done: share of the
-    tile, in [0, 1], that the thread may raise as it goes.
+    rows: of the image. done: share of the tile, in [0, 1], that the thread may raise as it goes.
     """
 
     rows: slice
-    cancelled: Event
     done: float = 0.0
 
 
@@ -71,7 +69,7 @@ def run_tiles(
     has been cancelled, and all threads have ended.
     """
     ends = Event()
-    jobs = [TileJob(rows, ends) for rows in tiles]
+    jobs = [TileJob(rows) for rows in tiles]
     height = sum(rows.stop - rows.start for rows in tiles)
     waiting: SimpleQueue[TileJob] = SimpleQueue()
     for job in jobs:

@@ -115,7 +115,7 @@ def _span_chords(
         """Shifts of the ends, in units of SHIFT."""
         steps = np.diff(local)
         around = np.concatenate([steps[:1], steps, steps[-1:]])
-        shift = around[1:] * around[:-1]
+        shift: Array = around[1:] * around[:-1]
         shift[[0, -1]] = np.where(between, 0.0, shift[[0, -1]])
         return shift
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...casting.common.cancellation import raise_if_cancelled
 from ...casting.common.ray_visibility import CATCHER, SHADOW, visible_to
-from ...casting.continuation import WaysOut
+from ...casting.continuation import ExitTangents
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..passes.light_passes import LightParts
@@ -140,18 +140,18 @@ class Catchers:
         triangle: IndexArray,
         points: SurfacePoints,
         sample: int | IndexArray,
-        ways_out: WaysOut,
+        exits: ExitTangents,
         parts: LightParts | None,
     ) -> Single:
         """The colours (3, n) of hits on triangles (n,), or (4, n) with alpha where some of them are caught.
 
-        ways_out: of the hits. parts: of the colours.
+        exits: of the hits. parts: of the colours.
         """
         caught = np.flatnonzero(self.meets(triangle))
         if not len(caught):
             return color
         left = self.left(points.take(caught), sample if isinstance(sample, int) else sample[caught])
-        shown = self.picture(left, ways_out(caught) if self.looks_on else None)
+        shown = self.picture(left, exits(caught) if self.looks_on else None)
         color = np.concatenate([color, np.ones_like(color[:1])])
         color[:, caught] = shown
         if parts:
@@ -159,18 +159,18 @@ class Catchers:
             parts.catch(caught, np.ones((3, len(caught))), shown, left)
         return color
 
-    def picture(self, left: Single, ways_out: Array | None) -> Single:
+    def picture(self, left: Single, exits: Array | None) -> Single:
         """Colours and alpha (4, n) of what is caught.
 
-        left: (3, n), see there. ways_out: (3, n) where the projectors leave the volume, see ``looks_on``.
+        left: (3, n), see there. exits: (3, n) tangents where projectors leave the volume, see ``looks_on``.
         """
         share = (left[0] + left[1] + left[2]) / 3
         made = np.zeros((4, len(share)), np.float32)
         made[3] = 0.0 if self.apart else 1 - share
         if self.behind is not None:
             color = np.reshape(self.behind, (3, 1))
-            if self.world and ways_out is not None:
-                color = self.world.radiance(ways_out)
+            if self.world and exits is not None:
+                color = self.world.radiance(exits)
             made[:3], made[3] = color * share, 1.0
         return made
 

@@ -65,8 +65,9 @@ class Shading:
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            pixel, behind = continuation.pixels_of(where), continuation.of(where)
-            return tracer.color(hits.take(where), sample, pixel, behind, continuation.leaving(where), parts)
+            pixel, following = continuation.pixels_of(where), continuation.next_hits_of(where)
+            exits = continuation.exit_tangents_of(where)
+            return tracer.color(hits.take(where), sample, pixel, following, exits, parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
@@ -74,7 +75,8 @@ class Shading:
         points = self.surface.points(triangle, barycentric, position, tangent)
         color = self.lighting.radiance(points, self.coefficients, sample, parts)
         if self.catchers:
-            color = self.catchers.over(color, triangle, points, sample, continuation.leaving(where), parts)
+            exits = continuation.exit_tangents_of(where)
+            color = self.catchers.over(color, triangle, points, sample, exits, parts)
         if self.held_out is None:
             return color
         held = self.held_out.take(triangle)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...casting.common.hits import Hits
 from ...casting.common.ray_visibility import HOLDOUT
-from ...casting.continuation import Behind, WaysOut
+from ...casting.continuation import ExitTangents, NextHits
 from ...projection.typing import Array, IndexArray
 from ..lights.lighting import Lighting
 from ..lights.shadow_catchers import Catchers
@@ -83,13 +83,13 @@ class Tracer:
         hits: Hits,
         sample: int,
         pixel: IndexArray,
-        behind: Behind,
-        ways_out: WaysOut,
+        next_hits: NextHits,
+        exits: ExitTangents,
         parts: LightParts | None = None,
     ) -> Single:
         """Radiance towards the viewer and alpha of n hits, (4, n).
 
-        pixel: (n,) number in the image. behind, ways_out: of the hits by their place in the list.
+        pixel: (n,) number in the image. next_hits, exits: of the hits by their place in the list.
         parts: of n hits, to be filled in.
         """
         film = PathFilm(len(hits.t), parts is not None)
@@ -98,11 +98,11 @@ class Tracer:
         while len(wave.pixel):
             wave = self._hold_out(wave, film)
             if self.catchers:
-                wave = self._catch(wave, self.catchers, sample, film, ways_out)
+                wave = self._catch(wave, self.catchers, sample, film, exits)
             sent = []
             for some, last in self._by_limit(wave):
                 for which, lobe in self.lighting.gather(some, sample, film, last):
-                    sent.append(self._send(some, which, lobe, film, behind, samples))
+                    sent.append(self._send(some, which, lobe, film, next_hits, samples))
             if not sent:
                 break
             wave = PathWave.joined(sent)
@@ -135,7 +135,7 @@ class Tracer:
         return wave.take(np.flatnonzero(~held))
 
     def _catch(
-        self, wave: PathWave, catchers: Catchers, sample: int, film: PathFilm, ways_out: WaysOut
+        self, wave: PathWave, catchers: Catchers, sample: int, film: PathFilm, exits: ExitTangents
     ) -> PathWave:
         """The paths that no shadow catcher ends; the others show the image's own background."""
         caught = catchers.meets(wave.hits.triangle) & ~wave.on_ray
@@ -146,7 +146,7 @@ class Tracer:
         surface = self.lighting.surface
         points = surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         left = catchers.left(points, sample)
-        film.catch(came, catchers.picture(left, ways_out(came.pixel) if catchers.looks_on else None), left)
+        film.catch(came, catchers.picture(left, exits(came.pixel) if catchers.looks_on else None), left)
         return wave.take(np.flatnonzero(~caught))
 
     def _send(
@@ -155,7 +155,7 @@ class Tracer:
         which: IndexArray,
         lobe: ScatteredLobe,
         film: PathFilm,
-        behind: Behind,
+        next_hits: NextHits,
         samples: ReflectionSamples,
     ) -> PathWave:
         """Send the paths ``which`` along a lobe; return those that hit, and add the others to the film."""
@@ -171,7 +171,7 @@ class Tracer:
         hits = Hits.empty(len(going))
         on = np.flatnonzero(~on_ray)
         if len(on):
-            hits.put(on, behind(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
+            hits.put(on, next_hits(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
         off = np.flatnonzero(on_ray)
         if len(off):
             met, passed = self.sampler.scatter(came.take(off), lobe.take(off), samples)

@@ -14,6 +14,7 @@ from scfpf_addon.casting import tiles as tiling
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common import memory
 from scfpf_addon.casting.common.hits import CastCounts, CastError
+from scfpf_addon.casting.curves import chord_rules
 from scfpf_addon.casting.exact import chord_bounds
 from scfpf_addon.casting.frame import cast_frame, pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -142,11 +143,11 @@ def test_projectors_that_need_too_many_chords_together_are_cast_apart(monkeypatc
     lower, upper, epsilon = scene.prisms.lower, scene.prisms.upper, scene.prisms.epsilon
     needed = chord_bounds.certain_chords(whole.volume.spans, points, lower, upper, epsilon)[0].count
     expected = reference.cast_image(scene, whole, WIDTH, HEIGHT, 0.0)
-    monkeypatch.setattr(chord_bounds, "MOST_CHORDS", needed - 1)
+    monkeypatch.setattr(chord_rules, "MOST_CERTAIN", needed - 1)
     _, bound = chord_bounds.certain_chords(whole.volume.spans, points, lower, upper, epsilon)
     assert bound > epsilon
     assert different(reference.cast_image(scene, whole, WIDTH, HEIGHT, 0.0), expected.t) == 0
-    monkeypatch.setattr(chord_bounds, "MOST_CHORDS", 2)
+    monkeypatch.setattr(chord_rules, "MOST_CERTAIN", 2)
     with pytest.raises(CastError, match="set the pixel error above 0"):
         reference.cast_image(scene, whole, WIDTH, HEIGHT, 0.0)
 

@@ -11,7 +11,8 @@ from benchmarks.scenes import SCENES, bent_projection
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.hits import CastCounts
 from scfpf_addon.casting.curves.projector_batch import ProjectorBatch
-from scfpf_addon.casting.curves.schedule import plan, sample_curves, scene_reach
+from scfpf_addon.casting.curves.sampled_curves import sample_curves
+from scfpf_addon.casting.curves.schedule import plan, scene_reach
 from scfpf_addon.casting.exact.chord_bounds import certain_chords
 from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -164,10 +165,10 @@ def test_arcs_of_circles_meet_a_plane_where_they_should(degrees, columns):
     np.testing.assert_allclose(way[:, hit], ahead[:, hit], atol=1e-12)
 
 
-def chords_of(projection, pixel_error, finer):
+def chords_of(projection, pixel_error):
     x, y = pixel_centres(WIDTH, HEIGHT, (0, HEIGHT))
     curves = sample_curves(projection, x, y, projection.projectors(x, y).valid, (1 / WIDTH, 1 / HEIGHT))
-    return plan(projection.volume.spans, curves, (0.0, 1.0), pixel_error, finer)
+    return plan(projection.volume.spans, curves, (0.0, 1.0), pixel_error)
 
 
 def displacements(projection, starts, ends, low, high, count=30):
@@ -201,26 +202,21 @@ def displacements(projection, starts, ends, low, high, count=30):
     ("name", "count"), [("mild", 4), ("strong", 3), ("steep", 4), ("steep", 7), ("corner", 5)]
 )
 @pytest.mark.parametrize("pixel_error", [1.5, 0.1])
-def test_chords_and_finer_chords_keep_their_error(name, count, pixel_error):
-    projection, finer = weighted(name, count), 6
-    chords = chords_of(projection, pixel_error, finer)
+def test_chords_keep_their_error(name, count, pixel_error):
+    projection = weighted(name, count)
+    chords = chords_of(projection, pixel_error)
     assert chords.error <= pixel_error * 1.0001
     ends, low, high = chords.ends, chords.breaks[:-1], chords.breaks[1:]
     assert displacements(projection, ends[:-1], ends[1:], low, high) <= pixel_error * 1.1
-    inner = np.linspace(low, high, finer + 1)
-    weights = projection.volume.spans.weights(inner.ravel())[0].T.reshape(*inner.shape, -1)
-    # Unshifted, and so twice as far away as the shifted coarse ones over the square.
-    fine = max(
-        displacements(projection, weights[part], weights[part + 1], inner[part], inner[part + 1], 8)
-        for part in (0, 2, 5)
-    )
-    assert fine <= 1.1 * 2 * pixel_error / finer**2
+    weights = projection.volume.spans.weights(chords.breaks)[0].T
+    # Unshifted chords stray twice as far.
+    assert displacements(projection, weights[:-1], weights[1:], low, high, 8) <= 1.1 * 2 * pixel_error
 
 
 @pytest.mark.parametrize("name", ["mild", "strong"])
 def test_weights_do_not_multiply_the_chords(name):
     plain = Projection(ViewingVolume(weighted(name, 4).volume.surfaces, "NURBS"), aspect=16 / 9)
-    assert chords_of(weighted(name, 4), 0.1, 2).count <= 1.3 * chords_of(plain, 0.1, 2).count
+    assert chords_of(weighted(name, 4), 0.1).count <= 1.3 * chords_of(plain, 0.1).count
 
 
 @pytest.mark.parametrize("seed", range(12))

@@ -91,7 +91,7 @@ def test_what_follows_on_a_projector_is_where_its_height_says(degree, pixel_erro
     for number, z in enumerate(heights):
         assert (geometry.material[hits.triangle] == number).all()
         assert np.abs(hits.t - (3 - z) / 6).max() < 1e-9
-        hits = continuation.hits(which, hits.t, hits.triangle)
+        hits = continuation.next_hits(which, hits.t, hits.triangle)
     assert (hits.triangle < 0).all()
 
 
