@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Triangles in the UV square: which of them covers a given (u, v).
+"""Triangles in the UV square, and the one of them that covers a given (u, v).
 
-The square's used part is cut into bins; every bin lists the triangles that
-touch it, lowest number first, as one flat array with offsets. A look-up tests
-the candidates of its bin in that order, many look-ups at a time.
+A look-up tests the triangles of its bin, lowest number first, many look-ups together.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -17,18 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..typing import Array, BoolArray, IndexArray
+from .uv_bins import BLOCK, EDGE_TOLERANCE, Bins, Layout, fill, layout
 
-# A point this near to a triangle, as a share of the UV square's side, lies on its
-# edge: some roundings of float32 UVs (6e-8), and a thousandth of a pixel at 2K.
-EDGE_TOLERANCE = 4e-7
 # A triangle that is thinner than this share of the UV square's side has no inside
 # that float32 UVs could tell.
 THINNEST = 1.2e-7
-# Bins are made larger until their lists hold at most this many numbers a triangle;
-# evenly sized triangles need about three.
-ENTRIES_PER_TRIANGLE = 32
-# Pairs of a point and a triangle that are tested at a time: what a core's cache holds.
-BLOCK = 65536
 
 
 class Found(NamedTuple):
@@ -40,32 +29,6 @@ class Found(NamedTuple):
 
     triangle: IndexArray
     weights: Array
-
-
-class Bins(NamedTuple):
-    """Lists of triangles by bin: those of bin b are entries[offsets[b]:offsets[b + 1]], ascending.
-
-    low, scale: (2,) bin coordinates are (uv - low) · scale, of a square of ``side`` × ``side`` bins.
-    """
-
-    side: int
-    low: Array
-    scale: Array
-    offsets: IndexArray
-    entries: IndexArray
-
-
-class Layout(NamedTuple):
-    """The triangles that bins hold, (U,) numbers, and ``side`` × ``side`` bins over ``extent`` from ``low``.
-
-    low, extent: (2,) UV. mean_overlaps: the triangles' areas by that of the part that the bins cover.
-    """
-
-    used: IndexArray
-    side: int
-    low: Array
-    extent: Array
-    mean_overlaps: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,21 +110,12 @@ class UVChart:
 
     @cached_property
     def _layout(self) -> Layout:
-        """The bins that the used part of the square is cut into."""
-        used = np.flatnonzero(self.used)
-        uv = np.clip(self.uv[used], -EDGE_TOLERANCE, 1.0 + EDGE_TOLERANCE)
-        if len(used) == 0:
-            return Layout(used, 1, np.zeros(2), np.ones(2), 0.0)
-        low = uv.min(axis=(0, 1)) - EDGE_TOLERANCE
-        extent = uv.max(axis=(0, 1)) + EDGE_TOLERANCE - low
-        boxes = np.ptp(uv, axis=1) / extent
-        area = (np.abs(self.double_area[used]) / (2 * extent.prod())).clip(0.0, boxes.prod(axis=1))
-        side = math.ceil(math.sqrt(len(used)))
-        # A convex outline passes through one bin more than it crosses lines between bins.
-        inside, along = area.sum() / len(used), 2 * boxes.sum() / len(used)
-        while side > 1 and inside * side**2 + along * side + 4 > ENTRIES_PER_TRIANGLE:
-            side = side * 3 // 4
-        return Layout(used, side, low, extent, float(inside * len(used)))
+        return layout(self.uv, np.flatnonzero(self.used), self.double_area)
+
+    @cached_property
+    def bins(self) -> Bins:
+        """The lists of used triangles by bin."""
+        return fill(self.uv, self._layout)
 
     @property
     def mean_overlaps(self) -> float:
@@ -172,25 +126,6 @@ class UVChart:
     def most_overlaps(self) -> int:
         """The largest number of triangles that a look-up tests."""
         return int(np.diff(self.bins.offsets).max())
-
-    @cached_property
-    def bins(self) -> Bins:
-        """The lists of used triangles by bin."""
-        used, side, low, extent, _ = self._layout
-        if len(used) == 0:
-            return Bins(1, np.zeros(2), np.ones(2), np.zeros(2, np.int64), np.zeros(0, np.int64))
-        scale = side / extent
-        triangles, cells = [], []
-        for start in range(0, len(used), BLOCK):
-            some = used[start : start + BLOCK]
-            # Unclipped corners: clipping would move the edges.
-            triangle, row, column = _covered((self.uv[some] - low) * scale, side, EDGE_TOLERANCE * scale)
-            triangles.append(some[triangle])
-            cells.append((row * side + column).astype(np.int32))
-        cell = np.concatenate(cells)
-        order = np.argsort(cell, kind="stable")
-        offsets = np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=side * side))])
-        return Bins(side, low, scale, offsets, np.concatenate(triangles)[order])
 
     def find(self, u: Array, v: Array) -> Found:
         """The triangle that covers each of the points u, v (N,), and the weights of its corners.
@@ -301,52 +236,3 @@ def _components(corners: IndexArray) -> IndexArray:
         np.minimum.at(label, own.ravel(), np.repeat(lowest, 3))
         while not np.array_equal(label, above := label[label]):
             label = above
-
-
-def _repeated(first: IndexArray, last: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Every integer of the ranges first..last (included), with the number of its range."""
-    count = np.maximum(last - first + 1, 0)
-    source = np.repeat(np.arange(len(count)), count)
-    place = np.arange(len(source)) - np.repeat(np.cumsum(count) - count, count)
-    return source, first[source] + place
-
-
-def _covered(uv: Array, side: int, pad: Array) -> tuple[IndexArray, IndexArray, IndexArray]:
-    """Triangle, row and column of every bin that a triangle touches, triangles ascending.
-
-    uv: (T, 3, 2) in bins. pad: (2,) how far beyond its edges a triangle reaches, in bins.
-    """
-
-    def bin_of(place: Array) -> IndexArray:
-        """The rows or columns of bins that places are in, any shape; the outermost hold what lies beyond."""
-        return np.clip(np.floor(place), 0, side - 1).astype(np.int64)
-
-    low, high = uv[..., 1].min(axis=1) - pad[1], uv[..., 1].max(axis=1) + pad[1]
-    triangle, row = _repeated(bin_of(low), bin_of(high))
-    bottom, top = row - pad[1], row + 1 + pad[1]
-    # The outermost rows take in what lies beyond them.
-    bottom, top = np.where(row == 0, -np.inf, bottom), np.where(row == side - 1, np.inf, top)
-    lowest, highest = np.full(len(row), np.inf), np.full(len(row), -np.inf)
-    for (start_u, start_v), (end_u, end_v) in _edges_of(uv, triangle):
-        crossing = (np.minimum(start_v, end_v) <= top) & (np.maximum(start_v, end_v) >= bottom)
-        rise = end_v - start_v
-        flat = rise == 0
-        rise[flat] = 1.0
-        for border, other in ((bottom, 0.0), (top, 1.0)):
-            along = np.where(flat, other, np.clip((border - start_v) / rise, 0.0, 1.0))
-            place = start_u + along * (end_u - start_u)
-            lowest = np.where(crossing, np.minimum(lowest, place), lowest)
-            highest = np.where(crossing, np.maximum(highest, place), highest)
-    # A row that rounding shows no edge in has no bins.
-    met = lowest <= highest
-    lowest, highest = np.where(met, lowest, 1.0), np.where(met, highest, 0.0)
-    first = bin_of(lowest - pad[0])
-    last = np.where(met, bin_of(highest + pad[0]), first - 1)
-    pair, column = _repeated(first, last)
-    return triangle[pair], row[pair], column
-
-
-def _edges_of(uv: Array, triangle: IndexArray) -> Iterator[tuple[Array, Array]]:
-    """The ends (2, P) of the three edges of triangles (P,)."""
-    for k in range(3):
-        yield uv[triangle, k].T, uv[triangle, (k + 1) % 3].T
