@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import chain
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -26,6 +27,10 @@ class Limit(NamedTuple):
     low: float
     high: float
 
+
+# The numbers of a kind of surface or mapping by their keys in a file, which end in DEGREES for angles.
+Limits: TypeAlias = Mapping[str, Limit]
+DEGREES = "_degrees"
 
 LENGTH = Limit(SMALLEST_LENGTH, LARGEST_LENGTH)
 COORDINATE = Limit(-LARGEST_LENGTH, LARGEST_LENGTH)
@@ -56,6 +61,26 @@ def read_number(value: object, where: str, limit: Limit) -> float:
     if limit.low > 0 and (number is None or number <= 0):
         raise PresetError(f"{where} must be a number above 0")
     raise PresetError(f"{where} must be a number between {limit.low:g} and {limit.high:g}")
+
+
+def read_parameters(values: Mapping[str, object], where: str, limits: Limits) -> dict[str, float]:
+    """Numbers within their limits, by their names in code: angles are radians and lose "_degrees"."""
+    parameters = {}
+    for key, limit in limits.items():
+        value = read_number(values[key], f"{where}: {key}", limit)
+        parameters[key.removesuffix(DEGREES)] = float(np.radians(value)) if key.endswith(DEGREES) else value
+    return parameters
+
+
+def parameter_data(parameters: Mapping[str, float], limits: Limits) -> dict[str, float]:
+    """Numbers as ``read_parameters`` reads them."""
+    values = {key: parameters[key.removesuffix(DEGREES)] for key in limits}
+    return {key: degrees(value) if key.endswith(DEGREES) else value for key, value in values.items()}
+
+
+def degrees(radians: float) -> float:
+    """An angle in degrees of 15 digits: 350 degrees come back as 350, not as 350.00000000000006."""
+    return float(f"{np.degrees(radians):.15g}")
 
 
 def read_vector(value: object, where: str, limit: Limit) -> tuple[float, float, float]:

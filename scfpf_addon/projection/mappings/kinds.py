@@ -10,7 +10,16 @@ from itertools import chain
 import numpy as np
 
 from ..file_limits import PresetError
-from ..file_values import Limit, read_choice, read_name, read_number, read_object
+from ..file_values import (
+    Limit,
+    Limits,
+    parameter_data,
+    read_choice,
+    read_name,
+    read_number,
+    read_object,
+    read_parameters,
+)
 from ..typing import Array
 from ..volume.reparameterisation import Reparameterisation
 from .grids import DeformedGrid
@@ -26,11 +35,10 @@ RADIUS = Limit(1e-4, 20.0)
 COEFFICIENT = Limit(-100.0, 100.0)
 INFLUENCE = Limit(-2.0, 2.0)
 _RADII = Limit(0.0, RADIUS.high)
-_DEGREES = "_degrees"
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6")
 # The numbers of each kind, by their names in a file.
-KINDS: dict[str, dict[str, Limit]] = {
+KINDS: dict[str, Limits] = {
     "RADIAL_CURVE": {"centre_x": PLACE, "centre_y": PLACE},
     "LENS": {
         "centre_x": PLACE,
@@ -121,16 +129,11 @@ def _read(data: object, where: str) -> ImageMapping:
     backwards = values.get("backwards", False)
     if not isinstance(backwards, bool):
         raise PresetError(f"{where}: backwards must be true or false")
-    parameters = {}
-    for key, limit in limits.items():
-        value = read_number(values[key], f"{where}: {key}", limit)
-        angle = key.endswith(_DEGREES)
-        parameters[key.removesuffix(_DEGREES)] = float(np.radians(value)) if angle else value
     points = _points(values["points"], kind, f"{where}: points") if kind in _WITH_POINTS else None
     read = ImageMapping(
         read_name(values["name"], f"{where}: name"),
         kind,
-        parameters,
+        read_parameters(values, where, limits),
         points,
         read_number(values.get("influence", 1.0), f"{where}: influence", INFLUENCE),
         backwards,
@@ -166,9 +169,7 @@ def _pairs(value: object, where: str, most: int, limit: Limit) -> list[list[floa
 def mapping_data(mapping: ImageMapping) -> dict[str, object]:
     """A mapping as ``read_mappings`` reads it."""
     data: dict[str, object] = {"name": mapping.name, "kind": mapping.kind}
-    for key in KINDS[mapping.kind]:
-        value = mapping.parameters[key.removesuffix(_DEGREES)]
-        data[key] = float(f"{np.degrees(value):.15g}") if key.endswith(_DEGREES) else value
+    data |= parameter_data(mapping.parameters, KINDS[mapping.kind])
     if mapping.points is not None:
         data["points"] = mapping.points.tolist()
     if mapping.influence != 1.0:

@@ -30,10 +30,13 @@ from ..file_values import (
     LENGTH,
     SMALLEST_LENGTH,
     Limit,
+    degrees,
+    parameter_data,
     read_choice,
     read_name,
     read_number,
     read_object,
+    read_parameters,
     read_points,
     read_range,
     read_text,
@@ -264,24 +267,17 @@ def _surface_data(number: int, surface: PresetSurface) -> dict[str, object]:
         # One mirrored axis; which one is a free choice, the rotation follows it.
         scale[2], axes[:, 2] = -scale[2], -axes[:, 2]
     data: dict[str, object] = {"name": surface.name, "kind": surface.kind}
-    for one in FILE_KINDS[surface.kind].parameters:
-        value = surface.parameters[one.name]
-        data[one.file_key] = _degrees(value) if one.is_angle else value
+    data |= parameter_data(surface.parameters, FILE_KINDS[surface.kind].limits)
     if surface.points is not None and surface.chart is not None:
         data |= mesh_data(surface.points, surface.chart)
     elif surface.points is not None:
         data["points"] = surface.points.tolist()
     data["location"] = surface.matrix[:3, 3].tolist()
-    data["rotation_degrees"] = [_degrees(angle) for angle in euler_angles(axes)]
+    data["rotation_degrees"] = [degrees(angle) for angle in euler_angles(axes)]
     data["scale"] = scale.tolist()
     if surface.weight != 1.0:
         data["weight"] = surface.weight
     return data
-
-
-def _degrees(radians: float) -> float:
-    # 15 digits: 350 degrees come back as 350, not as 350.00000000000006.
-    return float(f"{np.degrees(radians):.15g}")
 
 
 def _preset(data: object, start: float) -> Preset:
@@ -341,12 +337,9 @@ def _surface(data: object, number: int) -> PresetSurface:
     where = f"{where} {name!r}"
     kind = FILE_KINDS[read_choice(data["kind"], f"{where}: kind", tuple(FILE_KINDS))]
     shape = ("points", "uv", "triangles") if kind.has_chart else ("points",) * (kind.net is not None)
-    required = ("name", "kind", *(one.file_key for one in kind.parameters), *shape)
+    required = ("name", "kind", *kind.limits, *shape)
     values = read_object(data, where, required, ("location", "rotation_degrees", "scale", "weight"))
-    parameters = {}
-    for one in kind.parameters:
-        value = read_number(values[one.file_key], f"{where}: {one.file_key}", one.limit)
-        parameters[one.name] = float(np.radians(value)) if one.is_angle else value
+    parameters = read_parameters(values, where, kind.limits)
     points, chart = None, None
     if kind.has_chart:
         points, chart = read_mesh(values, where)

@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..file_values import LENGTH, Limit
+from ..file_values import DEGREES, LENGTH, Limit, Limits
 from ..typing import Array
 from .nurbs import NurbsAxis, NurbsPatch
 from .surface import (
@@ -61,7 +61,7 @@ class Parameter(NamedTuple):
     @property
     def file_key(self) -> str:
         """The name in preset files."""
-        return f"{self.name}_degrees" if self.is_angle else self.name
+        return self.name + DEGREES * self.is_angle
 
     @property
     def range(self) -> Limit:
@@ -120,6 +120,11 @@ class SurfaceKind:
     has_chart: bool = False
     build: Callable[[Numbers, Any, Any], ControlSurface] | None = None
     problem: Callable[[Numbers, Any], str] = lambda parameters, points: ""
+
+    @property
+    def limits(self) -> Limits:
+        """The limits of the parameters by their keys in a preset file."""
+        return {one.file_key: one.limit for one in self.parameters}
 
 
 @dataclass(frozen=True, kw_only=True)

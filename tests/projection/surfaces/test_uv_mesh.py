@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from scfpf_addon.projection.diagrams.diagram import DiagramOptions, diagram, volume_signature
-from scfpf_addon.projection.surfaces import uv_chart
+from scfpf_addon.projection.surfaces import uv_bins, uv_chart
 from scfpf_addon.projection.surfaces.surface import Grid
 from scfpf_addon.projection.surfaces.uv_chart import EDGE_TOLERANCE, UVChart
 from scfpf_addon.projection.surfaces.uv_mesh import UVMesh
@@ -293,7 +293,7 @@ def test_a_fan_of_needles_needs_no_more_memory_than_a_sheet():
     uv = np.vstack([[0.5, 0.5], 0.5 + 0.5 * np.stack([np.cos(angle), np.sin(angle)], 1)])
     triangles = np.stack([np.zeros(count, int), np.arange(count) + 1, (np.arange(count) + 1) % count + 1], 1)
     surface = mesh(uv, triangles)
-    assert len(surface.chart.bins.entries) <= uv_chart.ENTRIES_PER_TRIANGLE * count
+    assert len(surface.chart.bins.entries) <= uv_bins.ENTRIES_PER_TRIANGLE * count
     r, turn = np.random.default_rng(3).random((2, 2000))
     u, v = 0.5 + 0.499 * r * np.cos(2 * np.pi * turn), 0.5 + 0.499 * r * np.sin(2 * np.pi * turn)
     sample = surface.evaluate(u, v)
@@ -306,6 +306,7 @@ def test_points_are_tested_in_blocks(monkeypatch):
     u, v = np.random.default_rng(4).uniform(-0.1, 1.1, (2, 500))
     whole = mesh(uv * 0.8, triangles).chart.find(u, v)
     monkeypatch.setattr(uv_chart, "BLOCK", 16)
+    monkeypatch.setattr(uv_bins, "BLOCK", 16)
     again = mesh(uv * 0.8, triangles).chart.find(u, v)
     assert np.array_equal(whole.triangle, again.triangle) and np.array_equal(whole.weights, again.weights)
 
