@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-# The share of each channel when a colour feeds a grey input (Rec.709, Blender's working space).
-LUMINANCE = (0.2126, 0.7152, 0.0722)
+from ...projection.colors import LUMINANCE
 
 # A socket, and the group nodes that were entered to reach it, outermost first.
 Place = tuple[object, tuple]

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...casting.scene.culling import within_volume
+from ...projection.colors import srgb_from_linear
 from ...projection.volume.viewing_volume import Projection
-from ...shading.nodes.image import ImageData, srgb_from_linear
+from ...shading.nodes.image import ImageData
 from ...shading.scene.shading_scene import Scene
 from ..blender import versions
 from .read_materials import listing

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...casting.common.geometry import Layer
-from ...shading.nodes.image import linear_from_srgb, srgb_from_linear
+from ...projection.colors import linear_from_srgb, srgb_from_linear
 from ...shading.typing import Single
 from .mesh_arrays import corner_vertices, foreach, triangle_corners, triangle_faces
 

@@ -5,6 +5,10 @@ from __future__ import annotations
 
 from typing import Literal, TypeAlias
 
+import numpy as np
+
+from ..colors import LUMINANCE, linear_from_srgb
+
 # ISO: a surface of equal t. FOLDED: dashes all over where the volume is inside out. FOLD: a projector there.
 # FAR: the rim of the far surface. SAFE: safe areas of the image. FRAME: the image on the near surface. U, V:
 # where u and v grow. PICK: the projector that was asked for.
@@ -53,5 +57,4 @@ def line_colors(background: tuple[float, float, float]) -> dict[Role, Color]:
 
 def luminance(color: tuple[float, ...]) -> float:
     """Relative luminance of a display colour, 0 black to 1 white (WCAG 2.1, "relative luminance")."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color[:3]]
-    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+    return float(LUMINANCE @ linear_from_srgb(np.array(color[:3])))

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...projection.colors import LUMINANCE
 from ...projection.typing import Array
-from ..scene.sky_map import LUMINANCE, NORMAL_ROWS, Gathered, WorldLight, map_directions, map_places
+from ..scene.sky_map import NORMAL_ROWS, Gathered, WorldLight, map_directions, map_places
 from ..typing import Single
 
 # Directions of equal parts of the even light that are told apart.

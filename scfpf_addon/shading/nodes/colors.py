@@ -12,24 +12,19 @@ from typing import Any
 
 import numpy as np
 
+from ...projection.colors import LUMINANCE
 from ...projection.typing import Array
 from ..vectors import dot_row
 from .context import ShadingContext
 from .graph import Evaluator
-from .numbers import LUMINANCE, divided, power
+from .numbers import divided, power
+from .spectrum import observer
 
 # Temperatures in kelvin between which Blender's Blackbody changes, wavelengths in nm that are summed for it.
 COLDEST, HOTTEST = 800.0, 12000.0
 SPECTRUM = np.arange(380.0, 781.0, 5.0)[:, None]
 # The second radiation constant, nm K.
 RADIATION = 1.438777e7
-# Sums of lobes that fit the CIE 1931 observer: heights, peaks in nm, and widths below and above them (Wyman,
-# Sloan and Shirley, JCGT 2013).
-OBSERVER = (
-    ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
-    ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
-    ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
-)
 # CIE XYZ to linear Rec.709, Blender's working space.
 REC709 = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 
@@ -206,16 +201,8 @@ def blackbody(inputs: Inputs, settings: Settings, place: ShadingContext) -> tupl
     """
     temperature = np.clip(inputs[0], COLDEST, HOTTEST)
     spectrum = 1.0 / (SPECTRUM**5 * np.expm1(RADIATION / (SPECTRUM * temperature)))
-    seen = np.stack([_observed(lobes) @ spectrum for lobes in OBSERVER])
+    seen = np.stack([curve @ spectrum for curve in observer(SPECTRUM[:, 0])])
     return (np.maximum(REC709 @ (seen / seen[1]), 0.0),)
-
-
-def _observed(lobes: Sequence[tuple[float, ...]]) -> Array:
-    """A curve of the observer at the wavelengths of SPECTRUM, (W,)."""
-    nm, total = SPECTRUM[:, 0], np.zeros(len(SPECTRUM))
-    for height, peak, below, above in lobes:
-        total += height * np.exp(-0.5 * ((nm - peak) / np.where(nm < peak, below, above)) ** 2)
-    return total
 
 
 def bright_contrast(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
@@ -257,7 +244,7 @@ def combine_color(inputs: Inputs, settings: Settings, place: ShadingContext) -> 
 
 def grey(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
     """The RGB to BW node."""
-    return (dot_row(inputs[0], LUMINANCE),)
+    return (dot_row(inputs[0], LUMINANCE[:, None]),)
 
 
 OPERATIONS: dict[str, Evaluator] = {

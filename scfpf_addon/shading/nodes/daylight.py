@@ -16,7 +16,7 @@ from ...projection.typing import Array
 from ..vectors import unit
 from .context import ShadingContext
 from .graph import Evaluator
-from .sky_model import XYZ_TO_RGB
+from .spectrum import XYZ_TO_RGB
 
 # The paper's appendix A.2: of Y, x and y the five coefficients, each a T + b.
 PEREZ = np.array(

@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...projection.colors import linear_from_srgb
 from ...projection.typing import Array, IndexArray
 
 Extension = Literal["REPEAT", "EXTEND", "CLIP", "MIRROR"]
@@ -34,20 +35,6 @@ class ImageData:
     pixels: NDArray[Any]
     encoded: bool
     premultiplied: bool = False
-
-
-def linear_from_srgb(color: Array) -> Array:
-    """Scene-linear values of sRGB's (IEC 61966-2-1)."""
-    color = np.asarray(color)
-    high = ((np.maximum(color, 0.0) + 0.055) / 1.055) ** 2.4
-    result: Array = np.where(color <= 0.04045, color / 12.92, high)
-    return result
-
-
-def srgb_from_linear(color: NDArray[np.float32]) -> NDArray[np.float32]:
-    """sRGB's values of scene-linear ones: the inverse of ``linear_from_srgb``."""
-    high = np.maximum(color, np.float32(0.0)) ** np.float32(1.0 / 2.4) * np.float32(1.055) - np.float32(0.055)
-    return np.where(color <= 0.04045 / 12.92, color * np.float32(12.92), high)
 
 
 def sample(

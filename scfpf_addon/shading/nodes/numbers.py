@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from ...projection.colors import LUMINANCE
 from ...projection.typing import Array
 from ..vectors import dot_row, unit
 from .context import ShadingContext
 from .graph import Evaluator
-
-# Share of red, green and blue in the grey of a colour (Rec.709, Blender's working space).
-LUMINANCE = np.array([[0.2126], [0.7152], [0.0722]])
 
 Settings = Mapping[str, Any]
 Inputs = Sequence[Array]
@@ -244,7 +242,7 @@ def convert(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[
     """One kind of socket linked to another: GREY of a colour, MEAN of a vector, SPREAD of a number."""
     (value,) = inputs
     if settings["to"] == "GREY":
-        return (dot_row(value, LUMINANCE),)
+        return (dot_row(value, LUMINANCE[:, None]),)
     if settings["to"] == "MEAN":
         return (value.mean(axis=0, keepdims=True),)
     return (np.repeat(value, 3, axis=0),)

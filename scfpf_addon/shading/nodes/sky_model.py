@@ -16,6 +16,7 @@ import numpy as np
 
 from ...projection.typing import Array
 from ..interpolation import bilinear
+from .spectrum import XYZ_TO_RGB, observer
 
 GROUND, TOP = 6.36e6, 6.42e6
 AIR_HEIGHT, DUST_HEIGHT = 8e3, 1.2e3
@@ -62,13 +63,6 @@ AGAIN_TINT = np.array([[0.9], [1.06], [1.15]])
 STEPS, LIGHT_STEPS = 32, 24
 # Rows and columns of the table: elevations are closer near the horizon.
 ROWS, COLUMNS = 64, 96
-XYZ_TO_RGB = np.array(
-    [
-        [3.2404542, -1.5371385, -0.4985314],
-        [-0.9692660, 1.8760108, 0.0415560],
-        [0.0556434, -0.2040259, 1.0572252],
-    ]
-)
 
 
 class Air(NamedTuple):
@@ -94,22 +88,8 @@ def sunlight() -> Array:
 
 def rgb_of(spectrum: Array) -> Array:
     """Scene-linear colours (3, ...) of spectra (..., WAVELENGTHS)."""
-
-    def lobe(height: float, middle: float, before: float, after: float) -> Array:
-        """A bell round a wavelength in nm, wider or narrower on either side, (WAVELENGTHS,)."""
-        width = np.where(middle > WAVELENGTHS, before, after)
-        found: Array = height * np.exp(-0.5 * ((WAVELENGTHS - middle) / width) ** 2)
-        return found
-
-    matching = np.stack(
-        [
-            lobe(1.056, 599.8, 37.9, 31.0) + lobe(0.362, 442.0, 16.0, 26.7) + lobe(-0.065, 501.1, 20.4, 26.2),
-            lobe(0.821, 568.8, 46.9, 40.5) + lobe(0.286, 530.9, 16.3, 31.1),
-            lobe(1.217, 437.0, 11.8, 36.0) + lobe(0.681, 459.0, 26.0, 13.8),
-        ]
-    )
     step = WAVELENGTHS[1] - WAVELENGTHS[0]
-    colors: Array = np.moveaxis(spectrum @ (matching.T * step) @ XYZ_TO_RGB.T, -1, 0)
+    colors: Array = np.moveaxis(spectrum @ (observer(WAVELENGTHS).T * step) @ XYZ_TO_RGB.T, -1, 0)
     return colors
 
 

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ...casting.common.cancellation import raise_if_cancelled
+from ...projection.colors import LUMINANCE
 from ...projection.typing import Array, IndexArray
 from ..typing import Single
 
 # Columns and rows of the map: a texel is a third of a degree across, less than the sun.
 COLUMNS, ROWS = 1024, 512
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 # Blocks of the map, 11° wide, and the share of a block that is not brighter than its measure: what
 # fills less of it is small. Small things are lamps as far as they shine so many times more.
 BLOCK, MEASURE, BRIGHT = 32, 75.0, 10.0

@@ -11,10 +11,11 @@ import numpy as np
 
 from ...casting.common.cancellation import raise_if_cancelled
 from ...casting.common.geometry import Geometry
+from ...projection.colors import linear_from_srgb
 from ...projection.typing import Array, IndexArray
 from ..nodes.context import ShadingContext, fit
 from ..nodes.graph import MaterialGraph, finite, registers
-from ..nodes.image import ImageData, linear_from_srgb
+from ..nodes.image import ImageData
 from ..nodes.operations import OPERATIONS
 from ..typing import Single
 from ..vectors import unit

@@ -7,6 +7,7 @@ from math import ceil
 
 import numpy as np
 
+from ...projection.colors import LUMINANCE
 from ...projection.typing import Array
 from ..settings.stylised_settings import Hatching
 from ..typing import Single
@@ -56,7 +57,8 @@ def cover_lines(pieces: Segments, width: float, rows: slice, columns: int) -> Si
 
 def tone_of(light: Single, exposure: float) -> Single:
     """The perceived brightness in [0, 1] of white paper in light (3, n), by a gamma of 2.2, (n,)."""
-    bright = light[0] * np.float32(0.2126) + light[1] * np.float32(0.7152) + light[2] * np.float32(0.0722)
+    red, green, blue = LUMINANCE.astype(np.float32)
+    bright = light[0] * red + light[1] * green + light[2] * blue
     tone: Single = np.clip(bright * np.float32(2.0**exposure), 0, 1) ** np.float32(1 / 2.2)
     return tone
 

@@ -8,6 +8,7 @@ import pytest
 
 from scfpf_addon.casting.continuation import cast_rays
 from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.projection.colors import LUMINANCE
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
@@ -20,7 +21,6 @@ from scfpf_addon.shading.sampling.adaptive import Adaptive
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.scene.sky_map import (
     COLUMNS,
-    LUMINANCE,
     ROWS,
     curve_places,
     map_areas,

@@ -6,6 +6,7 @@ import pytest
 
 from scfpf_addon.shading.nodes import sky, sky_model
 from scfpf_addon.shading.nodes.sky_model import GROUND, TOP, Air, sky_table, sun_color
+from scfpf_addon.shading.nodes.spectrum import XYZ_TO_RGB
 from scfpf_addon.shading.scene.world import Surroundings
 from scfpf_addon.shading.vectors import unit
 
@@ -35,7 +36,7 @@ def test_sunlight_is_that_of_a_black_body():
 
 def test_equal_light_of_all_wavelengths_is_nearly_white():
     """The integral of the CIE's y is 106.9 nm, and those of x and z are the same."""
-    matrix = np.linalg.inv(sky_model.XYZ_TO_RGB)
+    matrix = np.linalg.inv(XYZ_TO_RGB)
     np.testing.assert_allclose(
         matrix @ sky_model.rgb_of(np.ones(len(sky_model.WAVELENGTHS))), 106.9, rtol=0.01
     )

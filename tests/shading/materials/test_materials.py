@@ -12,13 +12,14 @@ from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.geometry import Geometry, Layer
 from scfpf_addon.casting.continuation import Continuation
 from scfpf_addon.casting.scene.cast_scene import CastScene
+from scfpf_addon.projection.colors import linear_from_srgb
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.materials.constants import Materials
 from scfpf_addon.shading.nodes.context import ShadingContext
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
-from scfpf_addon.shading.nodes.image import MISSING, ImageData, linear_from_srgb, sample
+from scfpf_addon.shading.nodes.image import MISSING, ImageData, sample
 from scfpf_addon.shading.nodes.inputs import fresnel_dielectric
 from scfpf_addon.shading.scene.shading_scene import LightPaths, Scene
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
