@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...casting.common.memory import available_memory
+from ...casting.common.memory import shortage
 from ...shading.settings.frame_settings import Border
 from .render_errors import RenderError
 
@@ -29,10 +29,11 @@ def image_size(scene) -> tuple[int, int]:
 
 def require_size(width: int, height: int) -> None:
     """Raise RenderError for an image that exceeds MAXIMUM_PIXELS or the free memory."""
-    needed, free = width * height * BYTES_PER_PIXEL, available_memory()
-    if width * height <= MAXIMUM_PIXELS and (free is None or needed <= free):
+    needed = width * height * BYTES_PER_PIXEL
+    short = shortage(needed)
+    if short is None and width * height <= MAXIMUM_PIXELS:
         return
-    there_is = "" if free is None else f" and {free / 1e9:.1f} GB are free"
+    there_is = f" and {short[1]} are free" if short else ""
     raise RenderError(
         f"A picture of {width} × {height} pixels would need about {needed / 1e9:.1f} GB of memory"
         f"{there_is}; lower the resolution or its percentage in Output Properties"

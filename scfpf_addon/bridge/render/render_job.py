@@ -32,7 +32,8 @@ class RenderJob:
         self.cache, self._keep = cache, keep
         self._building = True
         self._cancelled = threading.Event()
-        self._progress = 0.0
+        # The share of the image that is done, 0 to 1.
+        self.progress = 0.0
         size = (inputs.settings.height, inputs.settings.width, 4)
         self._tiles = np.zeros(size, np.float32) if with_tiles else None
         self._has_new_tiles = threading.Event()
@@ -62,7 +63,7 @@ class RenderJob:
         self._has_new_tiles.set()
 
     def _note_progress(self, fraction: float) -> None:
-        self._progress = fraction
+        self.progress = fraction
 
     def _note_tile(self, *_) -> None:
         self._has_new_tiles.set()
@@ -80,11 +81,6 @@ class RenderJob:
             self._thread.start()
         except RuntimeError as error:
             raise RenderError(NO_THREAD) from error
-
-    @property
-    def progress(self) -> float:
-        """The share of the image that is done, 0 to 1."""
-        return self._progress
 
     @property
     def building(self) -> bool:

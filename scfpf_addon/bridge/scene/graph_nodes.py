@@ -226,31 +226,6 @@ def _bump(inputs: NodeInputs) -> Outputs:
     return {"Normal": inputs.builder.one("BUMP", *refs, height=graph, output=output, sign=sign)}
 
 
-def _separate_color(inputs: NodeInputs) -> Outputs:
-    refs = inputs.builder.add("SEPARATE_COLOR", inputs.color("Color"), outputs=3, mode=inputs.node.mode)
-    return dict(zip(("Red", "Green", "Blue"), refs, strict=True))
-
-
-def _combine_color(inputs: NodeInputs) -> Outputs:
-    refs = [inputs.value(name) for name in ("Red", "Green", "Blue")]
-    return {"Color": inputs.builder.one("COMBINE_COLOR", *refs, mode=inputs.node.mode)}
-
-
-def _separate(names: str, source: str) -> Callable[[NodeInputs], Outputs]:
-    def read(inputs: NodeInputs) -> Outputs:
-        refs = inputs.builder.add("SEPARATE", inputs.vector(source), outputs=3)
-        return dict(zip(names, refs, strict=True))
-
-    return read
-
-
-def _combine(names: str, result: str) -> Callable[[NodeInputs], Outputs]:
-    def read(inputs: NodeInputs) -> Outputs:
-        return {result: inputs.builder.one("COMBINE", *(inputs.value(name) for name in names))}
-
-    return read
-
-
 INTERPOLATIONS = {"Closest": "Closest", "Linear": "Linear", "Cubic": "Cubic", "Smart": "Cubic"}
 
 
@@ -260,13 +235,11 @@ def _image(inputs: NodeInputs) -> Outputs:
     if projection == "BOX":
         inputs.note(": Box projection")
         projection = "FLAT"
-    image = node.image
-    name = "" if image is None else image.name_full
     refs = inputs.builder.add(
         "IMAGE",
         inputs.coordinates("UV:"),
         outputs=2,
-        image=name,
+        image=_image_name(node),
         projection=projection,
         interpolation=INTERPOLATIONS[node.interpolation],
         extension=node.extension,
@@ -275,12 +248,16 @@ def _image(inputs: NodeInputs) -> Outputs:
     return {"Color": refs[0], "Alpha": refs[1]}
 
 
+def _image_name(node) -> str:
+    return "" if node.image is None else node.image.name_full
+
+
 def _environment(inputs: NodeInputs) -> Outputs:
     node = inputs.node
     color = inputs.builder.one(
         "ENVIRONMENT",
         inputs.coordinates("GENERATED"),
-        image="" if node.image is None else node.image.name_full,
+        image=_image_name(node),
         projection=node.projection,
         interpolation=INTERPOLATIONS[node.interpolation],
     )
@@ -330,24 +307,6 @@ def _daylight(inputs: NodeInputs, scale: float) -> Outputs:
     return {"Color": color}
 
 
-def _checker(inputs: NodeInputs) -> Outputs:
-    refs = inputs.builder.add(
-        "CHECKER",
-        inputs.coordinates("GENERATED"),
-        inputs.color("Color1"),
-        inputs.color("Color2"),
-        inputs.value("Scale"),
-        outputs=2,
-    )
-    return {"Color": refs[0], "Fac": refs[1]}
-
-
-def _gradient(inputs: NodeInputs) -> Outputs:
-    vector = inputs.coordinates("GENERATED")
-    refs = inputs.builder.add("GRADIENT", vector, outputs=2, kind=inputs.node.gradient_type)
-    return {"Color": refs[0], "Fac": refs[1]}
-
-
 def _noise(inputs: NodeInputs) -> Outputs:
     node = inputs.node
     if node.noise_type != "FBM" or node.noise_dimensions not in {"2D", "3D"}:
@@ -363,15 +322,6 @@ def _noise(inputs: NodeInputs) -> Outputs:
         colored="Color" in inputs.linked_outputs(),
     )
     return {"Fac": refs[0], "Color": refs[1]}
-
-
-def _layer_weight(inputs: NodeInputs) -> Outputs:
-    refs = inputs.builder.add("LAYER_WEIGHT", inputs.value("Blend"), inputs.normal(), outputs=2)
-    return {"Fresnel": refs[0], "Facing": refs[1]}
-
-
-def _fresnel(inputs: NodeInputs) -> Outputs:
-    return {"Fac": inputs.builder.one("FRESNEL", inputs.value("IOR"), inputs.normal())}
 
 
 def _clamp(inputs: NodeInputs) -> Outputs:
@@ -391,12 +341,30 @@ def _map_range(inputs: NodeInputs) -> Outputs:
     return {result: inputs.builder.one("MAP_RANGE", *refs, kind=node.interpolation_type, clamp=node.clamp)}
 
 
-def _simple(kind: str, result: str, *names: str) -> Callable[[NodeInputs], Outputs]:
-    """Reader of a node with one output and the inputs ``names``, with '#' before those of colours."""
+# Readers of an input by the first character of its name in ``_simple``; the others are numbers.
+PREFIXES = {
+    "#": NodeInputs.color,
+    ">": NodeInputs.vector,
+    "^": NodeInputs.normal,
+    "@": NodeInputs.coordinates,
+}
+
+
+def _simple(kind: str, results: str, /, *names: str, **settings: str) -> Callable[[NodeInputs], Outputs]:
+    """Reader of a node that is one operation.
+
+    results: the outputs. names: the inputs, with '#' before colours, '>' vectors and '^' normals; after '@'
+    the layer of a texture's coordinates. settings: the node's property for each setting of the operation.
+    """
+    outputs = results.split()
 
     def read(inputs: NodeInputs) -> Outputs:
-        refs = [inputs.color(name[1:]) if name.startswith("#") else inputs.value(name) for name in names]
-        return {result: inputs.builder.one(kind, *refs)}
+        refs = [
+            PREFIXES[name[0]](inputs, name[1:]) if name[0] in PREFIXES else inputs.value(name)
+            for name in names
+        ]
+        given = {name: getattr(inputs.node, source) for name, source in settings.items()}
+        return dict(zip(outputs, inputs.builder.add(kind, *refs, outputs=len(outputs), **given), strict=True))
 
     return read
 
@@ -407,16 +375,16 @@ NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "BRIGHTCONTRAST": _simple("BRIGHT_CONTRAST", "Color", "#Color", "Bright", "Contrast"),
     "BUMP": _bump,
     "CLAMP": _clamp,
-    "COMBINE_COLOR": _combine_color,
-    "COMBXYZ": _combine("XYZ", "Vector"),
+    "COMBINE_COLOR": _simple("COMBINE_COLOR", "Color", "Red", "Green", "Blue", mode="mode"),
+    "COMBXYZ": _simple("COMBINE", "Vector", "X", "Y", "Z"),
     "CURVE_FLOAT": _curves(1, "Factor", "Value"),
     "CURVE_RGB": _curves(3, "Fac", "Color"),
     "CURVE_VEC": _curves(3, "Fac", "Vector"),
-    "FRESNEL": _fresnel,
+    "FRESNEL": _simple("FRESNEL", "Fac", "IOR", "^Normal"),
     "GAMMA": _simple("GAMMA", "Color", "#Color", "Gamma"),
     "HUE_SAT": _simple("HUE_SATURATION", "Color", "Hue", "Saturation", "Value", "Fac", "#Color"),
     "INVERT": _simple("INVERT", "Color", "Fac", "#Color"),
-    "LAYER_WEIGHT": _layer_weight,
+    "LAYER_WEIGHT": _simple("LAYER_WEIGHT", "Fresnel Facing", "Blend", "^Normal"),
     "LIGHT_FALLOFF": _light_falloff,
     "MAPPING": _mapping,
     "MAP_RANGE": _map_range,
@@ -427,12 +395,12 @@ NODES: dict[str, Callable[[NodeInputs], Outputs]] = {
     "NORMAL_MAP": _normal_map,
     "RGB": _rgb,
     "RGBTOBW": _simple("GREY", "Val", "#Color"),
-    "SEPARATE_COLOR": _separate_color,
-    "SEPXYZ": _separate("XYZ", "Vector"),
-    "TEX_CHECKER": _checker,
+    "SEPARATE_COLOR": _simple("SEPARATE_COLOR", "Red Green Blue", "#Color", mode="mode"),
+    "SEPXYZ": _simple("SEPARATE", "X Y Z", ">Vector"),
+    "TEX_CHECKER": _simple("CHECKER", "Color Fac", "@GENERATED", "#Color1", "#Color2", "Scale"),
     "TEX_ENVIRONMENT": _environment,
     "TEX_COORD": _texture_coordinates,
-    "TEX_GRADIENT": _gradient,
+    "TEX_GRADIENT": _simple("GRADIENT", "Color Fac", "@GENERATED", kind="gradient_type"),
     "TEX_IMAGE": _image,
     "TEX_NOISE": _noise,
     "TEX_SKY": _sky,

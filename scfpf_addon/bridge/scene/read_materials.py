@@ -124,7 +124,8 @@ def read_material(material) -> tuple[MaterialConstants, bool]:
     for kind, read in READERS.items():
         for node, groups in shaders:
             if node.type == kind:
-                return read(_Inputs(node, groups, viewport))
+                inputs = _Inputs(node, groups, viewport)
+                return read(inputs), inputs.whole
     return viewport, False
 
 
@@ -148,35 +149,32 @@ class _Inputs:
         return otherwise if found is None else found
 
 
-def _principled(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
+def _principled(inputs: _Inputs) -> MaterialConstants:
     ior = inputs.value("IOR", 1.5)
     # Cycles scales the Fresnel reflectance of the IOR by twice the specular level.
     f0 = ((ior - 1.0) / (ior + 1.0)) ** 2 * 2.0 * inputs.value("Specular IOR Level", 0.5)
     strength = inputs.value("Emission Strength", 1.0)
-    constants = MaterialConstants(
+    return MaterialConstants(
         inputs.color("Base Color"),
         inputs.value("Metallic", inputs.viewport.metallic),
         inputs.value("Roughness", inputs.viewport.roughness),
         f0,
         inputs.color("Emission Color") * strength if strength else np.zeros(3),
     )
-    return constants, inputs.whole
 
 
-def _diffuse(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
-    return MaterialConstants(inputs.color("Color"), roughness=1.0, specular_f0=0.0), inputs.whole
+def _diffuse(inputs: _Inputs) -> MaterialConstants:
+    return MaterialConstants(inputs.color("Color"), roughness=1.0, specular_f0=0.0)
 
 
-def _glossy(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
+def _glossy(inputs: _Inputs) -> MaterialConstants:
     roughness = inputs.value("Roughness", inputs.viewport.roughness)
-    return MaterialConstants(
-        inputs.color("Color"), metallic=1.0, roughness=roughness, grazing=0.0
-    ), inputs.whole
+    return MaterialConstants(inputs.color("Color"), metallic=1.0, roughness=roughness, grazing=0.0)
 
 
-def _emission(inputs: _Inputs) -> tuple[MaterialConstants, bool]:
+def _emission(inputs: _Inputs) -> MaterialConstants:
     light = inputs.color("Color") * inputs.value("Strength", 1.0)
-    return MaterialConstants(np.zeros(3), specular_f0=0.0, emission=light), inputs.whole
+    return MaterialConstants(np.zeros(3), specular_f0=0.0, emission=light)
 
 
 # In the order of preference when a material mixes several.

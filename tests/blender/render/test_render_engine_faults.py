@@ -234,7 +234,7 @@ def test_absurd_size_is_refused(addon, engine_scene):
 def test_a_picture_that_free_memory_does_not_hold_is_refused(addon, engine_scene, monkeypatch):
     button()
     before = image()
-    monkeypatch.setattr(addon("bridge.render.image_size"), "available_memory", lambda: 10_000_000)
+    monkeypatch.setattr(addon("casting.common.memory"), "available_memory", lambda: 10_000_000)
     engine_scene.render.resolution_x = engine_scene.render.resolution_y = 1500
     refused(engine_scene, "1500 × 1500 pixels would need about 0.1 GB of memory and 0.0 GB are free")
     with pytest.raises(RuntimeError, match=r"0\.0 GB are free; lower the resolution"):
