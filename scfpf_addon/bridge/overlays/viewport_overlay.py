@@ -15,14 +15,9 @@ from bpy.app.handlers import persistent
 from gpu_extras.batch import batch_for_shader
 from mathutils import Color, Matrix
 
-from ...projection.diagrams.diagram import (
-    DiagramOptions,
-    diagram,
-    even_iso,
-    projector_point,
-    volume_signature,
-)
+from ...projection.diagrams.diagram import DiagramOptions, diagram, even_iso, volume_signature
 from ...projection.diagrams.line_colors import line_colors
+from ...projection.diagrams.projector_lines import projector_point
 from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
 from ..camera.read_projection import ProjectionError, read_projection
 from ..render.image_size import image_aspect

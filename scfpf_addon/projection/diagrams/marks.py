@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What tells the parts of a drawn volume apart: the far rim, safe areas, where u and v grow, iso-surfaces.
+"""Marks on a drawn volume: the image's rim, the far rim, safe areas, and arrows along u and v.
 
 As in ``diagram``: segments (S, 2, 3) float32 in the space of the projection.
 """
@@ -11,13 +11,17 @@ from itertools import pairwise
 import numpy as np
 
 from ..surfaces.surface import ControlSurface
+from ..typing import Array, BoolArray
+from ..volume.reparameterisation import ImageMap
 from ..volume.viewing_volume import Projection
 from .segments import Segments, image_rim, joined, ranged, segments
 
 # The far rim is dashed: this many dashes a side, each this share of its way long.
 DASHES = 12
 DASH_SHARE = 0.6
-# Segments of each side of a safe area.
+# Halvings that find the rim of what an image shows: to float32's 2^-24 of the image, as it is drawn.
+RIM_STEPS = 24
+# Segments of each side of the image's rim and of a safe area.
 RIM_SEGMENTS = 48
 # Arrows, as shares of the u and v ranges: distance from the corner, length, size of the head.
 ARROW_MARGIN = 0.04
@@ -27,20 +31,6 @@ ARROW_STEPS = 16
 # An arrow goes to the opposite border where the surface is narrower than this share of that border,
 # as about a pole.
 NARROW = 0.25
-
-
-def iso_lines(projection: Projection, t: float, lines: int = 8, resolution: int = 48) -> Segments:
-    """Lines of constant u and of constant v on Q(·, ·, t), t in [0, 1], as ``diagram.surface_lines``."""
-    across = np.linspace(0.0, 1.0, lines + 1)
-    along = np.linspace(0.0, 1.0, resolution + 1)
-    fixed, moving = np.meshgrid(across, along, indexing="ij")
-    weights, _ = projection.volume.spans.weights(np.array([t]))
-    families = []
-    for x, y in ((fixed, moving), (moving, fixed)):
-        controls = projection.volume.controls(*ranged(projection, x.ravel(), y.ravel()))
-        drawn = np.einsum("k,kcn->cn", weights[:, 0], controls.points).reshape(3, *x.shape)
-        families.append(segments(drawn, controls.valid.reshape(x.shape), controls.tile.reshape(x.shape)))
-    return joined(families)
 
 
 def far_rim(projection: Projection) -> Segments:
@@ -59,6 +49,28 @@ def far_rim(projection: Projection) -> Segments:
     return segments(drawn, sample.valid.reshape(shape), sample.tile.reshape(shape))
 
 
+def image_frame(projection: Projection, resolution: int = RIM_SEGMENTS) -> Segments:
+    """The rim of the image on the near surface: resolution segments for each side of the image.
+
+    Where the re-parameterisation shows only a part of the image the rim is that
+    of the part, taken as star-shaped about the image's centre.
+    """
+    x, y = image_rim(resolution)
+    inside, outside = np.zeros(len(x)), np.ones(len(x))
+
+    def shown(share: Array) -> BoolArray:
+        """Whether the image shows what lies at shares (N,) of the way from its centre to its rim, (N,)."""
+        return projection.parameters(0.5 + (x - 0.5) * share, 0.5 + (y - 0.5) * share).mask
+
+    inside[shown(outside)] = 1.0
+    for _ in range(0 if inside.all() else RIM_STEPS):
+        middle = (inside + outside) / 2
+        mask = shown(middle)
+        inside, outside = np.where(mask, middle, inside), np.where(mask, outside, middle)
+    image = projection.parameters(0.5 + (x - 0.5) * inside, 0.5 + (y - 0.5) * inside)
+    return _on_near_surface(projection, image)
+
+
 def safe_area(projection: Projection, margin_x: float, margin_y: float) -> Segments:
     """The border of a safe area of the image, on the near surface; whatever the image shows of it.
 
@@ -66,6 +78,11 @@ def safe_area(projection: Projection, margin_x: float, margin_y: float) -> Segme
     """
     x, y = image_rim(RIM_SEGMENTS)
     image = projection.parameters(0.5 + (x - 0.5) * (1 - margin_x), 0.5 + (y - 0.5) * (1 - margin_y))
+    return _on_near_surface(projection, image)
+
+
+def _on_near_surface(projection: Projection, image: ImageMap) -> Segments:
+    """A polyline over the image as it lies on the near surface; the parts that the image shows."""
     sample = projection.volume.surfaces[0].evaluate(image.u, image.v)
     return segments(sample.position[:, None], (sample.valid & image.mask)[None], sample.tile[None])
 

@@ -8,8 +8,9 @@ import zlib
 
 import numpy as np
 
-from ..diagrams.diagram import projector_lines, surface_lines
+from ..diagrams.projector_lines import projector_lines
 from ..diagrams.segments import Segments
+from ..diagrams.surface_lines import surface_lines
 from ..typing import Array
 from ..volume.viewing_volume import Projection
 

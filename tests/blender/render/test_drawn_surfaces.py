@@ -18,7 +18,7 @@ PLACE = Matrix.LocRotScale(Vector((1, -2, 3)), Euler((0.3, -0.7, 1.1)), Vector((
 def lines(addon):
     """The drawn lines of a camera's control surfaces, a list of (S, 2, 3)."""
     read_projection = addon("bridge.camera.read_projection").read_projection
-    surface_lines = addon("projection.diagrams.diagram").surface_lines
+    surface_lines = addon("projection.diagrams.surface_lines").surface_lines
 
     def drawn(camera):
         bpy.context.view_layer.update()

@@ -108,7 +108,8 @@ def test_an_edit_from_python_reaches_the_projection_and_its_drawing(camera, read
     assert after.weights == (1.0, 9.0, 0.25, 2.0)
     signatures = [drawing.volume_signature(projection(v)) for v in (before, after)]
     assert signatures[0] != signatures[1]
-    lines = [drawing.projector_lines(projection(v), 3, 3, 8) for v in (before, after)]
+    projector_lines = addon("projection.diagrams.projector_lines").projector_lines
+    lines = [projector_lines(projection(v), 3, 3, 8) for v in (before, after)]
     assert np.abs(lines[0] - lines[1]).max() > 0.1
 
 

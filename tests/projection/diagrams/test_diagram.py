@@ -6,16 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.diagrams.diagram import (
-    BEND_TOLERANCE,
-    DiagramOptions,
-    diagram,
-    image_frame,
-    projector_lines,
-    surface_lines,
-    volume_signature,
-)
+from scfpf_addon.projection.diagrams.diagram import DiagramOptions, diagram, volume_signature
 from scfpf_addon.projection.diagrams.line_colors import BRIGHT
+from scfpf_addon.projection.diagrams.marks import image_frame
+from scfpf_addon.projection.diagrams.projector_lines import BEND_TOLERANCE, projector_lines
+from scfpf_addon.projection.diagrams.surface_lines import surface_lines
 from scfpf_addon.projection.surfaces.surface import ControlSurface, Disc, Grid, Plane, Point, SphereSector
 from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume

@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.diagrams.diagram import (
-    DiagramOptions,
-    diagram,
-    even_iso,
-    image_frame,
-    picked_line,
-    projector_point,
-    volume_signature,
-)
+from scfpf_addon.projection.diagrams.diagram import DiagramOptions, diagram, even_iso, volume_signature
 from scfpf_addon.projection.diagrams.line_colors import BRIGHT, DARK, line_colors, luminance
-from scfpf_addon.projection.diagrams.marks import DASH_SHARE, direction_arrows, far_rim, iso_lines, safe_area
+from scfpf_addon.projection.diagrams.marks import (
+    DASH_SHARE,
+    direction_arrows,
+    far_rim,
+    image_frame,
+    safe_area,
+)
+from scfpf_addon.projection.diagrams.projector_lines import picked_line, projector_point
+from scfpf_addon.projection.diagrams.surface_lines import iso_lines
 from scfpf_addon.projection.surfaces.surface import Cylinder, Disc, Plane, Point
 from scfpf_addon.projection.volume.reparameterisation import Polar
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume

@@ -7,10 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.diagrams.diagram import (
+from scfpf_addon.projection.diagrams.diagram import DiagramOptions, diagram
+from scfpf_addon.projection.diagrams.projector_lines import (
     FOLD_PIECES,
-    DiagramOptions,
-    diagram,
     parted_projector_lines,
     projector_lines,
 )

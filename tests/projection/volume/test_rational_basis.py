@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scfpf_addon.projection.diagrams.diagram import BEND_TOLERANCE, projector_lines, volume_signature
+from scfpf_addon.projection.diagrams.diagram import volume_signature
+from scfpf_addon.projection.diagrams.projector_lines import BEND_TOLERANCE, projector_lines
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT, span_basis
 from scfpf_addon.projection.volume.bezier import bernstein_second_derivative
