@@ -3,10 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
 
 import numpy as np
 
@@ -36,20 +34,12 @@ UNSHIFTED = 0.5
 BEYOND = 4.0
 
 
-# The next hits of projectors (n,) past those at t (n,) on triangles (n,).
-NextHits: TypeAlias = Callable[[IndexArray, Array, IndexArray], Hits]
-# The tangents (3, n) of projectors (n,) where they leave the volume.
-ExitTangents: TypeAlias = Callable[[IndexArray], Array]
-
-
 @dataclass(frozen=True)
-class Continuation:
-    """The projectors of a tile, to be continued past their hits.
+class TileProjectors:
+    """The projectors of a tile, which share chords, whichever of them continue past their hits.
 
-    projection: in cast space. x, y: (N,) image positions of the whole tile; its projectors share
-    chords, whichever of them continue. mask: (N,) which exist. known: the numbers of the projectors whose
-    hits are known, None for all. pixel_size, pixel_error: as for ``cast``. pixels: numbers in the image
-    of the known hits, None if they do not matter.
+    projection: in cast space. x, y: (N,) image positions. mask: (N,) which exist. pixel_size, pixel_error:
+    as for ``cast``.
     """
 
     scene: CastScene
@@ -57,24 +47,8 @@ class Continuation:
     x: Array
     y: Array
     mask: BoolArray
-    known: IndexArray | None
     pixel_size: tuple[float, float]
     pixel_error: float
-    pixels: IndexArray | None = None
-
-    def pixels_of(self, where: IndexArray) -> IndexArray:
-        """Seeds of the random choices made at the known hits ``where``."""
-        return where if self.pixels is None else self.pixels[where]
-
-    def next_hits_of(self, where: IndexArray) -> NextHits:
-        """``next_hits`` for indices into the known hits ``where``."""
-        number = where if self.known is None else self.known[where]
-        return lambda which, t, triangle: self.next_hits(number[which], t, triangle)
-
-    def exit_tangents_of(self, where: IndexArray) -> ExitTangents:
-        """``exit_tangents`` for indices into the known hits ``where``."""
-        number = where if self.known is None else self.known[where]
-        return lambda which: self.exit_tangents(number[which])
 
     def exit_tangents(self, which: IndexArray) -> Array:
         """Tangents (3, n) where the projectors ``which`` (n,) leave the volume."""
@@ -181,6 +155,36 @@ class Continuation:
                 share[met] = since + np.minimum(far, 1.0) * (high - since)
         met = np.flatnonzero(triangle >= 0)
         return met, Records(met, chord_of[met], triangle[met]), share[met]
+
+
+@dataclass(frozen=True)
+class Continuation:
+    """Some projectors of a tile, to be continued past their hits.
+
+    number: (n,) of the projectors in the tile. pixel: (n,) seeds of the random choices on their paths.
+    """
+
+    tile: TileProjectors
+    number: IndexArray
+    pixel: IndexArray
+
+    @classmethod
+    def of_tile(cls, tile: TileProjectors) -> Continuation:
+        """All projectors of a tile, whose own numbers are the seeds."""
+        number = np.arange(len(tile.x))
+        return cls(tile, number, number)
+
+    def take(self, index: IndexArray) -> Continuation:
+        """The projectors at ``index``."""
+        return Continuation(self.tile, self.number[index], self.pixel[index])
+
+    def next_hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits:
+        """The next hits of projectors ``which`` (m,) of these, see ``TileProjectors.next_hits``."""
+        return self.tile.next_hits(self.number[which], t, triangle)
+
+    def exit_tangents(self, which: IndexArray) -> Array:
+        """Tangents (3, m) where the projectors ``which`` (m,) of these leave the volume."""
+        return self.tile.exit_tangents(self.number[which])
 
 
 def cast_rays(scene: CastScene, origins: Array, directions: Array) -> Hits:

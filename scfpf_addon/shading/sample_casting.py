@@ -22,20 +22,19 @@ from .typing import Single
 class CastSample(NamedTuple):
     """One sample of n pixels after casting.
 
-    number: of the sample. pixel: (n,) numbers in the image. hits: of the n projectors. continuation: of
-    these, None where there are no triangles.
+    number: of the sample. hits: of the n projectors. continuation: of these, with the pixels' numbers in the
+    image as seeds; None where there are no triangles.
     """
 
     view: SceneView
     number: int
-    pixel: IndexArray
     hits: Hits
     continuation: Continuation | None
 
     def take(self, index: IndexArray) -> CastSample:
-        """The same sample of some of the pixels; only for one that is not restricted yet."""
-        continuation = self.continuation and replace(self.continuation, known=index)
-        return self._replace(pixel=self.pixel[index], hits=self.hits.take(index), continuation=continuation)
+        """The same sample of the pixels at ``index``."""
+        continuation = self.continuation and self.continuation.take(index)
+        return self._replace(hits=self.hits.take(index), continuation=continuation)
 
 
 @dataclass(frozen=True)
@@ -74,11 +73,11 @@ class SampleCaster:
         shading = cast.view.shading
         if shading is None or cast.continuation is None:
             return np.zeros((3, 0), np.float32)
-        own: int | IndexArray = cast.number
+        sample: int | IndexArray = cast.number
         # Places that paths reach belong to no pixel any more.
         if self.places.scrambled and shading.tracer is None:
-            own = self.places.on_lamps(cast.pixel[where], cast.number)
-        return shading.color(cast.hits, where, own, replace(cast.continuation, pixels=cast.pixel), parts)
+            sample = self.places.on_lamps(cast.continuation.pixel[where], cast.number)
+        return shading.color(cast.hits, where, sample, cast.continuation, parts)
 
     def _moment(self, sample: int) -> int:
         """The number of the moment that a sample sees."""
@@ -88,8 +87,9 @@ class SampleCaster:
         """Cast one sample of all pixels of whole rows."""
         view = self.views[self._moment(sample)]
         x, y = self.places.of_rows(rows, sample)
-        through = view.through_lens(self.places.on_lens(pixel, sample)) if view.depth_of_field else view
-        return CastSample(view, sample, pixel, *through.cast_with_continuation(x, y, counts, True))
+        share = self.places.on_lens(pixel, sample) if view.depth_of_field else None
+        hits, continuation = view.through_lens(share).cast_with_continuation(x, y, counts, True)
+        return CastSample(view, sample, hits, continuation and replace(continuation, pixel=pixel))
 
     def _cast_together(
         self, view: SceneView, pixel: IndexArray, samples: list[int], counts: CastCounts
@@ -97,12 +97,13 @@ class SampleCaster:
         """Cast several samples of the pixels, which see the same moment, in one batch; by number."""
         places = [self.places.of_pixels(pixel, sample) for sample in samples]
         x, y = (np.stack(axis, axis=1).ravel() for axis in zip(*places, strict=True))
-        through = view
-        if view.depth_of_field is not None:
-            share = np.stack([self.places.on_lens(pixel, sample) for sample in samples], axis=2)
-            through = view.through_lens(share.reshape(2, -1))
-        hits, continuation = through.cast_with_continuation(x, y, counts, False)
-        whole = CastSample(view, -1, np.repeat(pixel, len(samples)), hits, continuation)
+        share = None
+        if view.depth_of_field:
+            shares = [self.places.on_lens(pixel, sample) for sample in samples]
+            share = np.stack(shares, axis=2).reshape(2, -1)
+        hits, continuation = view.through_lens(share).cast_with_continuation(x, y, counts, False)
+        seeds = np.repeat(pixel, len(samples))
+        whole = CastSample(view, -1, hits, continuation and replace(continuation, pixel=seeds))
         return {
             sample: whole.take(np.arange(first, len(x), len(samples)))._replace(number=sample)
             for first, sample in enumerate(samples)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...casting.common.cancellation import raise_if_cancelled
 from ...casting.common.ray_visibility import CATCHER, SHADOW, visible_to
-from ...casting.continuation import ExitTangents
+from ...casting.continuation import Continuation
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..passes.light_passes import LightParts
@@ -140,18 +140,18 @@ class Catchers:
         triangle: IndexArray,
         points: SurfacePoints,
         sample: int | IndexArray,
-        exits: ExitTangents,
+        continuation: Continuation,
         parts: LightParts | None,
     ) -> Single:
         """The colours (3, n) of hits on triangles (n,), or (4, n) with alpha where some of them are caught.
 
-        exits: of the hits. parts: of the colours.
+        continuation: of the hits' projectors. parts: of the colours.
         """
         caught = np.flatnonzero(self.meets(triangle))
         if not len(caught):
             return color
         left = self.left(points.take(caught), sample if isinstance(sample, int) else sample[caught])
-        shown = self.picture(left, exits(caught) if self.looks_on else None)
+        shown = self.picture(left, continuation.exit_tangents(caught) if self.looks_on else None)
         color = np.concatenate([color, np.ones_like(color[:1])])
         color[:, caught] = shown
         if parts:

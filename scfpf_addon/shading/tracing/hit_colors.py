@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""All that colours a hit: tables that are prepared once a frame, and the colour of what was hit."""
+"""The colours of hits, by tables that are prepared once a frame."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from .tracer import Tracer
 
 @dataclass(frozen=True)
 class Shading:
-    """All that colours a hit: lookup tables, and lights in cast space.
+    """Lookup tables of materials, and lights in cast space.
 
-    held_out: (T,) the triangles that leave a hole in the picture, None for none. catchers: those of which
-    but shadows are seen.
+    tracer: None where no material is a node graph. held_out: (T,) whether triangles leave holes in the
+    image, None for none. catchers: None without shadow catchers.
     """
 
     surface: SurfaceTable
@@ -40,7 +40,7 @@ class Shading:
 
     @classmethod
     def of(cls, scene: Scene, cast_scene: CastScene, settings: FrameSettings) -> Shading:
-        """Prepared for frames of these settings. Lights without power or reach are left out."""
+        """The tables for frames of these settings. Lights without power or reach are left out."""
         lighting = Lighting.of(scene, cast_scene, settings.samples)
         shadows = lighting.casts_shadows or has_catchers(scene.geometry)
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows, settings.threads)
@@ -60,14 +60,12 @@ class Shading:
     ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
-        sample: a number, or with no tracer one for each hit. continuation: follows the projectors of ``hits``
-        on. parts: of n hits, gets what the colours are the sum of.
+        sample: a number, or without a tracer one for each hit. continuation: of the projectors of ``hits``.
+        parts: of n hits, to be filled in.
         """
         tracer = self.tracer
         if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
-            pixel, following = continuation.pixels_of(where), continuation.next_hits_of(where)
-            exits = continuation.exit_tangents_of(where)
-            return tracer.color(hits.take(where), sample, pixel, following, exits, parts)
+            return tracer.color(hits.take(where), sample, continuation.take(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):
             triangle, barycentric = triangle.take(where), barycentric.take(where, axis=1)
@@ -75,8 +73,7 @@ class Shading:
         points = self.surface.points(triangle, barycentric, position, tangent)
         color = self.lighting.radiance(points, self.coefficients, sample, parts)
         if self.catchers:
-            exits = continuation.exit_tangents_of(where)
-            color = self.catchers.over(color, triangle, points, sample, exits, parts)
+            color = self.catchers.over(color, triangle, points, sample, continuation.take(where), parts)
         if self.held_out is None:
             return color
         held = self.held_out.take(triangle)

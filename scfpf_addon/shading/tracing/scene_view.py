@@ -9,7 +9,7 @@ import numpy as np
 
 from ...casting.cast import cast
 from ...casting.common.hits import CastCounts, Hits
-from ...casting.continuation import Continuation
+from ...casting.continuation import Continuation, TileProjectors
 from ...casting.curves.chords import complete
 from ...casting.curves.projector_batch import ProjectorBatch
 from ...casting.frame import pixel_centres
@@ -54,10 +54,12 @@ class SceneView:
         inside = projection.transformed(matrix)
         return replace(self, projection=inside, depth_of_field=lens and lens.transformed(matrix))
 
-    def through_lens(self, share: Array) -> SceneView:
-        """The view whose n projectors each pass the lens at a place of its own, shares (2, n) of it."""
+    def through_lens(self, share: Array | None) -> SceneView:
+        """The view whose n projectors pass the lens at shares (2, n) of it; itself for None."""
         lens = self.depth_of_field
-        return replace(self, projection=through(self.projection, lens, share)) if lens else self
+        if lens is None or share is None:
+            return self
+        return replace(self, projection=through(self.projection, lens, share))
 
     def pixel_centres(self, rows: slice) -> tuple[Array, Array]:
         """Image positions (x, y) of the centre of each pixel of the rows, each (n,)."""
@@ -94,16 +96,9 @@ class SceneView:
         hits = self.cast(x, y, counts, in_rows=in_rows)
         if self.cast_scene is None:
             return hits, None
-        return hits, Continuation(
-            self.cast_scene,
-            self.projection,
-            x,
-            y,
-            mask=hits.mask,
-            known=None,
-            pixel_size=self.pixel_size,
-            pixel_error=self.settings.pixel_error,
-        )
+        pixel_error = self.settings.pixel_error
+        tile = TileProjectors(self.cast_scene, self.projection, x, y, hits.mask, self.pixel_size, pixel_error)
+        return hits, Continuation.of_tile(tile)
 
     def with_world(
         self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None

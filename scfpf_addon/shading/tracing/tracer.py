@@ -14,7 +14,7 @@ import numpy as np
 
 from ...casting.common.hits import Hits
 from ...casting.common.ray_visibility import HOLDOUT
-from ...casting.continuation import ExitTangents, NextHits
+from ...casting.continuation import Continuation
 from ...projection.typing import Array, IndexArray
 from ..lights.lighting import Lighting
 from ..lights.shadow_catchers import Catchers
@@ -82,27 +82,24 @@ class Tracer:
         self,
         hits: Hits,
         sample: int,
-        pixel: IndexArray,
-        next_hits: NextHits,
-        exits: ExitTangents,
+        continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
         """Radiance towards the viewer and alpha of n hits, (4, n).
 
-        pixel: (n,) number in the image. next_hits, exits: of the hits by their place in the list.
-        parts: of n hits, to be filled in.
+        continuation: of their projectors. parts: of n hits, to be filled in.
         """
         film = PathFilm(len(hits.t), parts is not None)
-        samples = ReflectionSamples(pixel.astype(np.uint32), sample)
+        samples = ReflectionSamples(continuation.pixel.astype(np.uint32), sample)
         wave = PathWave.first(hits)
         while len(wave.pixel):
             wave = self._hold_out(wave, film)
             if self.catchers:
-                wave = self._catch(wave, self.catchers, sample, film, exits)
+                wave = self._catch(wave, self.catchers, sample, film, continuation)
             sent = []
             for some, last in self._by_limit(wave):
                 for which, lobe in self.lighting.gather(some, sample, film, last):
-                    sent.append(self._send(some, which, lobe, film, next_hits, samples))
+                    sent.append(self._send(some, which, lobe, film, continuation, samples))
             if not sent:
                 break
             wave = PathWave.joined(sent)
@@ -135,7 +132,7 @@ class Tracer:
         return wave.take(np.flatnonzero(~held))
 
     def _catch(
-        self, wave: PathWave, catchers: Catchers, sample: int, film: PathFilm, exits: ExitTangents
+        self, wave: PathWave, catchers: Catchers, sample: int, film: PathFilm, continuation: Continuation
     ) -> PathWave:
         """The paths that no shadow catcher ends; the others show the image's own background."""
         caught = catchers.meets(wave.hits.triangle) & ~wave.on_ray
@@ -146,7 +143,8 @@ class Tracer:
         surface = self.lighting.surface
         points = surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         left = catchers.left(points, sample)
-        film.catch(came, catchers.picture(left, exits(came.pixel) if catchers.looks_on else None), left)
+        exits = continuation.exit_tangents(came.pixel) if catchers.looks_on else None
+        film.catch(came, catchers.picture(left, exits), left)
         return wave.take(np.flatnonzero(~caught))
 
     def _send(
@@ -155,7 +153,7 @@ class Tracer:
         which: IndexArray,
         lobe: ScatteredLobe,
         film: PathFilm,
-        next_hits: NextHits,
+        continuation: Continuation,
         samples: ReflectionSamples,
     ) -> PathWave:
         """Send the paths ``which`` along a lobe; return those that hit, and add the others to the film."""
@@ -171,7 +169,7 @@ class Tracer:
         hits = Hits.empty(len(going))
         on = np.flatnonzero(~on_ray)
         if len(on):
-            hits.put(on, next_hits(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
+            hits.put(on, continuation.next_hits(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
         off = np.flatnonzero(on_ray)
         if len(off):
             met, passed = self.sampler.scatter(came.take(off), lobe.take(off), samples)

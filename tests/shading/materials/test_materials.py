@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.geometry import Geometry, Layer
-from scfpf_addon.casting.continuation import Continuation
+from scfpf_addon.casting.continuation import TileProjectors
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.projection.colors import linear_from_srgb
 from scfpf_addon.projection.surfaces.surface import Plane
@@ -87,12 +87,12 @@ def test_what_follows_on_a_projector_is_where_its_height_says(degree, pixel_erro
     x, y = (a.ravel() for a in np.meshgrid((np.arange(12) + 0.5) / 12, (np.arange(12) + 0.5) / 12))
     pixel = (1 / 12, 1 / 12)
     hits = cast(scene, inside, x, y, pixel, pixel_error, columns=12)
-    continuation = Continuation(scene, inside, x, y, hits.mask, None, pixel, pixel_error)
+    projectors = TileProjectors(scene, inside, x, y, hits.mask, pixel, pixel_error)
     which = np.arange(len(x))
     for number, z in enumerate(heights):
         assert (geometry.material[hits.triangle] == number).all()
         assert np.abs(hits.t - (3 - z) / 6).max() < 1e-9
-        hits = continuation.next_hits(which, hits.t, hits.triangle)
+        hits = projectors.next_hits(which, hits.t, hits.triangle)
     assert (hits.triangle < 0).all()
 
 
