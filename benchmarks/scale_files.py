@@ -200,7 +200,9 @@ def many_cameras(cameras: int, each: int, step: float) -> list[Any]:
             matrix = np.eye(4)
             matrix[2, 3] = -step * (place + 1)
             described.append(
-                (f"Surface {place}", "PLANE", matrix, {"width": 1.0 + place, "height": 1.0}, None)
+                flexible_camera.NewSurface(
+                    f"Surface {place}", "PLANE", matrix, {"width": 1.0 + place, "height": 1.0}
+                )
             )
         flexible_camera.replace_surfaces(camera, described)
         flexible_camera.make_flexible(camera)

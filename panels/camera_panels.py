@@ -7,7 +7,7 @@ from ..operators.camera.presets import preset_items
 from ..operators.common.target import camera_of, flexible_camera_of
 from ..operators.image.pick import pick_readout
 from ..scfpf_addon.bridge.camera.camera_blend import is_blend, knows_its_ends
-from ..scfpf_addon.bridge.camera.image_fit import needs_fit
+from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
 from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.render.render_errors import RenderError
 from ..scfpf_addon.bridge.sync.handlers import sharers

@@ -4,7 +4,7 @@
 import bpy.utils.previews
 
 from ..operators.camera.presets import FOLDER
-from ..scfpf_addon.bridge.camera.camera_preset import own_picture
+from ..scfpf_addon.bridge.camera.preset_folder import thumbnail_file
 
 # The size of an image in icons.
 SCALE = 3.6
@@ -20,7 +20,7 @@ def thumbnail(preset: str) -> int:
 
 def own_thumbnail(preset: str) -> int:
     """The icon number of an own preset's image, 0 if it has none. A replaced image has another number."""
-    found = own_picture(preset)
+    found = thumbnail_file(preset)
     return _icon(f"{found[1]} {preset}", found[0]) if found else 0
 
 

@@ -6,21 +6,10 @@ import numpy as np
 from bpy.props import EnumProperty
 
 from ...scfpf_addon.bridge.blender.scene_objects import absent_text
-from ...scfpf_addon.bridge.camera.camera_blend import (
-    give_shapes,
-    has_room,
-    is_blend,
-    knows_its_ends,
-    new_blend_camera,
-    write_shapes,
-)
-from ...scfpf_addon.bridge.camera.flexible_camera import (
-    FlexibleCameraError,
-    approximate_lens,
-    make_flexible,
-    replace_surfaces,
-)
-from ...scfpf_addon.bridge.camera.read_projection import read_projection
+from ...scfpf_addon.bridge.camera.camera_blend import knows_its_ends, new_blend_camera, set_blend
+from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible
+from ...scfpf_addon.bridge.camera.read_projection import read_projection, world_to_camera
+from ...scfpf_addon.bridge.camera.shown_lens import approximate_lens
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.editing.blending import BlendError, blended
 from ..common.target import flexible_camera_of, poll_flexible_camera
@@ -38,7 +27,7 @@ def blend_camera(context, first, second, second_name: str):
     settings = camera.scfpf
     settings.blend_ends.first = first
     settings.pixel_error, settings.samples = first.scfpf.pixel_error, first.scfpf.samples
-    _give_surfaces(context, camera, blend)
+    set_blend(camera, blend, image_aspect(context.scene))
     make_flexible(camera)
     approximate_lens(camera, own)
     select_only(context, camera)
@@ -49,35 +38,12 @@ def blend_camera(context, first, second, second_name: str):
 def _blend(context, first, second, camera):
     """The first camera's projection, and its blend with a projection ``second``, both in ``camera``'s space.
 
-    second: in world space. Raises FlexibleCameraError for a camera of scale 0.
+    second: in world space. Raises ProjectionError.
     """
-    world = np.array(camera.matrix_world, np.float64)
-    if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
-        raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
-    inward = np.linalg.inv(world)
+    inward = world_to_camera(camera)
     own = read_projection(first, context.evaluated_depsgraph_get(), image_aspect(context.scene))
     own = own.transformed(inward)
     return own, blended(own, second.transformed(inward))
-
-
-def _give_surfaces(context, camera, blend) -> None:
-    """Give a camera the surfaces of a blend: reshape those it has if the points agree, else replace them."""
-    if is_blend(camera) and has_room(camera, blend):
-        write_shapes(camera, blend)
-    else:
-        last = len(blend.layers) - 1
-        names = ["Near" if k == 0 else "Far" if k == last else f"Layer {k + 1}" for k in range(last + 1)]
-        replace_surfaces(
-            camera,
-            [
-                (name, "GRID", np.eye(4), None, layer[0])
-                for name, layer in zip(names, blend.layers, strict=True)
-            ],
-        )
-        give_shapes(camera, blend)
-    camera.scfpf.basis = blend.basis
-    camera.scfpf.reparameterisation = "POLAR" if blend.polar else "RECTANGLE"
-    camera.scfpf.fitted_aspect = image_aspect(context.scene)
 
 
 def _preset_before(context, camera, preset):
@@ -176,7 +142,7 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
             preset = shipped_preset(ends.preset)
             second, name = _preset_before(context, first, preset), preset.name
         own, blend = _blend(context, first, second, camera)
-        _give_surfaces(context, camera, blend)
+        set_blend(camera, blend, image_aspect(context.scene))
         approximate_lens(camera, own)
         return f"'{camera.name}' goes from '{first.name}' to '{name}' as they are at present"
 

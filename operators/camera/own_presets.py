@@ -7,7 +7,8 @@ import time
 import bpy
 from bpy.props import BoolProperty, StringProperty
 
-from ...scfpf_addon.bridge.camera import camera_preset
+from ...scfpf_addon.bridge.camera import preset_folder
+from ...scfpf_addon.bridge.camera.camera_preset import preset_of
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
 from ..common.target import flexible_camera_of
@@ -24,7 +25,7 @@ def own_presets() -> list[tuple[str, str, str]]:
     """(stem, name, description) of each own preset, by name; a damaged file has its error as description."""
     found = []
     start = time.monotonic()
-    for path in camera_preset.own_files():
+    for path in preset_folder.own_files():
         try:
             facts = path.stat()
         except OSError:
@@ -47,10 +48,10 @@ def own_presets() -> list[tuple[str, str, str]]:
 
 def _store(preset, replace: bool) -> str:
     """Add a preset to the list with an image of its volume; returns the message to report."""
-    path = camera_preset.store_own(preset, replace)
+    path = preset_folder.store_own(preset, replace)
     message = f"The preset '{preset.name}' is in the menu under Your Own"
     try:
-        camera_preset.store_picture(preset, path)
+        preset_folder.store_thumbnail(preset, path)
     except PresetError as error:
         return f"{message}, without a thumbnail: {error}"
     return message
@@ -77,7 +78,7 @@ class _SavesVolume(Tool):
             raise PresetError("Give the preset a name")
         aspect = image_aspect(context.scene)
         depsgraph = context.evaluated_depsgraph_get()
-        return camera_preset.preset_of(camera, depsgraph, aspect, self.name, self.description)
+        return preset_of(camera, depsgraph, aspect, self.name, self.description)
 
 
 class SCFPF_OT_preset_save(_SavesVolume, bpy.types.Operator):
@@ -109,7 +110,7 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
 
     def ask(self, context, _event):
         if not self.filepath:
-            self.filepath = f"{camera_preset.stem_of(self.name)}.json"
+            self.filepath = f"{preset_folder.stem_of(self.name)}.json"
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
@@ -117,7 +118,7 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
         if not self.filepath:
             raise PresetError("Choose a file to write the preset into")
         path = pathlib.Path(bpy.path.abspath(bpy.path.ensure_ext(self.filepath, ".json")))
-        camera_preset.write_preset(self.preset(context, camera), path)
+        preset_folder.write_preset(self.preset(context, camera), path)
         return f"The preset is in {path.name}"
 
 
@@ -149,7 +150,7 @@ class SCFPF_OT_preset_apply_own(PresetOperator, bpy.types.Operator):
         return tooltip_of(cls, own_presets(), properties.preset)
 
     def read(self):
-        return read_preset(camera_preset.own_file(self.preset))
+        return read_preset(preset_folder.own_file(self.preset))
 
 
 class SCFPF_OT_preset_remove(Action, bpy.types.Operator):
@@ -162,7 +163,7 @@ class SCFPF_OT_preset_remove(Action, bpy.types.Operator):
     preset: StringProperty(name="Preset", description="The name of the preset's file, without its ending")
 
     def act(self, _context):
-        camera_preset.remove_own(self.preset)
+        preset_folder.remove_own(self.preset)
         return f"The preset '{self.preset}' is removed"
 
     def invoke(self, context, event):

@@ -7,7 +7,7 @@ import bpy
 from bpy.props import FloatProperty
 from mathutils import Matrix, Vector
 
-from ...scfpf_addon.bridge.camera import volume_edits
+from ...scfpf_addon.bridge.camera.volume_fit import move_volume
 from ...scfpf_addon.projection.editing.volume_edits import framing
 from ..common.target import flexible_camera_of, object_by_uid, poll_slot
 from ..common.tool import Action
@@ -47,7 +47,7 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
     poll = classmethod(poll_slot)
 
     def act(self, context):
-        volume_edits.move_volume(flexible_camera_of(context), self._matrix())
+        move_volume(flexible_camera_of(context), self._matrix())
 
     def _matrix(self):
         return framing(self.pan, self.tilt, self.roll, self.dolly, self.zoom)
@@ -99,7 +99,7 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
         else:
             return {"PASS_THROUGH"} if event.type.startswith("TIMER") else {"RUNNING_MODAL"}
         self._restore(camera)
-        volume_edits.move_volume(camera, self._matrix())
+        move_volume(camera, self._matrix())
         self._say(context)
         return {"RUNNING_MODAL"}
 

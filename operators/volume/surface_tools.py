@@ -4,8 +4,8 @@
 import bpy
 from bpy.props import EnumProperty, IntProperty
 
-from ...scfpf_addon.bridge.camera import surface_edits, volume_edits
-from ...scfpf_addon.bridge.camera.surface_scale import is_scaled
+from ...scfpf_addon.bridge.camera import surface_edits
+from ...scfpf_addon.bridge.camera.surface_scale import apply_scale, is_scaled
 from ...scfpf_addon.bridge.render.image_size import image_aspect, image_size
 from ...scfpf_addon.bridge.surfaces import lattice_object
 from ...scfpf_addon.bridge.surfaces.kinds import PARAMETRIC_KINDS
@@ -185,7 +185,7 @@ class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         context.evaluated_depsgraph_get()  # updates the matrices of objects that were moved
-        volume_edits.apply_scale(camera, camera.scfpf.active_surface)
+        apply_scale(camera, camera.scfpf.active_surface)
 
 
 class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):

@@ -6,7 +6,8 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.camera import volume_edits
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
-from ...scfpf_addon.bridge.camera.image_fit import fit_to_picture
+from ...scfpf_addon.bridge.camera.surface_mirror import mirror_surfaces
+from ...scfpf_addon.bridge.camera.volume_fit import fit_to_image, fit_volume
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.scene_box import SHAPES, scene_box
 from ..common.target import active_slot, flexible_camera_of, poll_slot, poll_volume
@@ -92,7 +93,7 @@ class SCFPF_OT_volume_mirror(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         indices = [camera.scfpf.active_surface] if self.only_active else None
-        volume_edits.mirror_surfaces(camera, context.evaluated_depsgraph_get(), self.axis, indices)
+        mirror_surfaces(camera, context.evaluated_depsgraph_get(), self.axis, indices)
 
 
 class SCFPF_OT_surface_snap_to_view(Tool, bpy.types.Operator):
@@ -182,7 +183,7 @@ class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
         if box is None:
             raise FlexibleCameraError("The selected objects are disabled in renders: select others")
         aspect = image_aspect(context.scene)
-        volume_edits.fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
+        fit_volume(camera, context.evaluated_depsgraph_get(), aspect, box.corners)
 
 
 class SCFPF_OT_volume_fit_picture(Tool, bpy.types.Operator):
@@ -192,7 +193,7 @@ class SCFPF_OT_volume_fit_picture(Tool, bpy.types.Operator):
     bl_label = "Fit to Resolution"
 
     def edit(self, context, camera):
-        fit_to_picture(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
+        fit_to_image(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
 
 
 register, unregister = bpy.utils.register_classes_factory(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from .mappings import read_mappings
+from .mappings import st_map_image
 from .overlays import image_marks, viewport_overlay
 from .render import command_line, render_engine, render_passes, result_image
 from .settings import (
@@ -27,7 +27,7 @@ TYPES = (
 # Registered in this order after the types, unregistered in the reverse before them.
 MODULES = (
     validation,  # before all others that read a loaded file
-    read_mappings,
+    st_map_image,
     handlers,
     viewport_overlay,
     image_marks,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A third camera between two others: its surfaces are grids with two shapes, mixed by one animatable factor.
+"""A camera between two others: its surfaces are grids of two shapes, mixed by one animatable factor.
 
-The shapes are shape keys and drivers mix them, so that it all lives in the file and needs no Python.
+The shapes are shape keys that drivers mix: files need no Python to play the animation.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import bpy
 import numpy as np
 
 from ...projection.editing.blending import Blend
-from ..blender.mesh_grid import write_grid
 from ..blender.scene_objects import link_beside
+from .flexible_camera import NewSurface, replace_surfaces
 
-# How far beyond its two cameras a blend goes.
+# Range of the factor: 0 is the first camera, 1 the second one.
 SMALLEST_BLEND, LARGEST_BLEND = -2.0, 3.0
 FIRST_KEY, SECOND_KEY = "First Camera", "Second Camera"
 FACTOR_PATH = "scfpf.blend_factor"
@@ -28,39 +28,61 @@ def is_blend(camera) -> bool:
 
 
 def knows_its_ends(camera) -> bool:
-    """Whether it is known what a camera's blend goes between."""
+    """Whether both ends of a camera's blend are known."""
     ends = camera.scfpf.blend_ends
     return ends.first is not None and (ends.second is not None or bool(ends.preset))
 
 
 def new_blend_camera(first, name: str):
-    """A camera where another is, without surfaces, linked where that is."""
+    """A camera without surfaces, at the place and in the collections of another one."""
     camera = bpy.data.objects.new(name, first.data.copy())
     camera.matrix_world = first.matrix_world
     link_beside(camera, first)
     bpy.context.view_layer.update()
     if camera.name not in bpy.context.view_layer.objects:
-        # The scene's camera may be in a collection that is excluded; the blend is to be seen.
+        # The scene's camera may be in an excluded collection, but the blend should be visible.
         bpy.context.scene.collection.objects.link(camera)
     return camera
 
 
-def give_shapes(camera, blend: Blend) -> None:
-    """Give each surface of a camera, which are grids in the order of a blend's layers, its second shape."""
-    for slot, layer in zip(camera.scfpf.surfaces, blend.layers, strict=True):
+def set_blend(camera, blend: Blend, aspect: float) -> None:
+    """Make a camera's volume a blend: on its present surfaces if these have as many points, else on new ones.
+
+    aspect: width / height of the image that the blend was made for.
+    """
+    if _has_room(camera, blend):
+        _write_shapes(camera, blend)
+    else:
+        last = len(blend.layers) - 1
+        names = ["Near" if k == 0 else "Far" if k == last else f"Layer {k + 1}" for k in range(last + 1)]
+        replace_surfaces(
+            camera,
+            [
+                NewSurface(name, "GRID", np.eye(4), points=layer[0])
+                for name, layer in zip(names, blend.layers, strict=True)
+            ],
+        )
+        _add_shapes(camera, blend)
+    camera.scfpf.basis = blend.basis
+    camera.scfpf.reparameterisation = "POLAR" if blend.polar else "RECTANGLE"
+    camera.scfpf.fitted_aspect = aspect
+
+
+def _add_shapes(camera, blend: Blend) -> None:
+    """Add both shape keys to the surfaces of a camera, which are grids in the order of a blend's layers."""
+    for slot in camera.scfpf.surfaces:
         surface = slot.object
-        write_grid(surface.data, layer[0])
         surface.shape_key_add(name=FIRST_KEY, from_mix=False)
         key = surface.shape_key_add(name=SECOND_KEY, from_mix=False)
         key.slider_min, key.slider_max = SMALLEST_BLEND, LARGEST_BLEND
         _drive(key, camera)
-    write_shapes(camera, blend)
+    _write_shapes(camera, blend)
 
 
-def has_room(camera, blend: Blend) -> bool:
-    """Whether the surfaces of a blend can take another one's shapes as they are: as many, of as many points.
+def _has_room(camera, blend: Blend) -> bool:
+    """Whether the surfaces of a blend camera have the number of points of another blend's layers.
 
-    Layers are square grids, so that the number of points tells the rows.
+    Layers are square grids, so that equal numbers of points mean equal numbers of rows.
     """
     slots = camera.scfpf.surfaces
     if len(slots) != len(blend.layers):
@@ -76,22 +98,22 @@ def has_room(camera, blend: Blend) -> bool:
     return True
 
 
-def write_shapes(camera, blend: Blend) -> None:
-    """Write both shapes of each surface of a blend that ``has_room``; keys, drivers and objects stay."""
+def _write_shapes(camera, blend: Blend) -> None:
+    """Write both shapes of each surface of a camera with room for them; keys, drivers and objects stay."""
     for slot, layer in zip(camera.scfpf.surfaces, blend.layers, strict=True):
         surface = slot.object
         first, second = (shape.reshape(-1, 3).astype(np.float32).ravel() for shape in layer)
         surface.data.vertices.foreach_set("co", first)
         for name, points in ((FIRST_KEY, first), (SECOND_KEY, second)):
             surface.data.shape_keys.key_blocks[name].data.foreach_set("co", points)
-        # Placed as they were made: the points are in the camera's space.
+        # The points are in camera space.
         surface.matrix_parent_inverse.identity()
         surface.matrix_basis.identity()
         surface.data.update()
 
 
 def _drive(key, camera) -> None:
-    """Let the second shape's value be the camera's factor."""
+    """Drive the value of a second shape by the camera's factor."""
     driver = key.driver_add("value").driver
     driver.type = "AVERAGE"
     variable = driver.variables.new()

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Make a camera flexible: its control surfaces, its volume object, its presets."""
+"""Flexible cameras: their lists of control surfaces, and volumes from presets and from frustums."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -11,7 +12,6 @@ from mathutils import Matrix
 
 from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.uv_mesh import UVMesh
-from ...projection.volume.viewing_volume import Projection
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import SURFACES, clear_slots, move_slot, remove_slot, require_own_items
@@ -22,27 +22,31 @@ from ..surfaces.uv_mesh import mesh_kind
 from ..volume import edit_mode
 from ..volume.camera_members import all_cameras, cameras_with, grids_of, surfaces_of
 from ..volume.volume_object import is_volume_object, sync_volume_object
-from .camera_frame import size_frame
-from .ordinary_camera import FrustumError, frustum
-
-# The ordinary lens, radians: what turns less becomes orthographic, what turns more gets the widest.
-NARROWEST_LENS, WIDEST_LENS = math.radians(1), math.radians(150)
-# Positions across and up the picture at which the volume is measured for the lens and the clip range.
-MEASURES = 17
-# An orthographic camera of no width would show nothing. Blender units.
-SMALLEST_ORTHO = 1e-6
-# The ordinary clip start, at least, as a share of the clip end: what a depth buffer can bear.
-SMALLEST_CLIP_SHARE = 1e-4
+from .ordinary_camera import frustum
+from .shown_lens import approximate_lens, size_frame
 
 
 class FlexibleCameraError(ValueError):
-    """An operation is not possible with this camera or object."""
+    """An operation is not possible with a camera or an object; the message says what to do."""
+
+
+class NewSurface(NamedTuple):
+    """A control surface to be made. kind, parameters, points: as ``surface_object.new_surface`` takes them.
+
+    matrix: (4, 4), the surface's own space to camera space.
+    """
+
+    name: str
+    kind: str
+    matrix: np.ndarray
+    parameters: dict[str, float] | None = None
+    points: object = None
 
 
 def make_flexible(camera) -> None:
-    """Switch flexible projection on and see to the volume object; surfaces stay as they are.
+    """Switch flexible projection on and make the volume object; the surfaces stay unchanged.
 
-    Raises FlexibleCameraError when the object is no camera or cannot be edited.
+    Raises FlexibleCameraError if the object is not a camera or cannot be edited.
     """
     _require_camera(camera)
     if not camera.scfpf.enabled:
@@ -59,13 +63,32 @@ def _require_camera(camera) -> None:
         )
 
 
-def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=None, index=None):
-    """A new control surface, child of the camera, linked where the camera is.
+def editable_surfaces(camera, indices=None) -> list:
+    """The control surfaces of a camera, or those at some places of its list, each once.
 
-    kind, parameters, points: as ``surface_object.new_surface``. matrix: (4, 4),
-    own space to camera space, default the identity. index: its place in the
-    list, default last. Returns the object.
-    Raises FlexibleCameraError or SurfaceError; nothing is left behind.
+    Raises FlexibleCameraError for an empty place and for a surface that cannot be edited.
+    """
+    slots = camera.scfpf.surfaces
+    found = []
+    for index in range(len(slots)) if indices is None else indices:
+        surface = slots[index].object
+        if surface is None:
+            raise FlexibleCameraError(
+                f"Control surface {index + 1} of '{camera.name}' is empty: remove it from the list"
+            )
+        if not surface.is_editable or (surface.data is not None and not surface.data.is_editable):
+            raise FlexibleCameraError(f"'{surface.name}' is linked from another file: make it local first")
+        if surface not in found:
+            found.append(surface)
+    return found
+
+
+def add_surface(camera, kind, name=None, matrix=None, parameters=None, points=None, index=None):
+    """Add a new control surface as a child of the camera, and return the object.
+
+    kind, parameters, points: as ``surface_object.new_surface`` takes them. matrix: (4, 4), the surface's own
+    space to camera space, by default the identity. index: its place in the list, by default the last.
+    Raises FlexibleCameraError or SurfaceError; then nothing has changed.
     """
     _require_camera(camera)
     _require_room(camera)
@@ -102,16 +125,15 @@ def _insert(camera, surface, index=None) -> None:
 def attach_surface(camera, surface) -> None:
     """Append an existing object to the camera's surfaces.
 
-    A mesh that is no control surface yet gets the kind that its UV map shows:
-    a patch, a grid, else a UV mesh; a SURFACE object becomes NURBS, a lattice LATTICE. Raises
-    FlexibleCameraError for any other object.
+    An object without a kind gets one: a mesh by its UV map PATCH, GRID or UV_MESH, a SURFACE object NURBS,
+    a lattice LATTICE. Raises FlexibleCameraError for any other object.
     """
     require_attachable(camera, surface)
     _insert(camera, surface)
 
 
 def require_attachable(camera, surface) -> None:
-    """Raise FlexibleCameraError where ``attach_surface`` does."""
+    """Raise the errors of ``attach_surface``."""
     _require_camera(camera)
     _require_room(camera)
     if not may_be_surface(surface):
@@ -121,12 +143,12 @@ def require_attachable(camera, surface) -> None:
 
 
 def may_be_surface(candidate) -> bool:
-    """Whether an object is of a type that control surfaces have, and no volume object."""
+    """Whether an object's type is one of control surfaces, and it is not a volume object."""
     return candidate.type in {"MESH", "SURFACE", "LATTICE"} and not is_volume_object(candidate)
 
 
 def _take_kind(surface) -> None:
-    """Give an object that has none the kind that it looks like."""
+    """Give an object without a kind the kind that fits its type and its UV map."""
     if surface.scfpf_surface.kind != "NONE" or not surface.is_editable:
         return
     if surface.type == "SURFACE":
@@ -138,7 +160,7 @@ def _take_kind(surface) -> None:
 
 
 def delete_if_unused(camera, surface) -> None:
-    """Delete a surface that is the camera's own child and on no camera's list."""
+    """Delete a surface, or None, that is a child of the camera and on no camera's list; release any other."""
     if surface is None:
         return
     if cameras_with(surface) or surface.parent != camera or not surface.is_editable:
@@ -148,10 +170,10 @@ def delete_if_unused(camera, surface) -> None:
 
 
 def remove_surface(camera, index: int) -> None:
-    """Take a surface off the list.
+    """Remove a surface from the list.
 
     Its object is deleted if it is the camera's child and on no other list.
-    Raises FlexibleCameraError when there is no such place in the list.
+    Raises FlexibleCameraError if the list has no such place.
     """
     _require_camera(camera)
     settings = camera.scfpf
@@ -169,7 +191,7 @@ def _require_place(camera, index: int) -> None:
 
 
 def move_surface(camera, index: int, step: int) -> int:
-    """Move a surface by ``step`` places, as far as the list goes; returns its new index."""
+    """Move a surface by ``step`` places, within the list; return its new index."""
     _require_camera(camera)
     _require_place(camera, index)
     settings = camera.scfpf
@@ -193,7 +215,7 @@ def clear_surfaces(camera) -> None:
 
 
 def surfaces_edited(camera) -> None:
-    """Called by the properties when a surface pointer was edited."""
+    """Respond to an edit of a camera's pointers to surfaces or grids. Properties call this."""
     if camera.is_evaluated or camera.type != "CAMERA" or not camera.is_editable:
         return
     for surface in surfaces_of(camera):
@@ -204,19 +226,19 @@ def surfaces_edited(camera) -> None:
 
 
 def flexibility_edited(camera) -> None:
-    """Called by the property ``enabled`` when it was edited."""
+    """Respond to an edit of the property ``enabled``."""
     surfaces_edited(camera)
     if not camera.is_evaluated and camera.type == "CAMERA" and camera.is_editable:
         size_frame(camera)
 
 
 def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
-    """Replace the camera's volume by a preset's, as ordinary editable objects.
+    """Replace the camera's volume by that of a preset, made of ordinary editable objects.
 
-    preset: projection.preset.Preset. aspect: width / height of the picture.
-    scale: multiplies every length. Surfaces that are no children of the camera
-    or are on another camera's list are taken off the list and kept. The ordinary
-    lens and clip range follow. Raises FlexibleCameraError, PresetError or SurfaceError.
+    preset: projection.presets.preset.Preset. aspect: width / height of the image. scale: multiplies every
+    length. Surfaces that are not the camera's children, or are on another camera's list, are only removed
+    from the list. Sets the ordinary lens and clip range as well. Raises FlexibleCameraError, PresetError or
+    SurfaceError.
     """
     _require_camera(camera)
     if not (math.isfinite(scale) and scale > 0):
@@ -238,10 +260,10 @@ def apply_preset(camera, preset, aspect: float, scale: float = 1.0) -> None:
     approximate_lens(camera, fitted.projection(aspect).transformed(sizes))
 
 
-def _scaled(surface, scale: float):
-    """A preset's surface as ``replace_surfaces`` takes it, every length multiplied."""
+def _scaled(surface, scale: float) -> NewSurface:
+    """A preset's surface with every length multiplied."""
     inputs = PARAMETRIC_KINDS[surface.kind].inputs if surface.kind in PARAMETRIC_KINDS else ()
-    # Also those that only the drawing needs: the size of a point's cross.
+    # These include lengths that only the drawing needs, such as the size of a point's cross.
     lengths = {one.key: one.default for one in inputs if one.subtype == "DISTANCE"}
     given = lengths | surface.parameters
     parameters = {key: value * scale if key in lengths else value for key, value in given.items()}
@@ -252,106 +274,65 @@ def _scaled(surface, scale: float):
         points = UVMesh(points, surface.chart)
     matrix = np.array(surface.matrix, np.float64)
     matrix[:3, 3] *= scale
-    return surface.name, surface.kind, matrix, parameters, points
+    return NewSurface(surface.name, surface.kind, matrix, parameters, points)
 
 
-def replace_surfaces(camera, described) -> None:
+def replace_surfaces(camera, described: list[NewSurface]) -> None:
     """Replace all surfaces by new ones.
 
-    described: (name, kind, matrix in camera space, parameters, points) of each, as ``new_surface``.
-    All of them exist before an old one goes: what fails, fails with the old volume whole.
+    The new objects are made before the old ones are deleted: an error leaves the old volume unchanged.
     """
     require_own_items(camera.scfpf, SURFACES)
     made = []
     try:
-        for name, kind, _, parameters, points in described:
-            made.append(surface_object.new_surface(name, kind, parameters, points))
+        for new in described:
+            made.append(surface_object.new_surface(new.name, new.kind, new.parameters, new.points))
     except surface_object.SurfaceError:
         for surface in made:
             delete_with_data(surface)
         raise
     clear_surfaces(camera)
-    for surface, (_, _, matrix, _, _) in zip(made, described, strict=True):
-        _place(camera, surface, matrix)
+    for surface, new in zip(made, described, strict=True):
+        _place(camera, surface, new.matrix)
         _insert(camera, surface)
     camera.scfpf.active_surface = 0
-
-
-def approximate_lens(camera, projection: Projection) -> None:
-    """Set the ordinary lens and clip range near to what a projection in camera space shows.
-
-    The angle is the turn of the projectors from the left border to the right at
-    mid height, clamped; where they do not spread, the lens is orthographic.
-    Camera data that another object shares is copied first.
-    """
-    if camera.data.users - camera.data.use_fake_user > 1 or not camera.data.is_editable:
-        camera.data = camera.data.copy()
-    lens = camera.data
-    lens.sensor_fit = "HORIZONTAL"
-    lens.shift_x = lens.shift_y = 0.0
-    line = np.linspace(0.0, 1.0, MEASURES)
-    middle = projection.parameters(line, np.full(MEASURES, 0.5))
-    near, far = (
-        projection.volume.evaluate(middle.u, middle.v, np.full(MEASURES, t)).position for t in (0.0, 1.0)
-    )
-    x, z = (far - near)[[0, 2]]
-    # The sum of small turns does not wrap at half a circle, as the angle between the borders would.
-    steps = np.arctan2(x[:-1] * z[1:] - x[1:] * z[:-1], x[1:] * x[:-1] + z[1:] * z[:-1])
-    # Beside a round picture the volume goes on, and its projectors turn any way.
-    turn = steps[middle.mask[1:] & middle.mask[:-1]].sum()
-    if turn < NARROWEST_LENS:
-        lens.type = "ORTHO"
-        width = sum(np.linalg.norm(end[:, -1] - end[:, 0]) for end in (near, far)) / 2
-        lens.ortho_scale = max(width, SMALLEST_ORTHO)
-    else:
-        lens.type = "PERSP"
-        lens.angle_x = min(turn, WIDEST_LENS)
-    x, y, t = (axis.ravel() for axis in np.meshgrid(line, line, line))
-    all_over = projection.parameters(x, y)
-    distance = np.linalg.norm(projection.volume.evaluate(all_over.u, all_over.v, t).position, axis=0)
-    lens.clip_end = distance.max()
-    lens.clip_start = max(distance.min(), lens.clip_end * SMALLEST_CLIP_SHARE)
-    size_frame(camera)
 
 
 def volume_from_camera(camera, scene) -> None:
     """Replace the camera's volume by its own frustum, from clip start to clip end.
 
-    Takes in lens, shift, sensor fit and ``scene``'s resolution and pixel aspect.
-    Raises FlexibleCameraError for a panoramic or custom camera, or one without depth.
+    Lens, shift, sensor fit, and the scene's resolution and pixel aspect count. Raises FlexibleCameraError or
+    FrustumError: a panoramic or custom camera has no frustum.
     """
     _require_camera(camera)
     require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     lens = camera.data
-    try:
-        near, far = frustum(camera, scene)
-    except FrustumError as error:
-        raise FlexibleCameraError(str(error)) from error
+    near, far = frustum(camera, scene)
     sizes = np.linalg.norm(np.array(camera.matrix_world, np.float64)[:3, :3], axis=0)
     if not (np.isfinite(sizes).all() and sizes.min() > 0):
         raise FlexibleCameraError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
-    # Children take the camera object's scale, its own view does not.
+    # The camera object's scale acts on its children but not on its own view.
     undo_scale = np.diag([*(1 / sizes), 1.0])
-    described = [
-        (name, "PLANE", undo_scale @ end.matrix, {"width": end.width, "height": end.height}, None)
+    planes = [
+        NewSurface(name, "PLANE", undo_scale @ end.matrix, {"width": end.width, "height": end.height})
         for name, end in (("Near", near), ("Far", far))
     ]
-    replace_surfaces(camera, described)
+    replace_surfaces(camera, planes)
     settings = camera.scfpf
     settings.basis, settings.reparameterisation = "BEZIER", "RECTANGLE"
     clear_mappings(camera)
     settings.u_range = settings.v_range = (0.0, 1.0)
     width, height = far.width, far.height
-    # As the ordinary camera: the side that its sensor is fitted to stays.
+    # An ordinary camera keeps the side to which its sensor is fitted.
     is_wide = lens.sensor_fit == "HORIZONTAL" or (lens.sensor_fit == "AUTO" and width >= height)
     settings.fit, settings.fitted_aspect = "HEIGHT" if is_wide else "WIDTH", width / height
     make_flexible(camera)
 
 
 def control_objects() -> set[str]:
-    """Full names of control surfaces, volume objects and parts of Cycles rigs: no picture shows them.
+    """Full names of the objects that no image shows: control surfaces, volume objects, parts of Cycles rigs.
 
-    ``name_full`` tells a local object from a linked one of the same name.
+    ``name_full`` differs between a local object and a linked one of the same name.
     """
     names = {part.name_full for part in bpy.data.objects if is_rig_part(part)}
     for camera in all_cameras():

@@ -14,7 +14,7 @@ from ..blender.scene_objects import missing_text
 
 
 class FrustumError(ValueError):
-    """A camera has no frustum; the message says what to do."""
+    """A camera has no frustum; the message has the remedy."""
 
 
 class End(NamedTuple):
@@ -26,11 +26,11 @@ class End(NamedTuple):
 
 
 def frustum(camera, scene) -> tuple[End, End]:
-    """The near and the far end of what a camera sees, from clip start to clip end.
+    """The near and the far end of a camera's frustum, at clip start and clip end.
 
-    Takes in lens, shift, sensor fit and ``scene``'s resolution and pixel aspect.
-    Raises FrustumError for a panoramic or custom camera, one without depth, and what is no camera:
-    Blender lets any object be the scene's.
+    Lens, shift, sensor fit, and the scene's resolution and pixel aspect count. Raises FrustumError for a
+    panoramic or custom camera, one without depth, and any other object: Blender accepts all types of objects
+    as the scene's camera.
     """
     if camera.type != "CAMERA":
         lost = missing_text(camera.original)
@@ -43,7 +43,7 @@ def frustum(camera, scene) -> tuple[End, End]:
         )
     if lens.clip_start >= lens.clip_end:
         raise FrustumError(f"'{camera.name}' ends where it starts: its clip end must exceed its clip start")
-    # Top right, bottom right, bottom left, top left, on one plane across the view.
+    # Corners on one plane across the view: top right, bottom right, bottom left, top left.
     frame = np.array(lens.view_frame(scene=scene), np.float64)
     right_top, left_bottom = frame[0], frame[2]
 
@@ -59,9 +59,9 @@ def frustum(camera, scene) -> tuple[End, End]:
 
 
 def frustum_projection(camera, depsgraph, aspect: float) -> Projection:
-    """The projection of an ordinary, evaluated camera, in world space, without making any object.
+    """The projection of an ordinary, evaluated camera, in world space.
 
-    aspect: width / height of the picture, > 0. Raises FrustumError.
+    aspect: width / height of the image, > 0. Raises FrustumError.
     """
     place = placement(camera)
     near, far = (
@@ -81,7 +81,7 @@ def depth_plane(place: Array) -> Array:
 
 
 def placement(camera) -> Array:
-    """Camera space to world space, (4, 4): a camera's scale is not part of its view.
+    """Camera space to world space, (4, 4), without the camera's scale, which does not act on its view.
 
     Raises FrustumError.
     """

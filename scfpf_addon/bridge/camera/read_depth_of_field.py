@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera's depth of field, where its volume has one."""
+"""The depth of field of a camera, for volumes in which it is defined."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ...projection.volume.viewing_volume import Projection
 from ...shading.scene.depth_of_field import Aperture, DepthOfField, lens_of
 from .stereo_views import Eye, eye_place
 
-# Of a lens of no f-number Cycles takes this one.
+# Cycles raises smaller f-numbers to this one.
 SMALLEST_F_STOP = 1e-5
-# Things cannot be sharp on the lens itself.
+# The least focus distance, Blender units.
 NEAREST_FOCUS = 1e-5
 MILLIMETRE = 1e-3
 
@@ -22,9 +22,9 @@ NOT_DEFINED = (
 
 
 def read_lens(camera, projection: Projection, depsgraph, eye: Eye = "") -> tuple[DepthOfField | None, str]:
-    """The lens of an evaluated camera, None without depth of field, and a warning if that is not defined.
+    """The depth of field of an evaluated camera, or None, and a warning if the volume has none.
 
-    projection: of the eye. The aperture is as large as Cycles has it: focal length / twice the f-number.
+    projection: of the eye. The radius of the aperture is that of Cycles: focal length / twice the f-number.
     """
     settings = camera.data.dof
     if not settings.use_dof:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Camera + depsgraph → the projection that the camera makes, in world space."""
+"""The projection of a camera, as a depsgraph has evaluated it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.surface import ControlSurface, Grid
 from ...projection.surfaces.uv_mesh import UVMesh
+from ...projection.typing import Array
 from ...projection.volume.lattice import Lattice
 from ...projection.volume.reparameterisation import reparameterisation
 from ...projection.volume.viewing_volume import Projection, ViewingVolume
@@ -24,19 +25,19 @@ from ..surfaces import lattice_object, nurbs_object
 from ..surfaces.kinds import MESH_KINDS
 from ..surfaces.surface_object import is_reshaped, surface_parameters
 from ..surfaces.uv_mesh import read_reshaped, read_uv_mesh
-from ..volume.volume_object import keeps_evaluated
+from ..volume.volume_object import is_evaluated
 
-# A transform that flattens one axis to less than this share of the longest has
-# no size there: float32 matrices cannot tell it from nought.
+# A transform has no size along an axis that it scales to less than this share of the longest: a float32
+# matrix cannot separate such a scale from 0.
 FLAT_SHARE = 1e-7
 # Blender makes an infinite location the largest float32; squares of coordinates
 # beyond this (Blender units) overflow float32.
 LARGEST_COORDINATE = 1e18
 
-# Projectors that are shorter than this share of the volume's extent have no length: float32 vertices
-# cannot tell their ends apart.
+# Projectors shorter than this share of the volume's extent have no length: float32 vertices cannot separate
+# their ends.
 COINCIDENT = 1e-7
-# Projectors along each side of the picture that are looked at for that, and where none of these exists.
+# Projectors along each side of the image that are tested for that, and if none of these exists.
 SAMPLES, MORE_SAMPLES = 5, 64
 
 
@@ -47,44 +48,29 @@ class ProjectionError(ValueError):
 def read_projection(camera, depsgraph, aspect: float) -> Projection:
     """The camera's projection as evaluated, in world space, float64.
 
-    depsgraph: evaluated, of the viewport or of a render. aspect: width / height
-    of the picture, > 0. Raises ProjectionError.
+    depsgraph: evaluated, of the viewport or of a render. aspect: width / height of the image, > 0. Raises
+    ProjectionError.
     """
     if camera.type != "CAMERA":
         raise ProjectionError(f"'{camera.name}' is not a camera: select one")
     if not (math.isfinite(aspect) and aspect > 0):
         raise ProjectionError("The picture has no size: set its resolution in Output Properties")
     settings = camera.evaluated_get(depsgraph).scfpf
-    slots = camera.original.scfpf.surfaces
-    if len(slots) < 2 and not is_lattice_volume(slots):
-        raise ProjectionError(
-            f"'{camera.name}' has {len(slots) or 'no'} control surface{'s' * (len(slots) != 1)}: "
-            "a viewing volume needs at least two; add one in the camera's properties or load a preset"
-        )
-    if len(slots) > MAXIMUM_SURFACES:
-        raise ProjectionError(
-            f"'{camera.name}' has {len(slots)} control surfaces: a volume may have {MAXIMUM_SURFACES} at most"
-        )
+    listed = _listed_surfaces(camera)
     for axis, (start, end) in (("U", settings.u_range), ("V", settings.v_range)):
         if start == end:
             raise ProjectionError(f"The {axis} range of '{camera.name}' is empty: give it two different ends")
-    surfaces = []
-    for number, slot in enumerate(slots, 1):
-        if slot.object is None:
-            raise ProjectionError(
-                f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
-            )
-        surfaces.append(read_surface(slot.object, camera.original, depsgraph))
+    surfaces = [read_surface(surface, camera.original, depsgraph) for surface in listed]
     try:
         mappings = read_mappings(camera, depsgraph)
     except MappingError as error:
         raise ProjectionError(str(error)) from error
     projection = Projection(
-        _volume(camera.name, surfaces, settings),
-        seen_through(mappings, reparameterisation(settings.reparameterisation)),
-        tuple(settings.u_range),
-        tuple(settings.v_range),
-        aspect,
+        volume=_volume(camera.name, surfaces, settings),
+        reparameterisation=seen_through(mappings, reparameterisation(settings.reparameterisation)),
+        u_range=tuple(settings.u_range),
+        v_range=tuple(settings.v_range),
+        aspect=aspect,
     )
     points = _some_projectors(projection)
     if points.shape[2] == 0:
@@ -95,15 +81,50 @@ def read_projection(camera, depsgraph, aspect: float) -> Projection:
     if np.ptp(points, axis=0).max() <= COINCIDENT * np.ptp(points, axis=(0, 2)).max():
         raise ProjectionError(
             f"All control surfaces of '{camera.name}' lie in one place, so that no projector has a length: "
-            f"{_way_out([slot.object for slot in slots])}"
+            f"{_way_out(listed)}"
         )
     return projection
 
 
-def _some_projectors(projection: Projection):
-    """The control points, (surfaces, 3, N), of some projectors of the picture; N is 0 where none is found.
+def read_own_projection(camera, depsgraph, aspect: float) -> Projection:
+    """``read_projection`` in camera space."""
+    projection = read_projection(camera, depsgraph, aspect)
+    return projection.transformed(world_to_camera(camera.evaluated_get(depsgraph)))
 
-    UV meshes may have holes: where few places show none, many are looked at, and the middles of triangles.
+
+def world_to_camera(camera) -> Array:
+    """The (4, 4) matrix from world space to the space of a camera's children. Raises ProjectionError."""
+    world = np.array(camera.matrix_world, np.float64)
+    if abs(np.linalg.det(world[:3, :3])) < np.finfo(np.float32).tiny:
+        raise ProjectionError(f"'{camera.name}' has a scale of 0: clear it with Alt-S")
+    return np.linalg.inv(world)
+
+
+def _listed_surfaces(camera) -> list:
+    """The objects on a camera's list, at least two or one lattice. Raises ProjectionError."""
+    slots = camera.original.scfpf.surfaces
+    if len(slots) < 2 and not is_lattice_volume(slots):
+        raise ProjectionError(
+            f"'{camera.name}' has {len(slots) or 'no'} control surface{'s' * (len(slots) != 1)}: "
+            "a viewing volume needs at least two; add one in the camera's properties or load a preset"
+        )
+    if len(slots) > MAXIMUM_SURFACES:
+        raise ProjectionError(
+            f"'{camera.name}' has {len(slots)} control surfaces: a volume may have {MAXIMUM_SURFACES} at most"
+        )
+    for number, slot in enumerate(slots, 1):
+        if slot.object is None:
+            raise ProjectionError(
+                f"Control surface {number} of '{camera.name}' is empty: choose an object for it or remove it"
+            )
+    return [slot.object for slot in slots]
+
+
+def _some_projectors(projection: Projection) -> Array:
+    """The control points, (surfaces, 3, N), of some projectors of the image; N is 0 if none is found.
+
+    UV meshes may have holes: if a coarse grid of image positions hits only holes, this samples a finer one,
+    then the middles of the UV triangles.
     """
     (u0, u1), (v0, v1) = projection.u_range, projection.v_range
     for count in (SAMPLES, MORE_SAMPLES):
@@ -119,7 +140,7 @@ def _some_projectors(projection: Projection):
 
 
 def _way_out(surfaces) -> str:
-    """The advice for control surfaces that lie in one place."""
+    """The remedy for control surfaces that lie in one place."""
     twice = next((one for number, one in enumerate(surfaces) if one in surfaces[:number]), None)
     if twice is None:
         return "move one of them"
@@ -134,7 +155,7 @@ class PlacedLattice(NamedTuple):
 
 
 def is_lattice_volume(slots) -> bool:
-    """Whether a camera's list is one lattice: that alone is a volume."""
+    """Whether a camera's list is one lattice, which is a volume by itself."""
     return (
         len(slots) == 1
         and slots[0].object is not None
@@ -143,7 +164,7 @@ def is_lattice_volume(slots) -> bool:
 
 
 def _volume(name: str, read: list[ControlSurface | PlacedLattice], settings) -> ViewingVolume:
-    """The volume of the surfaces that were read: one lattice, or all control surfaces in order."""
+    """The volume of one lattice, or of control surfaces in order."""
     first = read[0]
     if len(read) == 1 and isinstance(first, PlacedLattice):
         if len(first.lattice.moved) < 2:
@@ -184,7 +205,7 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
         raise ProjectionError(
             f"'{name}' is not a control surface: choose its kind, or remove it from the camera's list"
         )
-    if not (keeps_evaluated(camera, surface, depsgraph) or _is_visible(surface, depsgraph)):
+    if not is_evaluated(camera, surface, depsgraph):
         raise ProjectionError(
             f"Control surface '{name}' is hidden and the camera's volume object is missing or disabled, "
             "so that its present shape is unknown: show it, or press Render, which restores the volume object"
@@ -216,19 +237,14 @@ def read_surface(surface, camera, depsgraph) -> ControlSurface | PlacedLattice:
 
 
 def _of_mesh(points, kind: str, matrix) -> ControlSurface:
-    """A patch while it has just four vertices; a grid as soon as a modifier made it finer."""
+    """The surface of a mesh: a patch only if it has four vertices; a modifier may have made it a grid."""
     if kind == "PATCH" and points.shape[:2] == (2, 2):
         return surface_from_parameters("PATCH", {}, points, matrix)
     return Grid(points, matrix=matrix)
 
 
-def _is_visible(surface, depsgraph) -> bool:
-    """Whether an object evaluates by itself; a hidden one's evaluated copy may be a stale one."""
-    return any(visible.original == surface for visible in depsgraph.objects)
-
-
 def _matrix(evaluated):
-    """The object's (4, 4) float64 matrix, checked."""
+    """The (4, 4) float64 matrix of an object, if it is finite and keeps a size along each axis."""
     name = evaluated.name
     matrix = np.array(evaluated.matrix_world, np.float64)
     if not (np.abs(matrix) < LARGEST_COORDINATE).all():

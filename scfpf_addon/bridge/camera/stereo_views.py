@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The views of a stereoscopic scene: how the camera's stereo settings place the volume of each eye.
+"""The views of a stereoscopic scene: the volume of each eye, as the camera's stereo settings place it.
 
 Each eye's volume is an affine image of the camera's own, in camera space. Parallel and toe-in eyes move it
-rigidly. Off-axis eyes shear it as well: what lies at the convergence distance stays where it is in the image.
-The formulas are those of ``camera_stereo3d_model_matrix`` and ``camera_stereo3d_shift_x`` in Blender's
-``camera.cc``, so that an ordinary camera is rendered as Cycles renders it.
+rigidly. Off-axis eyes shear it as well: points at the convergence distance stay in place in the image.
+Formulas: ``camera_stereo3d_model_matrix`` and ``camera_stereo3d_shift_x`` in Blender's ``camera.cc``, so that
+an ordinary camera is rendered as in Cycles.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def eye_place(camera, eye: Eye) -> Array:
 
 
 def unseen_settings(camera, eye: Eye) -> str:
-    """Return the warning about a stereo setting of an evaluated camera that is left out, "" without one."""
+    """Return a warning about an ignored stereo setting of an evaluated camera, "" without one."""
     if eye and camera.data.stereo.use_spherical_stereo and camera.data.type in SPHERICAL_TYPES:
         return (
             f"Spherical stereo of '{camera.name}' is left out: choose Parallel for a volume that looks "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A control surface with more points, evenly spaced points, or as another kind; a volume as a lattice."""
+"""Change a control surface's points or kind, and turn a volume into a lattice."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from ...projection.editing.respacing import equalised
 from ...projection.editing.volume_edits import EditingError, lattice, sampled
 from ...projection.surfaces.kinds import surface_from_parameters
 from ...projection.surfaces.surface import ControlSurface, Grid
+from ...projection.typing import Array
 from ...projection.volume.lattice import Lattice
+from ...projection.volume.viewing_volume import ViewingVolume
 from ..blender.mesh_grid import grid_points, write_grid
 from ..blender.rig_mark import has_other_animation
 from ..blender.scene_objects import delete_with_data, editable_collections, link_beside
@@ -24,17 +26,21 @@ from ..volume import edit_mode
 from ..volume.camera_members import cameras_with
 from .flexible_camera import (
     FlexibleCameraError,
-    approximate_lens,
+    NewSurface,
+    editable_surfaces,
     make_flexible,
     replace_surfaces,
 )
-from .read_projection import PlacedLattice, read_projection, read_surface
+from .read_projection import PlacedLattice, read_own_projection, read_surface
+from .shown_lens import approximate_lens
 
 # A grid is not made finer than this many faces along an axis.
 MOST_FACES = 1024
-# A surface is looked at for islands in so many places along u and along v.
+# Positions along u and along v at which a surface is searched for islands.
 ISLAND_SAMPLES = 65
-# What stands for an object's place, as copied to the object that takes its stead.
+# At most so many positions along each axis of a lattice measure how far it differs from a volume.
+MOST_MEASURES = 33
+# The properties of an object's placement and display, as copied to an object that replaces it.
 PLACEMENT = (
     "parent",
     "parent_type",
@@ -56,45 +62,34 @@ PLACEMENT = (
 )
 
 
-def _editable(camera, index: int):
-    """The surface at a place of the list, which may be edited. Raises FlexibleCameraError."""
-    surface = camera.scfpf.surfaces[index].object
-    if surface is None:
-        raise FlexibleCameraError(
-            f"Control surface {index + 1} of '{camera.name}' is empty: remove it from the list"
-        )
-    if not surface.is_editable or not surface.data.is_editable:
-        raise FlexibleCameraError(f"'{surface.name}' is linked from another file: make it local first")
-    return surface
-
-
 def _require_plain_points(surface) -> None:
-    """Raises where something refers to the points by their number, which new points would lose."""
-    for there, what in (
+    """Raise FlexibleCameraError if something refers to points by their numbers, which new points change."""
+    for exists, what in (
         (surface.data.shape_keys is not None, "shape keys"),
         (bool(surface.vertex_groups), "vertex groups"),
         (any(modifier.type == "HOOK" for modifier in surface.modifiers), "hooks"),
         (has_other_animation(surface.data), "animated points"),
     ):
-        if there:
+        if exists:
             raise FlexibleCameraError(
                 f"'{surface.name}' has {what}, which new points would lose: apply or remove them first"
             )
 
 
 def own_shape(surface) -> ControlSurface:
-    """A mesh surface in its own space, as its parameters or its mesh are now, without further modifiers."""
+    """A parametric or mesh surface in its own space, without further modifiers."""
     if surface.scfpf_surface.kind == "UV_MESH":
         return read_uv_mesh(surface, np.eye(4))
     parameters = surface_parameters(surface)
     points = parameters.pop("points", None)
     if points is not None and points.shape[:2] != (2, 2):
-        return Grid(points)  # as in pictures, a patch with more points is a grid
+        # A patch with more points is a grid.
+        return Grid(points)
     return surface_from_parameters(surface.scfpf_surface.kind, parameters, points, np.eye(4))
 
 
 def _evaluated_shape(camera, surface, depsgraph) -> ControlSurface:
-    """A surface in its own space as evaluated, modifiers included."""
+    """A surface in its own space as evaluated, with modifiers. Raises FlexibleCameraError for a lattice."""
     read = read_surface(surface, camera, depsgraph)
     if isinstance(read, PlacedLattice):
         raise FlexibleCameraError(
@@ -108,12 +103,12 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, shar
     """Make a surface a mesh grid of columns × rows faces, of the same shape at this frame.
 
     columns, rows: 0 for as many as keep the change below a share of the surface's size, see
-    ``projection.resolution.grid_within``. Returns the greatest change of the surface as a share of its size:
-    0 (float32) for planes and patches, falling as the square of the resolution for curved kinds. Further
-    modifiers stay and act on the grid; those of a surface patch are applied. Raises FlexibleCameraError, and
-    EditingError for holes.
+    ``projection.editing.resolution.grid_within``. Further modifiers stay and act on the grid; those of a
+    surface patch are applied. Returns the greatest change of the surface as a share of its size: 0 (float32)
+    for planes and patches, falling as the square of the resolution for curved kinds. Raises
+    FlexibleCameraError, and EditingError for holes.
     """
-    surface = _editable(camera, index)
+    (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind == "GRID":
         raise FlexibleCameraError(f"'{surface.name}' is a grid already")
@@ -158,8 +153,8 @@ def _become_grid(camera, surface, points) -> None:
 def _put_in_place(camera, surface, kind: str, points, parameters=None):
     """Replace a surface on the camera's list by a new object of another type, at the same place.
 
-    What refers to the surface, children, constraints and drivers of others, refers to the new one then; a
-    surface that another camera has stays for that one, and so does what refers to it.
+    Children, and constraints and drivers of other objects, then refer to the new object. A surface on another
+    camera's list remains, with everything that refers to it.
     """
     owners = (surface, surface.data, surface.data.shape_keys)
     if surface.constraints or any(has_other_animation(owner) for owner in owners if owner is not None):
@@ -180,7 +175,8 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
     if cameras_with(surface):
         edit_mode.release(surface)
     else:
-        for collection in editable_collections(surface):  # or else the new one would come to be there twice
+        # Otherwise the remapping would link the new object there twice.
+        for collection in editable_collections(surface):
             collection.objects.unlink(surface)
         surface.user_remap(new)
         delete_with_data(surface)
@@ -195,12 +191,12 @@ def _put_in_place(camera, surface, kind: str, points, parameters=None):
 def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, share: float) -> float:
     """Make a surface a Surface Patch with the same Q(u, v) at this frame, modifiers applied.
 
-    columns, rows: control points, at least 4 each, a grid keeps its own; 0 in either for as many as keep
-    the change below a share of the surface's size. Returns the greatest change as a share of the size:
-    0 (float32) for planes, patches and grids, falling as the fourth power of the number of points for the
+    columns, rows: control points, at least 4 each; 0 in either for as many as keep the change below a share
+    of the surface's size. A grid keeps its own. Returns the greatest change as a share of the size: 0
+    (float32) for planes, patches and grids, falling as the fourth power of the number of points for the
     others. Raises FlexibleCameraError, and EditingError for holes.
     """
-    surface = _editable(camera, index)
+    (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind == nurbs_object.KIND:
         raise FlexibleCameraError(f"'{surface.name}' is a {nurbs_object.TITLE} already")
@@ -224,9 +220,9 @@ def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, in
     """Halve the pieces of a patch, grid or surface patch along u, v or both; the shape stays.
 
     Returns the control points along u and v. A patch becomes a grid. Raises FlexibleCameraError, and
-    EditingError for a surface patch whose knots Blender cannot have twice as fine.
+    EditingError for a surface patch whose knots Blender cannot refine.
     """
-    surface = _editable(camera, index)
+    (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind == lattice_object.KIND:
         raise FlexibleCameraError(
@@ -255,10 +251,10 @@ def subdivide(camera, index: int, along_u: bool, along_v: bool) -> tuple[int, in
 def equalise(camera, depsgraph, index: int, columns: int, rows: int, along_u: bool, along_v: bool) -> float:
     """Make a surface a grid of columns × rows faces whose points have even steps along u, v or both.
 
-    The points are on the surface; the picture changes. Returns the unevenness that is left, see
-    ``projection.respacing.equalised``. Further modifiers stay; those of a surface patch are applied.
+    The points lie on the surface, but the image changes. Further modifiers stay; those of a surface patch are
+    applied. Returns the remaining unevenness, see ``projection.editing.respacing.equalised``.
     """
-    surface = _editable(camera, index)
+    (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind
     if kind not in BLENDER_KINDS or kind == lattice_object.KIND:
         raise FlexibleCameraError(f"'{surface.name}' cannot be equalized: choose another control surface")
@@ -285,40 +281,37 @@ def convert_to_lattice(
     Returns the greatest change of the volume as a share of its size: 0 (float32) for straight projectors
     between flat surfaces and a linear lattice. Raises FlexibleCameraError, ProjectionError, EditingError.
     """
-    world = np.array(camera.evaluated_get(depsgraph).matrix_world, np.float64)
-    projection = read_projection(camera, depsgraph, aspect).transformed(np.linalg.inv(world))
+    projection = read_own_projection(camera, depsgraph, aspect)
     volume = projection.volume
-
-    def at(counts):
-        w, v, u = np.meshgrid(*(np.linspace(0.0, 1.0, count) for count in counts), indexing="ij")
-        controls = volume.controls(u.ravel(), v.ravel())
-        if not controls.valid.all():
-            raise EditingError("A control surface has holes, which a lattice cannot have: fill them first")
-        place = volume.evaluate_controls(controls, 1.0 - w.ravel()).position
-        return (u.ravel(), v.ravel(), 1.0 - w.ravel()), place
-
-    _, points = at(shape)
+    points = _positions(volume, *_lattice_places(shape))
     low, high = points.min(1), points.max(1)
     size = np.where(high > low, high - low, max(float((high - low).max()), 1.0))
     matrix = np.diag([*size, 1.0])
     matrix[:3, 3] = (low + high) / 2
     own = ((points - matrix[:3, 3:]) / size[:, None]).T.reshape(*shape, 3)
     fitted = Lattice.through(own, (interpolation,) * 3)
-    place, exact = at(tuple(min(2 * count - 1, 33) for count in shape))
-    now = fitted.volume(matrix)
-    change = np.linalg.norm(now.evaluate(*place).position - exact, axis=0).max() / size.max()
+    between = _lattice_places(tuple(min(2 * count - 1, MOST_MEASURES) for count in shape))
+    moved = fitted.volume(matrix).evaluate(*between).position - _positions(volume, *between)
+    change = np.linalg.norm(moved, axis=0).max() / size.max()
+    parameters = {"interpolation": interpolation}
     replace_surfaces(
         camera,
-        [
-            (
-                lattice_object.TITLE,
-                lattice_object.KIND,
-                matrix,
-                {"interpolation": interpolation},
-                fitted.points[::-1],
-            )
-        ],
+        [NewSurface(lattice_object.TITLE, lattice_object.KIND, matrix, parameters, fitted.points[::-1])],
     )
     make_flexible(camera)
     approximate_lens(camera, projection)
     return float(change)
+
+
+def _lattice_places(shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    """(u, v, t), (N,) each, of evenly spaced lattice points, W from far to near, then V, then U."""
+    w, v, u = np.meshgrid(*(np.linspace(0.0, 1.0, count) for count in shape), indexing="ij")
+    return u.ravel(), v.ravel(), 1.0 - w.ravel()
+
+
+def _positions(volume: ViewingVolume, u: Array, v: Array, t: Array) -> Array:
+    """Q(u, v, t), (3, N). Raises EditingError where a control surface has a hole."""
+    controls = volume.controls(u, v)
+    if not controls.valid.all():
+        raise EditingError("A control surface has holes, which a lattice cannot have: fill them first")
+    return volume.evaluate_controls(controls, t).position

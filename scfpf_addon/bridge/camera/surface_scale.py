@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scale of parametric control surfaces: their sizes in the world, and a scale made into sizes.
+"""The scale of parametric control surfaces: their sizes in the world, and how to turn a scale into sizes.
 
-A surface's sizes are inputs of its node group. Its object's scale, its parent inverse and its parents
-multiply them.
+A surface's sizes are inputs of its node group. The scale of its object, of its parent inverse and of its
+parents multiply them.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from ...projection.typing import Array
 from ..blender.rig_mark import has_other_animation
 from ..surfaces.kinds import PARAMETRIC_KINDS
 from ..surfaces.surface_object import is_reshaped, set_surface_parameters, surface_parameters
-from .flexible_camera import FlexibleCameraError
+from .flexible_camera import FlexibleCameraError, editable_surfaces
 
-# Scales this near to 1, as a share, count as 1: float32 products of rotations are good to about 1e-6, and
-# in a picture of 16,384 pixels such a share is a sixth of a pixel.
+# A scale that differs from 1 by less counts as 1. Float32 products of rotations are exact to about 1e-6, and
+# in an image of 16,384 pixels this share is a sixth of a pixel.
 NO_SCALE = 1e-5
 # A matrix whose axes' cosines exceed this is sheared.
 SHEAR = 1e-4
 
 
 def whole_scale(surface) -> Array:
-    """(3,) > 0: the lengths of a surface's own axes in the world, as parents and constraints leave them."""
+    """(3,) > 0: the lengths of a surface's own axes in the world, with parents and constraints."""
     lengths: Array = np.linalg.norm(np.array(surface.matrix_world, np.float64)[:3, :3], axis=0)
     return lengths
 
 
 def is_scaled(surface) -> bool:
-    """Whether the sizes of a parametric surface are not those that it has in the world."""
+    """Whether the sizes of a parametric surface differ from its sizes in the world."""
     is_parametric = surface.scfpf_surface.kind in PARAMETRIC_KINDS
     return is_parametric and bool(np.abs(whole_scale(surface) - 1.0).max() > NO_SCALE)
 
@@ -42,47 +42,35 @@ def is_scaled(surface) -> bool:
 def world_sizes(surface) -> list[tuple[str, float]]:
     """The lengths of a parametric surface in the world, (label, Blender units).
 
-    Raises EditingError where it is no longer of its kind, as an elliptic sphere; SurfaceError where its
-    node group is gone.
+    Raises EditingError if its scale changes its kind, such as a sphere into an ellipsoid, and SurfaceError
+    if its node group is gone.
     """
     kind = PARAMETRIC_KINDS[surface.scfpf_surface.kind]
     sizes = scaled(surface.scfpf_surface.kind, surface_parameters(surface), whole_scale(surface))
     return [(given.label, sizes[given.key]) for given in kind.parameters if given.subtype == "DISTANCE"]
 
 
-def _is_fixed(surface) -> bool:
-    """Whether a parametric surface's scale and sizes may be exchanged: nothing else acts on either."""
+def is_changed_otherwise(surface) -> bool:
+    """Whether modifiers or animation act on a parametric surface, besides its node group's modifier."""
     reshaped = is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER")
-    return not (reshaped or has_other_animation(surface) or any(not c.mute for c in surface.constraints))
+    return reshaped or has_other_animation(surface)
 
 
-def apply_scale(surface) -> None:
-    """Put the whole scale of a parametric surface into its sizes; only signs are left. Nothing moves.
+def _is_fixed(surface) -> bool:
+    """Whether a parametric surface's scale can be exchanged for sizes, as nothing else acts on either."""
+    return not (is_changed_otherwise(surface) or any(not c.mute for c in surface.constraints))
 
-    That of its parents and of the parent inverse is taken too: the parent inverse then undoes the parents'.
-    Blender's own Apply Scale loses it, as the surface's mesh without its modifier is empty.
-    Raises FlexibleCameraError, before anything is changed.
+
+def apply_scale(camera, index: int) -> None:
+    """Turn the whole scale of a parametric surface into its sizes; only signs are left. Nothing moves.
+
+    That includes the scale of its parents and of the parent inverse, which then undoes the parents'.
+    Blender's own Apply Scale cannot do that: without its modifier the surface's mesh is empty. Raises
+    FlexibleCameraError, before anything is changed.
     """
-    kind = surface.scfpf_surface.kind
-    if kind not in PARAMETRIC_KINDS:
-        raise FlexibleCameraError(f"'{surface.name}' has points: apply its scale with Object > Apply > Scale")
-    if not _is_fixed(surface):
-        raise FlexibleCameraError(
-            f"'{surface.name}' has modifiers, constraints or animation, which another scale would change: "
-            "convert it to a grid first"
-        )
+    (surface,) = editable_surfaces(camera, [index])
     factors = whole_scale(surface)
-    try:
-        parameters = scaled(kind, surface_parameters(surface), factors)
-    except EditingError as error:
-        raise FlexibleCameraError(f"'{surface.name}': {error}") from error
-    if factors.min() == 0.0:
-        raise FlexibleCameraError(f"'{surface.name}' has a scale of 0: clear it with Alt-S")
-    axes = np.array(surface.matrix_world, np.float64)[:3, :3] / factors
-    if np.abs(axes.T @ axes - np.eye(3)).max() > SHEAR:
-        raise FlexibleCameraError(
-            f"'{surface.name}' is sheared, as its parents are scaled unevenly: convert it to a grid first"
-        )
+    parameters = _scaled_parameters(surface, factors)
     set_surface_parameters(surface, parameters)
     before = np.array(surface.matrix_basis, np.float64)
     surface.scale = [
@@ -99,11 +87,35 @@ def apply_scale(surface) -> None:
     _keep_children(surface, own)
 
 
+def _scaled_parameters(surface, factors: Array) -> dict[str, float]:
+    """The parameters of a surface whose scale can become sizes. Raises FlexibleCameraError."""
+    kind = surface.scfpf_surface.kind
+    if kind not in PARAMETRIC_KINDS:
+        raise FlexibleCameraError(f"'{surface.name}' has points: apply its scale with Object > Apply > Scale")
+    if not _is_fixed(surface):
+        raise FlexibleCameraError(
+            f"'{surface.name}' has modifiers, constraints or animation, which another scale would change: "
+            "convert it to a grid first"
+        )
+    try:
+        parameters = scaled(kind, surface_parameters(surface), factors)
+    except EditingError as error:
+        raise FlexibleCameraError(f"'{surface.name}': {error}") from error
+    if factors.min() == 0.0:
+        raise FlexibleCameraError(f"'{surface.name}' has a scale of 0: clear it with Alt-S")
+    axes = np.array(surface.matrix_world, np.float64)[:3, :3] / factors
+    if np.abs(axes.T @ axes - np.eye(3)).max() > SHEAR:
+        raise FlexibleCameraError(
+            f"'{surface.name}' is sheared, as its parents are scaled unevenly: convert it to a grid first"
+        )
+    return parameters
+
+
 def grow(surface, factor: float) -> bool:
     """Scale a child of a camera about the camera by a factor > 0, in its location and its sizes.
 
-    Returns whether that could be done; where not, because it is no parametric surface or other things act
-    on it, nothing has changed.
+    Returns whether that was possible. If the surface is not parametric, or other things act on it, nothing
+    has changed.
     """
     kind = surface.scfpf_surface.kind
     if kind not in PARAMETRIC_KINDS or not _is_fixed(surface):
@@ -122,6 +134,6 @@ def grow(surface, factor: float) -> bool:
 
 
 def _keep_children(surface, own: Array) -> None:
-    """Leave children where they are as (4, 4) ``own`` goes from the surface's matrix into its sizes."""
+    """Keep the children of a surface in place when the (4, 4) scale ``own`` moves from it into its sizes."""
     for child in surface.children:
         child.matrix_parent_inverse = Matrix(own.tolist()) @ child.matrix_parent_inverse

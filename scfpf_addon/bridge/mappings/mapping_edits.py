@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The stack of a camera's image mappings: added to, put in order, written from a preset."""
+"""Edits of a camera's stack of image mappings."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ MAPPINGS = "mappings"
 CURVE_NAME, CURVE_NODE = ".SCFPF Radial Curve", "Curve"
 # Points of a new grid, up and across.
 GRID_SHAPE = (5, 7)
-# A new grid stands at this multiple of the camera's clip start, and at least so far. Blender units.
+# The distance of a new grid: this multiple of the camera's clip start, but at least so many Blender units.
 GRID_CLIP_STARTS, GRID_DISTANCE = 4.0, 1.0
 
 
 class MappingError(ValueError):
-    """A mapping of the image that cannot be made or used; the message says what to do."""
+    """A mapping of the image cannot be made or used; the message has the remedy."""
 
 
 def curve_node(tree):
@@ -41,7 +41,7 @@ def new_curve(points=((0.0, 0.0), (1.0, 1.0))):
     node.name = node.label = CURVE_NODE
     points = np.asarray(points, np.float64)
     mapping = node.mapping
-    # Beyond 1 for pictures' corners.
+    # Corners of the image have radii above 1.
     mapping.clip_max_x = max(1.0, points[-1, 0])
     mapping.clip_max_y = max(1.0, points[:, 1].max())
     curve = mapping.curves[0]
@@ -50,7 +50,7 @@ def new_curve(points=((0.0, 0.0), (1.0, 1.0))):
     for place in points[1:-1]:
         curve.points.new(*place.tolist())
     if len(points) > 2:
-        # Handles that neither overshoot nor turn back.
+        # These handles neither overshoot nor reverse.
         for point in curve.points:
             point.handle_type = "AUTO_CLAMPED"
     mapping.update()
@@ -65,14 +65,17 @@ def take_kind(camera, mapping) -> None:
         mapping.grid = new_grid(camera)
 
 
-def new_grid(camera, seen=None):
-    """A mesh over the picture, the camera's child, that says what is seen where. seen: (R, C, 2) or None."""
-    if seen is None:
+def new_grid(camera, places=None):
+    """A mesh over the image, a child of the camera, as a deformed grid.
+
+    places: (R, C, 2), the image positions to look up; None for an undeformed grid.
+    """
+    if places is None:
         lines = (np.linspace(0.0, 1.0, count) for count in GRID_SHAPE[::-1])
-        seen = np.stack(np.meshgrid(*lines), axis=-1)
+        places = np.stack(np.meshgrid(*lines), axis=-1)
     name = f"{camera.name} Picture Grid"
     grid = bpy.data.objects.new(name, bpy.data.meshes.new(name))
-    write_grid(grid.data, np.concatenate([seen, np.zeros((*seen.shape[:2], 1))], axis=-1))
+    write_grid(grid.data, np.concatenate([places, np.zeros((*places.shape[:2], 1))], axis=-1))
     grid.display_type = "WIRE"
     grid.hide_render = True
     lens = camera.data
@@ -90,7 +93,7 @@ def new_grid(camera, seen=None):
 
 
 def add_mapping(camera, kind: str, name: str):
-    """A new mapping at the end of a camera's stack, active. Raises MappingError when there are too many."""
+    """Append a mapping to a camera's stack and make it active. Raises MappingError for too many mappings."""
     settings = camera.scfpf
     if len(settings.mappings) >= MAXIMUM_MAPPINGS:
         raise MappingError(f"A camera has at most {MAXIMUM_MAPPINGS} mappings: remove one first")
@@ -105,7 +108,7 @@ def add_mapping(camera, kind: str, name: str):
 
 
 def remove_mapping(camera, index: int) -> None:
-    """Take a mapping off the stack; its curve and its mesh go if nothing else uses them."""
+    """Remove a mapping from the stack, and its curve and mesh if nothing else uses them."""
     settings = camera.scfpf
     mapping = settings.mappings[index]
     curve, grid = mapping.curve, mapping.grid
@@ -129,7 +132,7 @@ def clear_mappings(camera) -> None:
 
 
 def move_mapping(camera, index: int, step: int) -> int:
-    """Move a mapping by ``step`` places, as far as the stack goes; returns its new index."""
+    """Move a mapping by ``step`` places, within the stack; return its new index."""
     settings = camera.scfpf
     place = min(max(index + step, 0), len(settings.mappings) - 1)
     move_slot(settings, index, place, MAPPINGS)
@@ -147,7 +150,7 @@ def _remove_unused(camera, curve, grid) -> None:
 
 
 def write_mappings(camera, mappings) -> None:
-    """Replace a camera's stack by mappings of a preset (projection.image_mappings.ImageMapping)."""
+    """Replace a camera's stack by mappings of a preset (projection.mappings.kinds.ImageMapping)."""
     clear_mappings(camera)
     for stored in mappings:
         mapping = camera.scfpf.mappings.add()
@@ -170,7 +173,7 @@ def write_mappings(camera, mappings) -> None:
 
 
 def own_mapping_data(camera) -> int:
-    """Give a camera curves and grids of its own where it shares them; returns how many were copied."""
+    """Copy the curves and grids that a camera shares with others; return how many."""
     others = [other for other in all_cameras() if other != camera]
     copied = 0
     for mapping in camera.scfpf.mappings:

@@ -1,40 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera's stack of image mappings, as evaluated, as the mappings themselves and as what presets store.
+"""A camera's stack of image mappings as evaluated, for projections and for presets.
 
-What is read of a mapping is numbers and bytes; the mapping that they make is kept while they stay, since its
-inverse may have to be searched for.
+Each mapping is first read as numbers and bytes. The mapping made of these is cached, as its inverse may have
+to be searched for.
 """
 
 from __future__ import annotations
 
-import time
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from bpy.app.handlers import persistent
 
-from ...projection.mappings.grids import STMap
 from ...projection.mappings.kinds import COEFFICIENTS, KINDS, ImageMapping, changed, simple_mapping
 from ...projection.volume.reparameterisation import Reparameterisation
-from ..blender.app_handlers import add_handlers, remove_handlers
 from ..blender.mesh_grid import SurfaceError, grid_points
 from ..blender.scene_objects import absent_text, is_absent
-from ..volume.volume_object import keeps_evaluated
+from ..volume.volume_object import is_evaluated
 from .mapping_edits import MappingError, curve_node
+from .st_map_image import st_map, st_map_number
 
-# A curve widget is a table of so many steps; at its entries it is exact.
+# Steps of the table of a curve widget, whose entries are exact.
 CURVE_STEPS = 256
-# Mappings that are kept, and images.
-KEPT_MAPPINGS, KEPT_IMAGES = 32, 4
-# Scripts edit pixels without a sign: viewports read an ST map again when what they have is so old, seconds.
-READ_AFTER = 1.0
-# Less alpha means that a pixel of an ST map has no value.
-LEAST_ALPHA = 0.5
+# Mappings in the cache.
+KEPT_MAPPINGS = 32
 
 
 class _Described(NamedTuple):
-    """What makes a mapping: kind, numbers by name, points or the key of an image, and how it is used."""
+    """Everything that a mapping depends on, hashable.
+
+    numbers: by name. points, shape: of an array of float64; for an ST map ``shape`` is its number.
+    """
 
     kind: str
     numbers: tuple[tuple[str, float], ...]
@@ -43,27 +39,17 @@ class _Described(NamedTuple):
     influence: float
     backwards: bool
 
-
-class _Images:
-    """Arrays of ST maps by number, and which one an image has now. No Blender data."""
-
-    def __init__(self):
-        self.maps: dict[int, STMap] = {}
-        self.present: dict[int, tuple[tuple, int, float]] = {}
-        self.made = 0
-        self.edits = 0
-
-
-_images = _Images()
+    def array(self) -> np.ndarray | None:
+        return np.frombuffer(self.points).reshape(self.shape) if self.points else None
 
 
 def read_mappings(camera, depsgraph) -> tuple[Reparameterisation, ...]:
-    """The mappings that act on a camera's picture, in order. Raises MappingError."""
+    """The enabled mappings of a camera's stack, in order. Raises MappingError."""
     return tuple(_built(described) for described in _describe(camera, depsgraph))
 
 
 def mapping_signature(camera, depsgraph) -> tuple | str:
-    """What tells a stack from another; an error's text where it cannot be read. Empty without mappings."""
+    """A value that differs between different stacks; the error's text if the stack cannot be read."""
     if not any(mapping.enabled for mapping in camera.scfpf.mappings):
         return ()
     try:
@@ -73,7 +59,7 @@ def mapping_signature(camera, depsgraph) -> tuple | str:
 
 
 def stored_mappings(camera, depsgraph) -> tuple[ImageMapping, ...]:
-    """The mappings that act, as presets store them. Raises MappingError, for ST maps too."""
+    """The enabled mappings as presets store them. Raises MappingError, also for ST maps."""
     names = [m.name for m in camera.original.scfpf.mappings if m.enabled]
     stored = []
     for name, given in zip(names, _describe(camera, depsgraph), strict=True):
@@ -81,9 +67,15 @@ def stored_mappings(camera, depsgraph) -> tuple[ImageMapping, ...]:
             raise MappingError(
                 f"'{name}' is an ST map, which a preset cannot hold: disable it, and share its image"
             )
-        points = np.frombuffer(given.points).reshape(given.shape) if given.points else None
         stored.append(
-            ImageMapping(name, given.kind, dict(given.numbers), points, given.influence, given.backwards)
+            ImageMapping(
+                name=name,
+                kind=given.kind,
+                parameters=dict(given.numbers),
+                points=given.array(),
+                influence=given.influence,
+                backwards=given.backwards,
+            )
         )
     return tuple(stored)
 
@@ -99,8 +91,8 @@ def _describe(camera, depsgraph) -> tuple[_Described, ...]:
 
 
 def _describe_one(mapping, original, camera, depsgraph) -> _Described:
-    """mapping: as evaluated; original: whose pointers are the file's own."""
-    kind, points, shape = mapping.kind, b"", ()
+    """mapping: as evaluated. original: the same one in the file, which has the pointers."""
+    kind, array, shape = mapping.kind, np.zeros(0), ()
     numbers: dict[str, float] = {}
     if kind in {"RADIAL_CURVE", "LENS", "DISTORTION"}:
         numbers["centre_x"], numbers["centre_y"] = mapping.centre
@@ -114,32 +106,34 @@ def _describe_one(mapping, original, camera, depsgraph) -> _Described:
         numbers |= {"arc": mapping.arc, "distance": mapping.distance}
     elif kind == "RADIAL_CURVE":
         array = _curve_points(original)
-        points, shape = array.tobytes(), array.shape
     elif kind == "GRID":
         array = _grid_places(original, camera, depsgraph)
-        points, shape = array.tobytes(), array.shape
     elif kind == "ST_MAP":
-        shape = (_image_number(original, depsgraph),)
+        shape = (st_map_number(original, depsgraph),)
     return _Described(
-        kind, tuple(numbers.items()), points, shape, float(mapping.influence), bool(mapping.backwards)
+        kind=kind,
+        numbers=tuple(numbers.items()),
+        points=array.tobytes(),
+        shape=shape or array.shape,
+        influence=float(mapping.influence),
+        backwards=bool(mapping.backwards),
     )
 
 
 @lru_cache(maxsize=KEPT_MAPPINGS)
 def _built(described: _Described) -> Reparameterisation:
     if described.kind == "ST_MAP":
-        mapping: Reparameterisation = _images.maps[described.shape[0]]
+        mapping: Reparameterisation = st_map(described.shape[0])
     else:
-        points = np.frombuffer(described.points).reshape(described.shape) if described.points else None
         try:
-            mapping = simple_mapping(described.kind, dict(described.numbers), points)
+            mapping = simple_mapping(described.kind, dict(described.numbers), described.array())
         except ValueError as error:
             raise MappingError(str(error)[0].upper() + str(error)[1:]) from error
     return changed(mapping, described.influence, described.backwards)
 
 
 def _curve_points(mapping) -> np.ndarray:
-    """The entries of a curve widget's table, (K, 2)."""
+    """The table of a curve widget, (K, 2): radii and values."""
     node = curve_node(mapping.curve)
     if node is None:
         raise MappingError(f"The radial curve '{mapping.name}' has no curve: choose its kind again")
@@ -151,6 +145,7 @@ def _curve_points(mapping) -> np.ndarray:
 
 
 def _grid_places(mapping, camera, depsgraph) -> np.ndarray:
+    """The image positions at the points of a deformed grid, (R, C, 2)."""
     grid = mapping.grid
     if grid is None:
         raise MappingError(
@@ -159,7 +154,7 @@ def _grid_places(mapping, camera, depsgraph) -> np.ndarray:
     if is_absent(grid, depsgraph.scene):
         lost = absent_text(grid, depsgraph.scene, "choose another mesh for the image mapping", camera)
         raise MappingError(f"The grid {lost}")
-    if not (keeps_evaluated(camera, grid, depsgraph) or grid.name in depsgraph.objects):
+    if not is_evaluated(camera, grid, depsgraph):
         raise MappingError(
             f"The grid '{grid.name}' is hidden and its present shape unknown: press Render, or show it"
         )
@@ -167,79 +162,3 @@ def _grid_places(mapping, camera, depsgraph) -> np.ndarray:
         return np.ascontiguousarray(grid_points(grid.evaluated_get(depsgraph))[..., :2])
     except SurfaceError as error:
         raise MappingError(str(error)) from error
-
-
-def _image_number(mapping, depsgraph) -> int:
-    """The number of an image's ST map; renders read the image anew, viewports when it has been edited."""
-    image = mapping.image
-    if image is None:
-        raise MappingError(f"The ST map '{mapping.name}' has no image: open or choose one")
-    key = (tuple(image.size), image.filepath, _images.edits)
-    known = _images.present.get(image.session_uid)
-    is_known = known is not None and known[0] == key and known[1] in _images.maps
-    if is_known and depsgraph.mode == "VIEWPORT" and time.monotonic() - known[2] < READ_AFTER:
-        return known[1]
-    read = _read_image(image)
-    # The same pixels keep their number, and with it what has been worked out for them.
-    before = _images.maps.get(known[1]) if known is not None else None
-    if before is None or not _same(before, read):
-        _images.made += 1
-        _images.maps[_images.made] = read
-        number = _images.made
-        for old in sorted(_images.maps)[:-KEPT_IMAGES]:
-            del _images.maps[old]
-    else:
-        number = known[1]
-    _images.present[image.session_uid] = (key, number, time.monotonic())
-    return number
-
-
-def _same(one: STMap, other: STMap) -> bool:
-    return np.array_equal(one.present, other.present) and np.array_equal(
-        one.values[one.present], other.values[other.present]
-    )
-
-
-def _read_image(image) -> STMap:
-    width, height = image.size
-    if min(width, height) < 2 or image.channels < 2:
-        raise MappingError(
-            f"'{image.name}' is not an ST map: it needs a picture of at least 2 × 2 pixels with red and "
-            f"green; "
-            "if its file was moved, find it with File > External Data"
-        )
-    pixels = np.empty(width * height * image.channels, np.float32)
-    image.pixels.foreach_get(pixels)
-    pixels = pixels.reshape(height, width, image.channels)
-    present = np.isfinite(pixels[..., :2]).all(axis=2)
-    if image.channels == 4:
-        present &= pixels[..., 3] >= LEAST_ALPHA
-    return STMap(pixels[..., :2].copy(), present)
-
-
-@persistent
-def _scene_updated(_scene, depsgraph):
-    if depsgraph.id_type_updated("IMAGE"):
-        _images.edits += 1
-
-
-@persistent
-def _file_changed(*_):
-    _images.edits += 1
-
-
-HANDLERS = {
-    "depsgraph_update_post": _scene_updated,
-    "undo_post": _file_changed,
-    "redo_post": _file_changed,
-    "load_post": _file_changed,
-}
-
-
-def register():
-    # Other handlers ask whether a stack has changed.
-    add_handlers(HANDLERS, at_front=True)
-
-
-def unregister():
-    remove_handlers(HANDLERS)

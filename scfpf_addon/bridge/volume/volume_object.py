@@ -192,8 +192,17 @@ def _evaluated_members(modifier) -> list:
     ]
 
 
-def keeps_evaluated(camera, surface, depsgraph) -> bool:
-    """Whether the camera's volume object evaluates a surface in a depsgraph, hidden or not."""
+def is_evaluated(camera, obj, depsgraph) -> bool:
+    """Whether a depsgraph evaluates an object, because of the camera's volume object or as it is visible.
+
+    The evaluated copy of any other object may be stale.
+    """
+    return _volume_evaluates(camera, obj, depsgraph) or any(
+        visible.original == obj for visible in depsgraph.objects
+    )
+
+
+def _volume_evaluates(camera, obj, depsgraph) -> bool:
     volume = camera.scfpf.volume_object
     hide, show = (
         ("hide_viewport", "show_viewport") if depsgraph.mode == "VIEWPORT" else ("hide_render", "show_render")
@@ -206,7 +215,7 @@ def keeps_evaluated(camera, surface, depsgraph) -> bool:
         modifier.type == "NODES"
         and modifier.node_group is not None
         and getattr(modifier, show)
-        and surface in _evaluated_members(modifier)
+        and obj in _evaluated_members(modifier)
         for modifier in volume.modifiers
     )
 

@@ -25,7 +25,7 @@ def camera():
 @pytest.fixture
 def folder(addon):
     """The folder of own presets, empty before and after."""
-    place = addon("bridge.camera.camera_preset").own_folder(create=True)
+    place = addon("bridge.camera.preset_folder").own_folder(create=True)
 
     def clear():
         for path in place.iterdir():
@@ -117,7 +117,7 @@ def test_names_replace_only_when_asked_and_are_listed_and_removed(addon, camera,
             bpy.ops.scfpf.preset_apply_own(preset=stem)
         with pytest.raises(RuntimeError, match="no preset"):
             bpy.ops.scfpf.preset_remove(preset=stem)
-    assert addon("bridge.camera.camera_preset").stem_of("CON") == "con_preset"
+    assert addon("bridge.camera.preset_folder").stem_of("CON") == "con_preset"
 
 
 def test_names_of_the_same_letters_are_presets_of_their_own(addon, camera, folder):
@@ -146,7 +146,7 @@ def test_presets_are_shared_as_files(camera, folder, tmp_path):
 
 def test_own_presets_have_pictures_of_their_volumes(addon, camera, folder, monkeypatch):
     """Small, of all that is drawn; another one once replaced; without one all goes on."""
-    thumbnails, storing = addon("panels.thumbnails"), addon("bridge.camera.camera_preset")
+    thumbnails, storing = addon("panels.thumbnails"), addon("bridge.camera.preset_folder")
     shown = set()
     for preset in ("perspective", "cylindrical_panorama"):
         assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
@@ -166,12 +166,12 @@ def test_own_presets_have_pictures_of_their_volumes(addon, camera, folder, monke
         assert tuple(thumbnails._loaded[0][(loaded - shown).pop()].image_size) == (96, 72)
         shown |= loaded
     (folder / "mine.png").write_bytes(b"no picture")
-    assert storing.own_picture("mine") is None
+    assert storing.thumbnail_file("mine") is None
     huge = np.zeros((1, 5000, 4))
     (folder / "mine.png").write_bytes(addon("projection.presets.thumbnail").png(huge))
-    assert storing.own_picture("mine") is None
+    assert storing.thumbnail_file("mine") is None
     (folder / "mine.png").unlink()
-    assert storing.own_picture("mine") is None and thumbnails.own_thumbnail("mine") == 0
+    assert storing.thumbnail_file("mine") is None and thumbnails.own_thumbnail("mine") == 0
 
     def refuse(path):
         if path.suffix == ".png":
@@ -344,7 +344,7 @@ def test_a_menu_does_not_wait_for_what_is_no_file_nor_for_many_large_ones(addon,
         assert [(stem, text) for stem, _, text in own.own_presets()] == [
             ("pipe", "cannot read pipe.json: it is not a regular file")
         ]
-        assert addon("bridge.camera.camera_preset").own_picture("pipe") is None
+        assert addon("bridge.camera.preset_folder").thumbnail_file("pipe") is None
         (folder / "pipe.json").unlink()
     for number in range(3):
         (folder / f"{number}.json").write_text("{}")

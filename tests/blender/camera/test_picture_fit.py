@@ -26,7 +26,7 @@ def shown(addon):
 def wanted(addon):
     def needed(camera):
         aspect = addon("bridge.render.image_size").image_aspect(bpy.context.scene)
-        return addon("bridge.camera.image_fit").needs_fit(camera, aspect)
+        return addon("bridge.camera.volume_fit").needs_fit(camera, aspect)
 
     return needed
 

@@ -141,7 +141,7 @@ def test_an_st_map_that_was_written_is_read_as_the_stack(addon, camera, look, mo
     camera.scfpf.mappings[-1].enabled = False
     read.image.pixels.foreach_set(np.full(160 * 90 * 4, 0.75, np.float32))
     read.image.update()
-    monkeypatch.setattr(addon("bridge.mappings.read_mappings"), "READ_AFTER", 0.0)
+    monkeypatch.setattr(addon("bridge.mappings.st_map_image"), "READ_AFTER", 0.0)
     np.testing.assert_allclose(look(camera).u, 0.75)
     read.image = None
     errors = addon("bridge.camera.read_projection").ProjectionError

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Mirror control surfaces in their parameters: Q(1-u, v) or Q(u, 1-v)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+from mathutils import Matrix
+
+from ...projection.editing.volume_edits import EditingError, mirrored
+from ..blender.rig_mark import has_other_animation
+from ..surfaces import lattice_object, nurbs_object
+from ..surfaces.kinds import BLENDER_KINDS, MESH_KINDS, PARAMETRIC_KINDS
+from ..surfaces.surface_object import set_surface_parameters, surface_parameters
+from .flexible_camera import FlexibleCameraError, editable_surfaces
+from .surface_scale import is_changed_otherwise
+
+# A matrix is sheared, which an object cannot store, if it differs by more from its location, rotation and
+# scale. Products of float32 matrices agree to about 1e-6.
+SHEAR = 1e-4
+
+
+def mirror_surfaces(camera, depsgraph, axis: str, indices=None) -> None:
+    """Mirror surfaces: Q(1-u, v) for axis "U", Q(u, 1-v) for "V".
+
+    Meshes keep their shape and get their UV map mirrored. Surface patches and lattices get their points in
+    reverse order, parametric kinds a negative scale or exchanged ends. Raises FlexibleCameraError or
+    SurfaceError, before anything is changed, if a surface cannot be mirrored.
+    """
+    mirrors = [_mirror_of(surface, depsgraph, axis) for surface in editable_surfaces(camera, indices)]
+    for mirror in mirrors:
+        mirror()
+
+
+def _mirror_of(surface, depsgraph, axis: str) -> Callable[[], None]:
+    """A function that mirrors a surface. Raises the errors of ``mirror_surfaces``."""
+    kind = surface.scfpf_surface.kind
+    if surface.type != (BLENDER_KINDS[kind].object_type if kind in BLENDER_KINDS else "MESH"):
+        raise FlexibleCameraError(
+            f"'{surface.name}' is of type {surface.type.title()}, not of its kind: choose another kind first"
+        )
+    if kind == nurbs_object.KIND:
+        order = nurbs_object.reversed_order(surface, axis)
+        return partial(nurbs_object.reorder, surface, order, axis)
+    if kind == lattice_object.KIND:
+        if surface.modifiers or surface.data.shape_keys is not None or has_other_animation(surface):
+            raise FlexibleCameraError(
+                f"'{surface.name}' has modifiers, shape keys or animation that would not be mirrored: "
+                "apply or remove them first"
+            )
+        return partial(_mirror_lattice, surface, axis)
+    if kind in PARAMETRIC_KINDS:
+        return _parametric_mirror(surface, depsgraph, axis)
+    if kind not in MESH_KINDS:
+        raise FlexibleCameraError(
+            f"'{surface.name}' cannot be mirrored: choose another kind of control surface first"
+        )
+    if surface.data.uv_layers.active is None:
+        raise FlexibleCameraError(f"'{surface.name}' has no UV map: unwrap it as a regular grid")
+    return partial(_mirror_uv, surface, "UV".index(axis))
+
+
+def _parametric_mirror(surface, depsgraph, axis: str) -> Callable[[], None]:
+    kind = surface.scfpf_surface.kind
+    if kind == "POINT":
+        return lambda: None
+    if is_changed_otherwise(surface):
+        raise FlexibleCameraError(
+            f"'{surface.name}' has modifiers or animation that would not be mirrored: "
+            "convert it to a grid first"
+        )
+    parameters = surface_parameters(surface.evaluated_get(depsgraph))
+    try:
+        matrix, parameters = mirrored(kind, parameters, axis)
+    except EditingError as error:
+        raise FlexibleCameraError(f"'{surface.name}': {error}") from error
+    placed = surface.matrix_basis @ Matrix(matrix.tolist())
+    if not np.allclose(placed, Matrix.LocRotScale(*placed.decompose()), rtol=SHEAR, atol=SHEAR):
+        raise FlexibleCameraError(
+            f"'{surface.name}' is scaled unevenly and cannot be mirrored: apply its scale, "
+            "or convert it to a grid first"
+        )
+
+    def mirror():
+        surface.matrix_basis = placed
+        set_surface_parameters(surface, parameters)
+
+    return mirror
+
+
+def _mirror_lattice(surface, axis: str) -> None:
+    surface.matrix_basis = surface.matrix_basis @ Matrix(lattice_object.mirror(surface, axis).tolist())
+
+
+def _mirror_uv(surface, axis: int) -> None:
+    if surface.data.users > 1:
+        surface.data = surface.data.copy()
+    layer = surface.data.uv_layers.active
+    # Setting ``layer.uv`` in Blender 4.5 also changes the mesh's copies and its undo steps.
+    uv = surface.data.attributes[layer.name].data
+    values = np.empty(2 * len(uv), np.float32)
+    uv.foreach_get("vector", values)
+    values[axis::2] = 1 - values[axis::2]
+    uv.foreach_set("vector", values)
+    surface.data.update()
