@@ -91,7 +91,7 @@ def cast(
         return complete(cast_exact(scene, batch, mask, columns, counts), batch)
     reach = scene_reach(spans, points, scene)
     if reach is None:
-        return complete(Hits.unplaced(len(x))._replace(mask=mask), batch)
+        return complete(Hits.empty(len(x))._replace(mask=mask), batch)
     return complete(cast_chords(scene, batch, mask, corners(spans, reach), counts)[0], batch)
 
 
@@ -120,11 +120,11 @@ def _cast_curved(tile: _Tile, pixel_error: float, counts: CastCounts) -> Hits:
     counts.projectors += int(np.count_nonzero(mask))
     where = stretches(tile.scene.occupancy, spans, boxes)
     if where.reach is None or not mask.any():
-        return complete(Hits.unplaced(batch.count)._replace(mask=mask), batch)
+        return complete(Hits.empty(batch.count)._replace(mask=mask), batch)
     groups = bend_groups(points, mask)
     if len(groups) == 1:
         return complete(_cast_group(tile, batch, groups[0], where, pixel_error, counts), batch)
-    hits = Hits.unplaced(batch.count)
+    hits = Hits.empty(batch.count)
     for group in groups:
         which = np.flatnonzero(group)
         hits.put(which, _cast_group(tile, batch, group, where, pixel_error, counts).take(which))

@@ -51,11 +51,6 @@ class Hits(NamedTuple):
             np.zeros(count, bool),
         )
 
-    @classmethod
-    def unplaced(cls, count: int) -> Hits:
-        """As ``empty``, but position and tangent are undefined until ``chords.complete`` computes them."""
-        return cls.empty(count)._replace(position=np.empty((3, count)), tangent=np.empty((3, count)))
-
     def take(self, index: IndexArray) -> Hits:
         """Copy the hits at ``index``."""
         return Hits(

@@ -63,7 +63,7 @@ def cast_chords(
     Returns the hits, whose position and tangent are undefined (see ``complete``), and the
     projectors with an unconfirmed hit.
     """
-    hits = Hits.unplaced(batch.count)._replace(mask=mask)
+    hits = Hits.empty(batch.count)._replace(mask=mask)
     work = Work(scene, batch, schedule, counts)
     records = _march(work, mask, where)
     curves = batch.take(records.projector)

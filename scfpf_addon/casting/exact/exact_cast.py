@@ -78,7 +78,7 @@ def cast_exact(
     than the scene would need more chords than ``certify.MOST_CHORDS``.
     """
     prisms = scene.prisms
-    hits = Hits.unplaced(batch.count)._replace(mask=mask)
+    hits = Hits.empty(batch.count)._replace(mask=mask)
     present = np.flatnonzero(mask)
     if len(present) == 0:
         return hits
@@ -142,7 +142,7 @@ def _in_halves(scene: CastScene, batch: ProjectorBatch, mask: BoolArray, counts:
             "than the scene is the viewing volume: set the pixel error above 0, "
             "or bring the control surfaces nearer"
         )
-    hits = Hits.unplaced(batch.count)
+    hits = Hits.empty(batch.count)
     for part in np.array_split(np.arange(batch.count), 2):
         hits.put(part, cast_exact(scene, batch.take(part), mask[part], None, counts))
     return hits

@@ -14,7 +14,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.typing import BoolArray, Float32Array, IndexArray
+from ...projection.typing import BoolArray, IndexArray
 from .neighbours import alternate
 
 # If less than this share of the triangles are in pairs, none become quads: a single one costs more as a quad.
@@ -57,20 +57,12 @@ class Quads:
 
         found: embreex's output for N rays. each: see ``EmbreeMesh.faces_each``.
         """
-        return self.numbers.take(_halves(found, each)[0])
-
-    def weights(
-        self, found: dict[str, Any], each: int
-    ) -> tuple[NDArray[np.int32], tuple[Float32Array, Float32Array]]:
-        """As ``triangles``, with the barycentric weights of their second and third corners, each (N,)."""
-        index, half = _halves(found, each)
-        triangle, u, v = self.numbers.take(index), found["u"], found["v"]
-        if each == 2:
-            u, v = np.where(half, 1 - u, u), np.where(half, 1 - v, v)
-        # A single triangle has no second half: rounding alone puts a hit there.
-        half = half & (self.numbers.take(index ^ 1) != triangle)
-        rest = 1 - (u + v)
-        return triangle, (np.where(half, 1 - v, rest), np.where(half, -rest, u))
+        index: IndexArray = found["primID"]
+        if each == 1:
+            # embreex's output is not used again.
+            index *= 2
+            index += found["u"] + found["v"] > 1
+        return self.numbers.take(index)
 
 
 def _pairs(triangles: NDArray[np.int32], usable: BoolArray) -> tuple[IndexArray, BoolArray]:
@@ -84,15 +76,3 @@ def _pairs(triangles: NDArray[np.int32], usable: BoolArray) -> tuple[IndexArray,
     # Of more triangles around one corner the first and second make a quad, the third and fourth and so on.
     chosen = alternate(lead)
     return lead[chosen], turned[chosen]
-
-
-def _halves(found: dict[str, Any], each: int) -> tuple[IndexArray, BoolArray]:
-    """Indices into ``Quads.numbers`` of the triangles met, (N,), and whether each is a second half, (N,)."""
-    index = found["primID"]
-    if each == 2:
-        return index, (index & 1).astype(bool)
-    half: BoolArray = found["u"] + found["v"] > 1
-    # embreex's output is not used again.
-    index *= 2
-    index += half
-    return index, half

@@ -43,19 +43,6 @@ class TracedMesh:
         found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
         return found
 
-    def trace_weights(
-        self, origins: Float32Array, directions: Float32Array, limits: Float32Array
-    ) -> tuple[NDArray[np.int32], tuple[Float32Array, Float32Array]]:
-        """As ``trace``, with Embree's weights, each (N,), of the second and third corner.
-
-        The limits are overwritten.
-        """
-        raise_if_cancelled()
-        found = self._embree.run(origins.T, directions.T, limits, output=True)
-        if self.quads:
-            return self.quads.weights(found, self._faces_each)
-        return found["primID"], (found["u"], found["v"])
-
     def trace_distance(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:

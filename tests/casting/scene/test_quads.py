@@ -62,9 +62,7 @@ def compare(vertices, faces, generator, usable=None):
     limits = np.ones(RAYS, np.float32)
     found = scene.mesh.trace(origins, ways, limits)
     assert (limits == 1).all()
-    again, weights = scene.mesh.trace_weights(origins, ways, limits.copy())
-    np.testing.assert_array_equal(found, again)
-    assert found.dtype == again.dtype == np.int32
+    assert found.dtype == np.int32
     corners = scene.vertices.T[faces]
     t, u, v = brute_force(corners, origins.T.astype(float), ways.T.astype(float))
     inside = np.minimum(np.minimum(u, v), 1.0 - u - v)
@@ -83,8 +81,6 @@ def compare(vertices, faces, generator, usable=None):
     expected = np.where(np.isfinite(first), order[0], -1)
     np.testing.assert_array_equal(found[sure], expected[sure])
     seen = np.flatnonzero(sure & (expected >= 0))
-    for mine, theirs in zip(weights, (u, v), strict=True):
-        np.testing.assert_allclose(mine[seen], theirs[expected[seen], seen], atol=2e-3)
     hidden = scene.occluded(origins, ways, np.full(1, 1.0))
     deep = sure & (~np.isfinite(first) | (first < 0.999))
     np.testing.assert_array_equal(hidden[deep], (expected >= 0)[deep])
