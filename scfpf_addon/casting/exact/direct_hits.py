@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""First hits of which exact casting is certain without a traversal, nearly all."""
+"""First hits that exact casting certifies without traversal: nearly all of them."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from ..curves.plane_hits import Solutions, first_root
 from ..scene.cast_scene import CastScene
 from .traversal import RESTART, SHORTEST, Rays, Traversal
 
-# A straight look from a prism's face to a hit strays this far from the curve at most: a few
+# The straight way from a prism's face to a hit strays at most this far from the curve: a few
 # roundings (2⁻²⁴) of a coordinate of 1.
 STRAY = 3e-7
 
-# A way is well within its triangle, and clear of an edge, where it stays this far from the edges,
-# in cast units: float32 cannot take a neighbour for it.
+# A way is well within its triangle, and clear of an edge, if it stays this far from the edges,
+# in cast units: float32 cannot mistake a neighbour for it.
 WELL_WITHIN = 2e-6
 
 
 def certify(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32]) -> IndexArray:
-    """Keep the hits of which it is certain that they are the first; the other rays have to be walked on.
+    """Keep the hits that are certainly the first. Returns the numbers of the other rays, left to traversal.
 
-    rays: at the first face that each projector meets. triangle: (M,) whose prism that is. Its
-    prism is the only one that was entered, but for some that are entered at the same place,
-    and its neighbours', which are not entered where a hit is well within the triangle. A
-    look at the triangles themselves, straight from there to the hit, finds what is between.
+    rays: at the first face that each projector meets. triangle: (M,) whose prism that is. It is the
+    only prism entered, except for those that are entered at the same place and those of its neighbours,
+    which do not matter to a hit well within the triangle. A ray against the triangles themselves,
+    straight from there to the hit, finds anything between.
     """
     scene = traversal.scene
     curves = traversal.batch.take(rays.projector)
@@ -48,26 +48,26 @@ def certify(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32]) -> In
 
 
 def _straight(traversal: Traversal, rays: Rays) -> tuple[Array, Array]:
-    """In t, where the rays are and how far curves are straight from there, (M,) each."""
+    """The t of the rays, and the t up to which curves are straight from there, (M,) each."""
     breaks = traversal.chords.breaks
     steps = np.diff(breaks)
     met_t = breaks.take(rays.chord) + rays.share * steps.take(rays.chord)
-    # Chords of steps h are ‖q''‖ h²/16 from their curves, at most ε, a straight line over a
-    # share of one ‖q''‖ (share h)²/8; it may end on the next chord.
+    # A chord of step h is ‖q''‖ h²/16 ≤ ε from its curve, a straight line over a
+    # share of it ‖q''‖ (share h)²/8; that may end on the next chord.
     length = np.minimum(steps, np.append(steps[1:], steps[-1])).take(rays.chord)
     straight = min(float(np.sqrt(0.5 * STRAY / traversal.prisms.epsilon)), 1.0)
     return met_t, met_t + straight * length
 
 
 def _nearer(traversal: Traversal, rays: Rays, found: Solutions) -> BoolArray:
-    """Which solutions are hits before those known from looking around, where projectors begin in prisms."""
+    """Whether solutions are hits before the known ones, of projectors that begin in prisms, (M,)."""
     with np.errstate(invalid="ignore"):
         nearer: BoolArray = found.inside & (found.t < traversal.hits.t.take(rays.projector))
     return nearer
 
 
 def _well_within(traversal: Traversal, weights: Array, triangle: IndexArray) -> BoolArray:
-    """Whether places (barycentric weights (2, M)) are not near the edges of their triangles."""
+    """Whether points with barycentric weights (2, M) are not near the edges of their triangles, (M,)."""
     margin = WELL_WITHIN * traversal.prisms.steepest.take(triangle)
     second, third = weights
     with np.errstate(invalid="ignore"):
@@ -76,7 +76,9 @@ def _well_within(traversal: Traversal, weights: Array, triangle: IndexArray) -> 
 
 
 def _seen(traversal: Traversal, start: Array, way: Array, after: float) -> NDArray[np.int32]:
-    """The first triangles on straight ways (3, M), -1 for none, from a little before to ``after`` as much."""
+    """The first triangles on straight ways (3, M), -1 for none, from a little before to ``after`` times as
+    much past the end.
+    """
     slack = way * (RESTART / np.maximum(np.sqrt(np.einsum("cn,cn->n", way, way)), SHORTEST))
     traversal.counts.rays += way.shape[1]
     return traversal.scene.mesh.trace(
@@ -87,12 +89,12 @@ def _seen(traversal: Traversal, start: Array, way: Array, after: float) -> NDArr
 
 
 def _beside(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], known: Solutions) -> BoolArray:
-    """As settle, for ways over two triangles that share an edge, met both: which are certain.
+    """As certify, for ways over two triangles that share an edge; returns which are certain, (M,).
 
-    known: where the curves meet the triangles whose prisms were met, each one of the two or next to
-    them: what else is that near has to be walked. A way begins and ends over the two, and stays so
-    far from all of their other edges that float32 cannot be wrong about their neighbours; one that
-    is over the same triangle all the time has but entered the prism of a neighbour first.
+    known: where the curves meet the triangles whose prisms were met. Such a triangle must be one of the two
+    or next to them. A way begins and ends over the two, and stays so far from all of their other
+    edges that float32 cannot be wrong about their neighbours. A way over one triangle alone has entered
+    the prism of a neighbour first.
     """
     scene = traversal.scene
     curves = traversal.batch.take(rays.projector)
@@ -136,7 +138,7 @@ def _beside(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], known
 
 
 def _all_weights(weights: Array) -> Array:
-    """The weights of all three corners, (3, M), of those of the second and third."""
+    """The weights of all three corners, (3, M), from those of the second and third."""
     return np.stack([1.0 - weights[0] - weights[1], *weights])
 
 
@@ -146,7 +148,7 @@ def _over(scene: CastScene, positions: Array, triangle: IndexArray) -> Array:
 
 
 def _over_pair(traversal: Traversal, start: Array, end: Array, one: IndexArray, two: IndexArray) -> BoolArray:
-    """Whether straight ways (3, M) are over two neighbours each, and far from their other edges."""
+    """Whether straight ways (3, M) are over two neighbours each and far from their other edges, (M,)."""
     scene = traversal.scene
     number = np.arange(len(one))
     over = []
@@ -170,7 +172,7 @@ def _over_pair(traversal: Traversal, start: Array, end: Array, one: IndexArray, 
 
 
 def _apart(traversal: Traversal, start: Array, way: Array, triangle: IndexArray) -> Array:
-    """How far straight lines (3, M) are from those through the edges opposite their triangles' corners."""
+    """Distances (3, M) of straight lines from the lines through the edges opposite the triangles' corners."""
     corners = [traversal.scene.vertices.take(row, 1) for row in traversal.scene.triangles.take(triangle, 0).T]
     apart = np.empty((3, len(triangle)))
     for k, (first, second) in enumerate(

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Exact casting: the first hit in float64, certified by a walk through prisms.
+"""Exact casting: the first hit in float64, certified by traversal of prisms.
 
-Chords within ε of the projectors (``certify``) are cast at prisms that enclose all
-points within ε of each triangle (``prisms``). Where a chord enters or leaves a prism
-the curve itself is met with that triangle in float64; a hit bounds the traversal, which
-goes on until nothing lies before it that was not entered. Prisms that are entered at
-one place, which Embree cannot tell apart, are left to a look at the triangles
-themselves, as far as the thickness of a prism. Where the first prism that is met holds a
-hit well within its triangle, that look is all that is needed; only the others are walked.
-Chords through space that certainly holds no prism (``occupancy``) are not cast.
+Chords within ε of the projectors (``chord_bounds``) are cast at prisms that enclose all
+points within ε of each triangle (``prisms``). Where a chord enters or leaves a prism,
+the curve itself is intersected with that triangle in float64. A hit bounds the traversal, which
+continues until every prism before the hit has been entered. Embree cannot separate prisms that are
+entered at one place, so rays are also traced against the triangles themselves, as far as the
+thickness of a prism. If the first prism contains a hit well within its triangle, one such ray
+certifies it (``direct_hits``); only the other projectors are traversed.
+Chords through space that certainly contains no prism (``occupancy``) are not cast.
 """
 
 from __future__ import annotations
@@ -33,33 +33,33 @@ from .traversal import (
     Rays,
     Traversal,
     advance,
-    behind,
     chord_ends,
-    crossing,
-    following,
+    crossing_time,
     meet,
-    meet_near,
+    meet_prisms,
+    next_chords,
+    past_faces,
     time_of,
 )
 
-# Prisms that a step back finds are told apart when they begin this share of a step apart.
+# Prisms that a step back finds are separate if they begin this share of a step apart.
 SLIGHT = np.float32(0.1)
 
 # Chord ends are computed in float32 where their rounding is less than this, in cast units.
 LARGEST_ROUNDING = 1e-6
 
-# A walk that meets more faces than this, as only one along a prism's face does, takes
-# steps that grow by this factor from then on: it must end.
+# A traversal that meets more faces than this, as only one along a prism's face does, takes
+# steps that grow by this factor from then on, so that it ends.
 MOST_FACES = 4096
 GROWTH = 1.05
 
-# Where projectors begin in a prism their way out of it is looked at in so many straight pieces.
+# The way of projectors out of a prism in which they begin is checked in so many straight pieces.
 FIRST_LOOKS = 16
 
-# So few projectors are not cut in halves any further.
+# So few projectors are not divided into halves any further.
 FEWEST = 64
 
-# Things before a hit that are looked at one after the other.
+# Things before a hit that are examined one after the other.
 LAYERS = 4
 
 
@@ -68,14 +68,14 @@ def cast_exact(
 ) -> Hits:
     """The first hits of the projectors of ``batch``, cast space; mask: (N,) says which exist.
 
-    columns: says that the projectors are whole rows of that many neighbouring pixels; empty
-    space is then skipped for blocks of them. Positions and tangents are left to
-    ``chords.complete``. t is exact to float64's rounding. What is left to float32 is finding
-    candidates: hits less than RESTART apart, in cast units, may be exchanged, and a triangle
+    columns: given if the projectors are whole rows of that many neighbouring pixels; empty
+    space is then skipped for blocks of them. Positions and tangents are undefined (see
+    ``chords.complete``). t is exact to float64's rounding. Candidates are found in float32:
+    hits less than RESTART apart, in cast units, may be exchanged, and a triangle
     seen at a slant may be missed if its prism is entered together with another and something
     else follows at once (docs/accuracy.md has the figures).
-    Raises CastError when there is not enough memory for the prisms, and where projectors far larger
-    than the scene would need more chords than ``certify.MOST_CHORDS``.
+    Raises CastError if the memory does not hold the prisms, and if projectors far larger
+    than the scene would need more than MOST_CERTAIN chords.
     """
     prisms = scene.prisms
     hits = Hits.empty(batch.count)._replace(mask=mask)
@@ -83,7 +83,7 @@ def cast_exact(
     if len(present) == 0:
         return hits
     if len(present) < batch.count:
-        # They take part in bounds; somewhere else they would widen these.
+        # The others take part in bounds, which they would widen anywhere else.
         points = batch.points.copy()
         points[:, :, ~mask] = points[:, :, present[:1]]
         batch = ProjectorBatch(batch.spans, points)
@@ -95,47 +95,50 @@ def cast_exact(
     # Rounding of a sum of that many terms.
     farthest = max(float(batch.points.max()), -float(batch.points.min()))
     rounding = (len(batch.points) + 1) * farthest * 2.0**-24
-    boxes = boxes_of_blocks(batch.single, columns)
-    where = stretches(prisms.occupancy, batch.spans, boxes, prisms.epsilon)
+    where = stretches(prisms.occupancy, batch.spans, boxes_of_blocks(batch.single, columns), prisms.epsilon)
     held = where.within(chords.breaks[:-1], chords.breaks[1:])
     traversal = Traversal(
-        scene,
-        prisms,
-        batch,
-        chords,
-        hits,
-        np.full(batch.count, np.inf),
-        where.block,
-        following(held),
-        counts,
-        rounding > LARGEST_ROUNDING,
+        scene=scene,
+        prisms=prisms,
+        batch=batch,
+        chords=chords,
+        hits=hits,
+        looked=np.full(batch.count, np.inf),
+        block=where.block,
+        following=next_chords(held),
+        counts=counts,
+        far=rounding > LARGEST_ROUNDING,
     )
     if chords.breaks[0] == 0.0:
-        _look_around(traversal, present[where.held[0].take(where.block.take(present))])
+        _meet_at_start(traversal, present[where.held[0].take(where.block.take(present))])
     rays, found = _first_wave(traversal, held, where.members(), mask)
     # A bound on rational chords says nothing of ‖q''‖.
     rational = batch.spans.point_weights is not None
     doubtful = np.arange(len(found)) if rational else certify(traversal, rays, found)
-    rays, found = rays.take(doubtful), found[doubtful]
+    _traverse(traversal, rays.take(doubtful), found[doubtful])
+    return hits
+
+
+def _traverse(traversal: Traversal, rays: Rays, found: NDArray[np.int32]) -> None:
+    """Follow rays at faces of the prisms of triangles ``found`` (M,) until all first hits are certain."""
     step, faces = RESTART, 0
     while len(rays.projector):
         faces += 1
         if faces > MOST_FACES:
             step *= GROWTH
-            counts.unresolved += len(rays.projector)
+            traversal.counts.unresolved += len(rays.projector)
         fresh = np.flatnonzero((found != rays.last).all(axis=0))
         tested = rays.take(fresh)
-        also, others = _overtaken(traversal, rays, found, step)
+        also, others = _skipped_prisms(traversal, rays, found, step)
         pairs = np.concatenate([fresh, also])
-        meet_near(traversal, rays.take(pairs), np.concatenate([found[fresh], others]), step)
-        _look(traversal, tested, found[fresh], crossing(traversal, tested, found[fresh]))
+        meet_prisms(traversal, rays.take(pairs), np.concatenate([found[fresh], others]), step)
+        _meet_passed_over(traversal, tested, found[fresh], crossing_time(traversal, tested, found[fresh]))
         rays.last[1], rays.last[0] = rays.last[0], found
-        rays, found = advance(traversal, behind(traversal, rays, step))
-    return hits
+        rays, found = advance(traversal, past_faces(traversal, rays, step))
 
 
 def _in_halves(scene: CastScene, batch: ProjectorBatch, mask: BoolArray, counts: CastCounts) -> Hits:
-    """As cast_exact, where all projectors at once need too many chords: halves need fewer."""
+    """As cast_exact, if all projectors together need too many chords: halves need fewer."""
     if batch.count <= FEWEST:
         raise CastError(
             f"exact casting would need more than {MOST_CERTAIN:,} chords a projector, so much larger "
@@ -148,10 +151,10 @@ def _in_halves(scene: CastScene, batch: ProjectorBatch, mask: BoolArray, counts:
     return hits
 
 
-def _look_around(traversal: Traversal, alive: NDArray[np.intp]) -> None:
-    """Meet the curves with the triangles whose prisms they begin in: chords never enter these.
+def _meet_at_start(traversal: Traversal, alive: NDArray[np.intp]) -> None:
+    """Intersect curves with the triangles whose prisms they begin in: chords never enter these.
 
-    A way along one of the three axes leaves the two caps of any prism within √3 times
+    A line along one of the three axes leaves the two caps of any prism within √3 times
     the distance between them.
     """
     at = np.einsum("k,kcn->cn", traversal.chords.ends[0], traversal.batch.points.take(alive, 2))
@@ -171,19 +174,21 @@ def _look_around(traversal: Traversal, alive: NDArray[np.intp]) -> None:
             projector, start = projector[met], start[:, met]
             meet(traversal, projector, np.zeros(len(met), np.intp), found[met])
             gone = gone[met] + far[met] * length + RESTART
-    # Among many small triangles a way out of one prism passes others over.
+    # Among many small triangles a way out of one prism skips others.
     first = traversal.batch.points.take(alive, 2)
     way = np.einsum("k,kcn->cn", traversal.chords.ends[1] - traversal.chords.ends[0], first)
     share = np.minimum(length / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST), 1.0) / FIRST_LOOKS
     none, zero = np.full((2, len(alive)), -1, np.int32), np.zeros(len(alive), np.intp)
     for step in range(FIRST_LOOKS):
-        _look(traversal, Rays(alive, zero, step * share, none), none[0], share * traversal.chords.breaks[1])
+        _meet_passed_over(
+            traversal, Rays(alive, zero, step * share, none), none[0], share * traversal.chords.breaks[1]
+        )
 
 
 def _first_wave(
     traversal: Traversal, held: BoolArray, members: IndexArray, mask: BoolArray
 ) -> tuple[Rays, NDArray[np.int32]]:
-    """Follow the chords of all projectors, in step, until each enters a prism."""
+    """Follow the chords of all projectors, all in step, until each enters a prism."""
     source: NDArray[Any] = traversal.batch.points if traversal.far else traversal.batch.single
     before = traversal.counts.rays
     records, share, cast = march(source, traversal.chords.ends, held, members, mask, traversal.trace)
@@ -193,13 +198,13 @@ def _first_wave(
     return Rays(records.projector, records.chord, np.minimum(share, 1.0), last), records.triangle
 
 
-def _overtaken(
+def _skipped_prisms(
     traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], step: float
 ) -> tuple[IndexArray, NDArray[np.int32]]:
-    """The triangles whose prisms begin in the ``step`` behind a face, which the walk passes over.
+    """The triangles whose prisms begin in the ``step`` past a face, which traversal skips.
 
-    Short rays back from where walks go on find the last of them first.
-    triangle: (M,) whose prisms' faces were met. The answer: numbers of rays, and a triangle for each.
+    Short rays back from where traversal continues find the last of them first.
+    triangle: (M,) whose prisms' faces were met. Returns numbers of rays, and a triangle for each.
     """
     start, end = chord_ends(traversal, rays)
     way = end - start
@@ -224,19 +229,18 @@ def _overtaken(
     return np.concatenate(numbers), np.concatenate(triangles)
 
 
-def _look(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], length: Array) -> None:
-    """Look at the triangles themselves, from where prisms were met to the hit or their other side.
+def _meet_passed_over(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], length: Array) -> None:
+    """Trace rays against the triangles, from where prisms were met to the hit or the prisms' other side.
 
-    Prisms that are entered less than RESTART behind another are passed over by the
-    walk: those of neighbours in one plane, of sheets that nearly coincide. What they
-    hold lies before the prism's other side or the next test: so near that the straight
-    look does not leave the curve.
-    triangle: (M,) whose prisms were met, and which have been met with already. length: (M,) in t.
+    Traversal skips prisms that are entered less than RESTART past another: those of neighbours in one
+    plane, of sheets that nearly coincide. Their hits lie before the prism's other side or the next test,
+    so near that the straight ray does not leave the curve.
+    triangle: (M,) whose prisms were met, and which have been intersected already. length: (M,) in t.
     """
     projector, met_t = rays.projector, time_of(traversal, rays)
     end_t = np.minimum(met_t + length, traversal.chords.breaks[-1])
-    # From where the last look ended: a prism passed over may be so slanted that it is left only
-    # behind the next hit.
+    # From where the last ray ended: a skipped prism may be so slanted that it is left only
+    # past the next hit.
     before = np.maximum(
         traversal.looked[projector], met_t - np.diff(traversal.chords.breaks).take(rays.chord)
     )
@@ -255,7 +259,7 @@ def _look(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], length:
         if len(other) == 0:
             break
         before = traversal.hits.t[projector[other]]
-        # What float32 takes for one may be the other side of an edge.
+        # In float32 a hit may be on the other side of an edge.
         across = traversal.scene.neighbours[:, found[other]].ravel()
         fresh, there = other[found[other] != triangle[other]], across >= 0
         pairs = np.concatenate([fresh, np.tile(other, 3)[there]])
@@ -263,7 +267,7 @@ def _look(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], length:
         borne_out = traversal.hits.triangle[projector[other]] == found[other]
         lost = other[(traversal.hits.t[projector[other]] >= before) | ~borne_out]
         if len(lost):
-            # If not there either, it is passed.
+            # If it is not there either, it is passed.
             limits = np.ones(len(lost), np.float32)
             far = traversal.scene.mesh.trace_distance(origins[:, lost], ways[:, lost], limits)
             start[:, lost] += (way[:, lost] + 2.0 * slack[:, lost]) * far

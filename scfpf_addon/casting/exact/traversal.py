@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The walk of exact casting: along chords from prism to prism, and what curves meet there."""
+"""Traversal for exact casting: chords are followed from prism to prism, where curves are intersected."""
 
 from __future__ import annotations
 
@@ -17,25 +17,27 @@ from ..curves.projector_batch import ProjectorBatch
 from ..scene.cast_scene import CastScene
 from ..scene.prisms import PrismScene
 
-# A walk goes on this far, in cast units, behind the face it has met: 32 roundings (2⁻²⁴)
+# Traversal restarts this far, in cast units, past the face it has met: 32 roundings (2⁻²⁴)
 # of a coordinate of 1, so that it does not meet the face again.
 RESTART = 2e-6
 
-# Shorter ways than this have no direction.
+# Shorter vectors than this have no direction.
 SHORTEST = 1e-300
 
-# What lies beyond the prisms' box, in cast units, is passed at once.
+# The part of a chord farther than this, in cast units, from the prisms' box is skipped.
 BORDER = 1e-3
 
-# Fewer rays than this are cast with all that is left of their chords at once, what lies behind a face
-# for nothing: to step through the chords costs more. No more chords than this then.
+# Fewer rays than this are cast with all their remaining chords at once, those past a face in vain: to
+# step through the chords costs more. At most so many chords then.
 FEW = 1024
 MOST_AT_ONCE = 1 << 15
 
 
 class Rays(NamedTuple):
-    """Places where walks go on. projector, chord: (M,); share: (M,) of the chord; the last
-    two triangles that were met on this chord: (2, M), -1 for none.
+    """Places where traversal continues.
+
+    projector, chord: (M,). share: (M,) of the chord. last: (2, M) the last two triangles met on this chord,
+    -1 for none.
     """
 
     projector: NDArray[np.intp]
@@ -54,12 +56,11 @@ class Rays(NamedTuple):
 
 
 class Traversal(NamedTuple):
-    """What every step of a tile's walk looks at and fills in.
+    """The state of a tile's traversal.
 
-    looked: (N,) t up to which the triangles themselves have been looked at, inf at first.
-    block: (N,) of each projector. following: (n+1, B) for each chord and block the first from
-    there on that may enter a prism, n if none does. far: whether projectors reach so far out
-    that float32 would move chords in the scene.
+    looked: (N,) t up to which rays have been traced against the triangles themselves, inf at first.
+    block: (N,) of each projector. following: (n+1, B), see ``next_chords``. far: whether control points
+    are so far out that float32 would displace chords in the scene.
     """
 
     scene: CastScene
@@ -96,8 +97,11 @@ class Traversal(NamedTuple):
         return found, far + skipped
 
 
-def following(held: BoolArray) -> NDArray[np.intp]:
-    """See Walk.following; held: (n, B) whether a chord of a block's projectors may enter a prism."""
+def next_chords(held: BoolArray) -> NDArray[np.intp]:
+    """The first chord from each on that may enter a prism, (n+1, B), n for none.
+
+    held: (n, B) whether a chord of a block's projectors may enter a prism.
+    """
     count, blocks = held.shape
     after = np.full((count + 1, blocks), count)
     for chord in range(count - 1, -1, -1):
@@ -106,13 +110,13 @@ def following(held: BoolArray) -> NDArray[np.intp]:
 
 
 def time_of(traversal: Traversal, rays: Rays) -> Array:
-    """Where the rays are, in t, (M,)."""
+    """The t of the rays, (M,)."""
     low, high = traversal.chords.breaks[rays.chord], traversal.chords.breaks[rays.chord + 1]
     return low + rays.share * (high - low)
 
 
 def advance(traversal: Traversal, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
-    """Follow chords until they meet prisms' faces; gives where and which, without those that meet none."""
+    """Follow chords until they meet prisms' faces. Returns those that do, there, and the triangles."""
     chords = traversal.chords
     parts, triangles = [], []
     while len(rays.projector):
@@ -147,7 +151,7 @@ def advance(traversal: Traversal, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
 
 
 def _ahead(traversal: Traversal, rays: Rays) -> BoolArray:
-    """The chords (M, n) that rays may still meet something on."""
+    """Whether rays may still meet something on each chord, (M, n)."""
     chords, number = traversal.chords, np.arange(traversal.chords.count)
     held: BoolArray = number == traversal.following[:-1].take(traversal.block[rays.projector], 1).T
     held &= (number > rays.chord[:, None]) & (chords.breaks[:-1] < traversal.hits.t[rays.projector][:, None])
@@ -156,7 +160,7 @@ def _ahead(traversal: Traversal, rays: Rays) -> BoolArray:
 
 
 def _advance_at_once(traversal: Traversal, rays: Rays, along: BoolArray) -> tuple[Rays, NDArray[np.int32]]:
-    """As advance, by one batch of the chords ``along`` (M, n): the first that meets a face counts."""
+    """As advance, with all chords ``along`` (M, n) in one batch: the first that meets a face counts."""
     which, chord = np.nonzero(along)
     here = chord == rays.chord[which]
     fresh = Rays(
@@ -180,7 +184,7 @@ def _advance_at_once(traversal: Traversal, rays: Rays, along: BoolArray) -> tupl
 def _cast(
     traversal: Traversal, start: Array, way: Array, share: Array, limit: Array
 ) -> tuple[NDArray[np.int32], Array]:
-    """The prisms met on chords from ``share`` to ``limit`` of them, -1 for none, and where."""
+    """The prisms met on chords between shares ``share`` and ``limit``, -1 for none, and where."""
     left = 1.0 - share
     limit = np.where(limit < 1.0, (limit - share) / left, 1.0) + OVERLAP
     traversal.counts.chords += len(share)
@@ -191,22 +195,17 @@ def _cast(
 
 
 def chord_ends(traversal: Traversal, rays: Rays) -> tuple[Array, Array]:
-    """Where the rays' chords begin and end, (3, M) each."""
-    controls = traversal.batch.points.take(rays.projector, 2)
-    ends = traversal.chords.ends.T
-    return (
-        np.einsum("kn,kcn->cn", ends.take(rays.chord, 1), controls),
-        np.einsum("kn,kcn->cn", ends.take(rays.chord + 1, 1), controls),
-    )
+    """The start and end of the rays' chords, (3, M) each."""
+    return traversal.chords.ends_of(traversal.batch.points.take(rays.projector, 2), rays.chord)
 
 
 def meet(traversal: Traversal, projector: IndexArray, span: IndexArray, triangle: NDArray[np.int32]) -> None:
-    """Meet curves with triangles, from the spans given on, and keep what is nearer."""
+    """Intersect curves with triangles, from the given spans on, and keep nearer hits."""
     breaks = traversal.batch.spans.breaks
     traversal.counts.tested += len(triangle)
     while len(projector):
         curves = traversal.batch.take(projector)
-        # What lies at the very end of a span may come out past it by rounding.
+        # By rounding, a hit at the very end of a span may come out past it.
         low, high = breaks[span] - T_ROUNDING, breaks[span + 1] + T_ROUNDING
         found = solve(curves, traversal.scene, triangle, span, low, high)
         keep(traversal, projector, found)
@@ -214,16 +213,15 @@ def meet(traversal: Traversal, projector: IndexArray, span: IndexArray, triangle
         projector, triangle, span = projector[going], triangle[going], span[going] + 1
 
 
-def meet_near(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], step: float) -> None:
-    """Meet curves with the triangles whose prisms their chords enter or leave.
+def meet_prisms(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], step: float) -> None:
+    """Intersect curves with the triangles whose prisms their chords enter or leave.
 
-    Where both ends of a chord lie outside the slab that a prism is in, all that it holds of the curve is
-    on this chord. Otherwise the whole curve is met with the triangle. step: how far behind a place on
-    a chord a prism may begin.
+    If both ends of a chord lie outside the slab that contains a prism, the part of the curve in the prism is
+    on this chord. Otherwise the whole curve is intersected. step: how far past a ray a prism may begin.
     """
     scene, chords = traversal.scene, traversal.chords
     curves = traversal.batch.take(rays.projector)
-    ends = (np.einsum("kn,kcn->cn", chords.ends.T.take(rays.chord + k, 1), curves.points) for k in (0, 1))
+    ends = chords.ends_of(curves.points, rays.chord)
     slab = traversal.prisms.thickness + step
     near = np.logical_or.reduce([np.abs(scene.heights(end, triangle)) <= slab for end in ends])
     span, breaks = chords.span[rays.chord], traversal.batch.spans.breaks
@@ -237,15 +235,15 @@ def meet_near(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32], ste
 
 
 def keep(traversal: Traversal, projector: IndexArray, found: Solutions) -> None:
-    """Store the hits that are nearer than what is known; a projector may have several."""
+    """Store the hits that are nearer than the known ones; a projector may have several."""
     nearer = np.flatnonzero(found.inside & (found.t < traversal.hits.t[projector]))
     # Of several writes to a place the last is the nearest.
     nearer = nearer[np.argsort(-found.t[nearer], kind="stable")]
     found.take(nearer).store(traversal.hits, projector[nearer])
 
 
-def behind(traversal: Traversal, rays: Rays, step: float) -> Rays:
-    """The rays ``step`` behind the faces they have met, without those that have passed their hit."""
+def past_faces(traversal: Traversal, rays: Rays, step: float) -> Rays:
+    """The rays ``step`` past the faces they have met, without those that have passed their hit."""
     chords = traversal.chords
     start, end = chord_ends(traversal, rays)
     length = np.sqrt(((end - start) ** 2).sum(axis=0))
@@ -259,8 +257,8 @@ def behind(traversal: Traversal, rays: Rays, step: float) -> Rays:
     return rays.take(np.flatnonzero(time_of(traversal, rays) < traversal.hits.t[rays.projector]))
 
 
-def crossing(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32]) -> Array:
-    """How long in t chords take from one cap of a triangle's prism to the other, at most all of a chord."""
+def crossing_time(traversal: Traversal, rays: Rays, triangle: NDArray[np.int32]) -> Array:
+    """The t that chords take from cap to cap of a triangle's prism, at most a whole chord's, (M,)."""
     chords = traversal.chords
     controls = traversal.batch.points.take(rays.projector, 2)
     way = np.einsum("kn,kcn->cn", (chords.ends[1:] - chords.ends[:-1]).T.take(rays.chord, 1), controls)
