@@ -21,12 +21,8 @@ def image_editors(window_manager) -> list:
     free = [space for space in spaces if space.ui_mode == "VIEW" and not space.use_image_pin]
     ours = [space for space in spaces if space.image is not None and space.image == result_image()]
     empty = [space for space in free if space.image is None]
-    return ours + empty + [space for space in free if is_render(space.image)]
-
-
-def is_render(image) -> bool:
-    """Whether an image is Blender's own Render Result."""
-    return image is not None and image.type == "RENDER_RESULT"
+    renders = [space for space in free if space.image is not None and space.image.type == "RENDER_RESULT"]
+    return ours + empty + renders
 
 
 def open_image_editor(context):
@@ -56,7 +52,9 @@ def open_image_editor(context):
 def _view_show(context) -> None:
     """Call Blender's View Render, which opens the editor of renders or brings its window to the front."""
     window = context.window.parent if context.window.screen.is_temporary else context.window
-    area = context.area if context.area in window.screen.areas[:] else max(window.screen.areas, key=_size)
+    areas = window.screen.areas[:]
+    largest = max(areas, key=lambda area: area.width * area.height)
+    area = context.area if context.area in areas else largest
     with context.temp_override(window=window, area=area):
         bpy.ops.render.view_show("INVOKE_DEFAULT")
 
@@ -68,7 +66,3 @@ def _window_of(window_manager, space):
         for window in window_manager.windows
         if any(area.spaces.active == space for area in window.screen.areas)
     )
-
-
-def _size(area) -> int:
-    return area.width * area.height

@@ -39,7 +39,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
 
     def update_render_passes(self, scene=None, renderlayer=None):
-        """Tell the compositor which passes there are."""
+        """Register the passes with the compositor."""
         for each in list_render_passes(renderlayer):
             self.register_pass(scene, renderlayer, each.name, len(each.channels), each.channels, each.type)
 
@@ -85,7 +85,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
         return self.viewport
 
     def _read(self, depsgraph, delivery: Delivery, said: set[str]) -> RenderInputs:
-        """Read the inputs of a view. said: the warnings that other views have given; its own are added."""
+        """Read the inputs of a view. said: warnings that were reported; those of the view are added."""
         size = self.resolution_x, self.resolution_y
         require_size(*size)
         camera = self.camera_override or depsgraph.scene.camera
@@ -141,8 +141,7 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
 
     def _fail(self, message: str) -> None:
         if not bpy.app.background:
-            # Blender drops reports that come while the operator still begins. So the error is the last
-            # thing that is reported.
+            # Blender drops reports that come while the operator still begins. So the error comes last.
             time.sleep(SETTLE_SECONDS)
         self.report({"ERROR"}, message)
         if not bpy.app.background:

@@ -31,7 +31,7 @@ from .render_passes import crypto_names, transparency_warning
 
 @dataclass(frozen=True)
 class RenderInputs:
-    """Arrays and numbers only: Blender may change or free anything while they are used.
+    """The inputs of a render: arrays and numbers only, because Blender may change or free its data meanwhile.
 
     moments: what the samples see while the shutter is open, () without motion blur.
     """

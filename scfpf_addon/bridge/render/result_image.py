@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The image datablock of the last render, and what undo does to it.
+"""The image datablock of the last render, and its content after undo.
 
 The datablock is float, scene-linear and premultiplied, shown through the scene's view transform like a
 render. ``write_result`` packs it, which keeps it bit for bit through save, reload and undo, up to 2 GB. Its
@@ -136,7 +136,7 @@ def _after_undo(_scene, _depsgraph=None) -> None:
     if image is None or image.get(STAMP, "") == _in_memory or not (image.packed_file or STAMP in image):
         return
     # Blender reads the pixels again from the packed file. An image that was too large to be packed is lost,
-    # and no other one may stand for it.
+    # and no other image may replace it.
     image.buffers_free()
     _in_memory = image.get(STAMP, "")
     redraw_image_editors()

@@ -19,7 +19,7 @@ from ...shading.typing import Single
 from .coarse_image import coarse_image
 from .render_inputs import RenderInputs
 
-# What a window's header says meanwhile.
+# The text in a window's header during preparation.
 BUILDING = "Building the acceleration structure, which cannot be canceled"
 
 

@@ -125,7 +125,7 @@ class GraphBuilder:
 
 
 def _names(settings: list, *keys: str) -> set[str]:
-    """The names that operations look up, those of graphs within them too."""
+    """The values of these settings of operations, and of those in graphs within them."""
     found = {each[key] for each in settings for key in keys if each.get(key) is not None}
     for each in settings:
         if "height" in each:

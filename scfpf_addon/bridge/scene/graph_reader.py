@@ -84,7 +84,7 @@ class GraphReader:
         found = read(inputs) if read else {}
         for output in node.outputs:
             if output.identifier not in found and output.type != "SHADER":
-                # A supported node leaves out only outputs that nothing asks for.
+                # The function of a supported node leaves out only outputs without links.
                 found[output.identifier] = self.builder.constant(0.0) if read else inputs.passed(output)
         return found
 

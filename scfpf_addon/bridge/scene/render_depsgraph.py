@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The scene as evaluated for F12, at any time and without rendering.
 
-A viewport's depsgraph lacks what is hidden in the viewport and has the viewport's
-modifiers and subdivision levels. Blender makes a render depsgraph for its own
-renders and bakes only. A bake leaves the user's last render, its slots and the
-render handlers alone, so this module lets Blender bake a triangle of its own with
-an engine of its own, whose ``bake`` is handed the depsgraph and reads from it.
+A viewport's depsgraph lacks objects that are hidden in the viewport, and has the viewport's modifiers and
+subdivision levels. Blender makes a render depsgraph for its own renders and bakes only. A bake leaves the
+user's last render, its slots and the render handlers alone. So this module lets Blender bake a triangle with
+an engine whose ``bake`` receives the depsgraph and reads from it.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``blender -c scfpf``: what it writes, and one line on stderr for all that goes wrong."""
+"""``blender -c scfpf``: its output, and one line on stderr for every error."""
 
 import threading
 
@@ -41,7 +41,7 @@ def picture(path):
     return values
 
 
-def test_render_writes_the_picture_and_says_so(run, blend, tmp_path, capsys):
+def test_render_writes_the_image_and_says_so(run, blend, tmp_path, capsys):
     output = tmp_path / "out.png"
     assert run("render", blend, "-o", output) == 0
     captured = capsys.readouterr()
@@ -116,7 +116,7 @@ def test_failure_is_one_line_on_stderr_and_a_code(run, blend, tmp_path, capsys, 
     assert not (tmp_path / "out.png").exists()
 
 
-def test_a_scene_s_own_format_that_is_not_written_is_said_before_the_render(
+def test_a_scene_s_own_format_that_is_not_written_is_reported_before_the_render(
     addon, run, blend, tmp_path, capsys, monkeypatch
 ):
     bpy.context.scene.render.image_settings.file_format = "BMP"
@@ -166,7 +166,7 @@ def test_a_full_disk_is_a_line_and_a_code(addon, run, blend, tmp_path, capsys, m
     assert output.read_bytes() == b"an earlier picture"
 
 
-def test_a_place_that_cannot_be_written_is_said_before_the_render(addon, run, blend, capsys, monkeypatch):
+def test_a_place_that_cannot_be_written_is_reported_before_the_render(addon, run, blend, capsys, monkeypatch):
     monkeypatch.setattr(addon("bridge.render.command_line"), "prepare", None)  # no render begins
     assert run("render", blend, "-o", blend.parent / f"{300 * 'x'}.png") == 1
     assert "annot write" in capsys.readouterr().err

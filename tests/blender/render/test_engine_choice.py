@@ -67,7 +67,7 @@ def test_ordinary_cameras_and_rigs_are_not_warned_of(scene, text):
 
 
 def test_panel_of_another_camera_is_silent(scene):
-    """F12 renders the scene's camera, not the one that the panel is about."""
+    """F12 renders the scene's camera, not the panel's."""
     bpy.ops.object.camera_add()
     scene.camera, bpy.context.view_layer.objects.active = bpy.context.object, scene.camera
     assert IGNORED not in texts(drawn(bpy.types.SCFPF_PT_view))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Finding the selection in the picture: its box against closed forms, what hides it, what is outside."""
+"""Finding the selection in the image: its box against closed forms, its hiders, its part outside."""
 
 import bpy
 import numpy as np

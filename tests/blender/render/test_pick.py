@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Picking in the picture by script: what is stored, said and kept; bad input; undo; files."""
+"""Picking in the image by script: stored values, reports, bad input, undo, files."""
 
 import bpy
 import pytest
@@ -7,7 +7,7 @@ import pytest
 
 @pytest.fixture
 def camera():
-    """A flexible camera 10 above a plate at z = 0, looking down; a cube of size 2 stands off its right."""
+    """A flexible camera 10 above a plate at z = 0, looking down; a cube of size 2 at its right."""
     bpy.ops.mesh.primitive_plane_add(size=200)
     bpy.context.object.name = "Plate"
     bpy.ops.mesh.primitive_cube_add(size=2, location=(2, 0, 0))
@@ -49,7 +49,7 @@ def test_pick_stores_position_t_distance_and_object(addon, camera):
     assert "Box" in readout(addon, camera) and "0.40000" in readout(addon, camera)
 
 
-def test_pick_agrees_with_the_picture(addon, camera):
+def test_pick_agrees_with_the_image(addon, camera):
     """Objects that are hidden in renders are not hit, and those hidden in the viewport are."""
     width = width_of(camera, addon)
     where = {"x": 0.5 + 2 / width, "y": 0.5}
@@ -61,7 +61,7 @@ def test_pick_agrees_with_the_picture(addon, camera):
     assert camera.scfpf.pick_object == "Plate"
 
 
-def test_a_miss_is_kept_and_said(addon, camera):
+def test_a_miss_is_stored_and_reported(addon, camera):
     bpy.data.objects["Plate"].location.z = 500
     assert bpy.ops.scfpf.pick(x=0.01, y=0.01) == {"FINISHED"}
     settings = camera.scfpf
@@ -88,7 +88,7 @@ def test_bad_input_is_one_message_and_changes_nothing(camera):
         bpy.ops.scfpf.pick(x=0.1, y=0.1)
 
 
-def test_outside_a_round_picture_nothing_is_picked(camera):
+def test_outside_a_round_image_nothing_is_picked(camera):
     bpy.ops.scfpf.preset_apply(preset="angular_fisheye")
     bpy.ops.scfpf.pick(x=0.5, y=0.5)
     assert bpy.ops.scfpf.pick(x=0.02, y=0.02) == {"CANCELLED"}
@@ -104,7 +104,7 @@ def image_editor():
     area.ui_type = "VIEW_3D"
 
 
-def test_the_place_under_the_mouse_is_found_in_the_picture_only(addon, camera, image_editor):
+def test_the_place_under_the_mouse_is_found_in_the_image_only(addon, camera, image_editor):
     click, area = addon("operators.image.image_click"), image_editor
     window = bpy.context.window_manager.windows[0]
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 32

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render engine SCFPF through Blender's own render operator: its picture is the Render button's."""
+"""The render engine SCFPF through Blender's own render operator: its image is the Render button's."""
 
 import glob
 import os
@@ -31,7 +31,7 @@ def apply(preset):
         ("around_the_car", True),
     ],
 )
-def test_picture_is_the_render_buttons(engine_scene, preset, transparent):
+def test_image_is_the_render_buttons(engine_scene, preset, transparent):
     apply(preset)
     engine_scene.render.film_transparent = transparent
     picture = f12(engine_scene)[COMBINED]
@@ -55,7 +55,7 @@ def test_button_works_with_any_engine_and_keeps_it(engine_scene, engine):
     assert engine_scene.render.engine == engine
 
 
-def test_picture_does_not_depend_on_threads(engine_scene):
+def test_image_does_not_depend_on_threads(engine_scene):
     apply("nonlinear_twist")
     expected = f12(engine_scene)[COMBINED]
     engine_scene.render.threads_mode, engine_scene.render.threads = "FIXED", 3
@@ -77,7 +77,7 @@ def set_border(scene, left, right, bottom, top, crop):
 
 @pytest.mark.parametrize("preset", ["perspective", "nonlinear_twist"])
 @pytest.mark.parametrize("border", BORDERS)
-def test_border_is_a_part_of_the_whole_picture(engine_scene, preset, border):
+def test_border_is_a_part_of_the_whole_image(engine_scene, preset, border):
     apply(preset)
     whole = f12(engine_scene)[COMBINED]
     left, right, bottom, top = border
@@ -118,10 +118,10 @@ for part in (int(first), 3 - int(first)):
 """
 
 
-def test_processes_make_the_parts_of_one_picture(engine_scene, tmp_path, extension):
+def test_processes_make_the_parts_of_one_image(engine_scene, tmp_path, extension):
     """As on a farm: a frame in four tiles, an animation of four frames, with one and two threads.
 
-    Adaptive sampling, a wide filter and motion blur are on: what pixels get may look beyond a tile.
+    Adaptive sampling, a wide filter and motion blur are on, which reach beyond a tile.
     """
     apply("nonlinear_twist")
     sampling = engine_scene.scfpf_sampling
@@ -175,7 +175,7 @@ def test_processes_make_the_parts_of_one_picture(engine_scene, tmp_path, extensi
 # Layers, cameras, animation
 
 
-def test_each_view_layer_has_its_own_picture(engine_scene):
+def test_each_view_layer_has_its_own_image(engine_scene):
     second = engine_scene.view_layers.new("Second")
     hidden = bpy.data.collections.new("Hidden")
     engine_scene.collection.children.link(hidden)
@@ -225,7 +225,7 @@ def test_animated_volume_and_scene_are_those_of_each_frame(engine_scene, tmp_pat
 
 
 def test_duplicate_with_hidden_surfaces_renders_before_anything_is_evaluated(engine_scene):
-    """A script that copies a camera need not evaluate anything before it renders."""
+    """A script that copies a camera need not evaluate anything before a render."""
     expected = f12(engine_scene)[COMBINED]
     camera = engine_scene.camera
     parts = [camera, *(slot.object for slot in camera.scfpf.surfaces)]
@@ -246,7 +246,7 @@ def test_duplicate_with_hidden_surfaces_renders_before_anything_is_evaluated(eng
     assert np.array_equal(f12(engine_scene)[COMBINED], expected)
 
 
-def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene, tmp_path):
+def test_persistent_data_builds_only_changed_scenes_again(addon, engine_scene, tmp_path):
     preparation, pipeline = (
         addon("bridge.render.scene_preparation"),
         addon("shading.lights.scene_culling"),
@@ -284,7 +284,7 @@ def test_persistent_data_builds_again_only_what_has_changed(addon, engine_scene,
 
 @pytest.mark.parametrize("keeps", [False, True])
 def test_button_builds_nothing_again_with_persistent_data(addon, engine_scene, monkeypatch, keeps):
-    """The volume alone is moved, then a thing, then persistent data is switched off."""
+    """The volume alone is moved, then an object, then persistent data is disabled."""
     built = []
     for module in ("bridge.render.scene_preparation", "shading.lights.scene_culling"):
 
@@ -312,7 +312,7 @@ def test_button_builds_nothing_again_with_persistent_data(addon, engine_scene, m
 # What Blender builds around a picture
 
 
-def test_each_slot_keeps_its_picture(engine_scene, tmp_path):
+def test_each_slot_keeps_its_image(engine_scene, tmp_path):
     engine_scene.render.film_transparent = True
     f12(engine_scene)
     result = bpy.data.images["Render Result"]
@@ -340,7 +340,7 @@ LENSES = [
 
 
 @pytest.mark.parametrize("lens", LENSES)
-def test_ordinary_camera_shows_what_a_volume_made_of_it_shows(engine_scene, lens):
+def test_ordinary_camera_gives_the_image_of_its_volume(engine_scene, lens):
     bpy.ops.object.camera_add(location=(4, -4, 3), rotation=(1.05, 0.1, 0.8))
     camera = bpy.context.object
     camera.data.clip_end = 20

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What goes wrong while the engine renders is a message: no crash, no file, the button's picture intact."""
+"""Errors while the engine renders are messages: no crash, no file, the button's image intact."""
 
 import os
 from dataclasses import replace
@@ -83,7 +83,7 @@ FAULTS = {
 
 
 def refused(scene, message):
-    """Press F12; the one message of its failure, after making sure that nothing was written."""
+    """Press F12, assert one error with the message, and that nothing was written."""
     path = f"{scene.render.filepath}.exr"
     if os.path.exists(path):
         os.remove(path)
@@ -173,7 +173,7 @@ def test_exception_at_any_stage_is_a_message(addon, engine_scene, monkeypatch, s
 
 
 def test_blender_refusing_pixels_is_a_message(addon, engine_scene, monkeypatch):
-    """What is left of a picture is handed over when it ends, whatever has happened to it."""
+    """The remaining tiles are delivered at the end of a render, whatever happened before."""
     expected = f12(engine_scene)[COMBINED]
     delivery = addon("bridge.render.render_delivery")
 
@@ -211,7 +211,7 @@ def test_faces_without_area_for_a_frame_do_not_end_an_animation(engine_scene, tm
 
 
 def test_exception_in_a_tile_after_others_are_delivered(addon, engine_scene, monkeypatch):
-    """Half of the picture is with Blender when a tile fails."""
+    """Blender has half of the image when a tile fails."""
     frame = addon("shading.frame")
     whole = frame.render_tile
 
@@ -226,12 +226,12 @@ def test_exception_in_a_tile_after_others_are_delivered(addon, engine_scene, mon
 
 
 def test_absurd_size_is_refused(addon, engine_scene):
-    """Without allocating it: Blender has its own result by then, so the engine's check alone is asked."""
+    """Without allocating it: Blender has its own result by then, so only the engine's check is called."""
     with pytest.raises(addon("bridge.render.render_errors").RenderError, match="GB of memory"):
         addon("bridge.render.image_size").require_size(65536, 65536)
 
 
-def test_a_picture_that_free_memory_does_not_hold_is_refused(addon, engine_scene, monkeypatch):
+def test_a_image_that_free_memory_does_not_hold_is_refused(addon, engine_scene, monkeypatch):
     button()
     before = image()
     monkeypatch.setattr(addon("casting.common.memory"), "available_memory", lambda: 10_000_000)
@@ -242,7 +242,7 @@ def test_a_picture_that_free_memory_does_not_hold_is_refused(addon, engine_scene
     assert np.array_equal(image(), before)
 
 
-def test_a_picture_of_one_pixel(engine_scene):
+def test_a_image_of_one_pixel(engine_scene):
     engine_scene.render.resolution_x = engine_scene.render.resolution_y = 4
     engine_scene.render.resolution_percentage = 25
     engine_scene.render.use_motion_blur = engine_scene.scfpf_sampling.use_adaptive = True
@@ -253,7 +253,7 @@ def test_a_picture_of_one_pixel(engine_scene):
 
 
 def test_two_renders_at_once(addon, engine_scene):
-    """The button's thread is at work: F12 goes on beside it, another press of the button says so."""
+    """While the button's thread is at work, F12 works, and another press of the button is an error."""
     job = addon("bridge.render.render_job")
     expected = f12(engine_scene)[COMBINED]
     inputs = addon("bridge.render.render_inputs").prepare(
@@ -271,11 +271,11 @@ def test_two_renders_at_once(addon, engine_scene):
 
 @pytest.fixture
 def said(addon, monkeypatch):
-    """What the engine tells the header, (method, arguments) each."""
+    """The engine's calls that update the header, (method, arguments) each."""
     engine, heard = addon("bridge.render.render_engine"), []
 
     class Heard:
-        """The engine, listened to."""
+        """The engine, with its updates recorded."""
 
         def __init__(self, real):
             self._real = real
@@ -295,7 +295,7 @@ def said(addon, monkeypatch):
     return heard
 
 
-def test_header_tells_stages_progress_time_and_memory(addon, engine_scene, monkeypatch, said):
+def test_header_shows_stages_progress_time_and_memory(addon, engine_scene, monkeypatch, said):
     monkeypatch.setattr(addon("bridge.render.render_delivery"), "TICK", 0.0)
     prepare_scene = addon("bridge.render.render_engine").prepare_scene
     monkeypatch.setattr(
@@ -317,7 +317,7 @@ def test_header_tells_stages_progress_time_and_memory(addon, engine_scene, monke
     assert shares == sorted(shares) and shares[-1] == 1.0
 
 
-def test_cancelled_render_delivers_what_is_done(addon, engine_scene, monkeypatch):
+def test_cancelled_render_delivers_finished_tiles(addon, engine_scene, monkeypatch):
     """Blender asks an engine to stop through test_break(); the operator still ends in order."""
     engine = addon("bridge.render.render_engine")
     asked = []

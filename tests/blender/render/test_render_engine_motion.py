@@ -12,7 +12,7 @@ from engine_pictures import f12
 
 @pytest.fixture
 def ordinary(engine_scene):
-    """Two cubes of which one moves and turns, an ordinary camera that moves; one sample, in the middle."""
+    """Two cubes of which one moves and turns, an ordinary camera that moves; one sample, at the centre."""
     bpy.ops.mesh.primitive_cube_add(size=0.9, location=(0.6, 1.5, 0))
     cube = bpy.context.object
     cube.name = "Würfel"
@@ -61,7 +61,7 @@ def test_vectors_are_those_of_cycles(ordinary):
 
 
 def header(scene):
-    """What the file says of cryptomattes: {field: value}."""
+    """The metadata of cryptomattes in the file: {field: value}."""
     with open(f"{scene.render.filepath}.exr", "rb") as file:
         data = file.read(20000)
     fields = {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Properties editor under the engine: nothing that it needs is hidden, and nothing stays behind."""
+"""The Properties editor under the engine: no needed panel is hidden, and disabling leaves nothing behind."""
 
 import bpy
 import pytest
@@ -55,7 +55,7 @@ def test_engine_is_taken_back_from_every_panel(addon):
 
 
 class Layout:
-    """Notes what a panel draws."""
+    """Records the contents of a panel."""
 
     def __init__(self, drawn):
         self.__dict__["drawn"] = drawn

@@ -68,7 +68,7 @@ def test_passes_switched_off_are_not_there(engine_scene):
     assert set(f12(engine_scene)) == {"ViewLayer.Combined"}
 
 
-def test_data_passes_of_things_that_are_seen_through_are_named(addon, view):
+def test_data_passes_of_objects_that_are_seen_through_are_named(addon, view):
     prepare = addon("bridge.render.render_inputs").read_inputs
     material = new_material("Leaf")
     shader = add(material.node_tree, "ShaderNodeBsdfPrincipled", Alpha=0.5)
@@ -114,7 +114,7 @@ def test_compositor_is_given_the_passes_themselves(view):
     assert np.array_equal(made["Composite.Combined"][..., :3], layer(made, "ProjectorParameters"))
 
 
-def test_passes_leave_the_picture_alone(view):
+def test_passes_leave_the_image_alone(view):
     with_passes = layer(f12(view), "Combined")
     for name in STANDARD:
         setattr(view.view_layers[0], f"use_pass_{name}", False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render through the operator: the picture, its size, bad input, cancelling, undo, files."""
+"""Render through the operator: the image, its size, bad input, cancellation, undo, files."""
 
 import threading
 import weakref
@@ -13,7 +13,7 @@ IMAGE = "SCFPF Render"
 
 @pytest.fixture
 def camera():
-    """A small scene with a light and a flexible camera that renders in no time."""
+    """A small scene with a light and a flexible camera that renders quickly."""
     bpy.ops.mesh.primitive_cube_add()
     bpy.ops.object.light_add(type="SUN", rotation=(0.4, 0.3, 0))
     bpy.context.object.data.energy = 3
@@ -38,7 +38,7 @@ def render(**options):
 
 
 def make_slow(camera):
-    """Settings with which a render takes many times as long as a test waits for anything."""
+    """Set a camera so that a render takes many times as long as any test waits."""
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 2048
     camera.scfpf.samples = 64
 
@@ -46,7 +46,7 @@ def make_slow(camera):
 # The picture
 
 
-def test_picture_shows_the_scene_and_the_report_is_kept(camera):
+def test_image_shows_the_scene_and_the_report_is_stored(camera):
     bpy.context.scene.render.film_transparent = True
     picture = render()
     assert picture.shape == (36, 64, 4)
@@ -90,7 +90,7 @@ def test_second_render_updates_the_same_image(camera):
     assert not np.array_equal(first, second)
 
 
-def test_picture_follows_edit_mode(camera):
+def test_image_follows_edit_mode(camera):
     bpy.context.view_layer.objects.active = bpy.data.objects["Cube"]
     before = render()
     bpy.ops.object.mode_set(mode="EDIT")
@@ -101,7 +101,7 @@ def test_picture_follows_edit_mode(camera):
     assert not np.array_equal(before, after)
 
 
-def test_picture_goes_to_an_open_image_editor_but_not_to_a_pinned_one(camera):
+def test_image_goes_to_an_open_image_editor_but_not_to_a_pinned_one(camera):
     screen = bpy.context.window_manager.windows[0].screen
     kinds = ("DOPESHEET_EDITOR", "OUTLINER")
     areas = [next(area for area in screen.areas if area.type == kind) for kind in kinds]
@@ -115,7 +115,7 @@ def test_picture_goes_to_an_open_image_editor_but_not_to_a_pinned_one(camera):
         area.ui_type = kind
 
 
-def test_show_without_a_picture_or_a_window_says_why(camera):
+def test_show_without_a_image_or_a_window_says_why(camera):
     with pytest.raises(RuntimeError, match="no picture yet"):
         bpy.ops.scfpf.result_show()
     render()
@@ -260,7 +260,7 @@ def test_bad_input_is_one_clear_error_and_nothing_is_lost(camera, capfd, spoil):
     assert camera.scfpf.report == report
 
 
-def test_no_camera_and_unknown_camera_say_what_to_do():
+def test_no_camera_and_unknown_camera_give_a_remedy():
     with pytest.raises(RuntimeError, match="Add > Camera > Flexible Camera"):
         bpy.ops.scfpf.render()
     with pytest.raises(RuntimeError, match='no object "Nobody"'):
@@ -271,7 +271,7 @@ def test_no_camera_and_unknown_camera_say_what_to_do():
     assert IMAGE not in bpy.data.images
 
 
-def test_what_the_reader_left_out_is_reported(camera, capfd):
+def test_warnings_of_the_reader_are_reported(camera, capfd):
     bpy.ops.mesh.primitive_cube_add()
     bpy.context.object.location.x = float("nan")
     render(camera=camera.name)
@@ -295,7 +295,7 @@ def test_failure_of_the_thread_is_raised_where_the_result_is_asked_for(addon, ca
 # Cancelling
 
 
-def test_cancelled_job_stops_its_thread_and_gives_no_picture(addon, camera):
+def test_cancelled_job_stops_its_thread_and_gives_no_image(addon, camera):
     module = addon("bridge.render.render_job")
     make_slow(camera)
     inputs = addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera)
@@ -315,7 +315,7 @@ def test_cancelled_job_stops_its_thread_and_gives_no_picture(addon, camera):
     assert IMAGE not in bpy.data.images
 
 
-def test_tiles_of_a_running_job_add_up_to_the_picture(addon, camera):
+def test_tiles_of_a_running_job_add_up_to_the_image(addon, camera):
     module = addon("bridge.render.render_job")
     inputs = addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera)
     job = module.RenderJob(inputs, with_tiles=True)
@@ -327,7 +327,7 @@ def test_tiles_of_a_running_job_add_up_to_the_picture(addon, camera):
     assert job.progress == 1
 
 
-def test_a_coarse_picture_of_the_whole_comes_first(addon, camera, monkeypatch):
+def test_a_coarse_image_of_the_whole_comes_first(addon, camera, monkeypatch):
     module = addon("bridge.render.render_job")
     job = module.RenderJob(
         addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera),
@@ -407,7 +407,7 @@ def test_undo_and_redo_of_a_render(camera):
         assert np.array_equal(pixels(), second)
 
 
-def test_picture_survives_save_and_reload_and_renders_the_same(camera, tmp_path):
+def test_image_survives_save_and_reload_and_renders_the_same(camera, tmp_path):
     bpy.context.scene.render.film_transparent = True
     before = render()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "picture.blend"))
@@ -418,8 +418,8 @@ def test_picture_survives_save_and_reload_and_renders_the_same(camera, tmp_path)
     assert np.allclose(render(), before, atol=1e-6)
 
 
-def test_the_film_is_let_go_of_before_the_picture_is_packed(addon, camera, monkeypatch):
-    """Of a picture of 16384 × 16384 either takes 4 GB."""
+def test_the_film_is_released_before_the_image_is_packed(addon, camera, monkeypatch):
+    """Each takes 4 GB for an image of 16384 × 16384."""
     operator, held = addon("operators.image.render"), []
     show, keep = operator.show_progress, operator.keep_result
 
@@ -437,7 +437,7 @@ def test_the_film_is_let_go_of_before_the_picture_is_packed(addon, camera, monke
     assert held and bpy.data.images["SCFPF Render"].packed_file
 
 
-def test_a_picture_that_no_file_can_hold_is_shown_with_a_warning(addon, camera, monkeypatch, capfd):
+def test_a_image_that_no_file_can_hold_is_shown_with_a_warning(addon, camera, monkeypatch, capfd):
     packing = addon("bridge.blender.packing")
     before = render()
     assert "Save As" not in capfd.readouterr().out
@@ -447,7 +447,7 @@ def test_a_picture_that_no_file_can_hold_is_shown_with_a_warning(addon, camera, 
     assert "'SCFPF Render' has more than the 2 GB" in capfd.readouterr().out
 
 
-def test_the_picture_in_the_making_is_the_film_itself(addon, camera):
+def test_the_image_in_the_making_is_the_film_itself(addon, camera):
     job = addon("bridge.render.render_job")
     running = job.start(
         addon("bridge.render.render_inputs").prepare(bpy.context.scene, bpy.context.view_layer, camera),

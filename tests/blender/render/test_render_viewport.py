@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Rendered shading without a window: what a viewport asks for, and what its thread paints."""
+"""Rendered shading without a window: the commissions of a viewport, and the paintings of its thread."""
 
 import threading
 import time
@@ -28,7 +28,7 @@ def painter(addon):
 
 
 def viewport(scene, width=WIDTH, height=HEIGHT, perspective="CAMERA", zoom=1.0, shift=(0.0, 0.0)):
-    """What a 3D viewport that looks through the scene's camera hands to its engine."""
+    """The context of a 3D viewport that looks through the scene's camera, and its depsgraph."""
     camera = scene.camera
     depsgraph = bpy.context.evaluated_depsgraph_get()
     window = camera.calc_matrix_camera(depsgraph, x=WIDTH, y=HEIGHT)
@@ -51,7 +51,7 @@ def paint(addon, module, painter, context, depsgraph):
 
 
 @pytest.mark.parametrize("preset", ["perspective", "nonlinear_twist"])
-def test_a_camera_view_shows_the_flexible_cameras_picture(addon, module, painter, engine_scene, preset):
+def test_a_camera_view_shows_the_flexible_cameras_image(addon, module, painter, engine_scene, preset):
     bpy.context.view_layer.objects.active = engine_scene.camera
     assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
     painting = paint(addon, module, painter, *viewport(engine_scene))
@@ -60,7 +60,7 @@ def test_a_camera_view_shows_the_flexible_cameras_picture(addon, module, painter
     assert np.abs(painting.pixels - button()).max() < 1e-3
 
 
-def test_a_zoomed_view_shows_a_part_of_the_picture(addon, module, painter, engine_scene):
+def test_a_zoomed_view_shows_a_part_of_the_image(addon, module, painter, engine_scene):
     engine_scene.render.resolution_x, engine_scene.render.resolution_y = 2 * WIDTH, 2 * HEIGHT
     whole = button()
     # Twice as large, its middle moved by half a region: the frame's left lower quarter.
@@ -72,7 +72,7 @@ def test_a_zoomed_view_shows_a_part_of_the_picture(addon, module, painter, engin
 
 
 @pytest.mark.parametrize("lens", ["PERSP", "ORTHO"])
-def test_a_free_view_shows_what_an_ordinary_camera_there_shows(addon, module, painter, engine_scene, lens):
+def test_a_free_view_gives_the_image_of_an_ordinary_camera_there(addon, module, painter, engine_scene, lens):
     bpy.ops.object.camera_add(location=(4, -4, 3), rotation=(1.05, 0.1, 0.8))
     engine_scene.camera = bpy.context.object
     engine_scene.camera.data.type, engine_scene.camera.data.clip_end = lens, 20
@@ -115,7 +115,7 @@ def test_the_last_one_asked_for_is_painted_and_the_scene_is_built_once(addon, mo
 
 
 def test_faults_are_messages(addon, module, painter, engine_scene, monkeypatch, capfd):
-    """In the thread; what reading refuses, the engine's own tests name."""
+    """Errors in the thread; the engine's own tests hold errors of reading."""
     view_painter = addon("bridge.render.view_painter")
 
     def fail(*_arguments, **_options):
@@ -158,7 +158,7 @@ def test_a_closed_viewport_ends_its_thread(addon, module, engine_scene):
     assert not painter.busy
 
 
-def test_a_thread_that_cannot_start_is_said_in_the_viewport(
+def test_a_thread_that_cannot_start_is_shown_in_the_viewport(
     addon, module, painter, engine_scene, monkeypatch
 ):
     def refused(_thread):
@@ -177,7 +177,7 @@ def test_a_thread_that_cannot_start_is_said_in_the_viewport(
     assert painter.painting.is_final and not painter.message
 
 
-def test_a_picture_without_threads_of_its_own_is_the_same(engine_scene, monkeypatch):
+def test_a_image_without_threads_of_its_own_is_the_same(engine_scene, monkeypatch):
     """F12 in a system that starts no more threads."""
     before = f12(engine_scene)[COMBINED]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The image datablock: exact, kept in place, packed, undoable, and written as a render is."""
+"""The image datablock: exact, reused, packed, undoable, and written as a render is."""
 
 import contextlib
 import os
@@ -74,7 +74,7 @@ def test_pixels_survive_save_and_reload_bit_for_bit(module, tmp_path):
     assert same(module.result_image(), larger)
 
 
-def test_the_datablock_is_kept_and_resized(module):
+def test_the_datablock_is_reused_and_resized(module):
     image = module.write_result(picture())
     pointer = image.as_pointer()
     for size in ((64, 16), (7, 90), (7, 90)):
@@ -144,7 +144,7 @@ def test_undo_takes_back_renders_one_by_one_and_nothing_else(module):
 
 
 @pytest.mark.parametrize("before", ["nothing", "a smaller picture"])
-def test_a_picture_that_no_file_can_hold_is_only_in_memory(module, addon, monkeypatch, before):
+def test_a_image_that_no_file_can_hold_is_only_in_memory(module, addon, monkeypatch, before):
     """Blender counts a packed file's bytes in 31 bits and keeps the beginning of larger ones."""
     packing = addon("bridge.blender.packing")
     small, large = picture(), picture(50, 40, seed=1)
@@ -173,7 +173,7 @@ def test_a_picture_that_no_file_can_hold_is_only_in_memory(module, addon, monkey
     assert same(module.write_result(small), small) and module.result_image().packed_file
 
 
-def test_a_picture_that_was_saved_as_a_file_comes_back_after_a_cancelled_one(
+def test_a_image_that_was_saved_as_a_file_comes_back_after_a_cancelled_one(
     module, addon, tmp_path, monkeypatch
 ):
     packing = addon("bridge.blender.packing")
@@ -193,7 +193,7 @@ def test_a_picture_that_was_saved_as_a_file_comes_back_after_a_cancelled_one(
 
 
 @pytest.mark.parametrize("kind", ["byte", "packed byte", "float without alpha", "missing file"])
-def test_an_image_of_the_name_that_cannot_hold_the_picture_is_kept_aside(module, tmp_path, kind):
+def test_an_image_of_the_name_that_cannot_hold_the_image_is_set_aside(module, tmp_path, kind):
     other = bpy.data.images.new("SCFPF Render", 8, 8, float_buffer=kind.startswith("float"))
     other.use_fake_user = True
     other.pixels[:] = before = [0.5] * 8 * 8 * 4
@@ -244,7 +244,7 @@ def test_editors_that_show_the_image_go_on_showing_it(module):
 
 
 def load_as_stored(path):
-    """The numbers in a file, as they are."""
+    """The values in a file, unconverted."""
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.name = "Non-Color"
     image.alpha_mode = "CHANNEL_PACKED"
@@ -283,7 +283,7 @@ def test_png_holds_the_view_transform_of_the_pixels(module, files, tmp_path):
 
 
 def test_the_scenes_view_transform_is_that_of_a_render(module, files, tmp_path):
-    """The same colour by Cycles and by us gives the same PNG under AgX."""
+    """The same colour by Cycles and by SCFPF gives the same PNG under AgX."""
     scene = bpy.context.scene
     scene.view_settings.view_transform = "AgX"
     scene.view_settings.exposure = 0.3
@@ -340,7 +340,7 @@ def test_the_extension_chooses_the_format_and_the_scene_keeps_its_own(module, fi
     assert files.save_result(image, str(tmp_path / "bare"), scene) == str(tmp_path / "bare.png")
 
 
-def test_what_cannot_be_written_is_one_clear_error(module, files, tmp_path):
+def test_a_path_that_cannot_be_written_is_one_clear_error(module, files, tmp_path):
     scene = bpy.context.scene
     image = module.write_result(plain_picture())
     before = settings_of(scene)
@@ -363,7 +363,7 @@ def test_what_cannot_be_written_is_one_clear_error(module, files, tmp_path):
 
 @contextlib.contextmanager
 def full_disk(left):
-    """Files cannot grow beyond so many bytes, as on a disk that has no more."""
+    """Limit files to a number of bytes, as on a full disk."""
     # Not on Windows; Blender is told by an error there as well as here.
     import resource
 
@@ -376,8 +376,8 @@ def full_disk(left):
 
 
 @pytest.mark.parametrize("ending", [".png", ".exr", ".jpg", ".tif", ".webp"])
-def test_a_full_disk_is_said_and_the_earlier_picture_stays(module, files, addon, tmp_path, ending):
-    """Blender 4.5 and 5.2 say nothing of a PNG or a WebP that they could not write, nor of a TIFF's end."""
+def test_a_full_disk_is_reported_and_the_earlier_image_stays(module, files, addon, tmp_path, ending):
+    """Blender 4.5 and 5.2 report no error for an incomplete PNG, WebP or TIFF."""
     is_whole = addon("bridge.blender.atomic_files").is_whole_picture
     scene = bpy.context.scene
     path = tmp_path / f"picture{ending}"
@@ -399,7 +399,7 @@ def test_a_full_disk_is_said_and_the_earlier_picture_stays(module, files, addon,
             assert not is_whole(path), end
 
 
-def test_the_picture_goes_where_a_link_points_and_keeps_the_file_s_permissions(module, files, tmp_path):
+def test_the_image_goes_where_a_link_points_and_keeps_the_file_s_permissions(module, files, tmp_path):
     scene, image = bpy.context.scene, module.write_result(plain_picture())
     (tmp_path / "there").mkdir()
     target, link = tmp_path / "there" / "real.png", tmp_path / "link.png"

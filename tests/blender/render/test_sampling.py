@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pixel filters, depth of field and motion blur of the engine, against Cycles' own pictures."""
+"""Pixel filters, depth of field and motion blur of the engine, against Cycles' own images."""
 
 import math
 
@@ -14,7 +14,7 @@ SAMPLES = 64
 
 
 def shining(name, color):
-    """A material whose colour no light changes."""
+    """A material that emits its colour."""
     material = bpy.data.materials.new(name)
     if bpy.app.version < (5, 0, 0):
         material.use_nodes = True
@@ -28,7 +28,7 @@ def shining(name, color):
 
 @pytest.fixture
 def view(engine_scene):
-    """Four shining cubes before one another, and an ordinary camera; both engines alike."""
+    """Four glowing cubes in a row, and an ordinary camera; the same for both engines."""
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     for number, (x, y, color) in enumerate(
         (
@@ -58,7 +58,7 @@ def rms(a, b):
 
 
 def both(scene):
-    """SCFPF's and Cycles' picture."""
+    """The images of SCFPF and of Cycles."""
     made = []
     for engine in ("SCFPF", "CYCLES"):
         scene.render.engine = engine

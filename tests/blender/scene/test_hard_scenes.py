@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is broken, odd or absurd in a scene: a picture by F12 and by the Render button, never a traceback."""
+"""Broken, odd or absurd scenes give an image by F12 and by the Render button, never a traceback."""
 
 import bpy
 import numpy as np
@@ -278,7 +278,7 @@ SPOILERS = (
 
 
 @pytest.mark.parametrize("spoil", SPOILERS, ids=lambda spoil: spoil.__name__)
-def test_there_is_a_picture(engine_scene, spoil, capfd):
+def test_there_is_a_image(engine_scene, spoil, capfd):
     engine_scene.render.resolution_x, engine_scene.render.resolution_y = 32, 18
     spoil()
     picture = f12(engine_scene)["ViewLayer.Combined"]

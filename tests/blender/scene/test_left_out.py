@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The parts of a scene that are not read (hidden, broken, without faces, too many), and the warnings.
 
-What of a material is shown otherwise than by Cycles.
+The notes on parts of materials that are shown otherwise than by Cycles.
 """
 
 import math
@@ -19,7 +19,7 @@ def collection(name, parent=None):
     return made
 
 
-def test_what_renders_leave_out_is_left_out(read, read_render):
+def test_objects_hidden_in_renders_are_left_out(read, read_render):
     mesh = triangle_mesh()
     link("Shown", mesh)
     link("Hidden", mesh).hide_render = True
@@ -50,7 +50,7 @@ def test_what_renders_leave_out_is_left_out(read, read_render):
         assert len(scene.geometry.triangles) == 4
 
 
-def test_a_render_depsgraph_shows_what_is_hidden_in_the_viewport_only(read, read_render):
+def test_a_render_depsgraph_has_objects_hidden_in_the_viewport_only(read, read_render):
     mesh = triangle_mesh()
     link("Shown", mesh)
     link("Eye", mesh).hide_set(True)
@@ -75,7 +75,7 @@ def test_control_surfaces_are_left_out(addon, read_render):
     assert shown(read_render()) == {"Shown"}
 
 
-def test_what_is_not_finite_is_left_out_with_a_warning(read):
+def test_objects_that_are_not_finite_are_left_out_with_a_warning(read):
     link("Good", triangle_mesh())
     mesh = cube_mesh("Broken")
     # Of flat faces no normals are read.
@@ -157,8 +157,8 @@ LEFT_OUT = {
 }
 
 
-def test_what_a_surface_is_shown_without_is_named(read):
-    """Nothing is named of shaders that are shown as they are."""
+def test_unsupported_parts_of_a_surface_are_named(read):
+    """Shaders that are shown as they are give no note."""
     plain = {"principled": lone("Principled"), "glossy": lone("Glossy"), "glass": lone("Glass", Roughness=0)}
     sheet = wavy_sheet()
     for name, make in {**plain, **LEFT_OUT}.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes of light in Blender: their names, that they add up in materials of nodes, and Cycles' own."""
+"""Light passes in Blender: their names, their sum in materials of nodes, and Cycles' own."""
 
 import bpy
 import numpy as np
@@ -19,7 +19,7 @@ def switch_on(view_layer):
 
 
 def parts_of(addon, made):
-    """The passes of light by our names."""
+    """The light passes by the names of ``shading.passes``."""
     emission, environment = addon("bridge.blender.versions").light_pass_names()
     names = {"emission": emission, "environment": environment}
     names |= {name.lower(): name for name in ("Combined", "Diffuse", "Specular", "Shadow")}
@@ -39,7 +39,7 @@ def thing(kind, shader, location, **inputs):
 
 @pytest.fixture
 def still_life():
-    """A matt ground, a mirror, a glass ball, a glowing ball and a veil, under a lamp that stands high."""
+    """A matte ground, a mirror, a glass ball, a glowing ball and a veil, under a high lamp."""
     scene = scene_with_camera(SIZE)
     thing("plane", "BsdfPrincipled", (0, 0, -0.5), Base_Color=(0.7, 0.5, 0.3), Roughness=0.6)
     thing("ball", "BsdfGlossy", (-0.6, -0.5, 0), Color=(0.9, 0.9, 0.9), Roughness=0.0)
@@ -52,7 +52,7 @@ def still_life():
     return scene
 
 
-def test_parts_of_nodes_add_up_to_the_picture(addon, still_life, tmp_path):
+def test_parts_of_nodes_add_up_to_the_image(addon, still_life, tmp_path):
     switch_on(still_life.view_layers[0])
     still_life.render.engine = "SCFPF"
     write_multilayer(still_life, tmp_path / "out")
@@ -80,7 +80,7 @@ def parts_of_film(addon, made):
     return made["ViewLayer." + addon("bridge.blender.versions").light_pass_names()[1]]
 
 
-def test_matt_glossy_and_glowing_things_are_those_of_cycles(addon, tmp_path):
+def test_matte_glossy_and_glowing_objects_are_those_of_cycles(addon, tmp_path):
     """Cycles' light times its colour, its emission and its world."""
     scene = scene_with_camera(SIZE)
     plane = thing("plane", "BsdfDiffuse", (0, 0, -0.5), Color=(0.7, 0.5, 0.3))

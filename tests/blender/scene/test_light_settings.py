@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of lamps, worlds, layers and the film beside Cycles: the same light, or named before it."""
+"""Settings of lamps, worlds, layers and the film against Cycles: the same light, or a warning."""
 
 import bpy
 import numpy as np
@@ -18,7 +18,7 @@ BLACKBODY, HIDDEN = 0.02, 0.03
 
 @pytest.fixture
 def stage():
-    """A matt ground and a cube in the dark, seen from above; Cycles with direct light alone."""
+    """A matte ground and a cube in the dark, seen from above; Cycles with direct light alone."""
     scene = scene_with_camera(SIZE)
     scene.camera.scfpf.samples = 64
     scene.cycles.samples, scene.cycles.max_bounces, scene.cycles.filter_width = SAMPLES, 0, 1.5
@@ -118,7 +118,7 @@ def emission(made):
 
 
 def feed(made, socket, kind, output, settings=(), **inputs):
-    """Let a new node feed an input of a lamp's emission."""
+    """Link a new node to an input of a lamp's emission."""
     tree, shader = emission(made)
     node = add(tree, f"ShaderNode{kind}", settings, **inputs)
     tree.links.new(node.outputs[output], shader.inputs[socket])
@@ -196,7 +196,7 @@ def test_a_layers_world_takes_the_place_of_the_scenes(stage, tmp_path):
 
 
 @pytest.mark.parametrize("adaptive", [False, True])
-def test_the_films_exposure_brightens_pictures_and_passes_of_light(stage, tmp_path, adaptive):
+def test_the_films_exposure_brightens_images_and_passes_of_light(stage, tmp_path, adaptive):
     sun()
     shine(stage.world, (0.05, 0.06, 0.08))
     stage.camera.scfpf.samples, stage.scfpf_sampling.use_adaptive = 16, adaptive
@@ -233,7 +233,7 @@ def test_layers_may_be_without_motion_blur(addon, stage):
 
 
 def gradient(world):
-    """Let a world differ by direction."""
+    """Make a world vary by direction."""
     tree = world.node_tree
     background = next(each for each in tree.nodes if each.type == "BACKGROUND")
     place = add(tree, "ShaderNodeTexCoord").outputs["Generated"]
@@ -244,7 +244,7 @@ def gradient(world):
 @pytest.mark.parametrize("even", [True, False])
 @pytest.mark.parametrize("transparent", [False, True])
 def test_a_world_can_be_hidden_from_the_camera(stage, tmp_path, read, even, transparent):
-    """Seen in mirrors and glass, and through what is transparent where the film is black."""
+    """It is visible in mirrors and glass, and through transparent surfaces where the film is black."""
     shine(stage.world, (0.5, 0.6, 0.8))
     stage.world.cycles.sampling_method = "NONE"
     if not even:
@@ -263,7 +263,7 @@ def test_a_world_can_be_hidden_from_the_camera(stage, tmp_path, read, even, tran
     assert_alike(stage, tmp_path, HIDDEN, 2 * IN_BLOCKS)
 
 
-def test_what_a_world_has_besides_its_surface_is_named(stage, read):
+def test_settings_of_a_world_besides_its_surface_are_named(stage, read):
     shine(stage.world, (0.5, 0.6, 0.8))
     assert read().warnings == ()
     stage.world.cycles_visibility.diffuse = False
@@ -277,7 +277,7 @@ def test_what_a_world_has_besides_its_surface_is_named(stage, read):
     assert read().warnings == ()
 
 
-def test_settings_for_cycles_that_change_pictures_are_named(stage, read_render):
+def test_settings_for_cycles_that_change_images_are_named(stage, read_render):
     sun()
     assert read_render().warnings == ()
     cycles, render = stage.cycles, stage.render
@@ -296,7 +296,7 @@ def test_settings_for_cycles_that_change_pictures_are_named(stage, read_render):
     assert all(word in text for word, text in zip(words, found, strict=True))
 
 
-def test_a_scene_that_only_glowing_things_light_is_named(stage, read):
+def test_a_scene_that_only_glowing_objects_light_is_named(stage, read):
     def dark():
         return [line for line in read().warnings if line.startswith("Nothing lights the scene")]
 

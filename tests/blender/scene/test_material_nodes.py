@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shader nodes as Cycles has them: the same colours, pixel by pixel, on surfaces that glow."""
+"""Shader nodes against Cycles: the same colours, pixel by pixel, on glowing surfaces."""
 
 import math
 
@@ -28,7 +28,7 @@ MOST_STEEP = 8
 
 
 def contact_sheet(makers):
-    """A scene of one sheet for each material, seen from above; (row, column) of each."""
+    """A scene of one sheet for each material, seen from above; return (row, column) of each."""
     scene = scene_with_camera()
     columns = int(np.ceil(np.sqrt(len(makers))))
     rows = -(-len(makers) // columns)
@@ -85,7 +85,7 @@ ALPHAS = ("STRAIGHT", "PREMUL", "CHANNEL_PACKED", "NONE")
 
 
 def save_image(path, kind, premultiplied):
-    """Write random colours and alphas, none of them 0, to a file; 8 bits as they are."""
+    """Write random colours and alphas above 0 to a file; 8 bits unchanged."""
     image = bpy.data.images.new("Colors", 8, 6, alpha=True, float_buffer=kind != "8 bits")
     pixels = np.random.default_rng(1).uniform(0.1, 0.9, (6, 8, 4)).astype(np.float32)
     if premultiplied:
@@ -105,7 +105,7 @@ def save_image(path, kind, premultiplied):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_images_with_alpha_are_as_in_cycles(kind, tmp_path):
-    """However it is stored and said to be, whether the alpha is used or not."""
+    """For every storage and setting of alpha, used or not."""
     paths = {mode: tmp_path / f"{mode}.{KINDS[kind][0]}" for mode in ("STRAIGHT", "PREMUL")}
     for mode, path in paths.items():
         save_image(path, kind, mode == "PREMUL" or kind == "floats")
@@ -144,7 +144,7 @@ def test_images_with_alpha_are_as_in_cycles(kind, tmp_path):
 
 
 def test_colors_that_blender_cuts_off_are_named(addon, tmp_path):
-    """Straight colours in a file that is said to be premultiplied."""
+    """Straight colours in a file that is set to premultiplied."""
     read = addon("bridge.scene.read_images").read_images
     for premultiplied in (True, False):
         path = tmp_path / f"{premultiplied}.png"
@@ -163,7 +163,7 @@ if bpy.app.version >= (5, 2, 0):
 
 @pytest.mark.parametrize("kind", NORMALS)
 def test_normals_are_those_that_cycles_shades_with(kind, tmp_path):
-    """Faces of four corners that lie in no plane, one copy mirrored, beside a smooth thing."""
+    """Faces with four corners that are not coplanar, one copy mirrored, beside a smooth object."""
     scene = scene_with_camera()
     mesh = wavy_sheet().data
     for number, vertex in enumerate(mesh.vertices):
@@ -194,7 +194,7 @@ def test_normals_are_those_that_cycles_shades_with(kind, tmp_path):
 
 @pytest.mark.parametrize("kind", ["noise", "image", "inverted", "weak"])
 def test_bump_is_as_in_cycles(kind, tmp_path):
-    """Nearly: Cycles takes the slope over a tenth of a pixel, of which there are more here."""
+    """Nearly: Cycles takes the slope over a tenth of a pixel, and this image has more pixels."""
     scene = scene_with_camera(96)
     material = new_material()
     tree = material.node_tree
@@ -219,7 +219,7 @@ def test_bump_is_as_in_cycles(kind, tmp_path):
 
 
 def color_group():
-    """A group that multiplies its colour by its factor, through a reroute and a group within."""
+    """A group that multiplies its colour by its factor, through a reroute and an inner group."""
     inner = bpy.data.node_groups.new("Inner", "ShaderNodeTree")
     outer = bpy.data.node_groups.new("Outer", "ShaderNodeTree")
     for tree in (inner, outer):
@@ -256,7 +256,7 @@ def muted(tree):
 
 
 def mixed_shaders(tree, kind="MixShader"):
-    """Two glowing colours, mixed by place, or added."""
+    """Two glowing colours, mixed by position, or added."""
     first = add(tree, "ShaderNodeEmission", _0=(0.8, 0.1, 0.1), _1=0.7).outputs[0]
     second = add(tree, "ShaderNodeEmission", _0=(0.1, 0.2, 0.9)).outputs[0]
     if kind == "MixShader":
@@ -289,7 +289,7 @@ def test_groups_muted_nodes_and_mixed_shaders_are_as_in_cycles(tmp_path):
         assert off.sum() <= MOST_PIXELS, name
 
 
-def test_what_is_not_supported_is_listed_once_and_never_black(read):
+def test_unsupported_nodes_are_listed_once_and_never_black(read):
     makers = {
         "texture": lambda tree: emit(tree, add(tree, "ShaderNodeTexVoronoi").outputs["Color"]),
         "same": lambda tree: emit(tree, add(tree, "ShaderNodeTexVoronoi").outputs["Color"]),
@@ -316,7 +316,7 @@ def test_what_is_not_supported_is_listed_once_and_never_black(read):
     assert len(scene.warnings) == 3
 
 
-def test_unsupported_nodes_are_grey_in_the_picture(tmp_path):
+def test_unsupported_nodes_are_grey_in_the_image(tmp_path):
     makers = {"texture": lambda tree: emit(tree, add(tree, "ShaderNodeTexVoronoi").outputs["Color"])}
     scene, _ = contact_sheet(makers)
     seen = picture(scene, "SCFPF", tmp_path)
@@ -380,7 +380,7 @@ def image_material(image):
 
 
 def test_images_that_nothing_shows_are_not_loaded(addon):
-    """One of six is seen: the others are on no face, hidden, unlinked, muted, or outside the volume."""
+    """One of six is visible: the others are on no face, hidden, unlinked, muted, or outside the volume."""
     scene = scene_with_camera()
     images = {
         name: bpy.data.images.new(name, 4, 4) for name in ("seen", "slot", "hidden", "loose", "muted", "far")
@@ -423,8 +423,8 @@ def test_a_viewport_keeps_images_until_they_change(addon, tmp_path):
     assert not found and "painted.png" in warnings[0]
 
 
-def test_many_material_slots_cost_what_they_are(read):
-    """Slots are kept one after the other: a table of all objects' would be as wide as the widest."""
+def test_many_material_slots_take_memory_once(read):
+    """Slots are stored one after another: a table of all objects would be as wide as the widest."""
     sheet = wavy_sheet()
     material = new_material()
     emit(material.node_tree, add(material.node_tree, "ShaderNodeRGB").outputs[0])

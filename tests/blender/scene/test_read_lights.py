@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lamps and the world: units, colours, extents and places, some of them checked by Cycles."""
+"""Lamps and the world: units, colours, extents and positions, some checked against Cycles."""
 
 import math
 
@@ -76,7 +76,7 @@ def test_spot_cone_and_soft_size(read):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_the_matrix_is_a_rotation_and_a_place(read, shape):
-    """That of a spot has the object's scale, by which its cone is no round one."""
+    """The matrix of a spot has the object's scale, which makes its cone elliptic."""
     obj = new_lamp(shape)
     obj.location, obj.rotation_euler, obj.scale = (1, 2, 3), (0.3, -0.7, 2), (2, 0.1, 7)
     light = read(obj)
@@ -143,7 +143,7 @@ def test_animated_energy_is_read_as_evaluated(read):
 
 
 def cycles_brightness(path):
-    """Mean of a 4 × 4 picture by Cycles."""
+    """Mean of a 4 × 4 image by Cycles."""
     scene = bpy.context.scene
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)

@@ -11,7 +11,7 @@ RED = (0.9, 0.1, 0.05)
 
 @pytest.fixture
 def read_material(addon):
-    """Read a material as evaluated on an object: (constants, whether they are all there is)."""
+    """Read a material as evaluated on an object: (constants, whether the material is no more)."""
     module = addon("bridge.scene.read_materials")
 
     def read(material):
@@ -273,7 +273,7 @@ def test_the_table_names_a_few_of_the_materials_that_are_not_shown_as_they_are(a
 
 
 def test_constants_are_no_graph_and_everything_else_is(addon):
-    """Opaque constants go the fast way; textures, alpha, mirrors and several shaders do not."""
+    """Opaque constants take the fast path; textures, alpha, mirrors and several shaders do not."""
     table = addon("bridge.scene.read_materials").MaterialTable()
     plain = (
         {},

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is read of a scene: every kind of object, where it stands, its normals and slots."""
+"""Reading a scene: every kind of object, its transform, normals and slots."""
 
 import math
 from dataclasses import replace
@@ -151,7 +151,7 @@ def metaball():
 
 
 @pytest.mark.parametrize("make", [curve, surface, text, metaball])
-def test_what_is_no_mesh_is_read_as_one(read, make):
+def test_other_geometry_is_read_as_a_mesh(read, make):
     expected = make()
     obj = bpy.context.object
     obj.location = (4, 5, 6)
@@ -196,7 +196,7 @@ def test_instances_stand_where_blender_puts_them(read):
 
 
 def geometry_nodes_cubes(target):
-    """Put a cube on every vertex of ``target``, unrealized, and keep the mesh itself out."""
+    """Instance a cube on every vertex of ``target``, without the mesh itself."""
     tree = bpy.data.node_groups.new("Instances", "GeometryNodeTree")
     for direction in ("INPUT", "OUTPUT"):
         tree.interface.new_socket("Geometry", in_out=direction, socket_type="NodeSocketGeometry")
@@ -360,7 +360,7 @@ def test_lights_and_world_come_along(read_render):
 
 
 def test_faces_of_one_triangle_are_read_in_order(addon):
-    """Corners are not asked for where each face is a triangle; a face more of four corners, and they are."""
+    """Triangulation is skipped if every face is a triangle, and runs once a face has four corners."""
     arrays = addon("bridge.scene.mesh_arrays")
     points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1)]
     for faces in ([(4, 1, 0), (2, 3, 4), (1, 4, 2)], [(4, 1, 0), (0, 1, 2, 3), (2, 3, 4)]):
@@ -402,15 +402,15 @@ def test_normals_of_triangles_are_left_out_where_no_others_are(read):
     assert np.abs(difference).max() < 1e-5
 
 
-def test_left_out_normals_of_broken_meshes_fit_what_is_left(read):
-    """Triangles with a corner that is no number are left out of both."""
+def test_normals_of_broken_meshes_fit_the_remaining_triangles(read):
+    """Triangles with a NaN corner are left out of both."""
     plain, _ = plain_and_smooth()
     plain.data.vertices[0].co.x = math.nan
     geometry = read().geometry
     assert len(geometry.triangles) == len(geometry.corner_normals) == 80 - 5 + 16 * 14
 
 
-def test_pictures_of_triangles_are_those_by_normals_of_corners(addon, engine_scene, monkeypatch):
+def test_images_of_triangles_are_those_by_normals_of_corners(addon, engine_scene, monkeypatch):
     plain, smooth = plain_and_smooth()
     for other in (smooth, bpy.data.objects["Cube"]):
         bpy.data.objects.remove(other)

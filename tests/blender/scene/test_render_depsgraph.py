@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The render depsgraph: it is Blender's own, and getting it leaves no trace."""
+"""The render depsgraph is Blender's own, and reading it leaves no trace."""
 
 import bpy
 import numpy as np
@@ -22,7 +22,7 @@ def polygons(depsgraph):
 
 
 def everything():
-    """What a file holds and what is selected, as plain data."""
+    """The contents of a file and the selection, as plain data."""
     scene = bpy.context.scene
     return {
         "names": sorted(

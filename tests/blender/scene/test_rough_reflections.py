@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reflections off rough surfaces: as bright and as blurred as Cycles', and the same whatever is rendered."""
+"""Reflections off rough surfaces: as bright and as blurred as in Cycles, and the same for every border."""
 
 import bpy
 import numpy as np
@@ -22,7 +22,7 @@ def plane(material, location=(0, 0, 0), size=4.0, turn=(0, 0, 0)):
 
 
 def glossy_scene(material):
-    """A floor of the material before a glowing wall, seen askew."""
+    """A floor of the material before a glowing wall, seen at an angle."""
     scene = scene_with_camera(SIZE)
     plane(material)
     glow = shader("Emission", Color=(1.0, 0.6, 0.3), Strength=3.0)
@@ -78,10 +78,10 @@ BALLS = [
 
 @pytest.mark.parametrize("light, mean, each", [("sun", 0.05, 0.06), ("even", 0.02, 0.1)])
 def test_balls_are_as_bright_as_those_of_cycles(light, mean, each, tmp_path):
-    """Nine of them, in the sun and in even light: highlights, and what they take from what is below.
+    """Nine balls in the sun and in uniform light: highlights, and the light that they take from the base.
 
-    mean, each: by how much their mean and their pixels may differ. What no ray follows of even light is the
-    mean of all directions that they are seen from.
+    mean, each: by how much their mean and their pixels may differ. Uniform light without reflection rays is
+    the mean over all directions of view.
     """
     scene = scene_with_camera(45)
     scene.camera.location, scene.camera.rotation_euler = (0, 0, 20), (0, 0, 0)
@@ -113,7 +113,7 @@ def test_balls_are_as_bright_as_those_of_cycles(light, mean, each, tmp_path):
         assert np.abs(mine - its).mean() < each * its.mean() + DARK, ball
 
 
-def test_what_is_no_ggx_is_listed(addon):
+def test_distributions_other_than_ggx_are_listed(addon):
     reading = addon("bridge.scene.read_graph").read_graph(
         shader("BsdfGlossy", {"distribution": "BECKMANN"}, Roughness=0.3).node_tree
     )

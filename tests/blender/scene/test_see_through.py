@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Alpha, mirrors and glass, against Cycles; alpha through a curved volume, against a picture without it."""
+"""Alpha, mirrors and glass, against Cycles; alpha through a curved volume, against an image without it."""
 
 import bpy
 import numpy as np
@@ -12,7 +12,7 @@ SIZE = 48
 
 
 def checker():
-    """Squares that glow, by the object's own coordinates."""
+    """Glowing squares in the object's own coordinates."""
     material = new_material("Checker")
     tree = material.node_tree
     vector = add(tree, "ShaderNodeTexCoord").outputs["Object"]
@@ -28,7 +28,7 @@ def shader(kind, **inputs):
 
 
 def veil(alpha=0.4):
-    """A green glow that is seen through."""
+    """A transparent green glow."""
     inputs = {"Base_Color": (0, 0, 0), "Roughness": 1.0, "Specular_IOR_Level": 0.0, "Alpha": alpha}
     return shader("Principled", **inputs, Emission_Color=(0.2, 0.8, 0.1), Emission_Strength=1.0)
 
@@ -71,7 +71,7 @@ def assert_like(ours, cycles):
     assert np.abs(ours.mean(axis=(0, 1)) - cycles.mean(axis=(0, 1))).max() < 0.005
 
 
-def test_alpha_shows_what_is_behind(tmp_path):
+def test_alpha_shows_the_background(tmp_path):
     plane(checker(), (0, 0, -1), 4)
     for number in range(3):
         plane(veil(), (0.2 * number, 0.1 * number, 0.3 * number))
@@ -84,8 +84,8 @@ def sun():
 
 
 @pytest.mark.parametrize("film", [False, True])
-def test_what_alpha_cuts_away_altogether_shows_what_is_behind(film, tmp_path):
-    """A ball of alpha 0 in the sun before squares, alone in most of the picture's tiles."""
+def test_alpha_of_zero_shows_the_background(film, tmp_path):
+    """A ball of alpha 0 in the sun before squares, alone in most of the image's tiles."""
     squares = plane(checker(), (0, 0, -1), 2)
     squares.visible_shadow = False
     sun()
@@ -100,7 +100,7 @@ def test_what_alpha_cuts_away_altogether_shows_what_is_behind(film, tmp_path):
 
 
 def leaf(is_cut):
-    """A material of an image with alpha, which a node cuts at a half, or as soft as it is."""
+    """A material of an image with alpha, which a node clips at a half, or which is soft."""
     image = bpy.data.images.new("Leaf", 16, 16, alpha=True)
     y, x = np.mgrid[-1:1:16j, -1:1:16j]
     pixels = np.stack([x + 1, y + 1, 0.6 + 0 * x, 1.6 - 2 * np.hypot(x, y)], -1).clip(0, 1)
@@ -119,7 +119,7 @@ def leaf(is_cut):
 
 @pytest.mark.parametrize("is_cut", [True, False])
 def test_leaves_on_cards_are_as_in_cycles(is_cut, tmp_path):
-    """In the sun and before a mirror; shadows are another matter."""
+    """In the sun and before a mirror, without shadows."""
     plane(checker(), (0, 0, -1), 4)
     plane(shader("Glossy", Color=(0.9, 0.9, 0.9), Roughness=0.0), (0, 1.1, 0.2), 2.4, (1.4, 0, 0))
     cards, generator = leaf(is_cut), np.random.default_rng(3)
@@ -151,8 +151,8 @@ def test_transparent_surfaces_end_at_the_limit_of_the_light_paths(tmp_path):
 
 @pytest.mark.parametrize("limit", [0, 1, 2, 3])
 @pytest.mark.parametrize("veils", [1, 2])
-def test_what_lies_behind_the_last_transparent_surface_only_shines(limit, veils, tmp_path):
-    """A dull thing in the sun, one that glows and the world."""
+def test_surfaces_behind_the_last_transparent_one_only_emit(limit, veils, tmp_path):
+    """A matte object in the sun, a glowing one and the world."""
     plane(shader("Diffuse", Color=(0.8, 0.5, 0.2)), (-0.6, 0, -1), 1)
     plane(checker(), (0.6, 0, -1), 1)
     for number in range(veils):
@@ -203,8 +203,8 @@ LIMITS = [{"max": 0}, {"max": 1}, {"max": 2}, {"glossy": 0}, {"glossy": 1, "tran
 
 @pytest.mark.parametrize("limits", LIMITS)
 @pytest.mark.parametrize("kind", ["Glossy", "Principled", "Glass"])
-def test_beyond_a_limit_only_the_world_and_what_shines_is_seen(kind, limits, tmp_path):
-    """A ball between squares and a veil that glow and a mirror, in an even world."""
+def test_beyond_a_limit_only_the_world_and_emission_are_seen(kind, limits, tmp_path):
+    """A ball between a mirror and glowing squares and a glowing veil, in a uniform world."""
     plane(checker(), (0, 3, 0), 6, (np.pi / 2, 0, 0))
     plane(shader("Glossy", Color=(0.7, 0.9, 0.7), Roughness=0.0), (3, 0, 0), 4, (0, -np.pi / 2, 0))
     plane(veil(), (-1.5, 0, 0), 2, (0, np.pi / 2, 0))
@@ -234,8 +234,8 @@ def test_light_is_reflected_within_a_cube_of_glass(kind, inputs, tmp_path):
 @pytest.mark.parametrize(
     "basis, pixel_error", [("BEZIER", 0.1), ("BEZIER", 0.0), ("B_SPLINE", 0.1), ("POLYLINE", 0.1)]
 )
-def test_what_is_behind_a_clear_thing_is_where_it_would_be_without(basis, pixel_error, tmp_path, addon):
-    """A curved volume: through a clear sphere, and two clear planes, nothing is displaced."""
+def test_a_clear_object_does_not_displace_its_background(basis, pixel_error, tmp_path, addon):
+    """A curved volume: a clear sphere and two clear planes displace nothing."""
     scene = scene_with_camera(SIZE)
     module = addon("bridge.camera.flexible_camera")
     camera = scene.camera
@@ -258,7 +258,7 @@ def test_what_is_behind_a_clear_thing_is_where_it_would_be_without(basis, pixel_
     assert off.mean() < 0.005
 
 
-def test_a_border_of_things_seen_through_is_that_of_the_whole(tmp_path):
+def test_a_border_of_objects_seen_through_is_that_of_the_whole(tmp_path):
     scene = scene_with_camera(SIZE)
     surroundings()
     sphere(shader("Glass", Color=(0.9, 0.8, 0.6), Roughness=0.0, IOR=1.5))

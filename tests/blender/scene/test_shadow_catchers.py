@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shadow catchers, against Cycles' pictures."""
+"""Shadow catchers, against Cycles' images."""
 
 import bpy
 import numpy as np
@@ -44,7 +44,7 @@ def shine(scene, strength):
 
 @pytest.fixture
 def stage():
-    """A catcher, a cube above it and one below; Cycles with no light from surface to surface."""
+    """A catcher, a cube above it and one below; Cycles without indirect light."""
     scene = scene_with_camera(SIZE)
     scene.cycles.max_bounces = 0
     shine(scene, 0.0)
@@ -63,7 +63,7 @@ def assert_alike(ours, cycles, step=STEP, most=MOST_EDGES):
 
 
 def test_suns_and_points_leave_their_shadow_in_alpha(stage, tmp_path):
-    """One lamp at a time, for Cycles' light tree. A veil, by which nodes come in, takes its share."""
+    """One lamp at a time, because of Cycles' light tree. A veil with nodes takes its share."""
     stage.render.film_transparent = True
     first = lamp("SUN", 3.0, (1.0, 0.5, 0.2), rotation=(-0.7, 0.6, 0), angle=0.0)
     sunny = picture(stage, "SCFPF", tmp_path)
@@ -87,7 +87,7 @@ def test_suns_and_points_leave_their_shadow_in_alpha(stage, tmp_path):
 
 
 def test_soft_and_coloured_shadows_of_several_lamps_and_the_sky(stage, tmp_path):
-    """The pass by colour, and the picture without it; a wall that catches shadows shades no other."""
+    """The pass by colour, and the image without it; a wall that catches shadows casts none."""
     stage.camera.scfpf.samples, stage.cycles.samples = 8, 64
     stage.render.resolution_percentage = 67
     shine(stage, 1.0)
@@ -118,7 +118,7 @@ def test_soft_and_coloured_shadows_of_several_lamps_and_the_sky(stage, tmp_path)
 
 
 def test_an_opaque_film_shows_the_world_in_shadow(stage, tmp_path):
-    """As if nothing stood there but the shadow, where projectors leave the volume; parts add up to it."""
+    """Only the shadow is visible where projectors leave the volume; the passes add up to it."""
     shine(stage, 1.0)
     stage.cycles.samples, stage.render.resolution_percentage = 32, 50
     lamp("SUN", 3.0, (1.0, 1.0, 1.0), rotation=(-0.7, 0.6, 0), angle=0.0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ray visibility, holdouts and light linking, against Cycles' pictures."""
+"""Ray visibility, holdouts and light linking, against Cycles' images."""
 
 import bpy
 import numpy as np
@@ -23,7 +23,7 @@ def shader(kind, **inputs):
 
 
 def thing(name, material, location, size=0.3, hidden=()):
-    """A cube that some rays do not meet."""
+    """A cube that is invisible to some rays."""
     bpy.ops.mesh.primitive_cube_add(size=size, location=location)
     made = bpy.context.object
     made.name = name
@@ -48,7 +48,7 @@ def sun(name="Sun", rotation=(0.5, 0.6, 0), energy=3.0):
 
 @pytest.fixture
 def stage():
-    """A ground and a camera above; Cycles with no light from surface to surface."""
+    """A ground and a camera above; Cycles without indirect light."""
     scene = scene_with_camera(SIZE)
     scene.cycles.diffuse_bounces = 0
     for node in scene.world.node_tree.nodes:
@@ -59,7 +59,7 @@ def stage():
 
 
 def assert_alike(scene, tmp_path):
-    """Against the sum of Cycles' pictures of one lamp each: of several it looks at one a sample."""
+    """Compare with the sum of Cycles' images of one lamp each: of several it picks one for each sample."""
     ours = picture(scene, "SCFPF", tmp_path)
     lamps = [each for each in bpy.data.objects if each.type == "LIGHT"]
     cycles = np.zeros_like(ours)
@@ -87,7 +87,7 @@ def collection(name, included=(), left_out=(), children=()):
     return made
 
 
-def test_each_ray_meets_what_is_visible_to_it(stage, tmp_path):
+def test_each_ray_meets_objects_visible_to_it(stage, tmp_path):
     sun()
     red, green, blue = (matt(color) for color in ((0.8, 0.1, 0.1), (0.1, 0.8, 0.1), (0.1, 0.1, 0.8)))
     thing("Casts only", red, (-0.6, -0.6, 0), hidden=("camera", "glossy"))
@@ -158,7 +158,7 @@ def test_lamps_light_their_receivers_and_blockers_cast_their_shadows(stage, tmp_
 
 
 def test_lamps_without_diffuse_light_or_highlights(stage, tmp_path):
-    """A ground of a matt and of a metal half, the latter by Cycles' own share of it."""
+    """A ground of a matte and a metal half, the latter by Cycles' own share of it."""
     sun("Dull").visible_glossy = False
     sun("Shiny", (-0.2, 0.1, 0)).visible_diffuse = False
     matt_part = assert_alike(stage, tmp_path)
@@ -169,7 +169,7 @@ def test_lamps_without_diffuse_light_or_highlights(stage, tmp_path):
     assert np.array_equal(picture(stage, "SCFPF", tmp_path), shiny) and shiny[..., :3].max() > 0.3
 
 
-def test_nothing_more_is_kept_of_scenes_without(stage, read_render):
+def test_scenes_without_visibility_store_no_more(stage, read_render):
     thing("Cube", matt((1, 1, 1)), (0, 0, 0))
     sun()
     scene = read_render()

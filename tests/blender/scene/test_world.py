@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Worlds of nodes as Cycles has them: seen directly, and as light on things."""
+"""Worlds of nodes against Cycles: seen directly, and as light on objects."""
 
 import bpy
 import numpy as np
@@ -29,7 +29,7 @@ def sky_image(width=64, height=32, sun=40.0, as_bytes=False):
 
 
 def new_world(link, strength=1.0):
-    """A world whose background shows what ``link(tree)`` gives, a colour's socket."""
+    """A world whose background is the colour socket that ``link(tree)`` returns."""
     world = bpy.context.scene.world = bpy.data.worlds.new("World")
     if world.node_tree is None:
         world.use_nodes = True
@@ -61,7 +61,7 @@ def turned(tree):
 
 
 def gradient(tree):
-    """A ramp by height, as of the Gradient Texture turned up."""
+    """A ramp by height, as of a vertical Gradient Texture."""
     vector = add(tree, "ShaderNodeTexCoord").outputs["Generated"]
     mapping = add(tree, "ShaderNodeMapping", Vector=vector, Rotation=(0, np.pi / 2, 0), Scale=(0.5, 1, 1))
     shade = add(tree, "ShaderNodeTexGradient", Vector=mapping.outputs[0])
@@ -91,7 +91,7 @@ ONCE = "NISHITA" if "NISHITA" in SKY_KINDS else "SINGLE_SCATTERING"
 
 
 def clear_sky(tree, kind=ONCE):
-    """Scattered once, by which name ever; the sun is seen."""
+    """Single scattering, under either name, with a visible sun."""
     node = add(tree, "ShaderNodeTexSky", {"sky_type": kind})
     node.sun_direction, node.turbidity = (0.6, 0.5, 0.4), 3.0
     node.sun_elevation, node.sun_rotation, node.altitude = 0.4, 0.7, 200.0
@@ -145,7 +145,7 @@ def ball(material, location=(0, 0, 0), radius=0.9):
 
 
 def lit(scene, folder, samples, cycles_samples):
-    """The scene by both engines; Cycles' light that has been scattered once only."""
+    """The scene by both engines, with direct light only in Cycles."""
     scene.camera.scfpf.samples = samples
     scene.cycles.samples, scene.cycles.max_bounces = cycles_samples, 0
     scene.cycles.use_light_tree = False
@@ -157,7 +157,7 @@ def lit(scene, folder, samples, cycles_samples):
 
 @pytest.mark.parametrize("kind", sorted(SKY_KINDS))
 def test_skies_are_like_those_of_cycles(kind, tmp_path):
-    """All of the sky in one picture: the mean colour, and where it is how bright."""
+    """The whole sky in one image: the mean colour, and the brightness by direction."""
     scene = scene_with_camera(SIZE)
     new_world(lambda tree: clear_sky(tree, kind), 0.1)
     camera = scene.camera
@@ -173,7 +173,7 @@ def test_skies_are_like_those_of_cycles(kind, tmp_path):
 
 
 def test_a_world_of_constants_is_one_colour(addon):
-    """It is mixed, lifted and weighed while the scene is read, and costs what it always did."""
+    """It is evaluated while the scene is read, and costs as much as a plain colour."""
     read_world = addon("bridge.scene.read_world").read_world
 
     def link(tree):
@@ -188,7 +188,7 @@ def test_a_world_of_constants_is_one_colour(addon):
 
 
 def test_images_of_a_world_that_nothing_shows_are_not_read(addon):
-    """Behind a transparent film only what is lit or mirrors asks for the world."""
+    """Behind a transparent film only lit or reflecting surfaces need the world."""
     scene = scene_with_camera(8)
     new_world(environment(lambda: sky_image(sun=0)))
     glow = new_material("Glow")
@@ -204,7 +204,7 @@ def test_images_of_a_world_that_nothing_shows_are_not_read(addon):
 
 @pytest.mark.parametrize("name", ["sun", "clear sky"])
 def test_light_and_shadows_of_the_sky_are_those_of_cycles(name, tmp_path):
-    """A ball on a floor: means, and pixel by pixel but for what noise is left."""
+    """A ball on a floor: means, and pixel by pixel up to noise."""
     scene = scene_with_camera(SIZE)
     if name == "clear sky":
         new_world(clear_sky, 0.1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drawn Style from its settings to pictures: F12, button, viewport, borders, files, command line."""
+"""Drawn Style from its settings to images: F12, button, viewport, borders, files, command line."""
 
 from types import SimpleNamespace
 
@@ -23,7 +23,7 @@ def names(options):
     return [name for name in options.bl_rna.properties.keys() if name not in ("rna_type", "name")]
 
 
-def test_a_drawn_picture_has_the_passes_of_a_plain_one(engine_scene, options):
+def test_a_drawn_image_has_the_passes_of_a_plain_one(engine_scene, options):
     bpy.context.view_layer.objects.active = engine_scene.camera
     assert bpy.ops.scfpf.preset_apply(preset="nonlinear_twist") == {"FINISHED"}
     layer = engine_scene.view_layers[0]
@@ -92,7 +92,7 @@ def test_a_viewport_shows_it_coarse_ones_too(addon, engine_scene, options):
     assert all(step.settings.stylised is None for step in coarse_image.coarse_inputs(inputs))
 
 
-def test_lines_have_their_share_of_the_picture_at_any_percentage(engine_scene, options):
+def test_lines_have_their_share_of_the_image_at_any_percentage(engine_scene, options):
     bpy.ops.scfpf.drawn_style(style="LINES")
     options.line_width = options.inner_width = 4.0
     shares = []
@@ -161,7 +161,7 @@ def test_every_style_is_made_of_settings(addon, engine_scene, options):
 
 
 class Layout:
-    """Notes what a panel draws."""
+    """Records the contents of a panel."""
 
     def __init__(self, drawn):
         self.__dict__["drawn"] = drawn

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From object to arrays to drawn lines, for each kind: the green lines lie on what Blender evaluates."""
+"""From object to arrays to overlay lines, for each kind: the green lines lie on the evaluated mesh."""
 
 import bpy
 import numpy as np
@@ -16,7 +16,7 @@ PLACE = Matrix.LocRotScale(Vector((1, -2, 3)), Euler((0.3, -0.7, 1.1)), Vector((
 
 @pytest.fixture
 def lines(addon):
-    """The drawn lines of a camera's control surfaces, a list of (S, 2, 3)."""
+    """The overlay lines of a camera's control surfaces, a list of (S, 2, 3)."""
     read_projection = addon("bridge.camera.read_projection").read_projection
     surface_lines = addon("projection.diagrams.surface_lines").surface_lines
 
@@ -42,7 +42,7 @@ def layer(lattice, number):
 
 
 def evaluated_mesh(obj):
-    """World positions and polygons of what Blender shows of an object."""
+    """World positions and polygons of an object as evaluated."""
     evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
     found = (
@@ -54,7 +54,7 @@ def evaluated_mesh(obj):
 
 
 def assert_on(segments, vertices, polygons):
-    """Every end of the lines lies on the mesh, and they reach as far as it does."""
+    """Assert that every end of the lines lies on the mesh, and that they reach as far."""
     tree = BVHTree.FromPolygons(vertices, polygons)
     corners = np.array(vertices)
     ends = segments.reshape(-1, 3)
