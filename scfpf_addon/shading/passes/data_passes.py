@@ -17,6 +17,7 @@ from ...projection.volume.viewing_volume import Projection
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
 from ..typing import Single
+from ..vectors import unit
 from .cryptomatte import CRYPTO_KINDS, CRYPTO_PASS, MOST_LAYERS
 from .depths import perspective_depth, projector_length
 from .light_passes import LIGHT_MISS, LIGHT_PASSES
@@ -130,9 +131,7 @@ class PassSource:
 
     def tangent(self, samples: PassSamples) -> Array:
         """The projector's direction at the hit, away from the viewer, unit, world axes, (3, n)."""
-        tangent = samples.hits.tangent
-        length = np.sqrt(np.einsum("cn,cn->n", tangent, tangent))
-        return tangent / np.where(length > 0.0, length, 1.0)
+        return unit(samples.hits.tangent)
 
     def vector(self, samples: PassSamples) -> Array:
         """Motion of the hits in the image as in Cycles, (4, n), in pixels along x and y.
@@ -143,12 +142,12 @@ class PassSource:
             raise ValueError("motion vectors need the frames before and after")
         geometry, hits = self.scene.geometry, samples.hits
         motion = MotionSample(
-            self.position(samples),
-            geometry.triangles[hits.triangle],
-            hits.barycentric,
-            self.parameters(samples),
-            samples.x,
-            samples.y,
+            position=self.position(samples),
+            corners=geometry.triangles[hits.triangle],
+            weight=hits.barycentric,
+            parameters=self.parameters(samples),
+            x=samples.x,
+            y=samples.y,
         )
         before, after = (moved_places(each, geometry.vertices, motion) for each in self.wanted.neighbours)
         pixels = np.reshape(self.size, (2, 1))

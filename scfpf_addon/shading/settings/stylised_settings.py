@@ -19,16 +19,6 @@ FillKind = Literal["RENDERED", "TOON", "FLAT", "PAPER"]
 HatchKind = Literal["DEPTH", "TONE"]
 
 
-def black() -> Array:
-    """The colour of ink."""
-    return np.zeros(3)
-
-
-def white() -> Array:
-    """The colour of paper."""
-    return np.ones(3)
-
-
 @dataclass(frozen=True)
 class Lines:
     """The lines of a stylised image.
@@ -41,7 +31,7 @@ class Lines:
     kinds: int = SILHOUETTE | OBJECT | CONTOUR | CREASE
     width: float = 2.0
     inner_width: float = 1.0
-    color: Array = field(default_factory=black)
+    color: Array = field(default_factory=lambda: np.zeros(3))
     crease_angle: float = np.pi / 6
     jump: float = 2.0
 
@@ -61,7 +51,7 @@ class Hatching:
 
     kind: HatchKind = "TONE"
     width: float = 1.0
-    color: Array = field(default_factory=black)
+    color: Array = field(default_factory=lambda: np.zeros(3))
     count: int = 32
     spacing: float = 6.0
     angle: float = np.pi / 4
@@ -92,7 +82,7 @@ class Stylised:
     darkest: float = 0.3
     exposure: float = 0.0
     fade: float = 0.0
-    paper: Array = field(default_factory=white)
+    paper: Array = field(default_factory=lambda: np.ones(3))
     on_paper: bool = False
     detail: int = 2
 

@@ -15,6 +15,7 @@ from ...casting.common.cancellation import raise_if_cancelled
 from ...projection.typing import Array, IndexArray
 from ..settings.stylised_settings import CONTOUR, CREASE, MATERIAL, OBJECT, SILHOUETTE, Lines
 from ..tracing.scene_view import SceneView
+from ..vectors import dot
 from .surface_samples import SurfaceSamples, sample_surface
 
 # Edges are located to 1/64 of the distance of neighbouring places, far below the soft rim of a line.
@@ -95,11 +96,9 @@ def kinds_between(
     apart = b.position - a.position
     which = np.arange(len(axis))
     explained = gap * (a.reach[axis, which] + b.reach[axis, which])
-    height = np.maximum(
-        np.abs(np.einsum("cn,cn->n", a.normal, apart)), np.abs(np.einsum("cn,cn->n", b.normal, apart))
-    )
+    height = np.maximum(np.abs(dot(a.normal, apart)), np.abs(dot(b.normal, apart)))
     step = lines.jump * np.maximum(a.footprint[axis, which], b.footprint[axis, which])
-    jump = both & (height > step) & (np.einsum("cn,cn->n", apart, apart) > explained**2)
+    jump = both & (height > step) & (dot(apart, apart) > explained**2)
     joined = both & ~jump
     found = np.zeros(len(axis), np.intp)
     if lines.kinds & SILHOUETTE:
@@ -111,7 +110,7 @@ def kinds_between(
     if lines.kinds & MATERIAL:
         found |= MATERIAL * (joined & (a.material != b.material))
     if lines.kinds & CREASE:
-        cosine = np.einsum("cn,cn->n", a.normal, b.normal)
+        cosine = dot(a.normal, b.normal)
         found |= CREASE * (joined & (cosine < np.cos(lines.crease_angle)))
     return found
 

@@ -15,6 +15,7 @@ from ...projection.volume.viewing_volume import image_derivatives
 from ..scene.surface import smooth_normal
 from ..tracing.scene_view import SceneView
 from ..typing import Single
+from ..vectors import dot, unit
 
 # Places whose derivatives are made at once: those of a volume of four surfaces take 20 MB.
 AT_ONCE = 1 << 15
@@ -62,7 +63,10 @@ class SurfaceSamples(NamedTuple):
 
 
 def samples_of_hits(view: SceneView, hits: Hits) -> SurfaceSamples:
-    """The surface at hits of the view's projectors, without derivatives. Raises ValueError without one."""
+    """The surface at hits of the view's projectors, without derivatives.
+
+    Raises ValueError without triangles.
+    """
     cast_scene, geometry, shading = view.cast_scene, view.scene.geometry, view.shading
     if cast_scene is None or shading is None:
         raise ValueError("the view has no triangles")
@@ -76,30 +80,27 @@ def samples_of_hits(view: SceneView, hits: Hits) -> SurfaceSamples:
     if shading.catchers is not None:
         hit = hit & ~shading.catchers.meets(triangle)
     normal = cast_scene.normals(triangle)
-    ahead = hits.tangent / np.maximum(np.sqrt(np.einsum("cn,cn->n", hits.tangent, hits.tangent)), TINY)
+    ahead = unit(hits.tangent)
     corners = shading.surface.smooth
-    side = -np.copysign(1.0, np.einsum("cn,cn->n", normal, ahead))
-    if corners is None:
-        facing = np.ones(count, np.float32)
-    else:
-        flat = shading.surface.flat.take(triangle, axis=1)
-        turned = -np.copysign(np.float32(1), np.einsum("cn,cn->n", flat, ahead.astype(np.float32)))
+    facing = np.ones(count, np.float32)
+    if corners is not None:
+        flat, direction = shading.surface.flat.take(triangle, axis=1), ahead.astype(np.float32)
+        turned = -np.copysign(np.float32(1), dot(flat, direction))
         smooth = smooth_normal(corners, triangle, hits.barycentric.astype(np.float32), turned)
-        facing = -np.einsum("cn,cn->n", smooth, ahead.astype(np.float32))
-    normal = normal * side
+        facing = -dot(smooth, direction)
     return SurfaceSamples(
-        mask,
-        hit,
-        np.where(hit, hits.t, 0.0),
-        hits.position,
-        normal,
-        facing,
-        hits.triangle,
-        np.where(hit, geometry.object_index[triangle], -1).astype(np.int32),
-        np.where(hit, geometry.material[triangle], -1).astype(np.int32),
-        np.zeros((2, count), np.float32),
-        np.zeros((2, count), np.float32),
-        np.zeros(count, np.float32),
+        mask=mask,
+        hit=hit,
+        t=np.where(hit, hits.t, 0.0),
+        position=hits.position,
+        normal=normal * -np.copysign(1.0, dot(normal, ahead)),
+        facing=facing,
+        triangle=hits.triangle,
+        object_index=np.where(hit, geometry.object_index[triangle], -1).astype(np.int32),
+        material=np.where(hit, geometry.material[triangle], -1).astype(np.int32),
+        reach=np.zeros((2, count), np.float32),
+        footprint=np.zeros((2, count), np.float32),
+        slope=np.zeros(count, np.float32),
     )
 
 
@@ -123,8 +124,8 @@ def _derivatives(view: SceneView, x: Array, y: Array, t: Array, normal: Array) -
     projection = view.projection
     image = projection.parameters(x, y)
     sample = projection.volume.evaluate(image.u, image.v, t)
-    towards = np.einsum("cn,cn->n", normal, sample.dt)
-    speed = np.maximum(np.sqrt(np.einsum("cn,cn->n", sample.dt, sample.dt)), TINY)
+    towards = dot(normal, sample.dt)
+    speed = np.maximum(np.sqrt(dot(sample.dt, sample.dt)), TINY)
     towards = np.copysign(np.maximum(np.abs(towards), FLATTEST * speed), towards)
     ahead = sample.dt / speed
     reach, footprint, squared = np.empty((2, len(x))), np.empty((2, len(x))), np.zeros(len(x))
@@ -132,11 +133,11 @@ def _derivatives(view: SceneView, x: Array, y: Array, t: Array, normal: Array) -
     sides = image_derivatives(sample.du, sample.dv, image.jacobian)
     for axis, (side, pixels) in enumerate(zip(sides, sizes, strict=True)):
         side = side / pixels
-        across = side - np.einsum("cn,cn->n", side, ahead) * ahead
-        change = -np.einsum("cn,cn->n", normal, side) / towards
+        across = side - dot(side, ahead) * ahead
+        change = -dot(normal, side) / towards
         moved = side + sample.dt * change
-        reach[axis] = np.sqrt(np.einsum("cn,cn->n", moved, moved))
-        footprint[axis] = np.sqrt(np.einsum("cn,cn->n", across, across))
+        reach[axis] = np.sqrt(dot(moved, moved))
+        footprint[axis] = np.sqrt(dot(across, across))
         squared += change * change
     return reach, footprint, np.sqrt(squared)
 

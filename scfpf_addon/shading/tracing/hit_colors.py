@@ -48,7 +48,14 @@ class Shading:
         coefficients = MaterialCoefficients.of(scene.materials, scene.world_color, with_unit=with_unit)
         catchers = Catchers.of(scene, cast_scene, lighting.lamps, settings)
         tracer = Tracer.of(scene, surface, coefficients, lighting, settings.transparent, catchers)
-        return cls(surface, coefficients, lighting, tracer, holdouts(scene.geometry), catchers)
+        return cls(
+            surface=surface,
+            coefficients=coefficients,
+            lighting=lighting,
+            tracer=tracer,
+            held_out=holdouts(scene.geometry),
+            catchers=catchers,
+        )
 
     def color(
         self,

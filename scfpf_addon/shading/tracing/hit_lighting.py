@@ -49,6 +49,7 @@ class HitLighting:
 
     @cached_property
     def _dark(self) -> Lighting:
+        """The lighting without lights."""
         return self.lighting.dark()
 
     def gather(self, wave: PathWave, sample: int, film: PathFilm, last: bool) -> list[Scattered]:
@@ -87,15 +88,15 @@ class HitLighting:
         flat = self.surface.flat.take(triangle, 1).astype(np.float64)
         back = (dot_row(flat, view) < 0.0).astype(np.float64)
         return ShadingContext(
-            self.scene.geometry,
-            self.scene.images,
-            triangle,
-            cast_scene.barycentric(position, triangle),
-            position / cast_scene.scale + np.reshape(cast_scene.centre, (3, 1)),
-            points.normal.take(which, 1).astype(np.float64),
-            flat * (1.0 - 2.0 * back),
-            view,
-            back,
+            geometry=self.scene.geometry,
+            images=self.scene.images,
+            triangle=triangle,
+            barycentric=cast_scene.barycentric(position, triangle),
+            position=position / cast_scene.scale + np.reshape(cast_scene.centre, (3, 1)),
+            normal=points.normal.take(which, 1).astype(np.float64),
+            flat=flat * (1.0 - 2.0 * back),
+            view=view,
+            back=back,
         )
 
     def _gather_constants(
@@ -105,10 +106,10 @@ class HitLighting:
         plain = np.flatnonzero(~self.has_graph.take(points.material))
         if not len(plain):
             return
-        parts = film.parts_of_hits(len(plain))
         lighting, coefficients = self.lighting, self.coefficients
         if last:
             lighting, coefficients = self._dark, self._emission
+        parts = film.parts_of_hits(len(plain))
         color = lighting.radiance(points.take(plain), coefficients, sample, parts)
         film.gather(wave.pixel[plain], wave.throughput[:, plain], color, parts, wave.on_ray[plain])
 

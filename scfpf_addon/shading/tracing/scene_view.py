@@ -96,8 +96,15 @@ class SceneView:
         hits = self.cast(x, y, counts, in_rows=in_rows)
         if self.cast_scene is None:
             return hits, None
-        pixel_error = self.settings.pixel_error
-        tile = TileProjectors(self.cast_scene, self.projection, x, y, hits.mask, self.pixel_size, pixel_error)
+        tile = TileProjectors(
+            self.cast_scene,
+            self.projection,
+            x=x,
+            y=y,
+            mask=hits.mask,
+            pixel_size=self.pixel_size,
+            pixel_error=self.settings.pixel_error,
+        )
         return hits, Continuation.of_tile(tile)
 
     def with_world(

@@ -176,7 +176,14 @@ class Tracer:
             hits.put(off, met)
             throughput[:, off] *= passed
         from_glass = (came.from_glass & (lobe.kind != "GLOSSY")) | (lobe.kind == "TRANSMISSION")
-        sent = PathWave(hits, came.pixel, throughput, on_ray, from_glass, depth[:, going])
+        sent = PathWave(
+            hits,
+            pixel=came.pixel,
+            throughput=throughput,
+            on_ray=on_ray,
+            from_glass=from_glass,
+            depth=depth[:, going],
+        )
         self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film)
         return sent.take(np.flatnonzero(hits.triangle >= 0))
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Adaptive sampling: more samples where pixels differ, and the same picture by any parts."""
+"""Adaptive sampling: more samples where pixels differ, and the same image by any parts."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def test_a_border_is_a_part_of_the_whole(view, whole, border):
     assert np.array_equal(part.pixels, whole.pixels[bottom:top, left:right])
 
 
-def test_it_comes_near_the_picture_of_all_samples_with_fewer(build, view):
+def test_it_comes_near_the_image_of_all_samples_with_fewer(build, view):
     view = build.looking_down(2, -1), view[1]
     small = replace(SETTINGS, width=48, height=32)
     some = render_frame(*view, small)
@@ -65,7 +65,7 @@ def test_it_comes_near_the_picture_of_all_samples_with_fewer(build, view):
     assert np.abs(some.pixels - many)[worst].mean() < 1.5 * np.abs(everywhere.pixels - many)[worst].mean()
 
 
-def test_a_flat_picture_gets_the_fewest(build):
+def test_a_flat_image_gets_the_fewest(build):
     scene = build.scene([build.square(3)], [Light("SUN", np.full(3, np.pi), build.placed())])
     frame = render_frame(build.looking_down(1, -1), scene, replace(SETTINGS, samples=64))
     # Tiles look at a row more on either side.

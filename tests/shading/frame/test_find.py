@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""From a thing to its place in the picture: a pinhole's and an orthographic picture's are known."""
+"""From an object to its place in the image; those of a pinhole and of orthographic images are known."""
 
 from dataclasses import replace
 
@@ -30,8 +30,8 @@ def test_its_vertices_are_those_of_its_faces(scene):
     assert points_of(scene, {"Nothing"}).shape == (3, 0)
 
 
-def test_in_an_orthographic_picture_it_is_where_its_coordinates_say(build, scene):
-    """A picture of 4 × 4 about the origin."""
+def test_in_an_orthographic_image_it_is_where_its_coordinates_say(build, scene):
+    """An image of 4 × 4 about the origin."""
     camera = build.looking_down(5.0, -1.0, size=4.0)
     found = find(camera, alone(scene, [0]), points_of(scene, {"Thing"}), {"Thing"}, PIXEL)
     assert found.box == pytest.approx((0.625, 0.375, 0.875, 0.625), abs=1e-9)
@@ -52,7 +52,7 @@ def test_what_stands_before_it_hides_it(build, scene):
 
 
 def test_of_what_is_partly_outside_the_part_inside_counts(build, scene):
-    """A picture of 2 × 2 ends at x = 1, amid the thing: two of its four corners are in it."""
+    """An image of 2 × 2 ends at x = 1, amid the object: two of its four corners are in it."""
     camera = build.looking_down(5.0, -1.0, size=2.0)
     found = find(camera, alone(scene, [0]), points_of(scene, {"Thing"}), {"Thing"}, PIXEL)
     assert found.box == pytest.approx((0.75, 0.25, 0.75, 0.75), abs=1e-9)
@@ -68,7 +68,7 @@ def test_where_the_middle_is_outside_the_nearest_point_counts(build, scene):
 
 
 def test_of_many_points_the_outermost_are_looked_up(build):
-    """A ball of 20,000 points: its circle in an orthographic picture."""
+    """A ball of 20,000 points: its circle in an orthographic image."""
     ball = build.scene([build.sphere(100)])
     ball = replace(ball, geometry=replace(ball.geometry, object_names=("Ball",)))
     points = points_of(ball, {"Ball"})

@@ -125,7 +125,7 @@ def test_threads_do_not_change_a_bit(build):
     assert len(np.unique(one.reshape(-1, 4), axis=0)) > 1000
 
 
-def test_a_scene_cast_before_gives_the_same_picture(build):
+def test_a_scene_cast_before_gives_the_same_image(build):
     projection, scene = busy(build)
     cast_scene = CastScene(scene.geometry.vertices, scene.geometry.triangles)
     settings = FrameSettings(40, 30, samples=1)
@@ -135,7 +135,7 @@ def test_a_scene_cast_before_gives_the_same_picture(build):
 
 @pytest.mark.parametrize("unit", [1e-4, 1e4])
 def test_the_unit_of_length_does_not_matter(build, unit):
-    """The same picture from a scene of any size anywhere, if watts grow with its square."""
+    """The same image from a scene of any size anywhere, if watts grow with its square."""
     projection, scene = busy(build)
     move = np.diag([unit, unit, unit, 1.0])
     move[:3, 3] = np.array([30, -20, 10]) * unit
@@ -269,7 +269,7 @@ def test_what_a_tile_raises_is_raised_after_the_threads_have_ended(build, monkey
 
 
 @pytest.mark.parametrize("wrong", [{"width": 0}, {"height": -1}, {"samples": 0}])
-def test_settings_that_make_no_picture_are_refused(wrong):
+def test_settings_that_make_no_image_are_refused(wrong):
     with pytest.raises(ValueError, match=r"resolution|sample"):
         FrameSettings(**{"width": 4, "height": 4} | wrong)
 
@@ -301,16 +301,16 @@ def test_what_is_outside_the_volume_is_not_built_but_casts_shadows(build):
     parts = [build.square(3), build.square(0.6, 2.0, (0.0, 0.0)), *aside]
     projection = build.looking_down(1, -1)
     settings = FrameSettings(20, 20, samples=1)
-    pictures, reports = [], []
+    images, reports = [], []
     for lights in ((overhead(build),), (replace(overhead(build), casts_shadow=False),)):
         scene = build.scene(parts, lights)
         whole = CastScene(scene.geometry.vertices, scene.geometry.triangles)
         all_built = render_frame(projection, scene, settings, whole)
         done = render_frame(projection, scene, settings)
         np.testing.assert_allclose(done.pixels, all_built.pixels, atol=1e-6)
-        pictures.append(done.pixels[..., 0])
+        images.append(done.pixels[..., 0])
         reports.append(done.report)
-    shadow, plain = pictures
+    shadow, plain = images
     assert shadow[10, 10] < 0.1 * plain[10, 10] and shadow[1, 1] == pytest.approx(plain[1, 1])
     assert [(r.triangles, r.built) for r in reports] == [(20, 2)] * 2
     assert "2 of 20 triangles in reach" in reports[0].summary()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Large scenes and pictures: what is held on the way, in bytes that the same code always asks for."""
+"""Large scenes and images: what is held on the way, in bytes that the same code always asks for."""
 
 import tracemalloc
 
@@ -33,7 +33,7 @@ def most_held(work):
 
 
 @pytest.mark.parametrize("curved", [False, True])
-def test_what_a_picture_takes_beside_its_pixels_does_not_grow_with_it(build, monkeypatch, curved):
+def test_what_an_image_takes_beside_its_pixels_does_not_grow_with_it(build, monkeypatch, curved):
     """One thread, tiles of equal size, three times as many of them."""
     scene = build.scene([build.sphere(6, radius=0.8)])
     heights, shifts = ((2, 0.3, -1), (0, 0.5, 0)) if curved else ((1, -1), None)
@@ -48,7 +48,7 @@ def test_what_a_picture_takes_beside_its_pixels_does_not_grow_with_it(build, mon
     assert above[1] < 1.2 * above[0]
 
 
-def test_a_picture_is_made_in_the_array_that_is_given(build):
+def test_an_image_is_made_in_the_array_that_is_given(build):
     scene, projection = build.scene([build.square(0.5)]), build.looking_down(1, -1)
     settings = FrameSettings(16, 9, samples=1)
     pixels = np.full((9, 16, 4), 7.0, np.float32)

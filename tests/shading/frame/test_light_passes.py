@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Passes of light: that they add up to the picture, and closed forms of each."""
+"""Passes of light: that they add up to the image, and closed forms of each."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def settings(**more):
 
 
 @pytest.mark.parametrize("adaptive", [None, Adaptive(0.02, 2)])
-def test_parts_add_up_to_the_picture(build, adaptive):
+def test_parts_add_up_to_the_image(build, adaptive):
     view = build.looking_down(2, 0.2, -1, size=1.9, shifts=(0, 0.4, 0))
     frame = render_frame(view, lit_ball(build), settings(adaptive=adaptive))
     total = sum(frame.passes[name] for name in COLORS)
@@ -47,7 +47,7 @@ def test_parts_add_up_to_the_picture(build, adaptive):
 
 
 def test_passes_of_light_cast_nothing_more(build):
-    """They are made of the picture's own samples, and without them nothing is gathered."""
+    """They are made of the image's own samples, and without them nothing is gathered."""
     assert not settings().passes.central
     assert DataPasses(("DIFFUSE", "DEPTH")).central
     assert light_passes.LightFilm.of(("DEPTH",), 4, np.zeros(3)) is None

@@ -67,11 +67,11 @@ def test_without_the_same_triangles_the_volume_alone_moves(build):
     neighbours = (Neighbour(shifted, None), Neighbour(view, None))
     settings = FrameSettings(20, 20, samples=1, passes=DataPasses(("VECTOR",), neighbours=neighbours))
     vector = render_frame(view, scene, settings).passes["VECTOR"]
-    # The picture is 2 wide: what stands still moved by a twentieth of 20 pixels to the left.
+    # The image is 2 wide: what stands still moved by a twentieth of 20 pixels to the left.
     assert np.allclose(vector[10, 10], [-1, 0, 0, 0], atol=1e-6)
 
 
-def test_points_are_followed_beyond_the_picture(build):
+def test_points_are_followed_beyond_the_image(build):
     volume = build.looking_down(1, -1).volume
     point = np.array([[1.3, 1.8], [0.0, 0.0], [0.0, 0.0]])
     found = follow(volume, point, np.full((3, 2), 0.5))
@@ -125,7 +125,7 @@ def test_hashes_are_murmurs(text, value):
     assert np.isfinite(number) and abs(number) >= np.finfo(np.float32).tiny
 
 
-def test_manifest_names_what_is_in_the_picture():
+def test_manifest_names_what_is_in_the_image():
     names = ["Würfel", "Cube.001"]
     read = json.loads(manifest(names))
     bits = identifiers(names).view(np.uint32)
@@ -143,8 +143,8 @@ def test_shares_are_counted_and_ranked():
     assert np.allclose(made, [[11, 0.3, 13, 0.1], [12, 4 / 6, 10, 2 / 6]])
 
 
-def test_cryptomattes_are_shares_of_the_picture(build):
-    """They sum up to alpha, by the filter and adaptive sampling that the picture has, border or not."""
+def test_cryptomattes_are_shares_of_the_image(build):
+    """They sum up to alpha, by the filter and adaptive sampling that the image has, border or not."""
     scene = build.scene([build.square(0.8), build.square(0.3, 0.7, (0.2, 0.1))], emission=(1, 1, 1))
     names = ("CRYPTO_OBJECT_00", "CRYPTO_MATERIAL_00")
     marks = np.array([7.0, 9.0], np.float32)

@@ -20,7 +20,7 @@ SIDE = 12
 
 
 def passes(build, heights, scene, names, **settings):
-    """The passes of a picture of 4 × 4 that looks down from the first height to the last, (SIDE, SIDE, …)."""
+    """The passes of an image of 4 × 4 that looks down from the first height to the last, (SIDE, SIDE, …)."""
     made = FrameSettings(SIDE, SIDE, samples=1, passes=DataPasses(names), **settings)
     return render_frame(build.looking_down(*heights, size=4.0), scene, made).passes
 
@@ -36,7 +36,7 @@ def scene(build):
 
 
 @pytest.mark.parametrize("heights", [(3.0, -1.0), (3.0, 1.0, -1.0)])
-def test_what_an_orthographic_picture_sees(build, scene, heights):
+def test_what_an_orthographic_image_sees(build, scene, heights):
     found = passes(build, heights, scene, NAMES + INDICES, pixel_error=0.01)
     centre = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * 4
     x, y = np.meshgrid(centre, centre)

@@ -63,7 +63,7 @@ def test_a_miss_has_its_curve_only(build, scene):
     assert pick(projection(build, (0, 3), (0, -1)), empty, 0.5, 0.5, PIXEL).t is None
 
 
-def test_where_the_picture_shows_nothing_there_is_no_projector(build, scene):
+def test_where_the_image_shows_nothing_there_is_no_projector(build, scene):
     discs = tuple(Disc(0.5, matrix=build.placed((0, 0, z))) for z in (1, -1))
     fisheye = Projection(ViewingVolume(discs), Polar())
     assert pick(fisheye, scene, 0.02, 0.02, PIXEL) is None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where samples lie: Sobol's net, scrambled by pixel, warped by the filter."""
+"""Sample positions: Sobol's net, scrambled by pixel, warped by the filter."""
 
 import numpy as np
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A picture ends soon wherever it is: between two looks at whether it is to stop little is done."""
+"""Renders end soon after they are cancelled, at whatever step they are."""
 
 from dataclasses import replace
 
@@ -66,7 +66,7 @@ def heavy(build):
 
 
 class Asked:
-    """Says yes at the n-th time, and notes the rays that are cast between two."""
+    """A signal that is set at the n-th question, and counts the rays cast between two questions."""
 
     def __init__(self, monkeypatch, at=None):
         self.looks = self.since = self.most = self.after = 0
@@ -100,7 +100,7 @@ class Asked:
 
 @pytest.mark.parametrize("error", [0.1, 0.0])
 def test_tiles_look_before_all_rays(heavy, monkeypatch, error):
-    """Of rays there is never more than one batch between two looks, and after the last look none."""
+    """At most one batch of rays is cast between two questions, and none after the last."""
     projection, scene, moments = heavy
     asked = Asked(monkeypatch)
     cancelled_by = cancellation.cancelled_by
@@ -121,7 +121,7 @@ def test_tiles_look_before_all_rays(heavy, monkeypatch, error):
 
 
 def test_what_is_made_before_the_first_tile_may_end_too(heavy, monkeypatch):
-    """The map of the sky, each shutter time: a picture that is cancelled there begins no tile."""
+    """The map of the sky, each shutter time: an image that is cancelled there begins no tile."""
     projection, scene, moments = heavy
     settings = FrameSettings(WIDTH, HEIGHT, samples=2, threads=1)
     asked, begun = [0], []

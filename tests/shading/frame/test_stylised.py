@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drawn pictures against closed forms: where lines are, how wide, how many tones; the same by any parts."""
+"""Stylised images against closed forms: lines, widths and tones; the same whatever the tiles."""
 
 from dataclasses import replace
 
@@ -31,15 +31,15 @@ EVERY_KIND = SILHOUETTE | OBJECT | CONTOUR | MATERIAL | CREASE
 BALL_CENTRE, BALL_RADIUS = np.array([0.1, -0.05, 0.2]), 0.45
 
 
-def drawn_with(**options):
-    """Settings of a small picture of lines (or whatever is given) on white paper."""
+def stylised(**options):
+    """Settings of a small image of lines (or whatever is given) on white paper."""
     size = options.pop("size", (96, 64))
     given = {"lines": Lines(EVERY_KIND, 1.0, 1.0), "fill": "PAPER", "on_paper": True, **options}
     return FrameSettings(*size, samples=1, stylised=Stylised(**given), threads=2)
 
 
 def ink(projection, scene, settings):
-    """How much of each pixel black ink on white paper covers, (H, W)."""
+    """The share of each pixel that black ink on white paper covers, (H, W)."""
     pixels = render_frame(projection, scene, settings).pixels
     assert np.allclose(pixels[..., 3], 1)
     return 1 - pixels[..., 0]
@@ -77,7 +77,7 @@ def missed_by(projection, settings, x, y):
 @pytest.mark.parametrize("make", [perspective, bent])
 def test_a_balls_outline_lies_on_its_silhouette(build, make):
     scene = build.scene([build.sphere(96, BALL_CENTRE, BALL_RADIUS)])
-    projection, settings = make(build), drawn_with(size=(60, 50))
+    projection, settings = make(build), stylised(size=(60, 50))
     drawn = ink(projection, scene, settings)
     y, x = (axis.ravel() for axis in np.mgrid[0:50, 0:60] + 0.5)
     missed = missed_by(projection, settings, x, y).reshape(drawn.shape)
@@ -98,7 +98,7 @@ def test_contours_are_where_projectors_graze_the_normals(build):
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     scene = build.scene([(corners, faces, normals[faces])])
     projection = build.looking_down(2, -2)
-    drawn = ink(projection, scene, drawn_with(lines=Lines(CONTOUR, 1.0, 1.0), size=(60, 40)))
+    drawn = ink(projection, scene, stylised(lines=Lines(CONTOUR, 1.0, 1.0), size=(60, 40)))
     where = np.flatnonzero(drawn[20] > 0)
     # Interpolated z of both ends changes its sign where the share of the right one is 0.65: x = 0.3.
     assert np.average(where + 0.5, weights=drawn[20][where]) == pytest.approx((0.3 + 1) * 30, abs=0.05)
@@ -111,7 +111,7 @@ def test_creases_of_a_box_are_straight_lines_of_a_width(build):
     corners, faces, _ = box()
     scene = build.scene([(corners @ turn.T, faces, None)])
     projection = build.looking_down(2, -2)
-    creases = ink(projection, scene, drawn_with(lines=Lines(CREASE, 9.0, 2.0), size=(100, 100)))
+    creases = ink(projection, scene, stylised(lines=Lines(CREASE, 9.0, 2.0), size=(100, 100)))
     # Each has the length √(2/3) of an edge of 1, in 50 pixels a unit, less what they share in the middle.
     assert creases.sum() == pytest.approx(3 * np.sqrt(2 / 3) * 50 * 2 - 1, rel=0.02)
     y, x = np.mgrid[0:100, 0:100] + 0.5
@@ -121,7 +121,7 @@ def test_creases_of_a_box_are_straight_lines_of_a_width(build):
         share = np.clip(((x - 50) * end[0] + (y - 50) * end[1]) / (end @ end), 0, 1)
         away = np.minimum(away, np.hypot(x - 50 - share * end[0], y - 50 - share * end[1]))
     assert (away[creases > 0] < 1.6).all() and (creases[away < 0.4] > 0.9).all()
-    none = drawn_with(lines=Lines(CREASE, 1, 1, crease_angle=np.radians(91)), size=(100, 100))
+    none = stylised(lines=Lines(CREASE, 1, 1, crease_angle=np.radians(91)), size=(100, 100))
     assert not ink(projection, scene, none).any()
 
 
@@ -140,7 +140,7 @@ def test_a_plane_seen_at_a_grazing_angle_has_no_lines(build):
     )
     faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
     scene = build.scene([(np.stack([x, y, 0 * x], -1).reshape(-1, 3), faces, None)])
-    drawn = ink(Projection(ViewingVolume((near, far))), scene, drawn_with(size=(120, 80)))
+    drawn = ink(Projection(ViewingVolume((near, far))), scene, stylised(size=(120, 80)))
     rows = np.flatnonzero(drawn.any(axis=1))
     assert 0 < len(rows) <= 3 and rows.min() > 30
 
@@ -156,7 +156,7 @@ def test_objects_and_materials_are_told_apart(build):
         (one, MATERIAL, True),
         (one, SILHOUETTE | OBJECT | CREASE | CONTOUR, False),
     ):
-        drawn = ink(projection, what, drawn_with(lines=Lines(kinds, 1.0, 1.0)))
+        drawn = ink(projection, what, stylised(lines=Lines(kinds, 1.0, 1.0)))
         assert (drawn[32, 46:50].max() > 0.4) == line
         assert not drawn[32, 52:90].any()
 
@@ -172,7 +172,7 @@ def test_a_lines_width_is_its_integral():
             assert covered[:, 10:30].sum(axis=0).mean() == pytest.approx(expected, rel=0.025)
 
 
-def test_widths_follow_the_picture(build):
+def test_widths_follow_the_image(build):
     drawn = Stylised(Lines(width=2.0, inner_width=1.0), Hatching(width=1.0, spacing=6.0)).scaled(0.5)
     assert (drawn.lines.width, drawn.lines.inner_width) == (1.0, 0.5)
     assert (drawn.hatching.width, drawn.hatching.spacing) == (0.5, 3.0)
@@ -182,7 +182,7 @@ def test_widths_follow_the_picture(build):
 def test_steps_of_light_are_so_many_tones(build, steps, shadows):
     sun = Light("SUN", np.full(3, np.pi), build.placed(shines=(0.4, 0.2, -1)), shadows)
     scene = build.scene([build.sphere(48, (0, 0, 0), 0.8)], [sun], base=(0.5, 0.5, 0.5))
-    settings = drawn_with(lines=None, fill="TOON", steps=steps, darkest=0.2)
+    settings = stylised(lines=None, fill="TOON", steps=steps, darkest=0.2)
     pixels = render_frame(build.looking_down(2, -2), scene, settings).pixels
     tones = np.unique(np.round(pixels[..., 0], 5))
     expected = 0.5 * np.linspace(0.2, 1, steps)
@@ -202,12 +202,12 @@ def test_flat_colours_know_no_light_and_softness_no_steps(build):
     sun = Light("SUN", np.full(3, np.pi), build.placed(shines=(0.4, 0.2, -1)))
     scene = build.scene([build.sphere(24, (0, 0, 0), 0.8)], [sun], base=(0.5, 0.4, 0.3))
     view = build.looking_down(2, -2)
-    flat = render_frame(view, scene, drawn_with(lines=None, fill="FLAT")).pixels
+    flat = render_frame(view, scene, stylised(lines=None, fill="FLAT")).pixels
     assert np.allclose(flat[32, 48, :3], (0.5, 0.4, 0.3), atol=1e-5)
     assert len(np.unique(flat[..., 0])) == 2
-    soft = render_frame(view, scene, drawn_with(lines=None, fill="TOON", softness=1.0)).pixels
+    soft = render_frame(view, scene, stylised(lines=None, fill="TOON", softness=1.0)).pixels
     assert len(np.unique(soft[..., 0])) > 100
-    faded = render_frame(view, scene, drawn_with(lines=None, fill="FLAT", fade=0.5)).pixels
+    faded = render_frame(view, scene, stylised(lines=None, fill="FLAT", fade=0.5)).pixels
     assert np.allclose(faded[32, 48, :3], (0.75, 0.7, 0.65), atol=1e-5)
 
 
@@ -217,7 +217,7 @@ def test_strokes_of_equal_t_are_cuts_through_the_volume(build):
     scene = build.scene([(corners, [[0, 1, 2], [0, 2, 3]], None)])
     hatching = Hatching("DEPTH", width=1.5, count=10)
     drawn = ink(
-        build.looking_down(1, -1), scene, drawn_with(lines=None, hatching=hatching, size=(200, 8), detail=4)
+        build.looking_down(1, -1), scene, stylised(lines=None, hatching=hatching, size=(200, 8), detail=4)
     )
     # z = 1 - 2t = 0.9 x, so that x = (1 - 0.2 k) / 0.9 for t = k / 10.
     places = [(1 + (1 - 0.2 * k) / 0.9) * 100 for k in range(1, 10)]
@@ -235,7 +235,7 @@ def test_darker_tones_have_denser_strokes(build, cross):
     for light in (1.0, 0.45, 0.15, 0.001):
         scene = build.scene([build.square(3)], world=(light,) * 3)
         hatching = Hatching("TONE", width=1.5, spacing=8.0, cross=cross)
-        drawn = ink(build.looking_down(1, -1), scene, drawn_with(lines=None, hatching=hatching, detail=3))
+        drawn = ink(build.looking_down(1, -1), scene, stylised(lines=None, hatching=hatching, detail=3))
         shares.append(drawn.mean())
     assert shares[0] == 0 and np.all(np.diff(shares) > 0.05)
     assert len(LAYERS) == 3
@@ -245,7 +245,7 @@ def test_darker_tones_have_denser_strokes(build, cross):
 
 def test_paper_is_where_nothing_is_hit_unless_the_film_is_transparent(build):
     scene = build.scene([build.square(0.5)], world=(0.2, 0.3, 0.4))
-    settings = drawn_with(lines=None, fill="FLAT", paper=np.array([1, 0.9, 0.8]))
+    settings = stylised(lines=None, fill="FLAT", paper=np.array([1, 0.9, 0.8]))
     pixels = render_frame(build.looking_down(1, -1), scene, settings).pixels
     assert np.allclose(pixels[2, 2], (1, 0.9, 0.8, 1))
     clear = render_frame(build.looking_down(1, -1), scene, replace(settings, transparent=True)).pixels
@@ -256,12 +256,12 @@ def test_what_is_held_out_is_a_hole_without_a_rim(build):
     scene = build.scene([build.square(0.5)])
     held = replace(scene, geometry=replace(scene.geometry, visibility=np.full(2, CAMERA | HOLDOUT, np.uint8)))
     for hatching in ("DEPTH", "TONE"):
-        settings = replace(drawn_with(hatching=Hatching(hatching)), transparent=True)
+        settings = replace(stylised(hatching=Hatching(hatching)), transparent=True)
         assert render_frame(build.looking_down(1, -1), scene, settings).pixels.any()
         assert not render_frame(build.looking_down(1, -1), held, settings).pixels.any()
 
 
-def test_shadows_that_are_caught_are_those_of_the_rendered_picture(build):
+def test_shadows_that_are_caught_are_those_of_the_rendered_image(build):
     """In all fills, and nothing else of the catcher: neither its fill nor its rim."""
     lights = [Light("SUN", np.full(3, np.pi), build.placed(shines=(0.5, 0.2, -1)))]
     scene = build.scene([build.square(0.7), build.square(0.3, 0.6)], lights)
@@ -269,7 +269,7 @@ def test_shadows_that_are_caught_are_those_of_the_rendered_picture(build):
     scene = replace(scene, geometry=replace(scene.geometry, visibility=visibility))
     made = {}
     for fill in ("RENDERED", "TOON", "FLAT", "PAPER"):
-        settings = replace(drawn_with(lines=None, fill=fill, on_paper=False), transparent=True)
+        settings = replace(stylised(lines=None, fill=fill, on_paper=False), transparent=True)
         made[fill] = render_frame(build.looking_down(1, -1), scene, settings).pixels[..., 3]
         lined = replace(settings, stylised=replace(settings.stylised, lines=Lines(EVERY_KIND, 1.0, 1.0)))
         rim = render_frame(build.looking_down(1, -1), scene, lined).pixels[..., 3] - made[fill]
@@ -285,7 +285,7 @@ def view(build):
     lights = [Light("SUN", np.full(3, np.pi), build.placed(shines=(0.5, 0.2, -1)))]
     scene = build.scene(parts, lights, base=(0.8, 0.6, 0.4), f0=0.04, world=(0.1, 0.1, 0.2))
     settings = replace(
-        drawn_with(
+        stylised(
             lines=Lines(EVERY_KIND, 5.0, 2.0), hatching=Hatching("TONE"), fill="TOON", steps=4, size=(48, 40)
         ),
         samples=2,
@@ -306,11 +306,11 @@ def test_the_tiling_makes_no_difference(build, view, monkeypatch, kind):
     """Of straight projectors, which share no chords: a tile of all rows, and tiles of one row."""
     scene, settings = view
     settings = replace(settings, stylised=replace(settings.stylised, hatching=Hatching(kind)))
-    pictures = []
+    images = []
     for fewest in (1, 40):
         monkeypatch.setattr(tiles, "FEWEST_TILES", fewest)
-        pictures.append(render_frame(perspective(build), scene, settings).pixels)
-    assert np.array_equal(*pictures)
+        images.append(render_frame(perspective(build), scene, settings).pixels)
+    assert np.array_equal(*images)
 
 
 def test_passes_stay_as_they_are_and_off_is_off(build, view):
