@@ -4,6 +4,7 @@
 import ast
 import functools
 import pathlib
+import re
 from graphlib import CycleError, TopologicalSorter
 
 import pytest
@@ -19,6 +20,10 @@ SHORTEST_MODULE = 30
 REASONS = {
     "scfpf_addon/projection/typing.py": "type names of the pure packages",
     "scfpf_addon/shading/typing.py": "type names of shading",
+    "scfpf_addon/projection/colors.py": "colour science that several packages use",
+    "scfpf_addon/casting/common/ray_visibility.py": "bits that the bridge and shading agree on",
+    "scfpf_addon/shading/interpolation.py": "interpolation in tables, for nodes and lights",
+    "scfpf_addon/shading/nodes/operations.py": "the table of all operations, above the modules that define them",
 }
 # Blender reads property groups and panels as one class each.
 DECLARATIVE = ("PropertyGroup", "Panel")
@@ -63,13 +68,25 @@ def imported(path):
             for alias in node.names:
                 full = (*start, alias.name)
                 found.add(full if full in MODULES or (*full, "__init__") in MODULES else start)
-    return found
+    return found - {()}
 
 
 def layer_of(parts):
     """The layer of a module, None outside of the extension."""
     part = parts[1] if parts[0] == "scfpf_addon" and len(parts) > 2 else parts[0]
     return part if part in LAYERS else None
+
+
+def test_the_page_names_what_there_is():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    paths = set(re.findall(r"`([\w/.]+/[\w/.]*)`", page))
+    assert len(paths) > 60
+    for path in paths:
+        assert (ROOT / path).exists() or (ROOT / "scfpf_addon" / path).exists(), f"there is no {path}"
+    for folder in FOLDERS:
+        name = title(folder).removeprefix("scfpf_addon/")
+        if is_product(folder) and "/" in name and not name.startswith("operators/"):
+            assert f"| `{name}` |" in page, f"the page has no row for {name}"
 
 
 def test_arrows_point_one_way():
