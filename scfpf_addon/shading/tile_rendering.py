@@ -13,13 +13,13 @@ from ..casting.common.cancellation import raise_if_cancelled
 from ..casting.common.hits import CastCounts
 from ..casting.tiles import TileJob
 from ..projection.typing import IndexArray
-from .film import Film
 from .passes.cryptomatte import CryptoFilms
 from .passes.data_passes import PASSES, DataPasses, PassSamples, PassSource, fill_chord_passes, fill_passes
 from .passes.light_passes import EXPOSED, LightFilm, LightParts
 from .pipeline import Pipeline
 from .sample_casting import CastSample
-from .sampling.adaptive import Adaptive, AdaptiveFilm, adaptive_batches, margin
+from .sampling.adaptive import Adaptive, adaptive_batches, margin
+from .sampling.film import AdaptiveFilm, Film
 from .settings.frame_settings import FrameSettings
 from .tracing.scene_view import SceneView
 from .typing import Single
@@ -47,7 +47,7 @@ class TileFilms:
         self,
         pipeline: Pipeline,
         rows: slice,
-        image: Film | AdaptiveFilm,
+        image: Film,
         kept: IndexArray | None,
         names: Collection[str],
     ) -> None:
