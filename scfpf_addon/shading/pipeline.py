@@ -15,7 +15,7 @@ from .lights.ray_visibility import camera_scene
 from .lights.scene_culling import cull_scene
 from .passes.data_passes import DataPasses, PassSource
 from .sample_casting import SampleCaster
-from .sampling.samples import SamplePlaces
+from .sampling.sample_positions import SamplePositions
 from .scene.motion import Moment
 from .scene.shading_scene import Scene
 from .settings.frame_settings import FrameSettings
@@ -53,7 +53,7 @@ class Pipeline:
         """Prepare a frame; the parameters are those of ``render_frame``. Raises Cancelled and CastError."""
         alone = not moments and settings.sees_volume_alone
         view = _view(projection, scene, settings, cast_scene, alone)
-        places = SamplePlaces(
+        places = SamplePositions(
             settings.width,
             settings.height,
             settings.samples,

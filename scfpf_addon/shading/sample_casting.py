@@ -13,7 +13,7 @@ from ..casting.common.hits import CastCounts, Hits
 from ..casting.continuation import Continuation
 from ..projection.typing import IndexArray
 from .passes.light_passes import LightParts
-from .sampling.samples import SamplePlaces, row_pixels
+from .sampling.sample_positions import SamplePositions, row_pixels
 from .scene.motion import moment_of_samples
 from .tracing.scene_view import SceneView
 from .typing import Single
@@ -41,7 +41,7 @@ class CastSample(NamedTuple):
 class SampleCaster:
     """Casts samples. views: the scene at the moments of the open shutter; one if nothing moves."""
 
-    places: SamplePlaces
+    places: SamplePositions
     views: tuple[SceneView, ...]
 
     def cast(

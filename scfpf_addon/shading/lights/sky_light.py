@@ -10,8 +10,8 @@ import numpy as np
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
 from ..interpolation import bilinear
+from ..sampling.sample_positions import BITS, Bits, scramble
 from ..sampling.sample_sets import SILVER, pixel_positions, shuffled
-from ..sampling.samples import BITS, Bits, scramble
 from ..scene.shading_scene import Light
 from ..scene.sky_map import COLUMNS, NORMAL_ROWS, ROWS, WorldLight, brightness, map_places
 from ..scene.surface import TINY, SurfacePoints

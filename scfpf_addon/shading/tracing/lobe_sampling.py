@@ -18,7 +18,7 @@ from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
 from ..materials.ggx_sampling import MIRROR_ROUGHNESS, R2_STEP, reflected, single_scatter_albedo
 from ..materials.lobes import RoughReflectance, ScatteredLobe
-from ..sampling.samples import Bits, scramble
+from ..sampling.sample_positions import Bits, scramble
 from ..scene.shading_scene import Scene
 from ..vectors import dot_row, unit
 from .path_wave import TOTAL, PathWave

@@ -66,7 +66,7 @@ def scramble(pixel: Bits, dimension: int) -> Bits:
 
 
 @dataclass(frozen=True)
-class SamplePlaces:
+class SamplePositions:
     """The samples of an image of width × height pixels, ``count`` a pixel.
 
     scrambled: each pixel has its own, of which any first ones are well spread; otherwise all pixels have the

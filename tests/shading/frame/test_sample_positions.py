@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from scfpf_addon.shading.sampling.pixel_filter import PixelFilter
-from scfpf_addon.shading.sampling.samples import PIXEL, SamplePlaces, row_pixels, sobol
+from scfpf_addon.shading.sampling.sample_positions import PIXEL, SamplePositions, row_pixels, sobol
 
 
 @pytest.mark.parametrize("power", range(9))
@@ -57,7 +57,7 @@ def test_samples_have_the_filters_moments(kind):
 @pytest.mark.parametrize("scrambled", [False, True])
 @pytest.mark.parametrize("width", [1.5, 9.0])
 def test_pixels_have_their_samples_whatever_rows_they_are_in(scrambled, width):
-    places = SamplePlaces(17, 11, 6, PixelFilter("GAUSSIAN", width), scrambled)
+    places = SamplePositions(17, 11, 6, PixelFilter("GAUSSIAN", width), scrambled)
     some = np.array([3, 40, 95, 96, 186])
     for sample in range(6):
         x, y = places.of_rows(slice(0, 11), sample)
@@ -67,7 +67,7 @@ def test_pixels_have_their_samples_whatever_rows_they_are_in(scrambled, width):
 
 
 def test_scrambled_pixels_are_filled_evenly_and_are_not_alike():
-    places = SamplePlaces(8, 8, 16, PixelFilter(), True)
+    places = SamplePositions(8, 8, 16, PixelFilter(), True)
     pixel = row_pixels(slice(0, 8), 8)
     within = np.array([np.stack(places.of_pixels(pixel, s)) * 8 % 1 for s in range(16)])
     for axis in range(2):
@@ -78,7 +78,7 @@ def test_scrambled_pixels_are_filled_evenly_and_are_not_alike():
 
 
 def test_lens_and_lamp_places_are_spread():
-    places = SamplePlaces(8, 8, 16, PixelFilter(), True)
+    places = SamplePositions(8, 8, 16, PixelFilter(), True)
     pixel = row_pixels(slice(0, 8), 8)
     lens = np.array([places.on_lens(pixel, s) for s in range(16)])
     assert lens.min() >= 0 and lens.max() < 1
