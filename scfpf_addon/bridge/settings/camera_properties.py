@@ -9,14 +9,10 @@ from __future__ import annotations
 
 import bpy
 from bpy.props import (
-    BoolProperty,
     CollectionProperty,
-    EnumProperty,
     FloatProperty,
-    FloatVectorProperty,
     IntProperty,
     PointerProperty,
-    StringProperty,
 )
 
 from ...projection.volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT
@@ -26,7 +22,7 @@ from ..surfaces import surface_object
 from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
 from .mapping_properties import SCFPF_ImageMapping
-from .property_options import ANIMATABLE, MARK, OVERRIDABLE, STATIC
+from .property_options import MARK, OVERRIDABLE, STATIC, choice, integer, number, pointer, switch, text, vector
 
 BASES = (
     (
@@ -93,53 +89,48 @@ class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
     Change the order through ``slot_animation``, which takes the slots' animation along.
     """
 
-    object: PointerProperty(
-        name="Control Surface",
-        description="The object whose shape is this control surface",
-        type=bpy.types.Object,
+    object: pointer(
+        "Control Surface",
+        "The object whose shape is this control surface",
+        bpy.types.Object,
         poll=_may_be_surface,
         update=_volume_changed,
-        override=OVERRIDABLE,
     )
-    weight: FloatProperty(
-        name="Weight",
-        description="Pull of this surface on NURBS projectors, compared with the others",
-        default=1.0,
-        min=SMALLEST_WEIGHT,
+    weight: number(
+        "Weight",
+        "Pull of this surface on NURBS projectors, compared with the others",
+        1.0,
+        SMALLEST_WEIGHT,
+        LARGEST_WEIGHT,
         soft_min=0.01,
         soft_max=100.0,
-        max=LARGEST_WEIGHT,
         precision=3,
         step=10,
-        **ANIMATABLE,
     )
 
 
 class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
     """``Object.scfpf_surface``: what kind of control surface an object is."""
 
-    kind: EnumProperty(
-        name="Kind",
-        description="How the object's shape is read as a control surface",
+    kind: choice(
+        "Kind",
+        "How the object's shape is read as a control surface",
         items=KINDS_OR_NONE,
         default="NONE",
         options=set(),
         update=_kind_changed,
-        override=OVERRIDABLE,
     )
-    is_volume: BoolProperty(
-        name="Volume Object",
-        description="This object keeps the control surfaces of its parent camera evaluated",
+    is_volume: switch(
+        "Volume Object", "This object keeps the control surfaces of its parent camera evaluated", **MARK
+    )
+    is_made: switch(
+        "Made for a Camera",
+        "This control surface was made for a flexible camera and is deleted with it",
         **MARK,
     )
-    is_made: BoolProperty(
-        name="Made for a Camera",
-        description="This control surface was made for a flexible camera and is deleted with it",
-        **MARK,
-    )
-    hidden_in: StringProperty(
-        name="Hidden With Camera In",
-        description="The view layers, one a line, in which this control surface is hidden with its camera",
+    hidden_in: text(
+        "Hidden With Camera In",
+        "The view layers, one a line, in which this control surface is hidden with its camera",
         **MARK,
     )
 
@@ -147,46 +138,36 @@ class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
 class SCFPF_BlendEnds(bpy.types.PropertyGroup):
     """The two ends of a camera made by Blend Cameras, from which Update Blend makes it anew."""
 
-    first: PointerProperty(
-        name="From",
-        description="The flexible camera at Blend 0. Press Update Blend after choosing another one",
-        type=bpy.types.Object,
+    first: pointer(
+        "From",
+        "The flexible camera at Blend 0. Press Update Blend after choosing another one",
+        bpy.types.Object,
         poll=_may_be_end,
-        **ANIMATABLE,
     )
-    second: PointerProperty(
-        name="To",
-        description="The flexible camera at Blend 1, instead of a preset. Press Update Blend after "
-        "choosing another one",
-        type=bpy.types.Object,
+    second: pointer(
+        "To",
+        "The flexible camera at Blend 1, instead of a preset. Press Update Blend after choosing another one",
+        bpy.types.Object,
         poll=_may_be_end,
-        **ANIMATABLE,
     )
-    preset: StringProperty(
-        name="Preset",
-        description="File name of the preset at Blend 1, if no camera is chosen",
-        **ANIMATABLE,
-    )
+    preset: text("Preset", "File name of the preset at Blend 1, if no camera is chosen")
 
 
 class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     """``Object.scfpf`` of a camera object: its viewing volume and how it is rendered."""
 
-    enabled: BoolProperty(
-        name="Flexible Projection",
-        description="Render through a viewing volume modeled with control surfaces",
-        default=False,
+    enabled: switch(
+        "Flexible Projection",
+        "Render through a viewing volume modeled with control surfaces",
         options=set(),
         update=_enabled_changed,
-        override=OVERRIDABLE,
     )
-    frame_sizes: FloatVectorProperty(
-        name="Frame Sizes",
-        description="Display size of the camera before it was flexible, and the one it got then; 0 if absent",
-        size=2,
-        default=(0.0, 0.0),
-        min=0.0,
-        max=1000.0,
+    frame_sizes: vector(
+        "Frame Sizes",
+        "Display size of the camera before it was flexible, and the one it got then; 0 if absent",
+        (0.0, 0.0),
+        0.0,
+        1000.0,
         **MARK,
     )
     surfaces: CollectionProperty(
@@ -202,27 +183,23 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         min=0,
         **STATIC,
     )
-    edit_volume: BoolProperty(
-        name="Edit Volume",
-        description="Show the control surfaces in front of the scene and make them selectable",
-        default=False,
+    edit_volume: switch(
+        "Edit Volume",
+        "Show the control surfaces in front of the scene and make them selectable",
         options=set(),
         update=_edit_volume_changed,
-        override=OVERRIDABLE,
     )
-    basis: EnumProperty(
-        name="Projectors",
-        description="How a projector runs from the near surface through the others to the far one",
+    basis: choice(
+        "Projectors",
+        "How a projector runs from the near surface through the others to the far one",
         items=BASES,
         default="BEZIER",
-        **ANIMATABLE,
     )
-    reparameterisation: EnumProperty(
-        name="Reparameterization",
-        description="How positions in the picture become the surfaces' parameters u and v",
+    reparameterisation: choice(
+        "Reparameterization",
+        "How positions in the picture become the surfaces' parameters u and v",
         items=REPARAMETERISATIONS,
         default="RECTANGLE",
-        **ANIMATABLE,
     )
     mappings: CollectionProperty(
         name="Image Mappings",
@@ -237,124 +214,94 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         min=0,
         **STATIC,
     )
-    u_range: FloatVectorProperty(
-        name="U Range",
-        description="The parameter u at the picture's left and right border (ends of the turn if polar)",
-        size=2,
-        default=(0.0, 1.0),
-        min=0.0,
-        max=1.0,
-        **ANIMATABLE,
+    u_range: vector(
+        "U Range",
+        "The parameter u at the picture's left and right border (ends of the turn if polar)",
+        (0.0, 1.0),
+        0.0,
+        1.0,
     )
-    v_range: FloatVectorProperty(
-        name="V Range",
-        description="The parameter v at the picture's lower and upper border (center and rim if polar)",
-        size=2,
-        default=(0.0, 1.0),
-        min=0.0,
-        max=1.0,
-        **ANIMATABLE,
+    v_range: vector(
+        "V Range",
+        "The parameter v at the picture's lower and upper border (center and rim if polar)",
+        (0.0, 1.0),
+        0.0,
+        1.0,
     )
-    blend_factor: FloatProperty(
-        name="Blend",
-        description="Blend between two cameras: 0 is the first one's picture, 1 the second's; other "
+    blend_factor: number(
+        "Blend",
+        "Blend between two cameras: 0 is the first one's picture, 1 the second's; other "
         "values go beyond them",
-        default=0.0,
-        min=SMALLEST_BLEND,
-        max=LARGEST_BLEND,
+        0.0,
+        SMALLEST_BLEND,
+        LARGEST_BLEND,
         soft_min=0.0,
         soft_max=1.0,
         precision=3,
         step=1,
-        **ANIMATABLE,
     )
-    blend_ends: PointerProperty(
-        name="Blend Ends",
-        description="The two ends of a blend",
-        type=SCFPF_BlendEnds,
-        override=OVERRIDABLE,
-    )
-    pixel_error: FloatProperty(
-        name="Pixel Error",
-        description="Largest error of a curved projector, in pixels: smaller is slower, 1 is for drafts, "
+    blend_ends: pointer("Blend Ends", "The two ends of a blend", SCFPF_BlendEnds)
+    pixel_error: number(
+        "Pixel Error",
+        "Largest error of a curved projector, in pixels: smaller is slower, 1 is for drafts, "
         "0 is exact and needs more memory",
-        default=0.1,
-        min=0.0,
+        0.1,
+        0.0,
+        100.0,
         soft_max=1.0,
-        max=100.0,
         precision=3,
         step=1,
-        **ANIMATABLE,
     )
-    samples: IntProperty(
-        name="Samples",
-        description="Projectors per pixel: more give smoother edges",
-        default=4,
-        min=1,
-        soft_max=16,
-        max=1024,
-        **ANIMATABLE,
+    samples: integer("Samples", "Projectors per pixel: more give smoother edges", 4, 1, 1024, soft_max=16)
+    show_projectors: switch(
+        "Show Projectors", "Draw the control surfaces and some projectors in the 3D viewport", True, **STATIC
     )
-    show_projectors: BoolProperty(
-        name="Show Projectors",
-        description="Draw the control surfaces and some projectors in the 3D viewport",
-        default=True,
-        **STATIC,
-    )
-    projector_count: IntProperty(
-        name="Projectors Drawn",
-        description="Number of projectors drawn across and up the picture",
-        default=5,
-        min=2,
+    projector_count: integer(
+        "Projectors Drawn",
+        "Number of projectors drawn across and up the picture",
+        5,
+        2,
+        101,
         soft_max=21,
-        max=101,
         **STATIC,
     )
-    show_folds: BoolProperty(
-        name="Show Folds",
-        description="Draw projectors red where the volume is turned inside out and the picture mirrored",
-        default=True,
+    show_folds: switch(
+        "Show Folds",
+        "Draw projectors red where the volume is turned inside out and the picture mirrored",
+        True,
         **STATIC,
     )
-    iso_surfaces: IntProperty(
-        name="Iso-Surfaces",
-        description="Number of surfaces of equal t drawn between the near and the far surface",
-        default=0,
-        min=0,
+    iso_surfaces: integer(
+        "Iso-Surfaces",
+        "Number of surfaces of equal t drawn between the near and the far surface",
+        0,
+        0,
+        64,
         soft_max=9,
-        max=64,
         **STATIC,
     )
-    iso_t: FloatProperty(
-        name="Iso-Surface at",
-        description="The t of a single iso-surface: 0 is the near surface, 1 the far one",
-        default=0.5,
-        min=0.0,
-        max=1.0,
-        **ANIMATABLE,
+    iso_t: number(
+        "Iso-Surface at", "The t of a single iso-surface: 0 is the near surface, 1 the far one", 0.5, 0.0, 1.0
     )
-    show_pick: BoolProperty(
-        name="Show Picked Projector",
-        description="Draw the projector through the position in the picture that was picked last",
-        default=False,
+    show_pick: switch(
+        "Show Picked Projector",
+        "Draw the projector through the position in the picture that was picked last",
         **STATIC,
     )
-    pick: FloatVectorProperty(
-        name="Picked Position",
-        description="Picked position, as shares of the picture's width and height from its lower left",
-        size=2,
-        default=(0.5, 0.5),
-        min=0.0,
-        max=1.0,
+    pick: vector(
+        "Picked Position",
+        "Picked position, as shares of the picture's width and height from its lower left",
+        (0.5, 0.5),
+        0.0,
+        1.0,
         **STATIC,
     )
-    pick_t: FloatProperty(
-        name="Picked t",
-        description="t at which the picked projector meets the scene: 0 near surface, 1 far one, "
-        "-1 for nothing",
-        default=-1.0,
-        min=-1.0,
-        max=1.0,
+    pick_t: number(
+        "Picked t",
+        "t at which the picked projector meets the scene: 0 near surface, 1 far one, -1 for nothing",
+        -1.0,
+        -1.0,
+        1.0,
         **STATIC,
     )
     pick_distance: FloatProperty(
@@ -365,36 +312,22 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         subtype="DISTANCE",
         **STATIC,
     )
-    pick_object: StringProperty(
-        name="Picked Object",
-        description="Name of the object that the picked projector met",
-        default="",
+    pick_object: text("Picked Object", "Name of the object that the picked projector met", **STATIC)
+    show_found: switch("Show Found Object", "Mark the object that was found last in the picture", **STATIC)
+    found_box: vector(
+        "Found Object's Box",
+        "Left, lower, right and upper border of the found object, as shares of the picture",
+        (0.0, 0.0, 1.0, 1.0),
+        0.0,
+        1.0,
         **STATIC,
     )
-    show_found: BoolProperty(
-        name="Show Found Object",
-        description="Mark the object that was found last in the picture",
-        default=False,
-        **STATIC,
+    found_object: text(
+        "Found Object", "Name of the object that was searched for, and how much of it is visible", **STATIC
     )
-    found_box: FloatVectorProperty(
-        name="Found Object's Box",
-        description="Left, lower, right and upper border of the found object, as shares of the picture",
-        size=4,
-        default=(0.0, 0.0, 1.0, 1.0),
-        min=0.0,
-        max=1.0,
-        **STATIC,
-    )
-    found_object: StringProperty(
-        name="Found Object",
-        description="Name of the object that was searched for, and how much of it is visible",
-        default="",
-        **STATIC,
-    )
-    fit: EnumProperty(
-        name="Fit",
-        description="Side of the volume that changes when it is fitted to another resolution",
+    fit: choice(
+        "Fit",
+        "Side of the volume that changes when it is fitted to another resolution",
         items=(
             ("NONE", "None", "The volume does not depend on the picture's shape"),
             ("WIDTH", "Width", "The width along the camera's X axis; the height stays"),
@@ -403,32 +336,23 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         default="NONE",
         **STATIC,
     )
-    fitted_aspect: FloatProperty(
-        name="Fitted Aspect",
-        description="Width by height of the picture that the volume is made for",
-        default=1.0,
-        min=1e-6,
-        max=1e6,
+    fitted_aspect: number(
+        "Fitted Aspect",
+        "Width by height of the picture that the volume is made for",
+        1.0,
+        1e-6,
+        1e6,
         **STATIC,
     )
-    volume_object: PointerProperty(
-        name="Volume Object",
-        description="The object that keeps every control surface evaluated, hidden ones too",
-        type=bpy.types.Object,
+    volume_object: pointer(
+        "Volume Object",
+        "The object that keeps every control surface evaluated, hidden ones too",
+        bpy.types.Object,
         poll=_may_be_volume,
-        **ANIMATABLE,
     )
-    report: StringProperty(
-        name="Last Render",
-        description="Size and time of the last render through this camera",
-        default="",
-        **STATIC,
-    )
-    statistics: StringProperty(
-        name="Statistics",
-        description="Rays, chords, triangles and memory of the last render through this camera",
-        default="",
-        **STATIC,
+    report: text("Last Render", "Size and time of the last render through this camera", **STATIC)
+    statistics: text(
+        "Statistics", "Rays, chords, triangles and memory of the last render through this camera", **STATIC
     )
 
 

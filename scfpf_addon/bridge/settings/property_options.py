@@ -3,7 +3,15 @@
 
 from __future__ import annotations
 
-from bpy.props import BoolProperty, FloatProperty, FloatVectorProperty
+from bpy.props import (
+    BoolProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 
@@ -19,20 +27,46 @@ STATIC = {"options": set(), **ANIMATABLE}
 MARK = {"options": {"HIDDEN"}, **ANIMATABLE}
 
 
-def switch(name, description, default):
+def switch(name, description, default=False, **options):
     """A property that is on or off."""
-    return BoolProperty(name=name, description=description, default=default, **ANIMATABLE)
-
-
-def color(name, description, default):
-    """A scene-linear RGB color."""
-    channel = {"min": 0.0, "max": 1.0, "size": 3, "subtype": "COLOR"}
-    return FloatVectorProperty(name=name, description=description, default=default, **channel, **ANIMATABLE)
+    return BoolProperty(name=name, description=description, default=default, **(ANIMATABLE | options))
 
 
 def number(name, description, default, low, high, **options):
     """A number between two limits."""
-    limits = {"min": low, "max": high}
-    return FloatProperty(
-        name=name, description=description, default=default, **limits, **options, **ANIMATABLE
+    given = {"name": name, "description": description, "default": default, "min": low, "max": high}
+    return FloatProperty(**(ANIMATABLE | given | options))
+
+
+def integer(name, description, default, low, high, **options):
+    """A whole number between two limits."""
+    given = {"name": name, "description": description, "default": default, "min": low, "max": high}
+    return IntProperty(**(ANIMATABLE | given | options))
+
+
+def vector(name, description, default, low, high, **options):
+    """As many numbers between two limits as there are defaults."""
+    given = {"name": name, "description": description, "default": default, "min": low, "max": high}
+    return FloatVectorProperty(size=len(default), **(ANIMATABLE | given | options))
+
+
+def color(name, description, default):
+    """A scene-linear RGB color."""
+    return vector(name, description, default, 0.0, 1.0, subtype="COLOR")
+
+
+def text(name, description, **options):
+    """A text, empty by default."""
+    return StringProperty(name=name, description=description, **(ANIMATABLE | options))
+
+
+def choice(name, description, items, default, **options):
+    """One of several items, (identifier, name, description) each."""
+    return EnumProperty(
+        name=name, description=description, items=items, default=default, **(ANIMATABLE | options)
     )
+
+
+def pointer(name, description, target, **options):
+    """A pointer to a datablock or a property group. target: the class that it points to."""
+    return PointerProperty(name=name, description=description, type=target, **(ANIMATABLE | options))

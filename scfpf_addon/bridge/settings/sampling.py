@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty
+from bpy.props import PointerProperty
 
 from ...shading.sampling.adaptive import Adaptive
 from ...shading.sampling.pixel_filter import PixelFilter
 from ..scene.light_paths import read_exposure
-from .property_options import noted
+from .property_options import choice, integer, number, switch
 
 # Blender allows a filter width of 0.
 SMALLEST_WIDTH = 0.01
@@ -18,9 +18,9 @@ SMALLEST_WIDTH = 0.01
 class SCFPF_Sampling(bpy.types.PropertyGroup):
     """Sampling settings of the SCFPF engine and the Render button, apart from the number of samples."""
 
-    pixel_filter: EnumProperty(
-        name="Pixel Filter",
-        description="Weights of the samples around a pixel's center",
+    pixel_filter: choice(
+        "Pixel Filter",
+        "Weights of the samples around a pixel's center",
         items=(
             ("BOX", "Box", "Equal weights all over the pixel"),
             ("GAUSSIAN", "Gaussian", "Soft; width as the scene's filter size"),
@@ -31,53 +31,46 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
             ),
         ),
         default="BLACKMAN_HARRIS",
-        update=noted,
     )
-    pattern: EnumProperty(
-        name="Pattern",
-        description="Placement of the samples of neighboring pixels. Adaptive Sampling always scrambles them",
+    pattern: choice(
+        "Pattern",
+        "Placement of the samples of neighboring pixels. Adaptive Sampling always scrambles them",
         items=(
             ("SAME", "Same in All Pixels", "No noise: edges in as many steps as there are samples"),
             ("SCRAMBLED", "Scrambled", "Sobol points, in another order in each pixel: fine noise, no steps"),
         ),
         default="SAME",
-        update=noted,
     )
-    use_adaptive: BoolProperty(
-        name="Adaptive Sampling",
-        description="Take fewer samples where those of a pixel hardly differ, and all of them where they do",
-        default=False,
-        update=noted,
+    use_adaptive: switch(
+        "Adaptive Sampling",
+        "Take fewer samples where those of a pixel hardly differ, and all of them where they do",
     )
-    adaptive_threshold: FloatProperty(
-        name="Noise Threshold",
-        description="The error of a pixel at which it gets no more samples: lower is finer and slower",
-        default=0.01,
-        min=1e-4,
+    adaptive_threshold: number(
+        "Noise Threshold",
+        "The error of a pixel at which it gets no more samples: lower is finer and slower",
+        0.01,
+        1e-4,
+        1.0,
         soft_min=1e-3,
-        max=1.0,
         precision=4,
         step=0.1,
-        update=noted,
     )
-    adaptive_least: IntProperty(
-        name="Min Samples",
-        description="Samples that every pixel gets. Details that all of them miss are lost",
-        default=8,
-        min=2,
+    adaptive_least: integer(
+        "Min Samples",
+        "Samples that every pixel gets. Details that all of them miss are lost",
+        8,
+        2,
+        1024,
         soft_max=64,
-        max=1024,
-        update=noted,
     )
-    motion_steps: IntProperty(
-        name="Motion Steps",
-        description="Number of times at which the scene is read while the shutter is open. If anything "
+    motion_steps: integer(
+        "Motion Steps",
+        "Number of times at which the scene is read while the shutter is open. If anything "
         "moves, each is kept in memory",
-        default=8,
-        min=2,
+        8,
+        2,
+        256,
         soft_max=32,
-        max=256,
-        update=noted,
     )
 
 

@@ -7,7 +7,7 @@ import math
 
 import bpy
 import numpy as np
-from bpy.props import EnumProperty, IntProperty, PointerProperty
+from bpy.props import PointerProperty
 
 from ...shading.settings.stylised_settings import (
     CONTOUR,
@@ -19,7 +19,7 @@ from ...shading.settings.stylised_settings import (
     Lines,
     Stylised,
 )
-from .property_options import ANIMATABLE, color, number, switch
+from .property_options import choice, color, integer, number, switch
 
 # Pixels. Wider lines take long to draw.
 WIDEST = 64.0
@@ -87,9 +87,9 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         soft_min=0.5,
         soft_max=50.0,
     )
-    fill: EnumProperty(
-        name="Fill",
-        description="Fill between the lines",
+    fill: choice(
+        "Fill",
+        "Fill between the lines",
         items=(
             ("RENDERED", "Rendered", "The picture as rendered without Drawn Style"),
             (
@@ -101,17 +101,8 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
             ("PAPER", "Paper", "Paper only"),
         ),
         default="TOON",
-        **ANIMATABLE,
     )
-    steps: IntProperty(
-        name="Steps",
-        description="Number of shades from the darkest one to full light",
-        default=3,
-        min=2,
-        soft_max=8,
-        max=64,
-        **ANIMATABLE,
-    )
+    steps: integer("Steps", "Number of shades from the darkest one to full light", 3, 2, 64, soft_max=8)
     softness: number(
         "Softness",
         "Width of the transition between steps: 0 is a sharp edge, 1 leaves no even parts",
@@ -140,29 +131,22 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
     fade: number(
         "Fade to Paper", "How much of the paper shows through the fill", 0.0, 0.0, 1.0, subtype="FACTOR"
     )
-    hatching: EnumProperty(
-        name="Hatching",
-        description="Strokes over the fill",
+    hatching: choice(
+        "Hatching",
+        "Strokes over the fill",
         items=(
             ("NONE", "None", "No strokes"),
             ("DEPTH", "Equal t", "Lines of equal t: cuts through the viewing volume"),
             ("TONE", "Tone", "Strokes where there is less light, in up to three layers"),
         ),
         default="NONE",
-        **ANIMATABLE,
     )
     hatch_width: number(
         "Stroke Width", f"Width of strokes, {PIXELS}", 1.0, 0.1, WIDEST, soft_max=6.0, step=10
     )
     hatch_color: color("Stroke Color", "Color of the strokes", (0.0, 0.0, 0.0))
-    hatch_count: IntProperty(
-        name="Steps of t",
-        description="Number of parts into which lines of equal t cut the volume",
-        default=64,
-        min=2,
-        soft_max=256,
-        max=4096,
-        **ANIMATABLE,
+    hatch_count: integer(
+        "Steps of t", "Number of parts into which lines of equal t cut the volume", 64, 2, 4096, soft_max=256
     )
     hatch_spacing: number(
         "Spacing", f"Between the middles of strokes, {PIXELS}", 6.0, 1.0, 1000.0, soft_max=40.0, step=10
@@ -184,14 +168,13 @@ class SCFPF_Drawn(bpy.types.PropertyGroup):
         True,
     )
     paper_color: color("Paper Color", "The color of the paper", (1.0, 1.0, 1.0))
-    detail: IntProperty(
-        name="Detail",
-        description="Places along each side of a pixel at which lines are searched: more find finer "
+    detail: integer(
+        "Detail",
+        "Places along each side of a pixel at which lines are searched: more find finer "
         "lines. Each place takes about as long as a sample",
-        default=2,
-        min=1,
-        max=4,
-        **ANIMATABLE,
+        2,
+        1,
+        4,
     )
 
 
