@@ -22,7 +22,18 @@ from ..surfaces import surface_object
 from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
 from .mapping_properties import SCFPF_ImageMapping
-from .property_options import MARK, OVERRIDABLE, STATIC, choice, integer, number, pointer, switch, text, vector
+from .property_options import (
+    MARK,
+    OVERRIDABLE,
+    STATIC,
+    choice,
+    integer,
+    number,
+    pointer,
+    switch,
+    text,
+    vector,
+)
 
 BASES = (
     (
