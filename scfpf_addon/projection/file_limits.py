@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Limits of preset files, which strangers may have made: all of them, with the checks made before parsing."""
+"""Limits of preset files, which strangers may have made, and the checks before parsing."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ MAXIMUM_KEYS = 4096
 MAXIMUM_SURFACES = 64
 # Numbers of all points, UVs and triangles together.
 MAXIMUM_NUMBERS = 1_000_000
-# Of all NURBS surfaces together: Blender takes 3 s to draw so many.
+# Points of all NURBS surfaces together: Blender takes 3 s to draw this many.
 MAXIMUM_NURBS_POINTS = 256 * 256
-# Triangles of a UV mesh that a look-up of one (u, v) may test: at 2048 a picture in HD takes minutes.
+# Triangles of a UV mesh that a look-up of one (u, v) may test: with 2048 an HD image takes minutes.
 MAXIMUM_OVERLAPS = 2048
 # Triangles of a UV mesh that meet at one vertex: Blender's time for its normals grows with their square.
 MAXIMUM_AT_VERTEX = 10_000

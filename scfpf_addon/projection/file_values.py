@@ -40,7 +40,7 @@ SHARE = Limit(0.0, 1.0)
 def read_object(
     data: object, where: str, required: tuple[str, ...], optional: tuple[str, ...] = ()
 ) -> dict[str, object]:
-    """A JSON object with all the required keys and none but these."""
+    """A JSON object with all required keys and no unknown ones."""
     if not isinstance(data, dict):
         raise PresetError(f"{where} must be an object")
     for key in data:
@@ -102,7 +102,7 @@ def read_range(value: object, where: str) -> tuple[float, float]:
 
 
 def read_choice(value: object, where: str, choices: tuple[str, ...]) -> str:
-    """One of the given words."""
+    """A word of the given choices."""
     if not isinstance(value, str) or value not in choices:
         raise PresetError(f"{where} must be one of {', '.join(choices)}")
     return value

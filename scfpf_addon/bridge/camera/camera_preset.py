@@ -9,7 +9,7 @@ import numpy as np
 
 from ...projection.editing.volume_edits import EditingError
 from ...projection.presets.preset import Preset, PresetError, load_preset, preset_to_json
-from ...projection.presets.writing import stored_surface
+from ...projection.presets.stored_surface import stored_surface
 from ...projection.surfaces.kinds import FILE_KINDS, SURFACE_KINDS
 from ...projection.volume.viewing_volume import Projection
 from ..blender.mesh_grid import SurfaceError

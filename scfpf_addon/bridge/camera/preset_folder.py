@@ -11,7 +11,7 @@ import bpy
 
 from ...projection.file_limits import read_bytes
 from ...projection.presets.preset import Preset, PresetError, preset_to_json, read_preset
-from ...projection.presets.thumbnail import png, png_size, volume_picture
+from ...projection.presets.thumbnail import png, png_size, volume_thumbnail
 from ..blender.atomic_files import replacing
 
 # The extension's package: bl_ext.<repository>.scfpf.
@@ -99,7 +99,7 @@ def write_preset(preset: Preset, path: pathlib.Path) -> None:
 
 def store_thumbnail(preset: Preset, path: pathlib.Path) -> None:
     """Write a small image of a preset's volume beside its file, for menus. Raises PresetError."""
-    _write(png(volume_picture(preset.projection(preset.aspect))), path.with_suffix(".png"))
+    _write(png(volume_thumbnail(preset.projection(preset.aspect))), path.with_suffix(".png"))
 
 
 def _write(data: bytes, path: pathlib.Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender needs of each kind of control surface, beside its record in ``projection.surfaces.kinds``.
+"""The part of each kind of control surface that needs Blender; the records are in ``projection.surfaces``.
 
 Formulas are nodes: (builder, u, v, the group's inputs by key) → the socket of the position. They are those of
 the classes in ``projection.surfaces.surface``.
@@ -30,7 +30,7 @@ ACROSS, UP, AHEAD, FACING = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), 
 
 @dataclass(frozen=True)
 class Input:
-    """One input of a surface's node group; ``label`` is the name that it is found by."""
+    """An input of a surface's node group; ``label`` is the name by which it is found."""
 
     label: str
     default: float

@@ -109,7 +109,7 @@ def mirror(surface, axis: str):
 
 
 def data_properties(surface) -> list[tuple[str, object, str]]:
-    """(label, owner, property) of what defines a lattice besides its points, for panels."""
+    """(label, owner, property) of each setting that defines a lattice besides its points, for panels."""
     if surface.type != "LATTICE":
         return []
     return [

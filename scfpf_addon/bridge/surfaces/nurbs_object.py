@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender's SURFACE objects as NURBS patches: made, and read as evaluated.
 
-Blender's U is our u, its V our v; points run along U first. Keyframes and edits
-of points are in the evaluated splines; what shape keys, hooks and other modifiers
-do is only in the tessellated mesh, from which the control points are recovered.
+Blender's U is our u, its V our v; points run along U first. The evaluated splines hold keyframes and edits of
+points. Only the tessellated mesh shows the effect of shape keys, hooks and other modifiers; the control
+points are recovered from it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TITLE = SURFACE_KINDS[KIND].title
 DEFAULT_ORDER = 4
 ORDERS = ("order_u", "order_v")
 # Blender tessellates in float32, over knots that are float32 too; a patch that leaves its
-# tessellation by more than this share of the largest coordinate is no longer that patch.
+# tessellation by more than this share of the largest coordinate is another surface.
 TESSELLATION_ERROR = 2e-5
 
 
@@ -101,10 +101,10 @@ def read_parameters(surface) -> dict:
 
 
 def _make_net(data, rows: int, columns: int) -> None:
-    """One spline of rows × columns points, U along the columns.
+    """Make one spline of rows × columns points, U along the columns.
 
-    Python can add curves only; Blender's own "Make Segment" joins them to a patch, in
-    a scene of its own where it meets no selection and no mode of the user's.
+    Python can add curves only. Blender's own "Make Segment" joins them to a patch, in a scene of its own that
+    leaves the user's selection and mode alone.
     """
     for _ in range(columns):  # joined side by side: each is a column
         spline = data.splines.new("NURBS")
@@ -191,7 +191,7 @@ def reorder(surface, order, axis: str) -> None:
 
 
 def data_properties(surface) -> list[tuple[str, object, str]]:
-    """(label, owner, property) of what defines a patch besides its points, for panels."""
+    """(label, owner, property) of each setting that defines a patch besides its points, for panels."""
     if surface.type != "SURFACE" or len(surface.data.splines) != 1:
         return []
     spline = surface.data.splines[0]
@@ -207,9 +207,9 @@ def data_properties(surface) -> list[tuple[str, object, str]]:
 def read_patch(evaluated, mode: str) -> ControlSurface:
     """An evaluated SURFACE object in its own space.
 
-    mode: VIEWPORT or RENDER, of the depsgraph. A NurbsPatch; where modifiers reshaped
-    the tessellated surface so that no net of control points makes it, a Grid of its vertices.
-    Raises SurfaceError when it is no single valid patch.
+    mode: VIEWPORT or RENDER, of the depsgraph. Returns a NurbsPatch, or a Grid of the tessellated vertices
+    where modifiers reshaped them so that no net of control points fits.
+    Raises SurfaceError unless it is a single valid patch.
     """
     name, spline = evaluated.name, _only_spline(evaluated)
     points = _points(spline)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How fine a parametric surface's drawn mesh may be, whatever its modifier's inputs say.
+"""Limits of the drawn mesh's resolution, which the node groups of parametric surfaces hold themselves.
 
-An input's limits hold in the interface alone. Scripts, drivers and damaged files write what they like, and
-from 2^30 faces on Blender ends itself, as the mesh's size overflows: the node groups hold the limits.
+An input's limits hold in the interface alone: scripts, drivers and damaged files may write any value. From
+2^30 faces on, the mesh's size overflows and Blender ends.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ LIMITS = {"Min": float(LEAST_FACES), "Max": float(MOST_FACES)}
 
 
 def drawn_vertices(faces: int) -> int:
-    """How many vertices the node groups draw where an input asks for so many faces."""
+    """The number of vertices that the node groups draw where an input asks for a number of faces."""
     return min(max(faces, LEAST_FACES), MOST_FACES) + 1
 
 
@@ -26,7 +26,7 @@ def vertices_along(nodes, given: dict, axis: str):
 
 
 def limit_older_groups() -> None:
-    """Put the limits into the file's node groups that were made without them."""
+    """Add the limits to node groups of the file that lack them."""
     for group in bpy.data.node_groups:
         if group.bl_idname == "GeometryNodeTree" and group.is_editable and not group.override_library:
             for axis in "uv":
@@ -44,7 +44,7 @@ def _limit(group, axis: str) -> None:
     faces.name = faces.label = _faces_name(axis)
     for name, value in LIMITS.items():
         faces.inputs[name].default_value = value
-    # Collapsed, where the link was: there is no room for it otherwise.
+    # Collapsed where the link was, since an open node would cover others.
     faces.parent, faces.hide = vertices.parent, True
     faces.location = (vertices.location.x - 60.0, vertices.location.y)
     group.links.new(link.from_socket, faces.inputs["Value"])

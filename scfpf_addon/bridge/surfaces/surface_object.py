@@ -66,7 +66,7 @@ def _flat(kind: str):
 
 
 def take_kind(surface) -> None:
-    """Give a surface whose ``kind`` was just set what the kind needs.
+    """Give a surface the node group or mesh that its new ``kind`` needs.
 
     From one parametric kind to another, inputs of the same name keep their
     values; from a parametric kind to a mesh, the mesh gets the surface's shape.
@@ -132,7 +132,7 @@ def _take_group(surface, kind: str, own) -> None:
 def parameter_modifier(surface):
     """A parametric surface's node modifier and its inputs' identifiers by name.
 
-    Its group has the kind's inputs by name, no more and no fewer. Raises SurfaceError when there is none.
+    Its group has exactly the kind's inputs by name. Raises SurfaceError if there is no such modifier.
     """
     own = _own_modifier(surface)
     if own is not None and own[1] == surface.scfpf_surface.kind:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The lines that picture a viewing volume, as in the paper's figures: surfaces green, projectors blue.
+"""The lines that show a viewing volume, as in the paper's figures: surfaces green, projectors blue.
 
-The near rim is whole, the far one dashed; arrows show u and v; folded pieces of projectors are apart.
-Lines are segments, (S, 2, 3) float32, in the space of the projection; those of
-no length and those that touch a hole of a surface or lead from tile to tile are left out.
+The near rim is whole, the far one dashed; arrows show u and v; folded pieces of projectors are apart. Lines
+are segments, (S, 2, 3) float32, in the space of the projection. Segments of length 0 are left out, and so are
+those that touch a hole of a surface or lead from tile to tile.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .surface_lines import iso_lines, surface_lines
 
 @dataclass(frozen=True)
 class DiagramOptions:
-    """What to draw of a volume.
+    """The parts of a volume to draw.
 
     count_u, count_v: projectors in each direction. iso: the t of the iso-surfaces.
     folds: tell folded pieces of projectors from others. pick: the image position
@@ -47,7 +47,7 @@ def even_iso(count: int) -> tuple[float, ...]:
 
 
 def diagram(projection: Projection, options: DiagramOptions) -> dict[Role, Segments]:
-    """All the lines of a volume by their role; later roles are drawn over earlier ones."""
+    """The lines of a volume by their role; later roles are drawn over earlier ones."""
     counts = options.count_u, options.count_v
     if options.folds:
         projectors, folded, dashes = parted_projector_lines(projection, *counts)
@@ -71,9 +71,9 @@ def diagram(projection: Projection, options: DiagramOptions) -> dict[Role, Segme
 
 
 def volume_signature(projection: Projection, *settings: object) -> bytes:
-    """A fingerprint of all that the lines depend on: equal signatures mean equal lines.
+    """A fingerprint of everything on which the lines depend: equal signatures mean equal lines.
 
-    settings: what else the drawing depends on, such as counts; their repr counts.
+    settings: other values on which the drawing depends, such as counts; their repr counts.
     """
     digest = hashlib.blake2b(digest_size=16)
     _digest(digest, (projection, settings))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The colours of the lines that picture a volume, by what they mean and by what is behind them."""
+"""The colours of the lines of a volume, by their role and by the background."""
 
 from __future__ import annotations
 

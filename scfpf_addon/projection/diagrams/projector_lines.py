@@ -40,9 +40,8 @@ def projector_lines(
 ) -> Segments:
     """A sampling of the volume's projectors: count_u × count_v of them, evenly over the u and v ranges.
 
-    The borders are among them when a count is 2 or more, and so are projectors between them that bend
-    otherwise. chords: segments in
-    each span of a projector; None: as many as the bend of each needs, one for straight ones.
+    They include the borders if a count is 2 or more, and projectors between them that bend otherwise. chords:
+    segments in each span of a projector; None for as many as the bend of each needs, one for straight ones.
     """
     controls = projection.volume.controls(*ranged(projection, *_drawn_places(projection, count_u, count_v)))
     return _curves(projection.volume, controls.points, controls.valid, chords)
@@ -78,7 +77,7 @@ def parted_projector_lines(
 
 
 def picked_line(projection: Projection, x: float, y: float) -> Segments:
-    """The projector through an image position; none where the image shows nothing."""
+    """The projector through an image position; no segments where the image shows nothing."""
     projectors = projection.projectors(np.array([x]), np.array([y]))
     return _curves(projection.volume, projectors.points, projectors.valid)
 
@@ -134,7 +133,7 @@ def _curves(volume: ViewingVolume, controls: Array, valid: BoolArray, chords: in
 
 
 def _chords_needed(spans: SpanBasis, span: int, controls: Array) -> IndexArray:
-    """How many chords of equal steps in t draw each curve in a span: (N,)."""
+    """The number of chords of equal steps in t that draw each curve in a span, (N,)."""
     points = np.einsum("kc,cdn->kdn", spans.matrices[span], controls)
     length = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)).sum(axis=0)
     # A span of no length has no bend either; any tolerance does for it.

@@ -18,7 +18,7 @@ Segments: TypeAlias = NDArray[np.float32]
 def segments(lines: Array, valid: BoolArray, tile: IndexArray | None = None) -> Segments:
     """Segments of L polylines of K points each. lines: (3, L, K); valid, tile: (L, K).
 
-    Those of no length and those that touch a point that is not valid are left out.
+    Segments of length 0 and those that touch an invalid point are left out.
     Where the tile changes the polyline is broken: tiles need not meet.
     """
     x, y, z = components = lines.astype(np.float32)
@@ -34,7 +34,7 @@ def segments(lines: Array, valid: BoolArray, tile: IndexArray | None = None) -> 
 
 
 def joined(parts: Sequence[Segments]) -> Segments:
-    """All segments of the parts; no parts make none."""
+    """The segments of all parts, perhaps of no part."""
     return np.concatenate(parts) if parts else np.zeros((0, 2, 3), np.float32)
 
 

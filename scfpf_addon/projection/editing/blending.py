@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Two projections as control surfaces of the same number and kind, to be blended point by point.
 
-The projectors of both become Bézier curves of one degree where they are such curves: that is exact. Else both
-become polylines. What the picture shows of them becomes grids over the same parameters.
+If the projectors of both are Bézier curves, they become curves of one degree, which is exact. Otherwise both
+become polylines. The control points that the image shows become grids over the same parameters.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Blend:
     """Two volumes point by point.
 
     basis: of the projectors. layers: from near to far, (2, R, C, 3) each: the points of both, rows along v.
-    polar: whether u and v are those of a polar picture; else they are the picture's x and y.
-    error: how far grids and polylines are off, as a share of the size, about.
+    polar: whether u and v are those of a polar image; else they are the image's x and y.
+    error: about the distance of the grids and polylines from the volumes, as a share of the size.
     """
 
     basis: BasisKind
@@ -48,9 +48,9 @@ class Blend:
 
 
 def blended(first: Projection, second: Projection) -> Blend:
-    """Both projections as alike control surfaces, in the space that they are in.
+    """Return two projections as control surfaces of the same number and kind, in their own space.
 
-    Two polar pictures without mappings stay one. Raises BlendError where the picture of one has holes.
+    Two polar images without mappings give a polar blend. Raises BlendError where one image has holes.
     """
     polar = all(isinstance(p.reparameterisation, Polar) for p in (first, second))
     basis, matrices, times = _common(first, second)
@@ -59,7 +59,7 @@ def blended(first: Projection, second: Projection) -> Blend:
         off = [_bend(p) for p in points]
         if max(off) <= GRID_ERROR:
             break
-    # The lines between have told how far the grid is off.
+    # The lines between were needed only to measure the grid.
     layers = tuple(np.stack([p[k, ::STEPS, ::STEPS] for p in points]) for k in range(len(points[0])))
     return Blend(basis, layers, polar, max(off))
 
@@ -102,7 +102,7 @@ def _points(projection: Projection, matrix: Array | None, times: Array, faces: i
         shown = np.ones(len(x), bool)
     else:
         u, v, _, shown = projection.parameters(x, y)
-        # Beyond the rim of a polar picture its surfaces go on, as far as they do.
+        # Beyond the rim of a polar image its surfaces go on, as far as they do.
         shown = shown | isinstance(projection.reparameterisation, Polar)
     controls = projection.volume.controls(u, v)
     if not (controls.valid & shown).all() or not np.isfinite(controls.points).all():
@@ -116,7 +116,7 @@ def _points(projection: Projection, matrix: Array | None, times: Array, faces: i
 
 
 def _bend(layers: Array) -> float:
-    """How far points are from a grid of every STEPS-th line, as a share of the size."""
+    """The distance of points from a grid of every STEPS-th line, as a share of the size."""
     size = float(np.ptp(layers.reshape(-1, 3), axis=0).max())
     points = np.moveaxis(layers, -1, 1)
     off = points - bilinear_net(points[..., ::STEPS, ::STEPS], STEPS)

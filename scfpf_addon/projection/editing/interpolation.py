@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Projections between two: control surfaces that are half way from one time to the next."""
+"""Projections interpolated between two moments: their control surfaces and ranges."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..volume.viewing_volume import Projection, ViewingVolume
 
 @dataclass(frozen=True)
 class InterpolatedSurface(ControlSurface):
-    """Each point ``share`` of the straight way from where ``before`` has it to where ``after`` has it."""
+    """A surface whose points lie ``share`` of the way from those of ``before`` to those of ``after``."""
 
     before: ControlSurface
     after: ControlSurface
@@ -41,7 +41,7 @@ class InterpolatedSurface(ControlSurface):
         return Placement(self._mixed(a.position, b.position), a.valid & b.valid)
 
     def local_hull(self) -> Array:
-        """See ``ControlSurface``: what lies between two convex sets lies in the hull of both."""
+        """See ``ControlSurface``: every point between two convex sets lies in the hull of both."""
         return np.concatenate([self.before.hull(), self.after.hull()], axis=1)
 
     def transformed(self, matrix: Array) -> Self:
@@ -52,8 +52,8 @@ class InterpolatedSurface(ControlSurface):
 def interpolated_projection(before: Projection, after: Projection, share: float) -> Projection:
     """The projection ``share`` of the way from one to the other.
 
-    Only control surfaces and the shown range move; where the volumes are not of the same
-    surfaces, or no plain ones, it is the nearer of both.
+    Only control surfaces and the shown range are interpolated. Volumes with other numbers of surfaces, other
+    bases or lattices give the nearer of both.
     """
     one, other = before.volume, after.volume
     nearer = before if share < 0.5 else after

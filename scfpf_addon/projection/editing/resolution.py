@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How many points a surface needs as a grid or a patch, so that the picture stays as it was."""
+"""The number of points that a surface needs as a grid or a patch, so that the image stays the same."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ..surfaces.surface import ControlSurface, Grid
 from .nurbs_edits import CUBIC, patch_near
 from .volume_edits import lattice, sampled
 
-# Faces of a grid along an axis: no fewer, as a grid is there to be pulled about, and no more than is handy.
+# Faces of a grid along an axis: at least enough to be edited, at most a number that is handy.
 LEAST_FACES, MOST_FACES = 8, 512
-# Control points of a patch along an axis at the most.
+# The most control points of a patch along an axis.
 MOST_POINTS = 64
-# The direction that lacks points gets so many times as many at a time.
+# The factor by which points are added along the direction that lacks them.
 GROWTH = 1.35
 # Lines of constant u, and of v, along which a grid's chords are measured: in the middle between faces too.
 LINES = 33
@@ -32,9 +32,9 @@ def change(before: ControlSurface, after: ControlSurface, columns: int, rows: in
 
 
 def patch_within(surface: ControlSurface, share: float) -> NurbsPatch:
-    """The ``patch_near`` with the fewest points, about, that is off by at most a share of the size.
+    """The ``patch_near`` with about the fewest points whose error is at most a share of the size.
 
-    With MOST_POINTS along both axes it is off by what it is. Raises EditingError for a surface with holes.
+    With MOST_POINTS along both axes the error may be larger. Raises EditingError for a surface with holes.
     """
     counts = (CUBIC, CUBIC)
     best, off = _patch(surface, counts)
@@ -59,21 +59,21 @@ def _more(count: int, most: int) -> int:
 
 
 def grid_within(surface: ControlSurface, share: float) -> tuple[int, int]:
-    """Faces along u and along v of a grid that is off by at most about a share of the size, up to MOST_FACES.
+    """Faces along u and along v, up to MOST_FACES, of a grid with an error of about a share of the size.
 
     Raises EditingError for a surface with holes.
     """
     error = share * float(np.ptp(sampled(surface, LINES, LINES).reshape(-1, 3), axis=0).max())
-    # The two directions' errors add up; what the one leaves is the other's.
+    # The two directions' errors add up; one may use what the other leaves.
     rows, off = _faces(surface, 1, error / 2)
     columns, _ = _faces(surface, 0, max(error - off, error / 2))
     return columns, rows
 
 
 def _faces(surface: ControlSurface, axis: int, error: float) -> tuple[int, float]:
-    """The fewest faces along u (0) or v (1), about, whose chords leave the surface by at most an error.
+    """About the fewest faces along u (0) or v (1) whose chords leave the surface by at most an error.
 
-    Returns by how much they leave it, too.
+    Also returns the largest distance of the chords from the surface.
     """
     count = LEAST_FACES
     while True:

@@ -21,8 +21,8 @@ def equalised(
     """Points (rows, columns, 3) of a surface, in volume space, in even steps along their lines.
 
     along_u: along each row of points; along_v: along each column. Every line stays in its place if
-    only one is asked for. Returns also the unevenness that is left: how much a step differs from the
-    mean of its line, as a share of it, at most. Raises EditingError for a surface with holes.
+    only one is asked for. Also returns the ``unevenness`` that is left. Raises EditingError for a surface
+    with holes.
     """
     sampled(surface, columns, rows)  # refuses holes
     u, v = np.meshgrid(np.linspace(0.0, 1.0, columns), np.linspace(0.0, 1.0, rows))
@@ -38,9 +38,9 @@ def equalised(
 
 
 def unevenness(points: Array, axis: int) -> float:
-    """How much a step between points (rows, columns, 3) differs from the mean of its line, as a share of it.
+    """The largest difference of a step between points from the mean of its line, as a share of it.
 
-    axis: 1 along rows, 0 along columns. Lines of no length are even.
+    points: (rows, columns, 3). axis: 1 along rows, 0 along columns. Lines of no length are even.
     """
     steps = np.linalg.norm(np.diff(points, axis=axis), axis=2)
     mean = steps.mean(axis=axis, keepdims=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edits of a volume as mathematics: elevated, mirrored, moved."""
+"""Edits of surfaces and volumes as mathematics: blended, inserted, mirrored, scaled, framed."""
 
 from __future__ import annotations
 
@@ -60,9 +60,8 @@ def sampled(surface: ControlSurface, columns: int, rows: int) -> Array:
 def blend(first: ControlSurface, second: ControlSurface, weight: float, cells: int) -> Shape:
     """(1 - weight)·first + weight·second, as a surface.
 
-    Exact for points, planes, patches and grids in any mixture, and for two
-    surfaces of one kind with the same arc (and latitudes) and the same rotation
-    and scale. All others become a grid of cells × cells faces.
+    Exact for points, planes, patches and grids in any mixture, and for two surfaces of one kind with the same
+    angles, rotation and scale. All others become a grid of cells × cells faces.
     """
     flat = [_corners(one) for one in (first, second)]
     if flat[0] is not None and flat[1] is not None:
@@ -145,7 +144,7 @@ def _lines(surface: ControlSurface) -> tuple[int, int] | None:
 
 
 def _bilinear(corners: Array) -> Shape:
-    """A plane where the corners (4, 3) make a rectangle, a point where they coincide, else a patch."""
+    """A plane if the corners (4, 3) make a rectangle, a point if they coincide, else a patch."""
     c00, c10, c01, c11 = corners
     across, up = c10 - c00, c01 - c00
     width, height = float(np.linalg.norm(across)), float(np.linalg.norm(up))
@@ -172,7 +171,7 @@ def _with_points(kind: str, points: Array, exact: bool) -> Shape:
 
 
 def _same_kind(first: ControlSurface, second: ControlSurface, weight: float) -> Shape | None:
-    """The blend of two surfaces of one curved kind as such a surface, None where it is none."""
+    """The blend of two surfaces of one curved kind as that kind, or None if it is not of that kind."""
     kind = parametric_kind(first)
     if kind is None or type(first) is not type(second):
         return None
@@ -215,8 +214,8 @@ def mirrored(kind: str, parameters: Numbers, axis: Axis) -> tuple[Array, dict[st
 def scaled(kind: str, parameters: Numbers, scale: Sequence[float]) -> dict[str, float]:
     """The parameters of a parametric surface whose lengths are those of one scaled by ``scale`` (3,).
 
-    Signs do not count: they stay for the object to have. Raises EditingError for a scale of 0 and where
-    axes of one radius are scaled differently, and for kinds without parameters.
+    Signs do not count: the object keeps them. Raises EditingError for a scale of 0, for a radius whose axes
+    are scaled differently, and for kinds without parameters.
     """
     if kind not in PARAMETRIC_KINDS:
         raise EditingError(f"a surface of kind {kind} has no sizes to put a scale into")
@@ -236,8 +235,8 @@ def scaled(kind: str, parameters: Numbers, scale: Sequence[float]) -> dict[str, 
 def framing(pan: float, tilt: float, roll: float, dolly: float, zoom: float) -> Array:
     """The (4, 4) matrix in camera space that frames a volume anew.
 
-    pan, tilt, roll: radians, to the right, upwards, anticlockwise as the picture
-    sees it. dolly: forwards, Blender units. zoom: > 0, above 1 shows less.
+    pan, tilt, roll: radians, to the right, upwards, anticlockwise in the
+    image. dolly: forwards, Blender units. zoom: > 0, above 1 shows less.
     """
     turn = np.eye(4)
     for angle, (a, b) in ((-pan, (2, 0)), (tilt, (1, 2)), (roll, (0, 1))):

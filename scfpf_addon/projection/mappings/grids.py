@@ -16,13 +16,13 @@ from ..volume.reparameterisation import ImageMap, ImagePoints, Reparameterisatio
 
 # Samples of a mapping, along each side, between which its inverse is looked for.
 SEARCH_SAMPLES = 193
-# They reach this share of the picture beyond it: a mapping before may lead there.
+# They reach beyond the image by this share of it: another mapping may lead there.
 SEARCH_MARGIN = 0.25
-# What is seen is looked for this far beyond the picture.
+# Seen places are looked for this far beyond the image.
 SEEN_MARGIN = 1.0
-# Steps of Newton's method from a guess between samples, and what it may be off in the end, in pictures.
+# Steps of Newton's method from a guess between samples, and its largest error, as a share of the image.
 SEARCH_STEPS, SEARCH_ERROR = 16, 1e-10
-# A step of Newton's method is at most this long, as a share of the picture.
+# The longest step of Newton's method, as a share of the image.
 LONGEST_STEP = 0.05
 # A mapping whose derivatives span less than this share of their lengths has no inverse there.
 SINGULAR = 1e-9
@@ -89,7 +89,7 @@ class STMap(Reparameterisation):
 
 @dataclass(frozen=True, eq=False)
 class DeformedGrid(Reparameterisation):
-    """A grid over the picture whose points say which place is seen there.
+    """A grid over the image whose points say which place is seen there.
 
     seen: (R, C, 2), rows upwards, at least 2 × 2, the places of the points at even steps from border to
     border. Between them bicubic pieces of Catmull and Rom (1974), which pass through the points with
@@ -142,12 +142,12 @@ def _weights(x: Array, count: int) -> tuple[IndexArray, Array, Array]:
         [((2 - s) * s - 1) * s, (3 * s - 5) * s * s + 2, ((4 - 3 * s) * s + 1) * s, (s - 1) * s * s]
     )
     slopes = 0.5 * np.array([(4 - 3 * s) * s - 1, (9 * s - 10) * s, (8 - 9 * s) * s + 1, (3 * s - 2) * s])
-    # Outside of the picture along the tangent of its border.
+    # Outside of the image along the tangent of its border.
     return cell, weights + (free - s) * slopes, slopes * (count - 1)
 
 
 def found_by_search(mapping: Reparameterisation, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-    """Places at which a mapping sees (u, v), (N,) each; nan where none was found, one of several.
+    """Find places at which a mapping sees (u, v), (N,) each: one of several, NaN if none was found.
 
     A guess by linear pieces between samples, then Newton's method.
     """
@@ -177,7 +177,7 @@ def found_by_search(mapping: Reparameterisation, u: Array, v: Array, aspect: flo
 
 
 def inverse_jacobian(jacobian: Array) -> tuple[Array, BoolArray]:
-    """Inverses (2, 2, N) of Jacobians, 0 where they have none, and whether they have one."""
+    """Inverses (2, 2, N) of Jacobians, 0 for singular ones, and whether each Jacobian is regular."""
     (a, b), (c, d) = jacobian
     determinant = a * d - b * c
     regular = np.abs(determinant) > SINGULAR * np.hypot(a, c) * np.hypot(b, d)
@@ -191,7 +191,7 @@ def _into_chart(seen: Array) -> Array:
 
 @lru_cache(maxsize=KEPT_CHARTS)
 def _chart(mapping: Hashable, aspect: float) -> tuple[UVChart, Array]:
-    """Triangles between samples of a mapping, by what is seen; and the samples' places, (2, S)."""
+    """Triangles between samples of a mapping in the space of seen places; and the samples' places, (2, S)."""
     line = np.linspace(-SEARCH_MARGIN, 1.0 + SEARCH_MARGIN, SEARCH_SAMPLES)
     x, y = (a.ravel() for a in np.meshgrid(line, line))
     image = cast(Reparameterisation, mapping).map(x, y, aspect)
@@ -200,7 +200,7 @@ def _chart(mapping: Hashable, aspect: float) -> tuple[UVChart, Array]:
     triangles = np.stack([[first, right, far], [first, far, up]]).transpose(2, 0, 1).reshape(-1, 3)
     seen = np.stack([_into_chart(image.u), _into_chart(image.v)], axis=1)
     usable = (image.mask & np.isfinite(seen).all(axis=1))[triangles].all(axis=1)
-    # What lies in the picture itself comes first: of several places the lowest triangle counts.
+    # Triangles in the image itself come first: of several places the lowest triangle counts.
     outside = np.maximum(np.abs(x - 0.5), np.abs(y - 0.5))[triangles].min(axis=1) > 0.5
     triangles = triangles[usable][np.argsort(outside[usable], kind="stable")]
     if not len(triangles):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Mappings of the image as data: their kinds, their numbers with their limits, and what files say of them."""
+"""Mappings of the image as data: their kinds, the limits of their numbers, and their form in files."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from ..typing import Array
 from ..volume.reparameterisation import Reparameterisation
 from .grids import DeformedGrid
 from .radial import CurvedDisplay, Distortion, MagicLens, RadialCurve
-from .stack import Backwards, Part
+from .stack import InverseMapping, PartialMapping
 
 MAXIMUM_MAPPINGS = 32
 # Points of a radial curve, and of a deformed grid along each side.
 MOST_CURVE_POINTS, MOST_GRID_POINTS = 257, 256
-# Places and radii, in pictures and in halves of the shorter side.
+# Places as shares of the image, radii in halves of its shorter side.
 PLACE = Limit(-10.0, 10.0)
 RADIUS = Limit(1e-4, 20.0)
 COEFFICIENT = Limit(-100.0, 100.0)
@@ -63,11 +63,11 @@ _WITH_POINTS = ("RADIAL_CURVE", "GRID")
 
 @dataclass(frozen=True, eq=False)
 class ImageMapping:
-    """One mapping of a stack.
+    """A mapping of a stack.
 
     kind: of KINDS. parameters: its numbers, angles in radians and without "_degrees". points: (K, 2) the
-    curve of RADIAL_CURVE, (R, C, 2) the places of GRID, else None. influence: how much of its way
-    places are moved. backwards: whether it is used the other way round.
+    curve of RADIAL_CURVE, (R, C, 2) the places of GRID, else None. influence: the share of their way that
+    places move. backwards: whether the mapping is inverted.
     """
 
     name: str
@@ -78,7 +78,7 @@ class ImageMapping:
     backwards: bool = False
 
     def mapping(self) -> Reparameterisation:
-        """The mapping itself. Raises ValueError for numbers that make none."""
+        """The mapping itself. Raises ValueError for numbers that make no mapping."""
         return changed(
             simple_mapping(self.kind, self.parameters, self.points), self.influence, self.backwards
         )
@@ -102,10 +102,10 @@ def simple_mapping(kind: str, given: Mapping[str, float], points: Array | None =
 
 
 def changed(mapping: Reparameterisation, influence: float, backwards: bool) -> Reparameterisation:
-    """A mapping in part and backwards, as far as it is asked for."""
+    """A mapping with an influence, inverted if ``backwards``."""
     if influence != 1.0:
-        mapping = Part(mapping, float(influence))
-    return Backwards(mapping) if backwards else mapping
+        mapping = PartialMapping(mapping, float(influence))
+    return InverseMapping(mapping) if backwards else mapping
 
 
 def read_mappings(data: object) -> tuple[ImageMapping, ...]:

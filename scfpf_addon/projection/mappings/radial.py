@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Mappings of the image that move places along lines through a centre: curves, lens distortions, lenses.
 
-A mapping goes from the picture to the place that is seen there: of what the picture would be without it.
-Distances r from the centre are counted in halves of the picture's shorter side, so that the
-circle r = 1 about its middle touches the nearer borders.
+A mapping leads from a place of the image to the place that is seen there, in the image without the mapping.
+Distances r from the centre are in halves of the image's shorter side: the circle r = 1 about its middle
+touches the nearer borders.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from ..typing import Array, BoolArray
 from ..volume.reparameterisation import ImageMap, ImagePoints, Reparameterisation
 
-# Radii below this count as the centre, where the share f(r)/r is f'(0).
+# Radii below this count as the centre, where f(r)/r is f'(0).
 CENTRE = 1e-12
 # Samples that bracket the inverse of a profile; Newton's method does the rest.
 BRACKETS = 1025
@@ -26,12 +26,12 @@ BRACKETS = 1025
 INVERSE_STEPS = 60
 # Radii are found to this share of the largest one.
 INVERSE_ERROR = 1e-15
-# A rising profile without a limit is followed no farther than this: far beyond any picture's corner.
+# A rising profile without a limit is followed up to here, far beyond the corners of any image.
 FARTHEST = 64.0
 
 
 class Profile(NamedTuple):
-    """f(r) at N radii: share = f(r) / r, slope = f'(r), each (N,). mask: (N,) bool, whether f goes so far."""
+    """f(r) at N radii: share = f(r) / r, slope = f'(r), each (N,). mask: (N,) bool, where f is defined."""
 
     share: Array
     slope: Array
@@ -53,7 +53,7 @@ class Radial(Reparameterisation):
         return FARTHEST
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map; x and y may lie outside of the picture."""
+        """See Reparameterisation.map; x and y may lie outside of the image."""
         sx, sy = max(aspect, 1.0), max(1 / aspect, 1.0)
         a, b = (x - self.centre[0]) * 2 * sx, (y - self.centre[1]) * 2 * sy
         r = np.hypot(a, b)
@@ -75,7 +75,7 @@ class Radial(Reparameterisation):
         return ImagePoints(*self._moved(x, y, share), mask)
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """The place that shows what is at (u, v) without the mapping, (N,) each; nan where none does."""
+        """The place that shows (u, v), (N,) each, NaN if no place does."""
         wanted = self._radius(u, v, aspect)
         radius = self._inverse(wanted)
         centre = wanted < CENTRE
@@ -95,7 +95,7 @@ class Radial(Reparameterisation):
         """The least radii at which f has the values wanted (N,); nan beyond its largest one."""
         top = self.limit
         line = np.linspace(0.0, 1.0, BRACKETS)
-        # Even steps near the centre, where pictures are, and wider ones beyond.
+        # Even steps near the centre, where images are, and wider ones beyond.
         radii = line * top if top <= 4.0 else line * 2.0 + line**4 * (top - 2.0)
         highest = np.maximum.accumulate(radii * self.profile(radii).share)
         cell = np.searchsorted(highest, wanted)
@@ -186,9 +186,9 @@ def monotone_slopes(x: Array, y: Array) -> Array:
 class Distortion(Radial):
     """f(r) = r (1 + k1 q + k2 q² + k3 q³) / (1 + k4 q + k5 q² + k6 q³), with q = (r / radius)².
 
-    With k4 = k5 = k6 = 0 the radial part of Brown's polynomial (1966); with k4 alone the division model of
-    Fitzgibbon (2001), a rational function as in Claus and Fitzgibbon (2005); OpenCV's
-    rational model has these six and the inverse direction. Shown as far as f rises.
+    k4 = k5 = k6 = 0 gives the radial part of Brown's polynomial (1966), k4 alone the division model of
+    Fitzgibbon (2001). A rational function as in Claus and Fitzgibbon (2005). OpenCV's rational model has
+    these six and the inverse direction. The image ends where f stops rising.
     """
 
     numerator: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -237,12 +237,11 @@ class Distortion(Radial):
 
 @dataclass(frozen=True)
 class MagicLens(Radial):
-    """A magic lens: within a circle the picture is magnified, outside of it it stays.
+    """A magic lens: the image is magnified within a circle and unchanged outside.
 
     radius: of the circle, above 0. magnification: above 0, less than 1 shrinks. falloff: the share of
-    the radius, [0, 1], over which the one goes over smoothly into the other. One-to-one
-    as long as the magnification is above 1 - falloff, and, without a falloff, 1 at least (then
-    what the ring hides is nowhere in the picture).
+    the radius, [0, 1], over which the magnification fades smoothly. One-to-one if the magnification is above
+    1 - falloff. Without a falloff it must be at least 1, and the image lacks what the rim hides.
     """
 
     radius: float = 0.5
@@ -268,12 +267,12 @@ class MagicLens(Radial):
 
 @dataclass(frozen=True)
 class CurvedDisplay(Reparameterisation):
-    """What an upright cylindrical screen must show so that a viewer sees the flat picture (paper §3.4).
+    """The content of an upright cylindrical screen that lets a viewer see the flat image (paper §3.4).
 
     arc: the angle that the screen spans about its axis, radians, (0, π). distance: of the viewer from the
     screen's middle, as a multiple of its radius; 1 is the axis. Places on the screen are even along the arc
-    and up; each shows what a ray from the viewer through it meets of the flat picture behind it, the
-    smallest that covers the screen. Raises ValueError where the viewer would stand at or before the
+    and up. Each shows the point that a ray from the viewer through it meets of the flat image behind it, the
+    smallest image that covers the screen. Raises ValueError if the viewer would stand at or before the
     screen's ends.
     """
 
@@ -287,12 +286,12 @@ class CurvedDisplay(Reparameterisation):
             )
 
     def _depth(self, angle: float) -> float:
-        """How far a place on the screen is before the viewer, in radii."""
+        """The distance of a place on the screen in front of the viewer, in radii."""
         return float(self.distance - 1.0 + np.cos(angle))
 
     @property
     def _across(self) -> float:
-        """The depth of the ends over the arc: half the flat picture is half the arc, seen from there."""
+        """The depth of the ends over the arc: half the flat image is half the arc, seen from there."""
         return self._depth(0.5 * self.arc) / self.arc
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A stack of mappings of the image over a re-parameterisation, and what can be done to each mapping.
+"""A stack of mappings of the image over a re-parameterisation; inverse and partial mappings.
 
-A place of the picture goes through the mappings from the first to the last, then through the base to (u, v).
+A place of the image goes through the mappings from the first to the last, then through the base to (u, v).
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ from ..typing import Array, BoolArray
 from ..volume.reparameterisation import ImageMap, ImagePoints, Polar, Reparameterisation
 from .grids import found_by_search, inverse_jacobian
 
-# What is seen this far outside of the picture still counts as on its border: a hundredth of a pixel of a
+# Places this far outside of the image still count as on its border: a hundredth of a pixel of a
 # thousand, since curves and images are float32.
 BORDER = 1e-5
-# A disc's rim is looked at this far inside and outside of it, at so many places.
+# A disc's rim is tested this far inside and outside of it, at this many places.
 RIM_GAP, RIM_PLACES = 1e-3, 64
 
 
 @dataclass(frozen=True, eq=False)
-class Backwards(Reparameterisation):
-    """A mapping the other way round: what it sees at a place is now seen from where that was."""
+class InverseMapping(Reparameterisation):
+    """The inverse of a mapping: it leads from a seen place to the place that sees it."""
 
     mapping: Reparameterisation
 
@@ -44,14 +44,14 @@ class Backwards(Reparameterisation):
         return np.where(found, place_x, 0.5), np.where(found, place_y, 0.5), found
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """What the mapping sees at (u, v); nan where it sees nothing."""
+        """The place that the mapping sees at (u, v), NaN if it sees nothing."""
         image = self.mapping.points(u, v, aspect)
         return np.where(image.mask, image.u, np.nan), np.where(image.mask, image.v, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
-class Part(Reparameterisation):
-    """A part of a mapping: places move by ``factor`` times their way; beyond 1 it is exaggerated."""
+class PartialMapping(Reparameterisation):
+    """A mapping whose places move by ``factor`` times their way; above 1 it is exaggerated."""
 
     mapping: Reparameterisation
     factor: float
@@ -79,13 +79,13 @@ class Part(Reparameterisation):
 
 @dataclass(frozen=True, eq=False)
 class Stack(Reparameterisation):
-    """Mappings of the image, the first nearest to the picture, over a base that leads to (u, v)."""
+    """Mappings of the image, the first nearest to the image, over a base that leads to (u, v)."""
 
     mappings: tuple[Reparameterisation, ...]
     base: Reparameterisation
 
     def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
-        """See Reparameterisation.map; what is seen outside of the picture of the base is nothing."""
+        """See Reparameterisation.map; nothing is seen outside of the base's image."""
         jacobian, mask = None, np.ones(len(x), bool)
         for mapping in self.mappings:
             image = mapping.map(x, y, aspect)
@@ -106,12 +106,12 @@ class Stack(Reparameterisation):
         return ImagePoints(image.u, image.v, mask & inside & image.mask)
 
     def _clipped(self, x: Array, y: Array) -> tuple[Array, Array, BoolArray]:
-        """Places moved into the picture of the base, and whether they were there."""
+        """Places clamped to the base's image, and whether they were inside."""
         inside = (np.abs(x - 0.5) <= 0.5 + BORDER) & (np.abs(y - 0.5) <= 0.5 + BORDER)
         return np.clip(x, 0.0, 1.0), np.clip(y, 0.0, 1.0), inside
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
-        """See Reparameterisation.image_positions; nan where the picture does not show (u, v)."""
+        """See Reparameterisation.image_positions; NaN where the image does not show (u, v)."""
         x, y = self.base.image_positions(u, v, aspect)
         for mapping in reversed(self.mappings):
             x, y = mapping.image_positions(x, y, aspect)
@@ -125,12 +125,12 @@ def _chained(outer: Array, inner: Array | None) -> Array:
 
 
 def seen_through(mappings: tuple[Reparameterisation, ...], base: Reparameterisation) -> Reparameterisation:
-    """A base behind a stack of mappings; the base itself where there are none."""
+    """A base behind a stack of mappings; the base itself for an empty stack."""
     return Stack(mappings, base) if mappings else base
 
 
 def mapped_places(mappings: tuple[Reparameterisation, ...], x: Array, y: Array, aspect: float) -> ImagePoints:
-    """Where a stack of mappings alone leads places of the picture, (N,) each; perhaps outside of it."""
+    """The places, (N,) each, to which a stack of mappings alone leads; perhaps outside of the image."""
     mask = np.ones(len(x), bool)
     for mapping in mappings:
         image = mapping.points(x, y, aspect)
@@ -139,9 +139,9 @@ def mapped_places(mappings: tuple[Reparameterisation, ...], x: Array, y: Array, 
 
 
 def is_disc(image: Reparameterisation, aspect: float) -> bool:
-    """Whether the picture is the disc that touches its nearer borders, as of a polar re-parameterisation.
+    """Whether the image is the disc that touches its nearer borders, as of a polar re-parameterisation.
 
-    Mappings before a polar base leave the disc as it is if they move its rim onto itself.
+    Mappings before a polar base keep the disc if they move its rim onto itself.
     """
     if isinstance(image, Polar):
         return True

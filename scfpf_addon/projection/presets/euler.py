@@ -21,7 +21,7 @@ def euler_matrix(angles: Array) -> Array:
 
 
 def euler_angles(rotation: Array) -> tuple[float, float, float]:
-    """The inverse of ``euler_matrix``; with Y at a right angle, Z is taken as nought."""
+    """The inverse of ``euler_matrix``; with Y at a right angle, Z is 0."""
     across = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     y = np.arctan2(-rotation[2, 0], across)
     if across > GIMBAL_TOLERANCE:

@@ -89,12 +89,12 @@ class SubjectBox(NamedTuple):
 
 @dataclass(frozen=True)
 class PresetSurface:
-    """One control surface of a preset.
+    """A control surface of a preset.
 
-    kind: as in ``surface_from_parameters``. matrix: (4, 4), own space to camera
-    space. parameters: the kind's numbers, angles in radians. points: (rows,
-    columns, 3) float64, rows along v, for PATCH and GRID, 3 or 4 numbers each for NURBS, (V, 3) for
-    UV_MESH, whose triangles are the chart; None for the others. weight: of the surface in NURBS projectors.
+    kind: as in ``surface_from_parameters``. matrix: (4, 4), own space to camera space. parameters: the kind's
+    numbers, angles in radians. points: (rows, columns, 3) float64, rows along v, for PATCH and GRID, with 3
+    or 4 numbers each for NURBS, (V, 3) for UV_MESH. None for the other kinds. weight: of the surface in NURBS
+    projectors. chart: the triangles of a UV_MESH.
     """
 
     name: str

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A small picture of a volume for menus, drawn from its lines alone; and pictures as PNG files."""
+"""A thumbnail of a volume for menus, drawn from its lines alone; and images as PNG files."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ..diagrams.surface_lines import surface_lines
 from ..typing import Array
 from ..volume.viewing_volume import Projection
 
-# Those of the shipped presets' pictures.
+# The size of the shipped presets' thumbnails.
 WIDTH, HEIGHT = 96, 72
-# Drawn larger by this and averaged.
+# The factor by which the image is drawn larger before it is averaged.
 FINER = 4
 # The volume is seen from so far to the right of the camera's back and above it, radians.
 TURN, RISE = np.radians(40.0), np.radians(24.0)
-# Left free on each side, as a share of the picture.
+# The margin on each side, as a share of the image.
 MARGIN = 0.06
-# Behind the lines, so that they are as plain in a light menu as in a dark one.
+# The background, on which the lines are as clear in a light menu as in a dark one.
 PAPER = (0.17, 0.19, 0.22)
 # Colour, and the line's half width in pixels: surfaces, projectors, borders.
 GRID = (0.26, 0.60, 0.32), 0.25
@@ -34,7 +34,7 @@ Color = tuple[float, float, float]
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
-def volume_picture(projection: Projection) -> Array:
+def volume_thumbnail(projection: Projection) -> Array:
     """The lines of a volume in camera space, (HEIGHT, WIDTH, 4) from 0 to 1, row 0 on top."""
     count = len(projection.volume.surfaces)
     drawn = (
@@ -59,7 +59,7 @@ def volume_picture(projection: Projection) -> Array:
 
 
 def _seen(lines: Segments) -> Array:
-    """Segments (S, 2, 3) of camera space in the picture's plane, (S, 2, 2), y downwards."""
+    """Segments (S, 2, 3) of camera space in the image's plane, (S, 2, 2), y downwards."""
     x, y, z = np.moveaxis(np.asarray(lines, np.float64), -1, 0)
     across, back = np.cos(TURN) * x - np.sin(TURN) * z, np.sin(TURN) * x + np.cos(TURN) * z
     return np.stack([across, np.sin(RISE) * back - np.cos(RISE) * y], axis=-1)
@@ -86,7 +86,7 @@ def png(pixels: Array) -> bytes:
     """A PNG file of pixels (H, W, 4) from 0 to 1, row 0 on top, 8 bits a channel (RFC 2083)."""
     height, width = pixels.shape[:2]
     rows = np.rint(np.clip(pixels, 0.0, 1.0) * 255).astype(np.uint8).reshape(height, -1)
-    # Each row begins with the number of its filter: none.
+    # Each row begins with the number of its filter; 0 is no filter.
     data = np.concatenate([np.zeros((height, 1), np.uint8), rows], axis=1).tobytes()
     header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
     return b"".join(
@@ -95,7 +95,7 @@ def png(pixels: Array) -> bytes:
 
 
 def png_size(start: bytes) -> tuple[int, int] | None:
-    """Width and height that the first 24 bytes of a file say, None where it is no PNG."""
+    """Width and height in the first 24 bytes of a file, or None if it is not a PNG."""
     if len(start) < 24 or start[:8] != SIGNATURE or start[12:16] != b"IHDR":
         return None
     width, height = struct.unpack(">II", start[16:24])

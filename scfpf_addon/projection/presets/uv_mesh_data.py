@@ -10,7 +10,7 @@ from ..file_values import COORDINATE, Limit
 from ..surfaces.uv_chart import UVChart
 from ..typing import Array, IndexArray
 
-# Of UVs: those outside of the unit square are kept, but show nothing.
+# The limits of UVs: those outside of the unit square are kept, but show nothing.
 _UV = Limit(-1000.0, 1000.0)
 
 
@@ -51,7 +51,7 @@ def _check_work(triangles: IndexArray, chart: UVChart, where: str) -> None:
 
 
 def mesh_data(points: Array, chart: UVChart) -> dict[str, object]:
-    """The same as a file has it; a point with several UVs stands there several times."""
+    """A UV mesh as a file has it; a point with several UVs stands there several times."""
     corners = np.concatenate([chart.vertices.reshape(-1, 1), chart.uv.reshape(-1, 2)], axis=1)
     own, number = np.unique(corners, axis=0, return_inverse=True)
     vertices = own[:, 0].astype(np.int64)
@@ -63,7 +63,7 @@ def mesh_data(points: Array, chart: UVChart) -> dict[str, object]:
 
 
 def _rows(value: object, where: str, width: int, limit: Limit) -> Array:
-    """Rows of so many numbers each within the limit, (N, width) float64."""
+    """Rows of ``width`` numbers each within the limit, (N, width) float64."""
     form = PresetError(f"{where} must be a list of rows of {width} numbers")
     if not isinstance(value, list) or not value or set(map(type, value)) != {list}:
         raise form

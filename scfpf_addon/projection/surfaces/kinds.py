@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One record for each kind of control surface: its numbers, and how it is made, mirrored, placed and sampled.
+"""Records of the kinds of control surface: their numbers, how they are made, mirrored, placed and scaled.
 
 Everything else reads these records; ``bridge.surfaces.kinds`` adds what needs Blender. The formula of a kind
 is its class in ``surface``.
@@ -40,7 +40,7 @@ FEWEST_NURBS_POINTS = 3
 
 
 class Parameter(NamedTuple):
-    """One number that defines a surface.
+    """A number that defines a surface.
 
     name: as in code, such as ``radius_start``. text: its tooltip. limit: its least and greatest value in a
     preset file, in Blender units or degrees. axes: the axes of the surface's own space along which a length
@@ -83,7 +83,7 @@ class Space(NamedTuple):
 
 
 class Mirror(NamedTuple):
-    """How Q(1-u, v) or Q(u, 1-v) follows from Q(u, v).
+    """The rule by which Q(1-u, v) or Q(u, 1-v) follows from Q(u, v).
 
     reflection: a matrix (4, 4) between the surface's own shape and its placement, made from its parameters.
     exchanged: two parameters that trade places.
@@ -367,9 +367,9 @@ def surface_from_parameters(
     """The control surface of a kind.
 
     kind: one of ``FILE_KINDS``. parameters: those of the kind, lengths and radians; others are ignored.
-    points: (rows, columns, 3) in the surface's own space for GRID, (2, 2, 3) for PATCH, (rows, columns,
-    3 or 4) with weights for NURBS, which begins and ends at its outer points, (V, 3) with a chart for
-    UV_MESH; rows along v. matrix: (4, 4), own space to volume space.
+    points: in the surface's own space, rows along v: (rows, columns, 3) for GRID, (2, 2, 3) for PATCH, (rows,
+    columns, 3 or 4) with weights for NURBS, (V, 3) with a chart for UV_MESH. A NURBS patch begins and ends at
+    its outer points. matrix: (4, 4), own space to volume space.
     Raises ValueError for an unknown kind or a missing parameter.
     """
     if kind not in FILE_KINDS:

@@ -26,7 +26,7 @@ SHORTEST_ROW = 64
 
 @dataclass(frozen=True)
 class NurbsAxis:
-    """How a NURBS patch runs in one direction: the settings of Blender's splines.
+    """The course of a NURBS patch in one direction: the settings of Blender's splines.
 
     order: degree + 1, at least 2. endpoint: the patch begins and ends at its
     outer control points. bezier: inner knots of the full multiplicity, so that
@@ -107,7 +107,7 @@ class Basis:
 
     @cached_property
     def knots(self) -> Array:
-        """All knots, ascending, (count + order,); of a cyclic axis order - 1 more."""
+        """The knots, ascending, (count + order,); a cyclic axis has order - 1 more."""
         return self.axis.knots(self.count)
 
     @cached_property
@@ -357,7 +357,7 @@ def _collocation(basis: Basis, samples: int) -> Array:
 
 
 def functions(basis: Basis, parameter: Array) -> Array:
-    """All basis functions, columns, at parameters (N,), rows: (N, count)."""
+    """Values of the basis functions (columns) at parameters (N,) (rows), (N, count)."""
     acting = basis.acting(basis.at(parameter)[0])
     matrix = np.zeros((len(parameter), basis.count))
     np.add.at(matrix, (np.arange(len(parameter)), acting.point), acting.value)

@@ -18,7 +18,7 @@ from ..typing import Array, BoolArray, IndexArray
 
 
 class SurfaceSample(NamedTuple):
-    """What a control surface answers for N parameters.
+    """A control surface at N parameters.
 
     position, du, dv: (3, N). tile: (N,) int32, the smooth piece that (u, v)
     falls in; derivatives are one-sided at its edges. valid: (N,) bool, False
@@ -33,7 +33,7 @@ class SurfaceSample(NamedTuple):
 
 
 class Placement(NamedTuple):
-    """Where N parameters lie, without derivatives. position: (3, N). valid: (N,) bool."""
+    """A control surface at N parameters, without derivatives. position: (3, N). valid: (N,) bool."""
 
     position: Array
     valid: BoolArray
@@ -106,7 +106,7 @@ class ControlSurface:
         return placement._replace(position=moved)
 
     def local_hull(self) -> Array:
-        """Points (3, N) in the surface's own space whose convex hull holds all of it, u and v in [0, 1]."""
+        """Points (3, N), own space, whose convex hull holds the surface for u and v in [0, 1]."""
         raise NotImplementedError
 
     def hull(self) -> Array:
@@ -127,7 +127,7 @@ class ControlSurface:
 
 @dataclass(frozen=True)
 class Point(ControlSurface):
-    """Every (u, v) at the origin: a centre of projection. Both derivatives vanish."""
+    """A centre of projection: every (u, v) lies at the origin, and both derivatives vanish."""
 
     def local(self, u: Array, v: Array) -> SurfaceSample:
         """See ControlSurface.local."""

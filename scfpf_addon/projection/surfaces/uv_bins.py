@@ -17,7 +17,7 @@ EDGE_TOLERANCE = 4e-7
 # Bins are made larger until their lists hold at most this many numbers a triangle;
 # evenly sized triangles need about three.
 ENTRIES_PER_TRIANGLE = 32
-# Pairs of a point and a triangle that are tested at a time: what a core's cache holds.
+# Pairs of a point and a triangle that are tested together: they fit into a core's cache.
 BLOCK = 65536
 
 
@@ -84,7 +84,7 @@ def fill(uv: Array, bins: Layout) -> Bins:
 
 
 def _repeated(first: IndexArray, last: IndexArray) -> tuple[IndexArray, IndexArray]:
-    """Every integer of the ranges first..last (included), with the number of its range."""
+    """The integers of the ranges first..last (included), and the number of the range of each."""
     count = np.maximum(last - first + 1, 0)
     source = np.repeat(np.arange(len(count)), count)
     place = np.arange(len(source)) - np.repeat(np.cumsum(count) - count, count)

@@ -16,12 +16,12 @@ from ..typing import Array, BoolArray, IndexArray
 from .uv_bins import BLOCK, EDGE_TOLERANCE, Bins, Layout, fill, layout
 
 # A triangle that is thinner than this share of the UV square's side has no inside
-# that float32 UVs could tell.
+# that float32 UVs could resolve.
 THINNEST = 1.2e-7
 
 
 class Found(NamedTuple):
-    """What covers N points.
+    """The triangles that cover N points.
 
     triangle: (N,) int64, -1 where nothing does. weights: (2, N) barycentric
     weights of the triangle's second and third corner, 0 where nothing covers.
@@ -70,7 +70,7 @@ class UVChart:
 
     @cached_property
     def used(self) -> BoolArray:
-        """Which triangles have an area and touch [0, 1]², (T,)."""
+        """Whether each triangle has an area and touches [0, 1]², (T,)."""
         low, high = self.uv.min(axis=1), self.uv.max(axis=1)
         touching = ((low <= 1.0 + EDGE_TOLERANCE) & (high >= -EDGE_TOLERANCE)).all(axis=1)
         used: BoolArray = touching & (np.abs(self.double_area) > THINNEST * self._sides.max(axis=0))
@@ -202,7 +202,7 @@ class UVChart:
 
     @cached_property
     def _slack(self) -> Array:
-        """How far below 0 each corner's weight is at EDGE_TOLERANCE beyond the opposite edge, (3, T)."""
+        """The drop of each corner's weight below 0 at EDGE_TOLERANCE beyond the opposite edge, (3, T)."""
         height = np.abs(self.double_area) / np.maximum(self._sides, np.finfo(np.float64).tiny)
         return np.divide(EDGE_TOLERANCE, height, out=np.zeros(height.shape), where=self.used)
 

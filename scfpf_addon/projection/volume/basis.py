@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Projector bases: how the control points of a projector make its curve.
+"""Projector bases: the rules by which the control points of a projector make its curve.
 
-Whatever the basis, a projector is a short list of Bézier spans, one matrix a
-span, and for NURBS a weight for each of their control points; casting, drawing
-and inversion know spans only.
+In every basis a projector is a short list of Bézier spans: one matrix a span, and for NURBS a weight for each
+of their control points. Casting, drawing and inversion know spans only.
 """
 
 from __future__ import annotations
@@ -114,7 +113,7 @@ class SpanBasis:
         """Weights of the control points at ``local`` (G,) in a span, their slopes and their bends.
 
         local: the span's own parameter, in [0, 1]. slopes: derivatives by t. bends: second
-        derivatives by t, but for a multiple of the slopes, which bends no curve: of a
+        derivatives by t, up to a multiple of the slopes, which does not bend a curve: of a
         rational C = A/w the part (A'' - C w'')/w, since C'' is that - 2 (w'/w) C'. Each (G, count).
         """
         degree, matrix = self.degree, self.matrices[span]

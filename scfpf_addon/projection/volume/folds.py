@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Folds: the parts of a viewing volume that are turned inside out, so that their picture is mirrored.
+"""Folds: the parts of a viewing volume that are turned inside out, so that their image is mirrored.
 
-A fold is a change of the sign of det[Qx Qy Qt] = det[Qu Qv Qt] · det[d(u,v)/d(x,y)].
-The two factors are looked at apart: at a polar centre the one vanishes where the
-other is infinite, and only their signs matter.
+A fold is a change of the sign of det[Qx Qy Qt] = det[Qu Qv Qt] · det[d(u,v)/d(x,y)]. The two factors are
+tested separately: at a polar centre one vanishes while the other is infinite, and only their signs matter.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from .bezier import bernstein, derivative, product
 from .viewing_volume import ControlSample, Projection, ViewingVolume, VolumeSample, determinant
 
 # A fold is looked for at this many positions along each side of the image and along t.
-# Even, so that none of them is the image's centre.
+# Even, so that no position is the image's centre.
 FOLD_GRID = 16
 # The positions are this share nearer to the middle than the cells' middles. Lines of a control grid would
 # meet those, and derivatives there are those of one side: a symmetric fold would be found lopsided.
@@ -35,11 +34,11 @@ VANISHING = 1e-5
 
 @dataclass(frozen=True)
 class Folds:
-    """What ``find_folds`` found.
+    """The folds of a projection.
 
     share: of the shown volume, in image × t, that is folded, in [0, 0.5]. orientation:
     the sign of det[Qu Qv Qt] in the rest, -1 or 1, 0 if it vanishes everywhere.
-    mirrored: whether the picture is that of a mirror outside the folds.
+    mirrored: whether the image is that of a mirror outside the folds.
     positions: (3, F) float64, the samples in the folds, as Q. dashes: (3, F, 3), short pieces of the
     projectors through them, for drawing.
     """
@@ -110,10 +109,10 @@ def orientations(
 
 
 def folded_pieces(volume: ViewingVolume, controls: ControlSample, t: Array, orientation: int) -> BoolArray:
-    """Where ``orientations`` is opposite to ``orientation``, (N, T).
+    """Whether ``orientations`` is opposite to ``orientation``, (N, T).
 
-    The Bernstein coefficients of the determinant tell at once which projectors
-    cannot be folded anywhere; only the others are looked at t by t.
+    The Bernstein coefficients of the determinant exclude projectors that cannot be folded anywhere; only the
+    others are tested at each t.
     """
     folded = np.zeros((len(controls.valid), len(t)), bool)
     if orientation == 0:

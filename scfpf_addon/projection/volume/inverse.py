@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The inverse of a viewing volume: from points of space to (u, v, t), and to the image.
 
-Newton's method on Q(u, v, t) = p for many points at once. It starts from those samples of the volume
-from which its first step is the shortest among their neighbours': measured in (u, v, t), that is the
-same in a volume that is a million times longer than wide, and each layer of a folded volume has its own.
+Newton's method on Q(u, v, t) = p for many points at once. It starts from samples of the volume whose first
+step is shorter than those of their neighbours. Steps are measured in (u, v, t), so that the shape of the
+volume does not matter, even if it is a million times longer than wide. Each layer of a folded volume has its
+own start.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from .viewing_volume import Projection, ViewingVolume
 SAMPLES = ((8, 8, 6), (24, 24, 16))
 # The most starts of one point.
 STARTS = (4, 16)
-# What a first step leads outside the ranges counts this much more than its length inside.
+# The part of a first step outside the ranges counts this much more than the part inside.
 OUTSIDE = 10.0
 # Samples × points that are looked at together: 2 MB a number of each pair.
 PAIRS = 1 << 18
@@ -34,7 +35,7 @@ CONVERGED = 1e-13
 SINGULAR = 1e-10
 # A point is found when Q is this near to it, as a share of the lengths of Qu, Qv and Qt there …
 FOUND_SHARE = 1e-9
-# … or as a share of the coordinates, which float64 cannot tell apart any better.
+# … or as a share of the coordinates, the resolution of float64.
 ROUNDING_SHARE = 1e-14
 # Parameters that exceed their range by no more than this share of it lie on its border (float32 input).
 INSIDE_MARGIN = 1e-6
@@ -43,7 +44,7 @@ BEYOND = 0.25
 
 
 class Inverse(NamedTuple):
-    """Where N points lie in a volume. u, v, t: (N,), nan where found (N,) bool is False."""
+    """The parameters of N points in a volume. u, v, t: (N,), NaN where found (N,) bool is False."""
 
     u: Array
     v: Array
@@ -52,7 +53,7 @@ class Inverse(NamedTuple):
 
 
 class ImagePlaces(NamedTuple):
-    """Where N points are in the image. x, y, t: (N,) in [0, 1], nan where found (N,) bool is False."""
+    """The places of N points in the image. x, y, t: (N,) in [0, 1], NaN where found (N,) bool is False."""
 
     x: Array
     y: Array
@@ -76,13 +77,11 @@ def invert(
 ) -> Inverse:
     """The parameters at which the volume passes through points.
 
-    positions: (3, N), in the volume's space. u_range, v_range: the part of the
-    volume to look in, in either order. Where a folded volume passes through a
-    point several times the least t counts; of layers that meet at a fold nearer than
-    the coarser samples (8 × 8 × 6 over the ranges) it may be another. A point that is
-    reached only within a part finer than the finer samples (24 × 24 × 16) may be
-    missed; none is found that Q does not pass through. Points that are not finite
-    are not found.
+    positions: (3, N), in the volume's space. u_range, v_range: the part of the volume to search, in either
+    order. Where a folded volume passes through a point several times, the least t counts; of layers that meet
+    at a fold nearer than the coarser samples (8 × 8 × 6 over the ranges) it may be another. A point that is
+    reached only within a part finer than the finer samples (24 × 24 × 16) may be missed. Q passes through
+    every point that is found. Points that are not finite are not found.
     """
     points = np.ascontiguousarray(positions, np.float64)
     low = np.array([min(u_range), min(v_range), 0.0])
@@ -115,8 +114,8 @@ def follow(
 ) -> Inverse:
     """``invert`` for points (3, N) whose parameters are near ``start`` (3, N), which is much faster.
 
-    Newton's method from there alone: the same sheet of a folded volume is found. What lies
-    outside the ranges is found too, up to BEYOND of them, as the volume goes on there.
+    Newton's method from there alone, so that the same sheet of a folded volume is found. Points outside the
+    ranges are found too, up to BEYOND of them, as the volume goes on there.
     """
     low = np.array([min(u_range), min(v_range), 0.0])
     extent = np.array([max(u_range), max(v_range), 1.0]) - low
@@ -131,14 +130,14 @@ def follow(
 
 
 def find_in_image(projection: Projection, positions: Array) -> ImagePlaces:
-    """Where the image shows points (3, N), or would if nothing hid them; see ``invert``."""
+    """The places of points (3, N) in the image, as if nothing hid them; see ``invert``."""
     ranges = projection.u_range, projection.v_range
     place = invert(projection.volume, positions, *ranges)
     (u0, u1), (v0, v1) = ranges
     x, y = projection.reparameterisation.image_positions(
         (place.u - u0) / (u1 - u0), (place.v - v0) / (v1 - v0), projection.aspect
     )
-    # A mapping of the image may leave something out of the picture.
+    # A mapping may leave parts out of the image.
     return ImagePlaces(x, y, place.t, place.found & np.isfinite(x) & np.isfinite(y))
 
 
@@ -160,7 +159,7 @@ class _Search:
         return _Sample(found.position, jacobian, valid)
 
     def nearest(self, points: Array, owner: IndexArray, shares: Array) -> Array:
-        """Of each of N points the solution of least t, (3, N), nan without one.
+        """The solution of least t of each of N points, (3, N), NaN for points without one.
 
         points: (3, N). owner: (S,) the point that each start is for. shares: (3, S) the starts.
         """
@@ -173,7 +172,7 @@ class _Search:
         return result
 
     def newton(self, points: Array, shares: Array) -> tuple[Array, BoolArray]:
-        """Solutions (3, S) from starts, and whether they are any."""
+        """Solutions (3, S) from starts, and whether each has converged to one."""
         shares = shares.copy()
         sample = self.sample(shares)
         accepted = np.zeros(len(sample.valid), bool)

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Free-form deformation by a lattice of points, as Blender's Lattice modifier does it (paper §4.1).
 
-The modifier moves a point p of the lattice's box to p + Σ Ni(u) Nj(v) Nk(w) Dijk,
-D being how far each lattice point has been moved. N are uniform cubics or
-straight pieces, in which the outer points stand for those beyond the border.
-Our u and v are the lattice's U and V. Our t runs against its W: a lattice that
-is turned as the camera is has its near side at +Z.
+The modifier moves a point p of the lattice's box to p + Σ Ni(u) Nj(v) Nk(w) Dijk, where D are the
+displacements of the lattice points. N are uniform cubics or straight pieces; the outer points stand for those
+beyond the border. Our u and v are the lattice's U and V. Our t runs against its W: a lattice that is turned
+as the camera is has its near side at +Z.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ def _places(cell: IndexArray, count: int) -> IndexArray:
 
 @dataclass(frozen=True)
 class LatticeLayer(ControlSurface):
-    """One layer of a lattice: a rectangle, and how far its points are moved.
+    """A layer of a lattice: a rectangle and the displacements of its points.
 
     corner: (3,), where (u, v) = (0, 0) is at rest. extent: (2,), its size along X
     and Y. moved: (rows, columns, 3), rows along v, at least 2 × 2.
@@ -190,7 +189,7 @@ class Lattice:
 
     @property
     def points(self) -> Array:
-        """Where the points have been moved to, (W, V, U, 3)."""
+        """The places of the moved points, (W, V, U, 3)."""
         axes = zip(self.low[::-1], self.high[::-1], self.moved.shape[:3], strict=True)
         rest = np.meshgrid(*(np.linspace(low, high, count) for low, high, count in axes), indexing="ij")
         points: Array = self.moved + np.stack(rest[::-1], axis=-1)

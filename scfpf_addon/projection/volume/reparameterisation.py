@@ -59,7 +59,7 @@ class Reparameterisation(Protocol):
 
 @dataclass(frozen=True)
 class Rectangle(Reparameterisation):
-    """u = x, v = y: the picture is the near surface unrolled."""
+    """u = x, v = y: the image is the near surface unrolled."""
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
         """See Reparameterisation.points."""

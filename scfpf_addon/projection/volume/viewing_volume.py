@@ -51,7 +51,7 @@ class ViewingVolume:
 
     Q(u, v, t) = Σ B(i, m)(t) Qi(u, v), t in [0, 1] (paper §4.1); other bases
     replace the Bernstein polynomials. weights: one a surface, above 0, for basis
-    NURBS; other bases leave them aside. Raises ValueError for fewer than two surfaces.
+    NURBS; other bases ignore them. Raises ValueError for fewer than two surfaces.
     """
 
     surfaces: tuple[ControlSurface, ...]
@@ -64,7 +64,7 @@ class ViewingVolume:
 
     @cached_property
     def spans(self) -> SpanBasis:
-        """The Bézier spans of every projector. Raises ValueError for weights that are none."""
+        """The Bézier spans of every projector. Raises ValueError for invalid weights."""
         return span_basis(self.basis, len(self.surfaces), self.weights)
 
     def controls(self, u: Array, v: Array) -> ControlSample:
@@ -82,7 +82,7 @@ class ViewingVolume:
         )
 
     def projectors(self, u: Array, v: Array) -> Projectors:
-        """``controls`` without derivatives and tiles: what casting needs of every pixel."""
+        """``controls`` without derivatives and tiles, as casting needs them for every pixel."""
         points = np.empty((len(self.surfaces), 3, len(u)))
         valid = np.ones(len(u), bool)
         for surface, target in zip(self.surfaces, points, strict=True):
@@ -159,7 +159,7 @@ class Projection:
         return projectors._replace(valid=projectors.valid & mask)
 
     def taken(self, which: IndexArray) -> Projection:
-        """The projection for some (n,) of the image positions that it was made for, if it was."""
+        """The projection restricted to a subset (n,) of its image positions, if it is bound to some."""
         return self
 
     def transformed(self, matrix: Array) -> Projection:

@@ -8,7 +8,7 @@ import pytest
 from matplotlib import image as reader
 
 from scfpf_addon.projection.presets import thumbnail
-from scfpf_addon.projection.presets.thumbnail import HEIGHT, PAPER, WIDTH, png, png_size, volume_picture
+from scfpf_addon.projection.presets.thumbnail import HEIGHT, PAPER, WIDTH, png, png_size, volume_thumbnail
 from scfpf_addon.projection.surfaces.surface import Plane, Point
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
@@ -26,7 +26,7 @@ def inked(picture):
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
 def test_a_volume_fills_its_picture_but_for_a_margin(scale):
-    picture = volume_picture(Projection(ViewingVolume((plane(scale, scale), plane(4 * scale, 4 * scale)))))
+    picture = volume_thumbnail(Projection(ViewingVolume((plane(scale, scale), plane(4 * scale, 4 * scale)))))
     assert picture.shape == (HEIGHT, WIDTH, 4) and (picture[..., 3] == 1.0).all()
     assert picture.min() >= 0.0 and picture.max() <= 1.0
     rows, columns = np.nonzero(inked(picture))
@@ -38,7 +38,7 @@ def test_a_volume_fills_its_picture_but_for_a_margin(scale):
 
 def test_surfaces_projectors_and_borders_have_their_colours():
     """Of two planes seen askew all three kinds of lines show."""
-    picture = volume_picture(Projection(ViewingVolume((plane(1, 1), plane(3, 3)))))
+    picture = volume_thumbnail(Projection(ViewingVolume((plane(1, 1), plane(3, 3)))))
     for color, _ in (thumbnail.GRID, thumbnail.PROJECTOR, thumbnail.BORDER):
         nearest = np.abs(picture[..., :3] - color).max(axis=2).min()
         assert nearest < 0.12, color
@@ -53,7 +53,7 @@ def test_it_is_seen_from_the_right_and_from_above():
 
 
 def test_a_volume_without_lines_is_blank_paper():
-    picture = volume_picture(Projection(ViewingVolume((Point(), Point()))))
+    picture = volume_thumbnail(Projection(ViewingVolume((Point(), Point()))))
     assert picture.shape == (HEIGHT, WIDTH, 4) and not inked(picture).any()
 
 

@@ -7,7 +7,7 @@ import pytest
 from scfpf_addon.projection.editing.resolution import change
 from scfpf_addon.projection.editing.volume_edits import EditingError
 from scfpf_addon.projection.presets import writing
-from scfpf_addon.projection.presets.writing import GRID_ERROR, stored_surface
+from scfpf_addon.projection.presets.stored_surface import GRID_ERROR, stored_surface
 from scfpf_addon.projection.surfaces.surface import Cylinder
 from scfpf_addon.projection.surfaces.uv_chart import UVChart
 from scfpf_addon.projection.surfaces.uv_mesh import UVMesh

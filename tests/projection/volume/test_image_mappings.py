@@ -13,7 +13,14 @@ from scfpf_addon.projection.file_limits import PresetError
 from scfpf_addon.projection.mappings.grids import DeformedGrid, STMap
 from scfpf_addon.projection.mappings.kinds import KINDS, mapping_data, read_mappings
 from scfpf_addon.projection.mappings.radial import CurvedDisplay, Distortion, MagicLens, RadialCurve
-from scfpf_addon.projection.mappings.stack import Backwards, Part, Stack, is_disc, mapped_places, seen_through
+from scfpf_addon.projection.mappings.stack import (
+    InverseMapping,
+    PartialMapping,
+    Stack,
+    is_disc,
+    mapped_places,
+    seen_through,
+)
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.inverse import find_in_image
 from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
@@ -48,8 +55,8 @@ MAPPINGS = {
     "near display": CurvedDisplay(1.2, 0.6),
     "grid": wavy_grid(),
     "ST map": st_map(),
-    "backwards": Backwards(Distortion((0.2, 0.0, 0.0))),
-    "part": Part(MagicLens(0.5, 3.0, 0.5), 0.4),
+    "backwards": InverseMapping(Distortion((0.2, 0.0, 0.0))),
+    "part": PartialMapping(MagicLens(0.5, 3.0, 0.5), 0.4),
     "stack": Stack(
         (MagicLens(0.4, 2.0, 0.5, (0.3, 0.4)), wavy_grid(), Distortion((-0.05, 0, 0))), Rectangle()
     ),
@@ -110,7 +117,7 @@ def test_brown_and_division_distortion_against_mpmath(x, y, aspect, k):
 
 def test_a_distortion_backwards_solves_the_polynomial():
     """OpenCV's direction: distorted places of undistorted ones; Newton's method by mpmath."""
-    mapping = Backwards(Distortion((0.15, -0.02, 0.004), (0.03, 0.0, 0.0)))
+    mapping = InverseMapping(Distortion((0.15, -0.02, 0.004), (0.03, 0.0, 0.0)))
     x, y = picture(20)
     image = mapping.map(x, y, 1.6)
     for k in range(20):

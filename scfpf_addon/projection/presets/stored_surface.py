@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A control surface as a preset file can hold it: as what it is if that is the same, else as a grid."""
+"""Control surfaces in forms that a preset file can hold: their own kind if that is exact, else a grid."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from ..surfaces.uv_mesh import UVMesh
 from ..typing import Array
 from .preset import SHEAR_TOLERANCE, PresetSurface
 
-# A description that is off by more than this share of the surface's size is none: float32 with room to spare.
+# The largest error of a surface by its own kind, as a share of its size: float32 with room to spare.
 SAME = 1e-4
 # Places along an axis at which both are compared, a quarter of them.
 COMPARED = 16
 # UV meshes of more triangles than this become grids: their files would be megabytes.
 MOST_TRIANGLES = 20_000
-# A grid is off by no more than this share of the surface's size: a tenth of a pixel of a thousand.
+# The largest error of a grid, as a share of the surface's size: a tenth of a pixel of a thousand.
 GRID_ERROR = 1e-4
 
 
@@ -35,10 +35,10 @@ def stored_surface(
 ) -> PresetSurface:
     """A surface in camera space as a preset's.
 
-    kind, parameters, points, matrix: what it is said to be, as in ``kinds.surface_from_parameters``. Where
-    that is not so (modifiers, other knots, a sheared matrix), or nothing is said, it becomes a
-    grid in camera space. A UV mesh that is said to be one stays one, in camera space, holes and all.
-    Raises EditingError for any other surface with holes.
+    kind, parameters, points, matrix: its description as in ``kinds.surface_from_parameters``. Without one, or
+    with one that does not match (modifiers, other knots, a sheared matrix), the surface becomes a grid in
+    camera space. A UV mesh described as one stays one, in camera space, with its holes. Raises EditingError
+    for any other surface with holes.
     """
     if kind == "UV_MESH" and isinstance(surface, UVMesh) and len(surface.chart.uv) <= MOST_TRIANGLES:
         own = np.asarray(surface.points, np.float64)
@@ -57,7 +57,7 @@ def stored_surface(
 
 
 def _is_upright(matrix: Array) -> bool:
-    """Whether a matrix has no shear, for which files have no place."""
+    """Whether a matrix is free of shear, which files cannot hold."""
     linear = matrix[:3, :3]
     axes = linear / np.sqrt((linear**2).sum(axis=0))
     return bool(np.abs(axes.T @ axes - np.eye(3)).max() <= SHEAR_TOLERANCE)
