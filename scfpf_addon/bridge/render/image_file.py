@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files of images, written through the scene's view transform. A file that is not whole replaces no other."""
+"""Files of images, written through the scene's view transform. Incomplete files replace no others."""
 
 from __future__ import annotations
 

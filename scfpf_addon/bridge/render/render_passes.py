@@ -108,7 +108,7 @@ def _crypto_kinds(view_layer) -> Iterator[str]:
 def crypto_names(scene) -> dict[str, list[str]]:
     """The names of objects and materials in the cryptomattes of a ``Scene``, by number."""
     # Cryptomattes have names without libraries.
-    plain = {thing.name_full: thing.name for thing in bpy.data.objects}
+    plain = {obj.name_full: obj.name for obj in bpy.data.objects}
     return {
         "OBJECT": [plain.get(name, name) for name in scene.geometry.object_names],
         "MATERIAL": list(scene.material_names),

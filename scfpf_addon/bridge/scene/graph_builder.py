@@ -102,19 +102,19 @@ class GraphBuilder:
             if number not in used:
                 used.add(number)
                 wanted.extend(self._operations[number].inputs)
-        place = {old: new for new, old in enumerate(sorted(used))}
+        new_numbers = {old: new for new, old in enumerate(sorted(used))}
         operations = [self._operations[old] for old in sorted(used)]
         settings = [operation.settings for operation in operations]
         return MaterialGraph(
             tuple(
-                Operation(each.kind, tuple(_moved(ref, place) for ref in each.inputs), each.settings)
+                Operation(each.kind, tuple(_moved(ref, new_numbers) for ref in each.inputs), each.settings)
                 for each in operations
             ),
             tuple(
                 Closure(
                     each.kind,
-                    _moved(each.weight, place),
-                    {name: _moved(ref, place) for name, ref in each.inputs.items()},
+                    _moved(each.weight, new_numbers),
+                    {name: _moved(ref, new_numbers) for name, ref in each.inputs.items()},
                 )
                 for each in self.closures
             ),
@@ -133,5 +133,5 @@ def _names(settings: list, *keys: str) -> set[str]:
     return found
 
 
-def _moved(ref: Ref, place: dict[int, int]) -> Ref:
-    return Ref(place[ref.operation], ref.output)
+def _moved(ref: Ref, new_numbers: dict[int, int]) -> Ref:
+    return Ref(new_numbers[ref.operation], ref.output)

@@ -36,12 +36,12 @@ def _light_falloff(inputs: NodeInputs) -> Outputs:
     return {one.identifier: inputs.value("Strength") for one in inputs.node.outputs}
 
 
-def _matrix_from(thing) -> Array:
-    return np.linalg.pinv(np.array(thing.matrix_world, np.float64))
+def _matrix_from(obj) -> Array:
+    return np.linalg.pinv(np.array(obj.matrix_world, np.float64))
 
 
 def _texture_coordinates(inputs: NodeInputs) -> Outputs:
-    builder, thing = inputs.builder, inputs.node.object
+    builder, obj = inputs.builder, inputs.node.object
     linked = inputs.linked_outputs()
     for name in linked & {"Normal", "Camera", "Window"}:
         inputs.note(f": {name}")
@@ -54,8 +54,8 @@ def _texture_coordinates(inputs: NodeInputs) -> Outputs:
     if "Object" in linked:
         found["Object"] = (
             builder.layer("OBJECT", 3)[0]
-            if thing is None
-            else builder.one("POSITION", matrix=_matrix_from(thing))
+            if obj is None
+            else builder.one("POSITION", matrix=_matrix_from(obj))
         )
     return found
 
@@ -101,8 +101,8 @@ def _geometry(inputs: NodeInputs) -> Outputs:
 
 def _mapping(inputs: NodeInputs) -> Outputs:
     location = "Location" if inputs.node.vector_type in {"POINT", "TEXTURE"} else None
-    place = inputs.vector(location) if location else inputs.builder.constant(0.0, 0.0, 0.0)
-    refs = inputs.vector("Vector"), place, inputs.vector("Rotation"), inputs.vector("Scale")
+    location_ref = inputs.vector(location) if location else inputs.builder.constant(0.0, 0.0, 0.0)
+    refs = inputs.vector("Vector"), location_ref, inputs.vector("Rotation"), inputs.vector("Scale")
     return {"Vector": inputs.builder.one("MAPPING", *refs, kind=inputs.node.vector_type)}
 
 
@@ -172,11 +172,11 @@ def _curve_table(mapping, count: int) -> tuple[Array, float, float]:
     curves = list(mapping.curves)
     low = min(curve.points[0].location[0] for curve in curves)
     high = max(curve.points[-1].location[0] for curve in curves)
-    places = np.linspace(low, high, CURVE_ENTRIES)
-    columns = [[mapping.evaluate(curve, x) for x in places] for curve in curves[:count]]
+    positions = np.linspace(low, high, CURVE_ENTRIES)
+    columns = [[mapping.evaluate(curve, x) for x in positions] for curve in curves[:count]]
     if len(curves) == 4:
         # The fourth curve is applied first, to all channels.
-        common = [mapping.evaluate(curves[3], x) for x in places]
+        common = [mapping.evaluate(curves[3], x) for x in positions]
         columns = [[mapping.evaluate(curve, x) for x in common] for curve in curves[:3]]
     return np.array(columns, np.float64).T, low, high
 

@@ -71,10 +71,10 @@ class GraphReader:
 
     def _sources(self, node, groups: tuple, opened: set) -> list[tuple]:
         """The nodes that feed a node and were not opened before."""
-        places = (resolve(socket, groups) for socket in node.inputs if socket.is_linked)
+        sources = (resolve(socket, groups) for socket in node.inputs if socket.is_linked)
         return [
             (socket.node, around)
-            for socket, around in places
+            for socket, around in sources
             if socket.is_output and socket.type != "SHADER" and _key(socket.node, around) not in opened
         ]
 

@@ -47,4 +47,4 @@ def unshown_settings(scene) -> tuple[str, ...]:
 def _culls(scene) -> bool:
     """Whether Simplify may remove objects."""
     kinds = [name for name in ("use_camera_cull", "use_distance_cull") if getattr(scene.cycles, name)]
-    return any(getattr(thing.cycles, name) for name in kinds for thing in scene.objects)
+    return any(getattr(obj.cycles, name) for name in kinds for obj in scene.objects)

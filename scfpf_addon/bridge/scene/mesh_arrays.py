@@ -33,14 +33,14 @@ class MeshArrays:
     layers: dict[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
-def of_mesh(thing, read):
+def of_mesh(obj, read):
     """Return read(mesh) of an evaluated object's mesh."""
     try:
         # In Edit Mode the evaluated mesh has no arrays yet: to_mesh() makes them.
-        return read(thing.to_mesh() if thing.data.is_editmode else thing.data)
+        return read(obj.to_mesh() if obj.data.is_editmode else obj.data)
     finally:
-        if thing.data.is_editmode:
-            thing.to_mesh_clear()
+        if obj.data.is_editmode:
+            obj.to_mesh_clear()
 
 
 def read_mesh(mesh, with_uv: bool = False) -> MeshArrays:

@@ -77,8 +77,8 @@ def read_images(
             state = image_state(image)
             before = known.get(name) if known is not None else None
             # Painting changes pixels without changing the state.
-            kept = before is not None and before[0] == state and not image.is_dirty
-            data = before[1] if kept else read_image(image)
+            is_unchanged = before is not None and before[0] == state and not image.is_dirty
+            data = before[1] if is_unchanged else read_image(image)
             if data is None:
                 trouble.setdefault(MISSING, []).append(name)
                 continue
@@ -193,8 +193,8 @@ def _floats(image, pixels: Pixels, encoded: bool) -> Pixels:
 def _rgba(pixels: Pixels) -> Pixels:
     """Grey, grey with alpha or RGB pixels as RGBA."""
     channels = pixels.shape[2]
-    whole = np.ones((*pixels.shape[:2], 4), np.float32)
-    whole[:, :, :3] = pixels[:, :, : 3 if channels == 3 else 1]
+    rgba = np.ones((*pixels.shape[:2], 4), np.float32)
+    rgba[:, :, :3] = pixels[:, :, : 3 if channels == 3 else 1]
     if channels == 2:
-        whole[:, :, 3] = pixels[:, :, 1]
-    return whole
+        rgba[:, :, 3] = pixels[:, :, 1]
+    return rgba

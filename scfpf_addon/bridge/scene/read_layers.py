@@ -70,17 +70,17 @@ def _attribute(mesh, name: str) -> Single | None:
     values = foreach(attribute.data, key, channels, dtype)
     if channels == 1:
         values = np.repeat(values[:, None], 3, axis=1)
-    whole = np.zeros((len(values), 4), np.float32)
-    whole[:, 3] = 1.0
-    whole[:, : values.shape[1]] = values
+    rgba = np.zeros((len(values), 4), np.float32)
+    rgba[:, 3] = 1.0
+    rgba[:, : values.shape[1]] = values
     if attribute.domain == "POINT":
-        return _of_points(mesh, whole)
+        return _of_points(mesh, rgba)
     if attribute.domain == "EDGE":
-        return _of_points(mesh, _from_edges(mesh, whole, attribute.data_type))
+        return _of_points(mesh, _from_edges(mesh, rgba, attribute.data_type))
     if attribute.domain == "CORNER":
-        return _of_corners(mesh, whole)
+        return _of_corners(mesh, rgba)
     if attribute.domain == "FACE":
-        return np.repeat(whole.take(triangle_faces(mesh), axis=0)[:, None], 3, axis=1)
+        return np.repeat(rgba.take(triangle_faces(mesh), axis=0)[:, None], 3, axis=1)
     return None
 
 
@@ -107,11 +107,11 @@ def _from_edges(mesh, values: Single, data_type: str) -> Single:
 
 def _generated(mesh) -> Single:
     """Positions of undeformed vertices in texture space: 0 to 1 over the mesh's box."""
-    place = foreach(mesh.vertices, "undeformed_co", 3)
+    position = foreach(mesh.vertices, "undeformed_co", 3)
     middle = np.array(mesh.texspace_location, np.float32)
     size = np.array(mesh.texspace_size, np.float32)
     size = np.where(size == 0.0, np.float32(0.5), size)
-    return (place - middle) / (2 * size) + np.float32(0.5)
+    return (position - middle) / (2 * size) + np.float32(0.5)
 
 
 def _tangents(mesh, layer) -> Single:

@@ -56,14 +56,14 @@ class MaterialTable:
         key = material.as_pointer()
         if key not in self._numbers:
             number = self._numbers[key] = len(self._rows)
-            constants, whole = read_material(material)
+            constants, is_complete = read_material(material)
             self._rows.append(constants)
             self.pass_indices.append(material.pass_index)
             self.names.append(material.name)
-            self._add_graph(material, number, whole)
+            self._add_graph(material, number, is_complete)
         return self._numbers[key]
 
-    def _add_graph(self, material, number: int, whole: bool) -> None:
+    def _add_graph(self, material, number: int, is_complete: bool) -> None:
         """Read the material as a graph, and keep that if it is more than the constants."""
         if not versions.uses_nodes(material):
             return
@@ -72,7 +72,7 @@ class MaterialTable:
             self._notes.setdefault(note, []).append(material.name)
         if reading.graph is None:
             self._odd.append(material.name)
-        elif not (reading.plain and whole):
+        elif not (reading.plain and is_complete):
             self.graphs[number] = reading.graph
 
     def materials(self) -> Materials:
@@ -125,7 +125,7 @@ def read_material(material) -> tuple[MaterialConstants, bool]:
         for node, groups in shaders:
             if node.type == kind:
                 inputs = _Inputs(node, groups, viewport)
-                return read(inputs), inputs.whole
+                return read(inputs), inputs.is_complete
     return viewport, False
 
 
@@ -136,7 +136,7 @@ class _Inputs:
         self._node = node
         self._groups = groups
         self.viewport = viewport
-        self.whole = True
+        self.is_complete = True
 
     def color(self, name: str) -> Array:
         return self._or(color_input(self._node, self._groups, name), self.viewport.base_color)
@@ -145,7 +145,7 @@ class _Inputs:
         return self._or(value_input(self._node, self._groups, name), otherwise)
 
     def _or(self, found, otherwise):
-        self.whole = self.whole and found is not None
+        self.is_complete = self.is_complete and found is not None
         return otherwise if found is None else found
 
 

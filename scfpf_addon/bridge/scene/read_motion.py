@@ -26,7 +26,7 @@ CURVE_STEPS = 65
 MOST_MOMENTS = 256
 
 View = tuple[Projection, DepthOfField | None]
-Seen = tuple[Projection, Scene, DepthOfField | None]
+Everything = tuple[Projection, Scene, DepthOfField | None]
 
 
 class MotionReader(NamedTuple):
@@ -39,7 +39,7 @@ class MotionReader(NamedTuple):
     scene: bpy.types.Scene
     still: Scene
     set_frame: Callable[..., None]
-    read: Callable[[], Seen]
+    read: Callable[[], Everything]
     read_view: Callable[[], View]
     cancelled: Callable[[], bool]
 
@@ -54,8 +54,8 @@ class MotionReader(NamedTuple):
         frame = self.frame
 
         def go_to(time: float) -> None:
-            whole = math.floor(time)
-            self.set_frame(whole, subframe=time - whole)
+            number = math.floor(time)
+            self.set_frame(number, subframe=time - number)
 
         try:
             yield go_to
@@ -76,7 +76,7 @@ def read_moments(reader: MotionReader, samples: int) -> tuple[Moment, ...]:
     opens, closes = shutter(render, reader.frame)
     weight = shutter_curve(render)
     times = shutter_times(count, opens, closes, weight)
-    seen: list[Seen] = []
+    read: list[Everything] = []
     ends: list[View] = []
     with reader.other_times() as go_to:
         for time in times:
@@ -84,15 +84,15 @@ def read_moments(reader: MotionReader, samples: int) -> tuple[Moment, ...]:
                 return ()
             go_to(time)
             projection, there, lens = reader.read()
-            known_scenes = (still, *(known for _, known, _ in seen))
+            known_scenes = (still, *(known for _, known, _ in read))
             there = next((known for known in known_scenes if same(known, there)), there)
-            seen.append((projection, there, lens))
-        if any(there is not still for _, there, _ in seen):
-            return tuple(Moment(*each) for each in seen)
+            read.append((projection, there, lens))
+        if any(there is not still for _, there, _ in read):
+            return tuple(Moment(*each) for each in read)
         for time in (opens, closes):
             go_to(time)
             ends.append(reader.read_view())
-    views = [ends[0], *((projection, lens) for projection, _, lens in seen), ends[1]]
+    views = [ends[0], *((projection, lens) for projection, _, lens in read), ends[1]]
     known = np.array([opens, *times, closes])
     wanted = shutter_times(min(samples, MOST_MOMENTS), opens, closes, weight)
     return tuple(Moment(projection, still, lens) for projection, lens in _interpolated(views, known, wanted))

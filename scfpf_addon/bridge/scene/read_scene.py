@@ -119,7 +119,7 @@ class _SceneReader:
         self.links = LightLinks()
         # By object and instancer: its ray visibility, and the number by which lamps know it.
         self._shown: dict[tuple[int, int], tuple[int, int]] = {}
-        self._seen: list[tuple[int, int]] = []
+        self._placed_shown: list[tuple[int, int]] = []
         self._mesh_numbers: dict[int, int] = {}
         self._look_numbers: dict[tuple[int, int], int] = {}
         self._looks: list[tuple[int, list[int]]] = []
@@ -135,36 +135,36 @@ class _SceneReader:
 
     def add(self, instance) -> None:
         """Take one entry of ``object_instances``, without a reference to it."""
-        thing = instance.object
-        if thing.type not in {"MESH", "LIGHT"} and thing.type not in FACELESS:
+        obj = instance.object
+        if obj.type not in {"MESH", "LIGHT"} and obj.type not in FACELESS:
             return
-        if thing.type in self._filtered:
+        if obj.type in self._filtered:
             return
-        own, parent = thing.original, instance.parent
+        own, parent = obj.original, instance.parent
         pointer = own.as_pointer()
         key = (pointer, parent.original.as_pointer() if parent else 0)
         shown = self._shown.get(key)
         if shown is None:
             name, above = own.name_full, parent.original.name_full if parent else ""
-            rays = self._rays(thing, parent)
+            rays = self._rays(obj, parent)
             shown = self._shown[key] = rays, self.links.number(name, above) if rays else 0
         if not shown[0]:
             return
-        if thing.type in FACELESS:
+        if obj.type in FACELESS:
             self._lost[NO_FACES][own.name] = None
             return
         matrix = np.array(instance.matrix_world, np.float64)
-        if thing.type == "MESH":
-            self._placed.append(self._mesh_and_look(thing, pointer))
+        if obj.type == "MESH":
+            self._placed.append(self._mesh_and_look(obj, pointer))
             self._matrices.append(matrix)
-            self._seen.append(shown)
+            self._placed_shown.append(shown)
         elif not (np.abs(matrix) <= LARGEST_COORDINATE).all():
             self._lost[BAD_PLACE][own.name] = None
         else:
-            self._add_lamp(thing, matrix)
+            self._add_lamp(obj, matrix)
 
-    def _add_lamp(self, thing, matrix: Array) -> None:
-        lamp, own = thing.data, thing.original
+    def _add_lamp(self, obj, matrix: Array) -> None:
+        lamp, own = obj.data, obj.original
         pointer = lamp.as_pointer()
         if pointer not in self._tints:
             self._tints[pointer] = read_tint(lamp)
@@ -173,19 +173,19 @@ class _SceneReader:
         if light is None:
             return
         self.links.add(len(self.lights), own)
-        self.lights.append(replace(light, scattered=thing.visible_diffuse, mirrored=thing.visible_glossy))
+        self.lights.append(replace(light, scattered=obj.visible_diffuse, mirrored=obj.visible_glossy))
         for note in notes:
             self._uneven.setdefault(note, {})[own.name] = None
 
-    def _rays(self, thing, parent) -> int:
+    def _rays(self, obj, parent) -> int:
         """The ray visibility of an object, as ``visible_rays``; 0 if it is not rendered."""
-        own = thing.original
+        own = obj.original
         top = parent.original if parent else own
         if own.name_full in self._left_out or top.name_full in self._left_out:
             return 0
         if self._rendered is not None and not self._is_rendered(own, top):
             return 0
-        return EVERYWHERE if thing.type == "LIGHT" else visible_rays(thing, parent, self._view_layer)
+        return EVERYWHERE if obj.type == "LIGHT" else visible_rays(obj, parent, self._view_layer)
 
     def _is_rendered(self, own, top) -> bool:
         """Whether a render shows an object of a viewport's depsgraph.
@@ -197,39 +197,39 @@ class _SceneReader:
             return False
         return not own.hide_render or top.instance_type != "COLLECTION"
 
-    def _mesh_and_look(self, thing, pointer: int) -> tuple[int, int]:
-        mesh_pointer = thing.data.as_pointer()
+    def _mesh_and_look(self, obj, pointer: int) -> tuple[int, int]:
+        mesh_pointer = obj.data.as_pointer()
         mesh = self._mesh_numbers.get(mesh_pointer)
         if mesh is None:
             mesh = self._mesh_numbers[mesh_pointer] = len(self.meshes)
-            self.meshes.append(of_mesh(thing, lambda data: read_mesh(data, self._with_uv)))
+            self.meshes.append(of_mesh(obj, lambda data: read_mesh(data, self._with_uv)))
         look = self._look_numbers.get((pointer, mesh_pointer))
         if look is None:
             look = self._look_numbers[pointer, mesh_pointer] = len(self._looks)
-            name = thing.original.name_full
+            name = obj.original.name_full
             number = self.object_numbers.setdefault(name, len(self.object_numbers))
             if number == len(self.pass_indices):
-                self.pass_indices.append(thing.pass_index)
-            used = [slot.material for slot in thing.material_slots]
+                self.pass_indices.append(obj.pass_index)
+            used = [slot.material for slot in obj.material_slots]
             slots = [self.materials.number(one) for one in ([self._material] if self._material else used)]
             self._looks.append((number, slots or [0]))
-            self._read_layers(thing, mesh, slots)
+            self._read_layers(obj, mesh, slots)
             if not self.meshes[mesh].finite:
                 self._lost[BAD_SHAPE][name] = None
         return mesh, look
 
-    def _read_layers(self, thing, mesh: int, slots: list[int]) -> None:
+    def _read_layers(self, obj, mesh: int, slots: list[int]) -> None:
         """Read the layers that the materials use and that the mesh does not have yet."""
         graphs = [self.materials.graphs[number] for number in set(slots) & self.materials.graphs.keys()]
         arrays = self.meshes[mesh]
         wanted = {name for graph in graphs for name in graph.layers} - arrays.layers.keys()
         if not wanted:
             return
-        found = of_mesh(thing, lambda data: {name: read_layer(data, name) for name in wanted})
+        found = of_mesh(obj, lambda data: {name: read_layer(data, name) for name in wanted})
         for name, values in found.items():
             if values is not None:
                 arrays.layers[name] = values if arrays.kept is None else values[arrays.kept]
-            elif name.partition(":")[2] in thing.vertex_groups:
+            elif name.partition(":")[2] in obj.vertex_groups:
                 self._lost[VERTEX_GROUPS][name.partition(":")[2]] = None
 
     def instances(self) -> Instances:
@@ -237,7 +237,7 @@ class _SceneReader:
         placed = np.array(self._placed, np.int32).reshape(-1, 2)
         matrix = np.array(self._matrices).reshape(-1, 4, 4)
         look_object = np.array([number for number, _ in self._looks], np.int32)
-        seen = np.array(self._seen, np.int32).reshape(-1, 2)
+        shown = np.array(self._placed_shown, np.int32).reshape(-1, 2)
         finite = (np.abs(matrix) <= LARGEST_COORDINATE).all(axis=(1, 2))
         names = list(self.object_numbers)
         for number in sorted(set(look_object[placed[~finite, 1]].tolist())):
@@ -249,8 +249,8 @@ class _SceneReader:
             look_object=look_object,
             slots=np.array([number for _, slots in self._looks for number in slots], np.int32),
             first_slot=np.cumsum([0, *(len(slots) for _, slots in self._looks)], dtype=np.int32),
-            visibility=None if (seen[:, 0] == EVERYWHERE).all() else seen[finite, 0].astype(np.uint8),
-            linked=seen[finite, 1] if self.links else None,
+            visibility=None if (shown[:, 0] == EVERYWHERE).all() else shown[finite, 0].astype(np.uint8),
+            linked=shown[finite, 1] if self.links else None,
         )
 
     def warnings(self) -> tuple[str, ...]:

@@ -22,36 +22,36 @@ RAYS = (
 Members = dict[str, bool]
 
 
-def visible_rays(thing, parent, view_layer) -> int:
+def visible_rays(obj, parent, view_layer) -> int:
     """The ray visibility of an evaluated object, bits of ``casting.common.ray_visibility``.
 
     parent: the evaluated object that instances it, or None.
     """
-    bits = _own_rays(thing) & (_own_rays(parent) if parent else EVERYWHERE)
-    top = (parent or thing).original
-    if top.holdout_get(view_layer=view_layer) or thing.is_holdout:
+    bits = _own_rays(obj) & (_own_rays(parent) if parent else EVERYWHERE)
+    top = (parent or obj).original
+    if top.holdout_get(view_layer=view_layer) or obj.is_holdout:
         return bits | HOLDOUT if bits & CAMERA else bits
-    if thing.is_shadow_catcher and bits & CAMERA:
+    if obj.is_shadow_catcher and bits & CAMERA:
         bits |= CATCHER
     if top.indirect_only_get(view_layer=view_layer):
         bits &= ~CAMERA
     return bits
 
 
-def _own_rays(thing) -> int:
-    return sum(bit for name, bit in RAYS if getattr(thing, name))
+def _own_rays(obj) -> int:
+    return sum(bit for name, bit in RAYS if getattr(obj, name))
 
 
 class LightLinks:
     """The objects that each lamp lights, and those that cast its shadows."""
 
     def __init__(self) -> None:
-        self._things: dict[tuple[str, str], int] = {}
+        self._objects: dict[tuple[str, str], int] = {}
         self._lamps: dict[int, dict[str, Members]] = {}
 
     def number(self, name: str, parent: str) -> int:
         """The number of an object for lamps. name, parent: full names, of its instancer "" without one."""
-        return self._things.setdefault((name, parent), len(self._things))
+        return self._objects.setdefault((name, parent), len(self._objects))
 
     def add(self, number: int, lamp) -> None:
         """Take the links of a lamp (a bpy.types.Object). number: of the lamp in the list of lights."""
@@ -74,7 +74,7 @@ class LightLinks:
         for kind in ("receivers", "blockers"):
             # An instance is linked through its instancer, if any lamp names that, else through its object.
             named = {name for kinds in self._lamps.values() for name in kinds.get(kind, ())}
-            names = [parent if parent in named else own for own, parent in self._things]
+            names = [parent if parent in named else own for own, parent in self._objects]
             for number, kinds in self._lamps.items():
                 if kind in kinds:
                     made[number] = replace(made[number], **{kind: _chosen(kinds[kind], names)})

@@ -315,7 +315,8 @@ def test_a_camera_and_surfaces_of_another_file(engine_scene, tmp_path, overridde
 
 def test_instances_that_memory_does_not_hold(addon, engine_scene, monkeypatch):
     before = button()
-    monkeypatch.setattr(addon("casting.common.memory"), "available_memory", lambda: 2000)
+    joining = addon("bridge.scene.join_meshes")
+    monkeypatch.setattr(joining, "shortage", lambda _needed: ("2 GB", "1 GB"))
     for press in (button, lambda: f12(engine_scene)):
         with pytest.raises(RuntimeError, match=r"12 triangles once every instance .* hide instances"):
             press()
