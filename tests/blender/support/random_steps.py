@@ -24,8 +24,8 @@ def small_pictures(scene) -> None:
     scene.cycles.samples = 1
 
 
-class ArtistSteps:
-    """The steps. A session adds random, folder, addon, steps, stores, note(), call(), options(), value()."""
+class EditSteps:
+    """Edits of objects and cameras. A session adds random, folder, addon, steps, stores and its methods."""
 
     def objects(self) -> list:
         return list(bpy.context.view_layer.objects)
@@ -174,6 +174,10 @@ class ArtistSteps:
                 break
         surface.update_tag()
         self.push()
+
+
+class ArtistSteps(EditSteps):
+    """All steps: edits, and renders, undo, scenes, hiding, renaming, modes and files."""
 
     def do_f12(self):
         engine = "SCFPF" if self.random.random() < 0.9 else "CYCLES"
