@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lights, the sky, shadows, and which of them a frame needs."""
+"""Lamps, the sky and shadows; and the culling of lights and of shadow casters."""

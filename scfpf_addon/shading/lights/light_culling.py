@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which lights can reach anything that a picture shows: the others need no lamp, nor shadow rays.
+"""Light culling: lights that reach nothing in the image need no lamp and no shadow rays.
 
-Certain, not sampled. Blender's point lamps and suns shine on everything; a spot's cone may pass the scene
-by, and an area lamp lights only what lies in front of it.
+Conservative. Blender's point lamps and suns shine on everything; a spot's cone may miss the scene, and an
+area lamp lights only the half-space in front of it.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ import numpy as np
 from ...projection.typing import Array
 from ..scene.shading_scene import Light
 
-# Cones and planes are wider by this share of the scene, for rounding and for the lamp's own size.
+# Cones and planes are widened by this share of the scene's size, for rounding.
 SLACK = 1e-3
 
-# The kinds of lights that do not shine on everything.
+# The kinds of lights that do not shine in all directions.
 CONFINED = ("AREA", "SPOT")
 
 
 def cull_lights(lights: tuple[Light, ...], vertices: Array) -> list[Light]:
-    """The lights that have power and may reach the box round the vertices (V, 3), in world space."""
+    """The lights that have power and may reach the bounding box of the vertices (V, 3), in world space."""
     shining = [light for light in lights if np.any(light.color)]
     if not any(light.kind in CONFINED for light in shining):
         return shining
     # Axis by axis: NumPy takes fifty times as long for all three at once.
-    lower, upper = (np.array([end(places) for places in vertices.T]) for end in (np.min, np.max))
+    lower, upper = (np.array([end(axis) for axis in vertices.T]) for end in (np.min, np.max))
     if not np.isfinite(lower + upper).all():
         return shining
     corners = np.stack(np.meshgrid(*zip(lower, upper, strict=True)), axis=-1).reshape(-1, 3)
@@ -35,9 +35,9 @@ def cull_lights(lights: tuple[Light, ...], vertices: Array) -> list[Light]:
 
 
 def _reaches(light: Light, corners: Array) -> bool:
-    """Whether a light may reach the box of the corners (8, 3)."""
+    """Whether a light may reach the box with the corners (8, 3)."""
     matrix = np.asarray(light.matrix, np.float64)
-    place, axis = matrix[:3, 3], -matrix[:3, 2]
+    position, axis = matrix[:3, 3], -matrix[:3, 2]
     length = float(np.linalg.norm(axis))
     if light.kind not in CONFINED or length == 0.0:
         return True
@@ -45,14 +45,14 @@ def _reaches(light: Light, corners: Array) -> bool:
     size = float(np.linalg.norm(corners[7] - corners[0]))
     margin = SLACK * size
     if light.kind == "AREA":
-        return bool(((corners - place) @ axis > -margin).any())
-    # A ball round the box, against a cone that a spot's own size makes wider. Scaled unevenly the cone is
-    # not round: such a spot stays.
+        return bool(((corners - position) @ axis > -margin).any())
+    # The box's bounding sphere, against the cone widened by the spot's own size. A spot scaled unevenly has
+    # no round cone, and is kept.
     axes = matrix[:3, :3].T @ matrix[:3, :3]
     if np.abs(axes - np.eye(3) * axes[0, 0]).max() > SLACK * abs(axes[0, 0]):
         return True
     radius = size / 2 + margin + light.radius
-    middle = corners.mean(axis=0) - place
+    middle = corners.mean(axis=0) - position
     distance = float(np.linalg.norm(middle))
     if distance <= radius:
         return True

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What single rays meet of a scene: projectors, shadow rays of a lamp; and holdouts."""
+"""Ray visibility: the parts of a scene that projectors and shadow rays can meet, holdouts and catchers."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .lamps import Lamp
 
 
 def camera_scene(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
-    """What of a scene projectors meet; None where that is nothing."""
+    """The part of a scene that projectors can meet; None if it is empty."""
     return cast_scene.only(visible_to(geometry.visibility, CAMERA))
 
 
 def holdouts(geometry: Geometry) -> BoolArray | None:
-    """Which triangles leave a hole in the picture, (T,); None for none."""
+    """Whether each triangle leaves a hole in the image, (T,); None without holdouts."""
     if geometry.visibility is None:
         return None
     held: BoolArray = (geometry.visibility & HOLDOUT) != 0
@@ -28,26 +28,26 @@ def holdouts(geometry: Geometry) -> BoolArray | None:
 
 
 def has_catchers(geometry: Geometry) -> bool:
-    """Whether of anything but shadows are seen."""
+    """Whether any object is a shadow catcher."""
     return geometry.visibility is not None and bool((geometry.visibility & CATCHER).any())
 
 
 def without_catchers(geometry: Geometry) -> Geometry:
-    """As if all shadow catchers were things like others."""
+    """The geometry with its shadow catchers as ordinary objects."""
     if geometry.visibility is None or not has_catchers(geometry):
         return geometry
     return replace(geometry, visibility=geometry.visibility & np.uint8(0xFF ^ CATCHER))
 
 
 def shadow_scene(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
-    """What of a scene casts shadows; None where that is nothing."""
+    """The part of a scene that casts shadows; None if it is empty."""
     return cast_scene.only(visible_to(geometry.visibility, SHADOW))
 
 
 def with_occluders(
     lamp: Lamp, geometry: Geometry, cast_scene: CastScene, some: BoolArray | None = None
 ) -> Lamp:
-    """The lamp with those things in its way alone that cast its shadows; some: (T,), of these triangles."""
+    """The lamp with the part of the scene that casts its shadows; some: (T,), of these triangles alone."""
     if not lamp.light.casts_shadow:
         return lamp
     kept, blockers = visible_to(geometry.visibility, SHADOW), lamp.light.blockers

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What of a scene is built: the part that a volume can meet, and the rest for shadows."""
+"""Scene culling: the part of a scene that a volume can meet is built, the rest only for shadow rays."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from .shadow_culling import cull_shadow_casters
 def cull_scene(
     scene: Scene, projection: Projection, alone: bool = True, exact: bool = False
 ) -> tuple[Scene, CastScene | None]:
-    """The part of a scene that a projection can meet, built to cast at; the rest is left for shadows.
+    """The part of a scene that a projection can meet, and its cast scene, None if that is empty.
 
-    None where nothing can be met. alone: no other projection will see it; else all is built.
-    exact: it is to be cast at exactly; CastError, before anything is built, where memory does not hold that.
+    alone: no other projection will see the scene; otherwise all of it is built. exact: hits will be exact.
+    Raises CastError, before anything is built, if memory is too small for exact hits.
     """
     try:
         return _within_reach(scene, projection, alone, exact)
     except NothingToCastAt:
-        # Faces without an area: things may be scaled to nothing in some frames of an animation.
+        # No face has an area: animated objects may be scaled to 0 in some frames.
         return scene, None
 
 
@@ -48,7 +48,7 @@ def _within_reach(
     seen = visible_to(whole.visibility, CAMERA)
     if seen is not None:
         kept &= seen
-    # Mirrors and glass show what lies beyond, too; shadows that some things do not cast ask for parts of all.
+    # Mirrors and glass show the rest of the scene, too. Objects without shadows need masks of all triangles.
     reflects = any(graph.reflects for graph in scene.materials.graphs.values())
     chosen = visible_to(whole.visibility, SHADOW) is not None or any(
         light.blockers is not None for light in scene.lights
@@ -60,7 +60,7 @@ def _within_reach(
     part = replace(scene, geometry=whole.part(kept))
 
     def beyond() -> tuple[Array, NDArray[np.int32]]:
-        """All vertices (V, 3), and the triangles (K, 3) outside the volume that may shade what is in it."""
+        """All vertices (V, 3), and the triangles (K, 3) outside the volume that may cast shadows into it."""
         rest = cull_shadow_casters(scene, part.geometry, projection.volume)
         rest &= ~kept
         return whole.vertices, whole.triangles.take(np.flatnonzero(rest), axis=0)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Shadow catchers: in place of a surface, what stands behind the picture, darker where others take light.
+"""Shadow catchers: they show the image's background, darkened where other objects block their light.
 
-As in Cycles the surface's own colour does not count: what is left of the light is a share.
+As in Cycles the catcher's own material has no effect: the darkening is the share of its light that is left.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from ..settings.frame_settings import FrameSettings
 from ..typing import Single
 from ..vectors import dot
 from .lamps import Lamp
-from .ray_visibility import shadow_scene, with_occluders
+from .ray_visibility import has_catchers, shadow_scene, with_occluders
 from .shadow_rays import cut_shadows
 from .sky_light import SkyLight
 
-# Places on an area lamp that stand for the whole of it.
+# The most places on an area lamp whose mean stands for the whole lamp.
 MOST_PLACES = 32
-# Radiance of surfaces that send on all that arrives, times π.
-ALL = np.ones((3, 1), np.float32)
+# Albedo of a white surface.
+WHITE = np.ones((3, 1), np.float32)
 
 
 @dataclass(frozen=True)
 class Catchers:
-    """What is caught, (T,) by triangle, and the light on it.
+    """The catchers of a frame, and the light on them.
 
-    lamps: each with all that stands in its way, and with catchers alone. sky: the same of the world's light,
-    None without any. cast_scene: of everything. world, behind: what stands behind the picture, the latter a
-    radiance (3,) where there is no world; None for both where the film is transparent. apart: the picture
-    shows no shadows, as there is a pass of them.
+    caught: (T,) whether a triangle is of a catcher. lamps: each with all its occluders, and with catchers
+    alone as occluders. sky: the same of the world's light, None if it is black. cast_scene: the whole scene.
+    world, background: the image's background, the latter a radiance (3,) without a world; both None on a
+    transparent film. in_pass: whether shadows are in a pass instead of the image.
     """
 
     caught: BoolArray
@@ -50,88 +50,88 @@ class Catchers:
     sky: tuple[SkyLight, SkyLight] | None
     cast_scene: CastScene
     world: World | None
-    behind: Array | None
-    apart: bool
+    background: Array | None
+    in_pass: bool
 
     @classmethod
     def of(
         cls, scene: Scene, cast_scene: CastScene, lamps: tuple[Lamp, ...], settings: FrameSettings
     ) -> Catchers | None:
-        """None where nothing catches shadows. lamps: of the frame, with all that stands in their way."""
+        """The catchers of a frame; None without any. lamps: of the frame, with all their occluders."""
         visibility = scene.geometry.visibility
-        if visibility is None or not (visibility & CATCHER).any():
+        if visibility is None or not has_catchers(scene.geometry):
             return None
         caught: BoolArray = (visibility & CATCHER) != 0
         kept = visible_to(visibility, SHADOW)
         others = cast_scene.only(caught if kept is None else caught & kept)
         sky = None
-        light = scene.world.light if scene.world else even_light(*np.asarray(scene.world_color, np.float64))
+        light = (
+            scene.world.light if scene.world else uniform_light(*np.asarray(scene.world_color, np.float64))
+        )
         if light is not None:
             made = SkyLight.of(light, settings.samples)
             full = replace(made, occluders=shadow_scene(scene.geometry, cast_scene))
             sky = full, replace(made, occluders=others)
-        apart = "SHADOW_CATCHER" in settings.passes.names
+        in_pass = "SHADOW_CATCHER" in settings.passes.names
         paper = settings.paper
-        shown = not settings.transparent and not apart
+        shown = not settings.transparent and not in_pass
         background, world = scene.backdrop
         return cls(
-            caught,
-            tuple((lamp, with_occluders(lamp, scene.geometry, cast_scene, caught)) for lamp in lamps),
-            sky,
-            cast_scene,
-            world if shown and paper is None else None,
-            (background if paper is None else paper) if shown else None,
-            apart,
+            caught=caught,
+            lamps=tuple((lamp, with_occluders(lamp, scene.geometry, cast_scene, caught)) for lamp in lamps),
+            sky=sky,
+            cast_scene=cast_scene,
+            world=world if shown and paper is None else None,
+            background=(background if paper is None else paper) if shown else None,
+            in_pass=in_pass,
         )
 
     def meets(self, triangle: IndexArray) -> BoolArray:
-        """Which of the triangles (n,) are caught."""
+        """Whether each of the triangles (n,) is of a catcher."""
         met: BoolArray = self.caught.take(triangle)
         return met
 
     def left(self, points: SurfacePoints, sample: int | IndexArray) -> Single:
-        """Share (3, n) of the light at points that others leave, by colour.
+        """Share (3, n) of the light at points that other objects leave, by colour.
 
-        What they take is counted, not what arrives: in the open all of it is left, without noise.
+        It is computed from the light that they block, so that it is exactly 1 in the open, without noise.
         """
-        taken, full = np.zeros_like(points.normal), np.zeros_like(points.normal)
+        blocked, full = np.zeros_like(points.normal), np.zeros_like(points.normal)
         for lamp, alone in self.lamps:
             if lamp.light.scattered:
-                lost, usual = self._lamp(lamp, alone, points, sample)
-                taken += lost * lamp.color[:, None]
+                lost, usual = self._blocked(lamp, alone, points, sample)
+                blocked += lost * lamp.color[:, None]
                 full += usual * lamp.color[:, None]
         if self.sky:
-            open_sky = self.sky[1].scattered(points, ALL, sample)
-            taken += open_sky - self.sky[0].scattered(points, ALL, sample)
+            open_sky = self.sky[1].scattered(points, WHITE, sample)
+            blocked += open_sky - self.sky[0].scattered(points, WHITE, sample)
             full += open_sky
-        left: Single = 1 - np.divide(taken, full, out=np.zeros_like(taken), where=full > 0)
+        left: Single = 1 - np.divide(blocked, full, out=np.zeros_like(blocked), where=full > 0)
         return left
 
-    def _lamp(
+    def _blocked(
         self, lamp: Lamp, alone: Lamp, points: SurfacePoints, sample: int | IndexArray
     ) -> tuple[Single, Single]:
-        """What others take of a lamp's light and what there is of it, (n,) each."""
+        """The irradiance of a lamp that other objects block, and that without them, (n,) each."""
         light = lamp.incidence(points.position, sample)
         received = np.maximum(dot(points.normal, light.direction), 0) * light.strength
-        if lamp.light.receivers is not None and points.linked is not None:
-            received *= lamp.light.receivers.take(points.linked)
+        lamp.limit_to_receivers(received, points)
         arrived, own = received.copy(), received.copy()
         for values, each in ((arrived, lamp), (own, alone)):
             if each.light.casts_shadow:
                 cut_shadows(values, points, light, each.occluders or self.cast_scene)
-        full = own
-        if lamp.light.kind == "AREA":
-            # Of places nearby comes more: each of them counts as it does in the whole.
-            places = range(0, lamp.places.shape[1], -(-lamp.places.shape[1] // MOST_PLACES))
-            full = np.zeros_like(own)
-            for place in places:
-                raise_if_cancelled()
-                its = lamp.incidence(points.position, place)
-                full += np.maximum(dot(points.normal, its.direction), 0) * its.strength
-            full *= (received == 0) | (own > 0)
-            full /= len(places)
-            if lamp.light.receivers is not None and points.linked is not None:
-                full *= lamp.light.receivers.take(points.linked)
+        if lamp.light.kind != "AREA":
+            return own - arrived, own
+        # Nearer places on the lamp are brighter, so the whole is the mean over places, not this sample's.
+        places = range(0, lamp.places.shape[1], -(-lamp.places.shape[1] // MOST_PLACES))
+        full = np.zeros_like(own)
+        for place in places:
+            raise_if_cancelled()
+            its = lamp.incidence(points.position, place)
+            full += np.maximum(dot(points.normal, its.direction), 0) * its.strength
+        full *= (received == 0) | (own > 0)
+        full /= len(places)
+        lamp.limit_to_receivers(full, points)
         return own - arrived, full
 
     def over(
@@ -143,7 +143,7 @@ class Catchers:
         continuation: Continuation,
         parts: LightParts | None,
     ) -> Single:
-        """The colours (3, n) of hits on triangles (n,), or (4, n) with alpha where some of them are caught.
+        """Colours (3, n) of hits on triangles (n,) with catchers shown, (4, n) with alpha if there are any.
 
         continuation: of the hits' projectors. parts: of the colours.
         """
@@ -151,7 +151,7 @@ class Catchers:
         if not len(caught):
             return color
         left = self.left(points.take(caught), sample if isinstance(sample, int) else sample[caught])
-        shown = self.picture(left, continuation.exit_tangents(caught) if self.looks_on else None)
+        shown = self.shown(left, continuation, caught)
         color = np.concatenate([color, np.ones_like(color[:1])])
         color[:, caught] = shown
         if parts:
@@ -159,30 +159,22 @@ class Catchers:
             parts.catch(caught, np.ones((3, len(caught))), shown, left)
         return color
 
-    def picture(self, left: Single, exits: Array | None) -> Single:
-        """Colours and alpha (4, n) of what is caught.
-
-        left: (3, n), see there. exits: (3, n) tangents where projectors leave the volume, see ``looks_on``.
-        """
+    def shown(self, left: Single, continuation: Continuation, which: IndexArray) -> Single:
+        """Colours and alpha (4, n) of catchers, where projectors ``which`` (n,) hit them. left: see there."""
         share = (left[0] + left[1] + left[2]) / 3
-        made = np.zeros((4, len(share)), np.float32)
-        made[3] = 0.0 if self.apart else 1 - share
-        if self.behind is not None:
-            color = np.reshape(self.behind, (3, 1))
-            if self.world and exits is not None:
-                color = self.world.radiance(exits)
-            made[:3], made[3] = color * share, 1.0
-        return made
-
-    @property
-    def looks_on(self) -> bool:
-        """Whether it matters where projectors leave the volume."""
-        return self.world is not None
+        shown = np.zeros((4, len(share)), np.float32)
+        shown[3] = 0.0 if self.in_pass else 1 - share
+        if self.background is not None:
+            color = np.reshape(self.background, (3, 1))
+            if self.world:
+                color = self.world.radiance(continuation.exit_tangents(which))
+            shown[:3], shown[3] = color * share, 1.0
+        return shown
 
 
 @lru_cache(maxsize=2)
-def even_light(red: float, green: float, blue: float) -> WorldLight | None:
-    """The light of a world that is the same all around; None of a black one."""
+def uniform_light(red: float, green: float, blue: float) -> WorldLight | None:
+    """The light of a uniform environment; None of a black one."""
     color = np.array([red, green, blue])
     if not color.any():
         return None

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which triangles may cast a shadow on what a volume shows: the others need not be built.
+"""Shadow culling: triangles that cast no shadow on the visible part of the scene need not be built.
 
-Certain, not sampled: what stands in the way of light lies in the hull of the lamp and of what it lights.
+Conservative: whatever blocks light lies in the convex hull of the lamp and of the lit geometry.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from ..sampling.sample_sets import BALL_REACH
 from ..scene.shading_scene import Light, Scene
 from .ray_visibility import has_catchers
 
-# Turns of 45° about a sun's direction; axes and diagonals of space for other lamps.
+# Directions of bounding planes: multiples of 45° about a sun's direction; for other lamps axes and diagonals.
 TURNS = np.arange(8) * (np.pi / 4)
 DIAGONALS = np.array([[x, y, z] for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)], float)
 DIAGONALS = DIAGONALS[(np.abs(DIAGONALS).sum(axis=1) != 2) & DIAGONALS.any(axis=1)]
-# Points of a volume's hull between whose pairs its silhouette is looked for.
+# The most points of a volume's hull whose silhouette is searched, pair by pair.
 MOST_POINTS = 64
-# Share of its size by which a silhouette's edge may miss points of the hull: rounding.
+# Rounding: the share of its size by which a silhouette's edge may miss points of the hull.
 STRAIGHT = 1e-9
-# In radians, by which normals differ at least that are worth two planes.
+# Normals that differ by less than this, in radians, share one plane.
 SAME_ANGLE = 1e-6
-# Shadow rays start off their triangle by less than this share of the largest coordinate.
+# Shadow rays start closer to their triangle than this share of the largest coordinate.
 OFFSET = 4.0 * ORIGIN_OFFSET
-# A sun whose axes are farther from a rotation's shines on all.
+# Culling ignores suns whose axes differ by more from a rotation's.
 SKEW = 1e-3
 
 
 def cull_shadow_casters(scene: Scene, shown: Geometry, volume: ViewingVolume) -> BoolArray:
-    """Which triangles (T,) of a scene may cast a shadow on a part of it, where the volume meets that."""
+    """Whether each triangle (T,) of a scene may cast a shadow on its part ``shown`` inside the volume."""
     whole = scene.geometry
     everything = np.ones(len(whole.triangles), bool)
-    # A world of one colour casts shadows on catchers alone.
+    # A uniform environment casts shadows on catchers alone.
     if scene.world is not None or (has_catchers(whole) and np.any(scene.world_color)):
         return everything
     corners = np.ascontiguousarray(np.asarray(shown.vertices, np.float64).T)
@@ -47,7 +47,7 @@ def cull_shadow_casters(scene: Scene, shown: Geometry, volume: ViewingVolume) ->
         hull = np.concatenate([surface.hull() for surface in volume.surfaces], axis=1)
     if not (np.isfinite(corners).all() and np.isfinite(hull).all()):
         return everything
-    # Projectors of other bases may leave the hull of their surfaces; the triangles that they meet do not.
+    # Projectors of other bases may leave the hull of their surfaces, so only the triangles bound their hits.
     bodies = [corners, hull] if volume.basis in ("BEZIER", "POLYLINE") else [corners]
     sides = flat_sides(volume)
     margin = OFFSET * float(np.abs(corners).max()) + _roundness(shown, corners)
@@ -62,9 +62,9 @@ def cull_shadow_casters(scene: Scene, shown: Geometry, volume: ViewingVolume) ->
 
 
 def _roundness(shown: Geometry, vertices: Array) -> float:
-    """How far shadow rays may start off triangles: the surface that smooth shading pretends
-    to lies nowhere farther from them than one corner from the plane of another's normal.
+    """The greatest distance between triangles and the rounded surface that smooth shading pretends.
 
+    Shadow rays may start there. It is bounded by the distance of corners from the tangent planes at others.
     vertices: (3, V), of ``shown``.
     """
     most = 0.0
@@ -85,9 +85,9 @@ def _roundness(shown: Geometry, vertices: Array) -> float:
 def _between(
     light: Light, bodies: list[Array], sides: HalfSpaces | None, margin: float, vertices: Array
 ) -> HalfSpaces | None:
-    """What lies between a lamp and what is in all of the bodies, each (3, N), and ``margin`` farther.
+    """Half-spaces that hold everything between a lamp and the common part of the bodies, (3, N) each.
 
-    sides: planes that hold this, too. None where that may be anything.
+    margin: widens them. sides: more half-spaces of the common part. None if nothing bounds it.
     """
     matrix = np.asarray(light.matrix, np.float64)
     if not np.isfinite(matrix).all():
@@ -103,9 +103,9 @@ def _between(
                 top = float(highest(towards[None], vertices.T)[0])
             if not np.isfinite(top):
                 return None
-            # A sun that fills some of the sky shines past what is high up at an angle.
+            # The light of a sun of some size is inclined: the higher its blockers, the wider the hull.
             height = max(top + lit.limits[len(TURNS)], 0.0)
-            # The largest angle of Blender's is a float32, which is more than half a turn.
+            # Blender's largest angle, π as a float32, is more than half a turn.
             lit.limits[:] += height * (1.0 + 4.0 * SKEW) * np.tan(min(light.angle, np.pi) / 2)
     else:
         lit = _common(DIAGONALS, bodies)
@@ -120,9 +120,10 @@ def _between(
 
 
 def _beneath(axes: Array, bodies: list[Array], sides: HalfSpaces | None) -> HalfSpaces:
-    """What lies between what is in all of the bodies and a sun whose axes (3, 3) shine along -Z.
+    """Half-spaces that hold everything between the common part of the bodies and a sun.
 
-    The planes of TURNS come first, then the one that faces away from the sun.
+    axes: (3, 3), the sun's; it shines along -Z. The planes of TURNS come first, then the one that faces away
+    from the sun.
     """
     towards = axes[:, 2]
     x, y = np.linalg.qr(axes[:, ::-1])[0][:, 1:].T
@@ -132,14 +133,14 @@ def _beneath(axes: Array, bodies: list[Array], sides: HalfSpaces | None) -> Half
     if body.shape[1] <= MOST_POINTS:
         lit = lit.with_planes_of(HalfSpaces.around(_silhouette(body, x, y), body))
     if sides is not None:
-        # What is behind a plane stays so on its way to a sun that does not shine from in front.
+        # Towards a sun behind a plane everything stays behind that plane.
         away = sides.normals @ towards <= 0.0
         lit = lit.with_planes_of(HalfSpaces(sides.normals[away], sides.limits[away]))
     return lit
 
 
 def _silhouette(points: Array, x: Array, y: Array) -> Array:
-    """Normals (K, 3) of the outline that points (3, N) have on the plane of two unit axes (3,)."""
+    """Normals (K, 3) of the outline of points (3, N) on the plane of two unit axes (3,)."""
     flat = np.stack([x @ points, y @ points])
     ways = flat[:, None] - flat[:, :, None]
     length = np.hypot(*ways)
@@ -150,14 +151,14 @@ def _silhouette(points: Array, x: Array, y: Array) -> Array:
     turned = turned[:, (turned.T @ flat).max(axis=1) <= own + slack]
     angle = np.arctan2(turned[1], turned[0])
     order = angle.argsort()
-    # Of edges in one line one; np.unique would first import masked arrays.
+    # One of the edges in a line; np.unique would first import masked arrays.
     once = order[np.diff(angle[order], prepend=-np.inf) > SAME_ANGLE]
     normals: Array = turned[:, once].T @ np.stack([x, y])
     return normals
 
 
 def _common(normals: Array, bodies: list[Array]) -> HalfSpaces:
-    """Half-spaces that hold what is in all of the bodies."""
+    """Half-spaces of given normals that hold the common part of the bodies."""
     each = [HalfSpaces.around(normals, body) for body in bodies]
     limits: Array = np.stack([one.limits for one in each]).min(axis=0)
     return HalfSpaces(each[0].normals, limits)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a world of nodes does to surfaces, by the parts that ``sky_map`` makes of its light."""
+"""The light of a world that differs by direction: lamps for its bright spots, and the soft rest."""
 
 from __future__ import annotations
 
@@ -13,45 +13,45 @@ from ..interpolation import bilinear
 from ..sampling.sample_positions import BITS, Bits, scramble
 from ..sampling.sample_sets import SILVER, pixel_positions, shuffled
 from ..scene.shading_scene import Light
-from ..scene.sky_map import COLUMNS, NORMAL_ROWS, ROWS, WorldLight, brightness, map_places
+from ..scene.sky_map import COLUMNS, NORMAL_ROWS, ROWS, WorldLight, luminance_of, map_places
 from ..scene.surface import TINY, SurfacePoints
 from ..typing import Single
 from ..vectors import dot
 from .beams import Incidence
 from .lamps import Lamp
 from .shadow_rays import cut_shadows
-from .sky_sampling import QUANTILES, Picks, picks_of
+from .sky_sampling import QUANTILES, SkyDirections, directions_of
 
-# Directions in which a pixel looks for what hides the sky, at least, where nothing else lights it.
+# The least number of a pixel's rays towards the sky, where nothing else lights it.
 HIDING = 28
-# The mean of n directions that are evenly spread errs by n to minus this.
+# The error of the mean of n evenly spread directions is n to the power of minus this.
 CONVERGENCE = 0.75
 FAR = np.full(1, np.inf, np.float32)
 
 
 @dataclass(frozen=True)
 class SkyLight:
-    """A world's light as a frame sees it.
+    """A world's light in a frame.
 
-    lamps: in cast space, which is not turned. picks: the directions in which samples look for what hides
-    the sky, ``each`` of them at most. order: (samples,) where among them. occluders: what hides it, None for
-    nothing.
+    lamps: in cast space, which has the world's axes. directions: of the rays that look for occluders of the
+    soft light, at most ``rays`` in each sample. order: (samples,) where in the sequence a sample begins.
+    occluders: None if nothing hides the sky.
     """
 
     light: WorldLight
     lamps: tuple[Lamp, ...]
-    picks: Picks
-    each: int
+    directions: SkyDirections
+    rays: int
     order: Array
     occluders: CastScene | None = None
 
     @classmethod
     def of(cls, light: WorldLight, samples: int) -> SkyLight:
-        """For frames of so many samples a pixel."""
+        """The light in frames of ``samples`` samples a pixel."""
         return cls(
             light,
             tuple(world_lamp(*lamp, samples) for lamp in light.lamps),
-            picks_of(light),
+            directions_of(light),
             -(-HIDING // samples),
             shuffled(samples, SILVER) / samples,
         )
@@ -63,28 +63,30 @@ class SkyLight:
         sample: int | IndexArray,
         beside: Single | None = None,
     ) -> Single:
-        """What points send on of the even light, (3, N). reflectance: (3, N) or (3, 1), over π.
+        """Radiance of points from the soft light, (3, N). reflectance: (3, N) or (3, 1), over π.
 
-        A ray looks for what hides a part that is chosen by how much of the light comes from there, so that
-        rays in the open change nothing. Each point looks by a chance of its own place: the
-        shadows of fixed directions would be seen one by one. beside: (3, N) what they send on of other
-        light: where it is much less is seen of the sky's noise, and fewer rays do.
+        Each ray stands for an equal share of the irradiance, and takes it away where it is occluded: in the
+        open there is no noise. Random numbers depend on the point's position; with fixed directions single
+        shadows would be visible. beside: (3, N) radiance from other light, which hides noise: the more of it,
+        the fewer rays.
         """
         arriving = self.irradiance(points.normal)
         if self.occluders is not None:
-            own = brightness(reflectance * arriving)
-            share = np.ones(len(own)) if beside is None else own / np.maximum(own + brightness(beside), TINY)
-            self._hide(arriving, points, sample, self.occluders, self._looks(share * (own > 0.0)))
+            own = luminance_of(reflectance * arriving)
+            share = (
+                np.ones(len(own)) if beside is None else own / np.maximum(own + luminance_of(beside), TINY)
+            )
+            self._hide(arriving, points, sample, self.occluders, self._ray_counts(share * (own > 0.0)))
         scattered: Single = reflectance * arriving
         return scattered
 
-    def _looks(self, share: Array) -> IndexArray:
-        """Rays for points where the sky is a share (N,) of all light, (N,): a power of 2, or all."""
-        powers = 2 ** np.arange(self.each.bit_length())
-        steps = np.unique(np.concatenate([[0], powers, [self.each]]))
-        enough = (steps[:-1] / self.each) ** CONVERGENCE
-        looks: IndexArray = steps[np.searchsorted(enough, share)]
-        return looks
+    def _ray_counts(self, share: Array) -> IndexArray:
+        """Numbers of rays (N,) where the sky is a share (N,) of all light: a power of 2, or all."""
+        powers = 2 ** np.arange(self.rays.bit_length())
+        steps = np.unique(np.concatenate([[0], powers, [self.rays]]))
+        enough = (steps[:-1] / self.rays) ** CONVERGENCE
+        counts: IndexArray = steps[np.searchsorted(enough, share)]
+        return counts
 
     def _hide(
         self,
@@ -92,49 +94,49 @@ class SkyLight:
         points: SurfacePoints,
         sample: int | IndexArray,
         occluders: CastScene,
-        looks: IndexArray,
+        counts: IndexArray,
     ) -> None:
-        """Take from what arrives at points, (3, N), what others hide. looks: (N,) with how many rays."""
-        begin = np.broadcast_to(self.order[np.atleast_1d(sample)], len(looks))
-        for count in np.unique(looks[looks > 0]):
-            some = np.flatnonzero(looks == count)
+        """Take the occluded share from the light that arrives at points, (3, N). counts: (N,) of rays."""
+        begin = np.broadcast_to(self.order[np.atleast_1d(sample)], len(counts))
+        for count in np.unique(counts[counts > 0]):
+            some = np.flatnonzero(counts == count)
             there, light = points.take(some), arriving.take(some, axis=1)
-            lost = (brightness(light) / count).astype(np.float32)
-            mark = place_marks(there.position)
-            row = self.picks.rows(there.normal, halves(scramble(mark, 0)))
+            lost = (luminance_of(light) / count).astype(np.float32)
+            seed = position_seeds(there.position)
+            row = self.directions.rows(there.normal, random_pairs(scramble(seed, 0)))
             for number in range(count):
-                chance = scramble(mark, number + 1) * 2.0**-BITS / len(self.order)
-                place = (number + begin[some] + chance) / count
-                picked = self.picks.table.take(row + (place * QUANTILES).astype(np.intp))
-                direction = self.picks.towards.take(picked, axis=1)
+                jitter = scramble(seed, number + 1) * 2.0**-BITS / len(self.order)
+                place = (number + begin[some] + jitter) / count
+                chosen = self.directions.table.take(row + (place * QUANTILES).astype(np.intp))
+                direction = self.directions.towards.take(chosen, axis=1)
                 facing = np.maximum(dot(there.normal, direction), 0)
                 seen = facing.copy()
                 cut_shadows(seen, there, Incidence(direction, facing, FAR), occluders)
                 hidden = np.flatnonzero(seen < facing)
-                light[:, hidden] -= self.picks.tint.take(picked[hidden], axis=1) * lost[hidden]
+                light[:, hidden] -= self.directions.tint.take(chosen[hidden], axis=1) * lost[hidden]
             arriving[:, some] = light
 
     def irradiance(self, normal: Single) -> Single:
-        """On surfaces of unit normals (3, N) without anything in the way, (3, N)."""
+        """Irradiance (3, N) by unit normals (3, N), without occluders."""
         row, column = map_places(normal, NORMAL_ROWS)
         return bilinear(self.light.irradiance, row + 0.5, column + 0.5)
 
 
-def place_marks(position: Single) -> Bits:
-    """A number by place (3, N), (N,): whatever ray came there."""
+def position_seeds(position: Single) -> Bits:
+    """Seeds (N,) that depend on positions (3, N) alone."""
     x, y, z = np.ascontiguousarray(position).view(np.uint32)
-    marks: Bits = x * np.uint32(73856093) ^ y * np.uint32(19349663) ^ z * np.uint32(83492791)
-    return marks
+    seeds: Bits = x * np.uint32(73856093) ^ y * np.uint32(19349663) ^ z * np.uint32(83492791)
+    return seeds
 
 
-def halves(bits: Bits) -> Array:
-    """Two numbers in [0, 1) of each of (N,), (2, N)."""
+def random_pairs(bits: Bits) -> Array:
+    """Two numbers in [0, 1) from the halves of each word (N,), (2, N)."""
     made: Array = np.stack([bits & np.uint32(0xFFFF), bits >> np.uint32(16)]) * 2.0**-16
     return made
 
 
 def world_lamp(luminance: Array, color: Array, samples: int) -> Lamp:
-    """A lamp of light at infinity: a place for each sample where a map (ROWS, COLUMNS) is bright."""
+    """A lamp at infinity, whose places are distributed like the luminance of a map (ROWS, COLUMNS)."""
     across, up = pixel_positions(samples).take(shuffled(samples, SILVER), axis=1)
     rows = np.concatenate([[0.0], np.cumsum(luminance.sum(axis=1))])
     row = np.interp(up * rows[-1], rows, np.arange(ROWS + 1))
@@ -148,10 +150,10 @@ def world_lamp(luminance: Array, color: Array, samples: int) -> Lamp:
     middle = places.mean(axis=1)
     light = Light("SUN", color, np.eye(4))
     return Lamp(
-        light,
-        color.astype(np.float32),
-        places.astype(np.float32),
-        (-middle / np.linalg.norm(middle)).astype(np.float32),
-        np.eye(3, dtype=np.float32),
-        np.float32(0.0),
+        light=light,
+        color=color.astype(np.float32),
+        places=places.astype(np.float32),
+        axis=(-middle / np.linalg.norm(middle)).astype(np.float32),
+        local=np.eye(3, dtype=np.float32),
+        softness=np.float32(0.0),
     )

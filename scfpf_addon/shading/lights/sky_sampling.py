@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a surface looks for what hides the sky: in proportion to the light that it gets from there."""
+"""Directions of rays that look for occluders of the sky, importance-sampled by the light from there."""
 
 from __future__ import annotations
 
@@ -14,18 +14,20 @@ from ...projection.typing import Array
 from ..scene.sky_map import NORMAL_ROWS, Gathered, WorldLight, map_directions, map_places
 from ..typing import Single
 
-# Directions of equal parts of the even light that are told apart.
+# Directions, each of which stands for an equal part of the soft light.
 DIRECTIONS = 1024
-# Equal parts of what a surface of one normal gets, each from one of the directions.
+# Equal parts of the irradiance of a normal, each from one of the directions.
 QUANTILES = 512
-# Normals of which they are reckoned at once.
+# Normals whose parts are computed at once.
 AT_ONCE = 512
 
 
-class Picks(NamedTuple):
-    """towards: (3, DIRECTIONS) unit, along a curve that keeps neighbours together. tint: (3, DIRECTIONS)
-    colours, of luminance 1. table: (2 NORMAL_ROWS² QUANTILES,) for each normal of a map and each part of what
-    arrives there the direction that it comes from.
+class SkyDirections(NamedTuple):
+    """Directions of equal parts of a sky's soft light, and a table that samples them by normal.
+
+    towards: (3, DIRECTIONS) unit, along a curve that keeps neighbours together. tint: (3, DIRECTIONS)
+    colours, of luminance 1. table: (2 NORMAL_ROWS² QUANTILES,) for each normal of a map and each part of its
+    irradiance the number of a direction.
     """
 
     towards: Single
@@ -33,9 +35,9 @@ class Picks(NamedTuple):
     table: NDArray[np.uint16]
 
     @classmethod
-    def of(cls, even: Gathered) -> Picks:
-        """Of the even light on its curve."""
-        towards, color = equal_parts(even, DIRECTIONS)
+    def of(cls, soft: Gathered) -> SkyDirections:
+        """The directions of the soft light, given along its curve."""
+        towards, color = equal_parts(soft, DIRECTIONS)
         luminance = LUMINANCE @ color
         normals = map_directions(2 * NORMAL_ROWS, NORMAL_ROWS)
         counts = np.empty((normals.shape[1], DIRECTIONS), np.intp)
@@ -44,7 +46,7 @@ class Picks(NamedTuple):
             arriving = np.maximum(normals[:, some].T @ towards, 0.0)
             until = np.cumsum(arriving, axis=1)
             total = until[:, -1:]
-            # Where nothing arrives nothing is looked for.
+            # Normals without irradiance have no directions.
             until = np.divide(until, total, out=np.ones_like(until), where=total > 0.0)
             counts[some] = np.diff(np.rint(until * QUANTILES), axis=1, prepend=0.0)
         directions = np.tile(np.arange(DIRECTIONS, dtype=np.uint16), len(counts))
@@ -54,16 +56,16 @@ class Picks(NamedTuple):
             np.repeat(directions, counts.ravel()),
         )
 
-    def rows(self, normal: Single, chance: Array) -> Array:
-        """Where in the table normals (3, N) are, (N,): at one of the four around each, by chance (2, N).
+    def rows(self, normal: Single, random: Array) -> Array:
+        """Begin of the rows of normals (3, N) in the table, (N,), at random one of the four around each.
 
-        As often as it is near, so that the mean over many is what lies between them.
+        random: (2, N) in [0, 1). The probabilities are those of bilinear interpolation.
         """
         row, column = map_places(normal, NORMAL_ROWS)
-        row += chance[0] - 0.5
-        column += chance[1] - 0.5
+        row += random[0] - 0.5
+        column += random[1] - 0.5
         row, column = np.floor(row).astype(np.intp), np.floor(column).astype(np.intp)
-        # Beyond a pole the map goes on half way around.
+        # Past a pole the map continues half way around.
         column += NORMAL_ROWS * ((row < 0) | (row >= NORMAL_ROWS))
         np.clip(row, 0, NORMAL_ROWS - 1, out=row)
         found: Array = (row * (2 * NORMAL_ROWS) + column % (2 * NORMAL_ROWS)) * QUANTILES
@@ -71,15 +73,15 @@ class Picks(NamedTuple):
 
 
 @lru_cache(maxsize=2)
-def picks_of(light: WorldLight) -> Picks:
-    """Of a world's even light: it does not depend on the frame."""
-    return Picks.of(light.hiding)
+def directions_of(light: WorldLight) -> SkyDirections:
+    """The directions of a world's soft light, which do not depend on the frame."""
+    return SkyDirections.of(light.soft)
 
 
 def equal_parts(along: Gathered, count: int) -> tuple[Array, Array]:
-    """Directions (3, count) with equal shares of a light, and the shares (3, count).
+    """Directions (3, count) that stand for parts of a light with equal luminance, and the parts (3, count).
 
-    along: its texels on a curve that keeps neighbours together.
+    along: the light's texels, on a curve that keeps neighbours together.
     """
     luminance = LUMINANCE @ along.light
     until = np.concatenate([[0.0], np.cumsum(luminance)])

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scene as shading sees it: arrays in world space."""
+"""A scene as arrays: surfaces, the world, depth of field and motion."""

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Depth of field, where it means something: projectors that are straight and meet in one point.
+"""Depth of field, which is defined for straight projectors that meet in one point.
 
-Each projector then starts from a place on a lens round that point, and passes the one through
-the point where things are sharp. Along it everything moves in proportion to the distance from
-there, so a thin lens moves the near and the far end of a straight projector, each by its share.
+Each projector starts from a place on a lens around that point, and passes through the same point in focus as
+without the lens. Points on a projector move in proportion to their distance from the focus, so a thin lens
+moves the near and the far end of a straight projector, each by its share.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ import numpy as np
 from ...projection.typing import Array, IndexArray
 from ...projection.volume.viewing_volume import Projection, Projectors, ViewingVolume
 
-# Projectors along each direction of the picture that are looked at for their common point.
+# Projectors along each direction of the image whose common point is computed.
 LOOKED_AT = 9
-# How far they may pass it, as a share of how far from it they start at most.
+# The greatest distance at which they pass it, as a share of their greatest distance.
 CENTRAL_SHARE = 1e-4
 # Lines whose normal equations are this singular are parallel.
 PARALLEL = 1e-9
@@ -25,8 +25,10 @@ PARALLEL = 1e-9
 
 @dataclass(frozen=True)
 class Aperture:
-    """The hole in a lens. radius: lengths; blades: corners, 0 for a disc; rotation: radians; ratio: how
-    much narrower it is along x, 2 for an anamorphic lens. focus: how far away things are sharp, > 0.
+    """The aperture of a lens.
+
+    radius: length. focus: distance of the sharp image, > 0. blades: corners, 0 for a disc. rotation: radians.
+    ratio: height by width, 2 for an anamorphic lens.
     """
 
     radius: float
@@ -36,7 +38,7 @@ class Aperture:
     ratio: float = 1.0
 
     def places(self, share: Array) -> Array:
-        """Places (2, n) on the lens, lengths, even over it, for shares (2, n) in [0, 1)."""
+        """Places (2, n) evenly on the lens, in lengths, by numbers (2, n) in [0, 1)."""
         if self.blades < 3:
             angle, distance = 2.0 * np.pi * share[0], np.sqrt(share[1])
             x, y = distance * np.cos(angle), distance * np.sin(angle)
@@ -55,8 +57,8 @@ class Aperture:
 class DepthOfField:
     """An aperture at a volume's centre of projection.
 
-    centre: (3,). axes: (3, 3), the unit vectors right, up and forwards, in columns. flat: things
-    are sharp on a plane across the last one; otherwise on a ball, as in Cycles' panoramas.
+    centre: (3,). axes: (3, 3), the unit vectors right, up and forwards, in columns. flat: the focus is
+    a plane across the last one; otherwise a sphere, as in Cycles' panoramas.
     """
 
     aperture: Aperture
@@ -76,11 +78,11 @@ class DepthOfField:
         )
 
     def focused(self, distance: float) -> DepthOfField:
-        """The lens with things sharp at another distance."""
+        """The lens focused at another distance."""
         return replace(self, aperture=replace(self.aperture, focus=distance))
 
     def moved(self, points: Array, share: Array) -> Array:
-        """Ends of projectors (2, 3, n) through the lens' places for ``share`` (2, n)."""
+        """The ends of projectors (2, 3, n) moved to the lens' places for ``share`` (2, n)."""
         x, y = self.aperture.places(share)
         away = points - self.centre[:, None]
         right, up, forwards = self.axes.T
@@ -89,7 +91,7 @@ class DepthOfField:
             shift = right[:, None] * x + up[:, None] * y
         else:
             distance = np.sqrt(np.einsum("kcn,kcn->kn", away, away))
-            # Right and up as the viewer who looks along the projector has them.
+            # Right and up about the projector's direction.
             along = away[1] / np.maximum(distance[1], np.finfo(np.float64).tiny)
             side = np.cross(along, np.broadcast_to(up[:, None], along.shape), axis=0)
             length = np.sqrt(np.einsum("cn,cn->n", side, side))
@@ -101,7 +103,7 @@ class DepthOfField:
 
 @dataclass(frozen=True)
 class ThroughLens(Projection):
-    """A projection whose n projectors each have a place on a lens: shares (2, n)."""
+    """A projection through a lens. share: (2, n), the places on the lens of n projectors."""
 
     lens: DepthOfField | None = None
     share: Array | None = None
@@ -119,7 +121,7 @@ class ThroughLens(Projection):
 
 
 def through(projection: Projection, lens: DepthOfField, share: Array) -> ThroughLens:
-    """The projection through a lens, in the same space."""
+    """The projection through a lens, in the same space; share: see ``ThroughLens``."""
     return ThroughLens(
         projection.volume,
         projection.reparameterisation,
@@ -132,10 +134,10 @@ def through(projection: Projection, lens: DepthOfField, share: Array) -> Through
 
 
 def lens_of(projection: Projection, aperture: Aperture, axes: Array) -> DepthOfField | None:
-    """The lens of a volume; None where depth of field is not defined.
+    """The lens of a volume; None if depth of field is not defined.
 
-    It is where the volume has two control surfaces whose projectors all come from one point in front
-    of which they begin. axes: (3, 3), the camera's right, up and forward directions in columns.
+    It is defined for two control surfaces whose straight projectors all meet in one point, behind the near
+    surface. axes: (3, 3), the camera's right, up and forward directions in columns.
     """
     if len(projection.volume.surfaces) != 2:
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Motion blur: what samples see at several moments while the shutter is open."""
+"""Motion blur: several moments while the shutter is open, and the samples at each."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Moment(NamedTuple):
     """A projection, in world space, and a scene at one time. depth_of_field: in
     world space.
 
-    What stands still is one scene: the same object in all moments, and in the frame.
+    Moments without motion share one scene, the same object as the frame's.
     """
 
     projection: Projection
@@ -32,9 +32,9 @@ class Moment(NamedTuple):
 
 @lru_cache
 def moment_of_samples(samples: int, moments: int) -> tuple[int, ...]:
-    """Which of the moments each sample sees.
+    """The moment of each sample, by number.
 
-    Any first samples are spread over all moments, and not in step with their places in the pixel.
+    Any first samples are spread over all moments, independently of their places in the pixel.
     """
     return tuple((shuffled(samples, THIRD) * moments // samples).tolist())
 
@@ -42,7 +42,7 @@ def moment_of_samples(samples: int, moments: int) -> tuple[int, ...]:
 def shutter_times(count: int, opens: float, closes: float, weight: Array | None = None) -> Array:
     """``count`` times of equal exposure between two, (count,) in order.
 
-    weight: (k,) how far the shutter is open at equal steps of the time, >= 0; None for fully.
+    weight: (k,) opening of the shutter at equal steps of the time, >= 0; None if it is fully open.
     """
     share = (np.arange(count) + 0.5) / count
     if weight is not None:

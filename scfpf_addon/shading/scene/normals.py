@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Normals of all triangles and their corners, as shading looks them up: a portion at a time, in threads."""
+"""Normals of all triangles and their corners, in the tables that shading reads; made in threads."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ...casting.scene.cast_scene import CastScene
 from ..typing import Single
 from ..vectors import dot
 
-# Corner normals this close to their triangle's, component by component, are no smooth shading:
-# float32 normals that were stored in 16 bits.
+# Corner normals that differ from their triangle's by less, component by component, are flat shading: float32
+# normals that were stored in 16 bits.
 FLAT = 1e-4
-# The same where a triangle's corners share one normal: what float32 makes of small faces far from the
-# origin. A tenth of a per cent of the light.
+# The same where a triangle's corners share one normal: float32's rounding of small faces far from the origin.
+# It changes the light by a tenth of a per cent.
 FLAT_FACE = 1e-3
 
 
@@ -31,11 +31,11 @@ class Normals(NamedTuple):
 
 
 def normals_of(geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int) -> Normals:
-    """Of the triangles that ``cast_scene`` was made of; threads: 0 for all cores."""
+    """The normals of the triangles of ``cast_scene``; threads: 0 for all cores."""
     count = len(geometry.triangles)
     parts = chunks(count)
     made = _Making(geometry, cast_scene, np.empty((3, count), np.float32))
-    # Most meshes that are smooth anywhere are so in the first portion, and then no other is asked.
+    # Most smooth meshes are smooth in the first chunk; then the others need no test.
     if made.flat_shaded(parts[0]) and all(parallel_map(made.flat_shaded, parts[1:], threads)):
         return Normals(made.flat, None, None)
     made = made.to_be_smooth(shadows)
@@ -45,7 +45,7 @@ def normals_of(geometry: Geometry, cast_scene: CastScene, shadows: bool, threads
 
 @dataclass(frozen=True)
 class _Making:
-    """The arrays, while threads write their portions of them."""
+    """The arrays, while threads write their chunks of them."""
 
     geometry: Geometry
     cast_scene: CastScene
@@ -55,7 +55,7 @@ class _Making:
     vertices: Single | None = None
 
     def to_be_smooth(self, shadows: bool) -> Self:
-        """The same with room for what smooth shading needs."""
+        """The same with the arrays of smooth shading, uninitialised."""
         count = self.flat.shape[1]
         smooth = np.empty((9, count), np.float32)
         if not shadows:
@@ -64,7 +64,7 @@ class _Making:
         return type(self)(self.geometry, self.cast_scene, self.flat, smooth, bulge, vertices)
 
     def flat_shaded(self, some: slice) -> bool:
-        """Write unit normals of triangles; whether all their corners have these."""
+        """Write unit normals of triangles; return whether all their corners have these."""
         shared = self._corners(some)
         if shared is None:
             self.flat[:, some] = self.cast_scene.planes[:3, some]
@@ -77,7 +77,7 @@ class _Making:
         return bool(off[(flat != 0).any(axis=0)].max(initial=0) <= far)
 
     def write_smooth(self, some: slice) -> None:
-        """Write everything."""
+        """Write all normals of triangles whose shading is smooth."""
         corners = self._corners(some)
         if self.smooth is None or corners is None:
             return
@@ -90,7 +90,7 @@ class _Making:
         rows[1:] -= rows[0]
 
     def _corners(self, some: slice) -> Single | None:
-        """Normals of corners, (3, 3, n) corner by corner, or (1, 3, n) where these share one, or None."""
+        """Normals of corners, (3, 3, n) corner by corner, (1, 3, n) if they share one, or None."""
         normals = self.geometry.corner_normals
         if normals is None:
             return None

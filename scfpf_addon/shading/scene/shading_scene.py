@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is shaded: triangles, materials, lights and the world, as arrays."""
+"""A scene as shading reads it: triangles, materials, lights and the world, as arrays."""
 
 from __future__ import annotations
 
@@ -20,9 +20,8 @@ LightKind = Literal["POINT", "SUN", "SPOT", "AREA"]
 
 @dataclass(frozen=True)
 class LightPaths:
-    """How often light may be sent on and what it meets still be lit: in all, by mirrors, by what
-    refracts, and through what is transparent, which does not count as one of all. Sent on once more it sees
-    but the world and what shines.
+    """Limits of bounces: in total, glossy, through refraction, and through transparency, which is not in the
+    total. One bounce beyond a limit sees only emission and the world.
     """
 
     total: int = 12
@@ -37,12 +36,12 @@ class Light:
 
     color: (3,) colour times power: watts for POINT, SPOT and AREA, W/m² for SUN.
     matrix: (4, 4), the lamp shines along its local -Z. radius: soft size of POINT
-    and SPOT; angle: that a SUN fills in the sky, radians. size: (2,) extents of AREA along
+    and SPOT; angle: a SUN's angular diameter, radians. size: (2,) extents of AREA along
     local X and Y; ellipse: AREA is an ellipse; spread: full angle of the beam that leaves each of its points,
     radians. spot_angle: full cone angle, radians; spot_blend in [0, 1]. sphere: POINT and SPOT light as a
     sphere of their radius (no soft falloff), not as a disc that faces what it lights.
-    receivers, blockers: what it lights and what casts its shadows, by the numbers in ``Geometry.linked``;
-    None for everything. scattered, mirrored: whether it makes diffuse light and highlights.
+    receivers, blockers: whether it lights, and is shadowed by, the objects of each number in
+    ``Geometry.linked``; None for all. scattered, mirrored: whether it makes diffuse light and highlights.
     """
 
     kind: LightKind
@@ -65,14 +64,14 @@ class Light:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that a frame shows.
+    """A scene.
 
-    world_color: (3,) radiance of the background. warnings: what the reader had to
-    leave out, a line each. object_index, material_index: the number that the user gave
+    world_color: (3,) radiance of the uniform environment. warnings: a line about each thing that the reader
+    left out. object_index, material_index: the number that the user gave
     each object of ``geometry.object_names`` and each of the materials. material_names: of these.
-    images: the pictures that materials look up, by name; one that is not there is missing. bounces: of
-    light. world: in place of ``world_color``, which is then black, where light differs by direction.
-    world_seen: whether projectors that meet nothing see it, not only mirrors, glass and what it lights.
+    images: those that materials read, by name, without missing ones. bounces: of light.
+    world: the light that differs by direction, None for a uniform environment; ``world_color`` is then black.
+    world_seen: whether projectors see the world, not only mirrors, glass and the surfaces that it lights.
     """
 
     geometry: Geometry
@@ -90,5 +89,5 @@ class Scene:
 
     @property
     def backdrop(self) -> tuple[Array, World | None]:
-        """Radiance (3,) that projectors see where they meet nothing, and the world in its place."""
+        """Radiance (3,) behind the scene as projectors see it, and the world in its place."""
         return (self.world_color, self.world) if self.world_seen else (np.zeros(3), None)

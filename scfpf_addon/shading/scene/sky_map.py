@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A map of the light from all directions, taken apart: lamps for what is small, even light for the rest.
+"""A map of the light from all directions, split into lamps for small bright spots and the soft rest.
 
-A sun in a picture of the sky holds most of its light in a few texels. That part is lamps, with shadows
-and highlights as of other lamps. What is left has no peaks: its irradiance is known in advance for each
-normal, and what is hidden of it is looked for in directions that hold equal shares of it.
+A sun in an image of the sky holds most of its light in a few texels. That part becomes lamps, with shadows
+and highlights like other lamps. The soft rest has no peaks: its irradiance is tabulated by normal, and rays
+in directions of equal shares of it look for occluders.
 """
 
 from __future__ import annotations
@@ -21,22 +21,23 @@ from ..typing import Single
 
 # Columns and rows of the map: a texel is a third of a degree across, less than the sun.
 COLUMNS, ROWS = 1024, 512
-# Blocks of the map, 11° wide, and the share of a block that is not brighter than its measure: what
-# fills less of it is small. Small things are lamps as far as they shine so many times more.
-BLOCK, MEASURE, BRIGHT = 32, 75.0, 10.0
-# Lamps that a world becomes, at most, the cone about its brightest texel that each holds, and the share of
-# the world's light below which there is none.
+# Blocks of the map, 11° wide; the percentile of a block's luminance that is its usual luminance, so that
+# small spots fill less than the rest; and the multiple of it beyond which a spot's light becomes lamps.
+BLOCK, PERCENTILE, BRIGHT = 32, 75.0, 10.0
+# The most lamps of a world, the cone about its brightest texel that each holds, and the least share of
+# the world's light in a lamp.
 MOST_LAMPS, CONE, LEAST_LAMP = 4, np.cos(np.radians(10.0)), 0.01
-# The map that irradiance is gathered from, and the one of normals: between these it is read with an
+# Rows of the map that irradiance is summed from, and of the map of normals, which interpolation reads with an
 # error below 0.2 %.
 SOURCE_ROWS, NORMAL_ROWS = 32, 32
-# The map whose directions are looked along for what hides the sky.
-HIDING_ROWS = 128
+# Rows of the map of directions towards the soft light.
+SOFT_ROWS = 128
 
 
 class Gathered(NamedTuple):
-    """A map brought together in larger texels. light: (3, n) times solid angle. direction: (3, n)
-    unit, where the middle of each texel's light is.
+    """A map summed into larger texels.
+
+    light: (3, n) times solid angle. direction: (3, n) unit, the mean direction of each texel's light.
     """
 
     light: Array
@@ -45,22 +46,22 @@ class Gathered(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class WorldLight:
-    """What of a world's light is asked again and again; nothing of it depends on the frame.
+    """A world's light, independent of the frame.
 
-    limit: (ROWS / BLOCK, COLUMNS / BLOCK), luminance beyond which a direction's light is
-    left to lamps. lamps: (ROWS, COLUMNS) luminance times solid angle and (3,) irradiance of
-    each. irradiance: (3, NORMAL_ROWS + 2, 2 NORMAL_ROWS + 2), with a margin all around.
-    hiding: the even light along a curve that fills the sky.
+    limit: (ROWS / BLOCK, COLUMNS / BLOCK), luminance beyond which lamps hold a direction's light.
+    lamps: (ROWS, COLUMNS) luminance times solid angle, and (3,) irradiance of each.
+    irradiance: (3, NORMAL_ROWS + 2, 2 NORMAL_ROWS + 2) of the soft light, with a margin all around.
+    soft: the soft light along a curve that fills the sky.
     """
 
     limit: Array
     lamps: tuple[tuple[Array, Array], ...]
     irradiance: Single
-    hiding: Gathered
+    soft: Gathered
 
     @classmethod
     def of(cls, panorama: Array) -> WorldLight:
-        """Of radiance (3, ROWS, COLUMNS), see ``map_directions``."""
+        """The light of a map of radiance (3, ROWS, COLUMNS), see ``map_directions``."""
         raise_if_cancelled()
         luminance = np.tensordot(LUMINANCE, panorama, 1)
         areas = map_areas(COLUMNS, ROWS)[:, None]
@@ -71,45 +72,45 @@ class WorldLight:
         lamps: tuple[tuple[Array, Array], ...] = ()
         if (luminance * small * areas).sum() >= LEAST_LAMP * total:
             lamps = tuple(_lamps(panorama * (small * areas), LEAST_LAMP * total))
-            even = panorama * (1.0 - small)
+            rest = panorama * (1.0 - small)
         else:
-            limit, even = np.full_like(limit, np.inf), panorama
+            limit, rest = np.full_like(limit, np.inf), panorama
         raise_if_cancelled()
-        even *= areas
-        hiding = gathered(even, HIDING_ROWS)
-        order = np.argsort(curve_places(HIDING_ROWS))
+        rest *= areas
+        soft = gathered(rest, SOFT_ROWS)
+        order = np.argsort(curve_places(SOFT_ROWS))
         return cls(
             limit,
             lamps,
-            irradiance_map(gathered(even, SOURCE_ROWS)),
-            Gathered(hiding.light[:, order], hiding.direction[:, order]),
+            irradiance_map(gathered(rest, SOURCE_ROWS)),
+            Gathered(soft.light[:, order], soft.direction[:, order]),
         )
 
     def without_lamps(self, direction: Array, light: Array) -> Array:
-        """Light (3, n) from unit directions (3, n) as far as lamps do not stand for it."""
+        """The part of the light (3, n) from unit directions (3, n) that lamps do not hold."""
         if not self.lamps:
             return light
         row, column = map_places(direction, len(self.limit))
         last = len(self.limit) - 1
         block = np.clip(np.floor(row), 0, last).astype(np.intp), np.floor(column).astype(np.intp)
         ceiling = self.limit[block[0], block[1] % (2 * (last + 1))]
-        luminance = brightness(light)
+        luminance = luminance_of(light)
         return light * np.divide(ceiling, luminance, out=np.ones_like(ceiling), where=luminance > ceiling)
 
 
-def brightness(light: Array | Single) -> Array:
-    """Luminance of colours (3, n), rounded the same whatever stands beside them."""
+def luminance_of(light: Array | Single) -> Array:
+    """Luminance of colours (3, n), (n,), whose rounding does not depend on n."""
     red, green, blue = (channel * share for channel, share in zip(light, LUMINANCE, strict=True))
     return np.asarray(red + green + blue, np.float64)
 
 
 def brightness_limit(luminance: Array, areas: Array) -> Array:
-    """How bright each block of a map may be before it counts as a lamp, (ROWS / BLOCK, COLUMNS / BLOCK)."""
+    """The luminance beyond which lamps hold the light, by block, (ROWS / BLOCK, COLUMNS / BLOCK)."""
     blocks = luminance.reshape(ROWS // BLOCK, BLOCK, COLUMNS // BLOCK, BLOCK).swapaxes(1, 2)
-    usual = np.percentile(blocks.reshape(*blocks.shape[:2], -1), MEASURE, axis=2)
+    usual = np.percentile(blocks.reshape(*blocks.shape[:2], -1), PERCENTILE, axis=2)
     share = areas.reshape(-1, BLOCK).sum(axis=1)[:, None]
     floor = float((usual * share).sum() / (share.sum() * usual.shape[1]))
-    # What is large may end just within the next block.
+    # A large bright area may end just inside the next block.
     wide = np.maximum(usual, np.maximum(np.roll(usual, 1, axis=1), np.roll(usual, -1, axis=1)))
     tall = wide.copy()
     tall[1:] = np.maximum(tall[1:], wide[:-1])
@@ -119,7 +120,7 @@ def brightness_limit(luminance: Array, areas: Array) -> Array:
 
 
 def _lamps(light: Array, least: float) -> Iterator[tuple[Array, Array]]:
-    """The lamps of what is bright, (3, ROWS, COLUMNS): luminance over the map, and colour."""
+    """The luminance over the map and the colour of each lamp of the bright light (3, ROWS, COLUMNS)."""
     direction = map_directions(COLUMNS, ROWS)
     luminance = np.tensordot(LUMINANCE, light, 1).reshape(-1)
     colors = light.reshape(3, -1)
@@ -138,7 +139,7 @@ def gathered(light: Array, rows: int) -> Gathered:
     step = ROWS // rows
     shape = rows, step, 2 * rows, step
     sums = light.reshape(3, *shape).sum(axis=(2, 4)).reshape(3, -1)
-    # Half a millionth of the brightest keeps the middle of a dark texel where it is.
+    # A millionth of the brightest keeps the mean direction of a dark texel at its middle.
     luminance = np.tensordot(LUMINANCE, light, 1)
     luminance = (luminance + 1e-6 * luminance.max() + 1e-30).reshape(-1)
     weighted = map_directions(COLUMNS, ROWS) * luminance
@@ -147,7 +148,7 @@ def gathered(light: Array, rows: int) -> Gathered:
 
 
 def irradiance_map(source: Gathered) -> Single:
-    """Irradiance by normal, (3, NORMAL_ROWS + 2, 2 NORMAL_ROWS + 2): nothing in its way."""
+    """Irradiance by normal without occluders, (3, NORMAL_ROWS + 2, 2 NORMAL_ROWS + 2)."""
     normals = map_directions(2 * NORMAL_ROWS, NORMAL_ROWS).astype(np.float32)
     towards, light = source.direction.astype(np.float32), source.light.astype(np.float32)
     made = np.empty((3, normals.shape[1]), np.float32)
@@ -155,7 +156,7 @@ def irradiance_map(source: Gathered) -> Single:
         cosine = normals[:, first : first + 1024].T @ towards
         made[:, first : first + 1024] = light @ np.maximum(cosine, 0, out=cosine).T
     inner = made.reshape(3, NORMAL_ROWS, 2 * NORMAL_ROWS)
-    # Beyond a pole the map goes on half way around.
+    # Past a pole the map continues half way around.
     over = np.roll(inner, NORMAL_ROWS, axis=2)
     tall = np.concatenate([over[:, :1], inner, over[:, -1:]], axis=1)
     wrapped: Single = np.concatenate([tall[:, :, -1:], tall, tall[:, :, :1]], axis=2)
@@ -163,7 +164,7 @@ def irradiance_map(source: Gathered) -> Single:
 
 
 def map_places(direction: Array | Single, rows: int) -> tuple[Array, Array]:
-    """Where unit directions (3, n) are on a map, in texels from its corner: row and column, (n,) each."""
+    """Row and column of unit directions (3, n) on a map, (n,) each, in texels from its corner."""
     x, y, z = direction
     row = (np.arcsin(np.clip(z, -1, 1)) / np.pi + 0.5) * rows
     column = (0.5 - np.arctan2(y, x) / (2 * np.pi)) * (2 * rows)
@@ -190,8 +191,8 @@ def curve_places(rows: int) -> IndexArray:
 def map_directions(columns: int, rows: int) -> Array:
     """The directions of the texels of an equirectangular map, (3, rows * columns), row after row.
 
-    From straight below up; the middle column looks along +X, the first one past it along -Y, as
-    Cycles has them.
+    From straight down to straight up; the middle column looks along +X, the first one past it along -Y, as
+    in Cycles.
     """
     up = (np.arange(rows) + 0.5) * (np.pi / rows) - 0.5 * np.pi
     around = np.pi - (np.arange(columns) + 0.5) * (2.0 * np.pi / columns)

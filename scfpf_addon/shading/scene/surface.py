@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is at a hit: normals that face the viewer, the view direction, the material.
+"""The surface at a hit: normals that face the viewer, the view direction, the material.
 
-float32 throughout: cast space has the size of the unit box, so that a float32
-keeps seven digits of it. Nothing here feeds back into where a projector hits.
+All in float32: cast space has the size of the unit box, so that a float32
+keeps seven digits of it. Hits do not depend on anything here.
 """
 
 from __future__ import annotations
@@ -22,16 +22,15 @@ from ..typing import Single
 from ..vectors import dot
 from .normals import normals_of
 
-# Smallest length that is divided by: keeps a zero vector zero instead of NaN.
+# The least divisor of vectors: a zero vector stays 0 instead of NaN.
 TINY = np.float32(1e-30)
 
 
 class ShadowStart(NamedTuple):
-    """Where shadow rays of N points start, in cast space.
+    """The origins of the shadow rays of N points, in cast space.
 
     origin: (3, N), just off the triangle on the side of the viewer. flat: (3, N)
-    unit normal of the triangle on that side. height: (N,), see ``smooth_height``; None where
-    nothing is smooth.
+    unit normal of the triangle on that side. height: (N,), see ``smooth_height``; None if all is flat.
     """
 
     origin: Single
@@ -40,11 +39,11 @@ class ShadowStart(NamedTuple):
 
 
 class SurfacePoints(NamedTuple):
-    """N hits as shading sees them, float32, in cast space.
+    """The surface at N hits, float32, in cast space.
 
     position: (3, N). normal: (3, N) unit, interpolated, on the side of the viewer.
     view: (3, N) unit, towards the viewer: against the projector's tangent (paper §4.3).
-    material: (N,) index. shadow: None where no lamp casts any. linked: (N,), see ``Geometry.linked``.
+    material: (N,) index. shadow: None if no lamp casts shadows. linked: (N,), see ``Geometry.linked``.
     """
 
     position: Single
@@ -72,13 +71,13 @@ class SurfacePoints(NamedTuple):
 
 @dataclass(frozen=True)
 class SurfaceTable:
-    """What is looked up by triangle, component-first so that a lookup is one take.
+    """Tables by triangle, component-first so that a lookup is one take.
 
     flat: (3, T) float32, unit normals of the triangles, on the side of the corners'.
     smooth: (9, T) float32: the first corner's normal, and the differences to it of the second's
-    and third's; None where all are those of their triangles.
-    bulge: (6, T) float32, see ``corner_heights``; None where nothing casts a shadow, or
-    nothing is smooth. shadows: whether anything casts one. material: (T,). linked: (T,) or None.
+    and third's; None if all shading is flat.
+    bulge: (6, T) float32, see ``corner_heights``; None without shadows or smooth shading.
+    shadows: whether any light casts shadows. material: (T,). linked: (T,) or None.
     """
 
     cast_scene: CastScene
@@ -91,7 +90,7 @@ class SurfaceTable:
 
     @cached_property
     def single(self) -> bool:
-        """Whether all is of one material."""
+        """Whether all triangles have one material."""
         return self.material.strides[0] == 0 or bool((self.material == self.material[0]).all())
 
     @property
@@ -101,10 +100,10 @@ class SurfaceTable:
 
     @classmethod
     def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int = 0) -> SurfaceTable:
-        """The table of the triangles that ``cast_scene`` was made of, made in threads (0: all cores)."""
+        """The table of the triangles of ``cast_scene``, made in threads (0: all cores)."""
         flat, smooth, bulge = normals_of(geometry, cast_scene, shadows, threads)
         number = geometry.material
-        # One number need not be written a million times.
+        # One number need not be stored a million times.
         alike = bool((number == number[0]).all())
         material = (
             np.broadcast_to(number[0].astype(np.intp), number.shape) if alike else number.astype(np.intp)
@@ -120,15 +119,15 @@ class SurfaceTable:
     ) -> SurfacePoints:
         """The surface at hits: triangle (N,), barycentric (2, N), position and tangent (3, N).
 
-        The weights are those of the second and third corner, None where nothing is smooth. Position is
-        in cast space; the tangent is dQ/dt of the projector, of any length, and used up if it is float32.
+        The weights are those of the second and third corner, None if all shading is flat. Position is
+        in cast space; the tangent is dQ/dt of the projector, of any length, and overwritten if it is float32.
         """
         triangle = triangle.astype(np.intp)
-        # NumPy is quickest at this mode, and takes the last triangle for -1.
+        # NumPy's fastest mode; for -1 it reads the last triangle.
         flat = self.flat.take(triangle, axis=1, mode="wrap")
         view = tangent.astype(np.float32, copy=False)
         view *= -1 / (np.sqrt(dot(view, view)) + TINY)
-        # Which side is seen is the triangle's to say: an interpolated normal errs near a silhouette.
+        # The triangle's normal decides which side is visible: an interpolated one errs near a silhouette.
         side = np.copysign(np.float32(1), dot(flat, view))
         normal = flat
         if self.smooth is None or barycentric is None or self.shadows:
@@ -141,7 +140,7 @@ class SurfaceTable:
             height = None
             if self.bulge is not None and barycentric is not None:
                 height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
-            # As ``offset_origins``: what float32 rounds here is far less than its offset.
+            # As ``offset_origins``: float32's rounding is far less than the offset.
             shadow = ShadowStart(place + flat * self.cast_scene.offsets(triangle), flat, height)
         if self.single:
             material = np.broadcast_to(self.material[0], triangle.shape)
@@ -173,8 +172,8 @@ def smooth_height(heights: Single, weight: Sequence[Single], side: Single) -> Si
     """Height, along the normal, of the rounded surface that smooth shading pretends to, (N,).
 
     heights: (6, N) of ``corner_heights``; weight: two (N,); side: (N,) ±1. The mean of
-    the distances by which the point lies below the corners' tangent planes, nought
-    where it lies above, in a hollow. After Hanika, Hacking the Shadow Terminator (Ray
+    the distances by which the point lies below the corners' tangent planes, 0 where it lies above, in a
+    hollow. After Hanika, Hacking the Shadow Terminator (Ray
     Tracing Gems II, ch. 4).
     """
     weights = (1 - weight[0] - weight[1], weight[0], weight[1])

@@ -21,46 +21,46 @@ from ..typing import Single
 from ..vectors import unit
 from .sky_map import COLUMNS, ROWS, WorldLight, map_directions
 
-# Directions of which a world is reckoned at once.
+# Directions at which a world is evaluated at once.
 MOST_AT_ONCE = 1 << 15
-# What a world may shine with: beyond it float32 arithmetic on sums of it would overflow.
+# The greatest radiance of a world: float32 sums of more would overflow.
 BRIGHTEST = 1e12
 
 
 class Surroundings(ShadingContext):
-    """Directions (3, n), unit, as nodes ask for places: what is generated is the direction itself."""
+    """The inputs of world nodes at unit directions (3, n), which are their generated coordinates."""
 
     @classmethod
     def of(cls, direction: Array, images: Mapping[str, ImageData], blur: float) -> Surroundings:
-        """Where light comes from."""
+        """The inputs at directions (3, n). blur: angle between two of them, in radians."""
         count = direction.shape[1]
-        nothing = np.zeros((1, count))
         return cls(
-            NOWHERE,
-            images,
-            np.zeros(count, np.intp),
-            np.zeros((2, count)),
-            direction,
-            -direction,
-            -direction,
-            -direction,
-            nothing,
-            blur,
+            geometry=NOWHERE,
+            images=images,
+            triangle=np.zeros(count, np.intp),
+            barycentric=np.zeros((2, count)),
+            position=direction,
+            normal=-direction,
+            flat=-direction,
+            view=-direction,
+            back=np.zeros((1, count)),
+            blur=blur,
         )
 
     def layer(self, name: str, channels: int) -> tuple[Array, Array]:
-        """The direction for what is generated, and nothing for what only meshes have."""
+        """The direction as generated coordinates; 0 for layers that only meshes have."""
         if name in {"GENERATED", "OBJECT"}:
             return fit(self.position, channels), np.ones((1, self.count))
         return np.zeros((channels, 1)), np.zeros((1, 1))
 
     def corners(self) -> tuple[Array, Array, Array]:
-        """A triangle of the size of the sky, for what asks how large a face is."""
+        """A triangle of the size of the sky, for nodes that depend on the size of a face."""
         across = np.zeros((3, self.count))
         across[0] = 1.0
         return np.zeros((3, self.count)), across, np.roll(across, 1, axis=0)
 
 
+# Without triangles.
 NOWHERE = Geometry(
     np.zeros((0, 3)),
     np.zeros((0, 3), np.int32),
@@ -72,14 +72,14 @@ NOWHERE = Geometry(
 
 @dataclass(frozen=True)
 class World:
-    """Light by direction. graph: its EMISSION closures count. images: those that it looks up."""
+    """Light by direction: the EMISSION closures of a graph. images: those that the graph reads."""
 
     graph: MaterialGraph
     images: Mapping[str, ImageData] = field(default_factory=dict)
 
     @property
     def uniform(self) -> bool:
-        """Whether it is the same all around: nothing that its light is made of asks for a place."""
+        """Whether the light is the same in all directions: its emission depends on no input."""
         shining = [each for each in self.graph.closures if each.kind == "EMISSION"]
         wanted = [ref.operation for each in shining for ref in (each.weight, each.inputs["color"])]
         while wanted:
@@ -90,14 +90,14 @@ class World:
         return True
 
     def radiance(self, direction: Array) -> Array:
-        """What comes from directions (3, n), of any length, in world space: (3, n), never negative."""
+        """Radiance (3, n), at least 0, from directions (3, n) of any length, in world space."""
         return shining(self.graph, self.images, direction, 0.0)
 
     @cached_property
     def light(self) -> WorldLight:
-        """What it lights with.
+        """The light on surfaces.
 
-        Images are averaged to texels no smaller than the map's, so that no sun is missed between two.
+        Images are averaged to texels at least as large as the map's, so that no sun is missed between two.
         """
         images = {name: reduced(image) for name, image in self.images.items()}
         light = shining(self.graph, images, map_directions(COLUMNS, ROWS), np.pi / ROWS)
@@ -105,7 +105,7 @@ class World:
 
 
 def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float) -> Array:
-    """What a graph shines from directions (3, n): (3, n). blur: between two of them, radians."""
+    """Radiance (3, n) of a graph from directions (3, n). blur: see ``Surroundings.of``."""
     count = direction.shape[1]
     light = np.zeros((3, count))
     for first in range(0, count, MOST_AT_ONCE):
@@ -123,7 +123,7 @@ def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Ar
 
 
 def reduced(image: ImageData) -> ImageData:
-    """An image of at most COLUMNS × ROWS pixels, each the mean of as many; scene-linear."""
+    """The image averaged down to at most COLUMNS × ROWS pixels; scene-linear."""
     height, width = image.pixels.shape[:2]
     down, along = -(-height // ROWS), -(-width // COLUMNS)
     if down <= 1 and along <= 1:
@@ -138,7 +138,7 @@ def reduced(image: ImageData) -> ImageData:
 
 
 def _mean_rows(image: ImageData, rows: slice, columns: IndexArray) -> Single:
-    """The mean of rows, summed from each of the columns to the next one, (columns, 4)."""
+    """The mean of rows, summed from each of the columns to the next, (columns, 4)."""
     pixels = image.pixels[rows].astype(np.float32)
     if image.pixels.dtype == np.uint8:
         pixels /= np.float32(255)

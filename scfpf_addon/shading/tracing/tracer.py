@@ -143,8 +143,7 @@ class Tracer:
         surface = self.lighting.surface
         points = surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
         left = catchers.left(points, sample)
-        exits = continuation.exit_tangents(came.pixel) if catchers.looks_on else None
-        film.catch(came, catchers.picture(left, exits), left)
+        film.catch(came, catchers.shown(left, continuation, came.pixel), left)
         return wave.take(np.flatnonzero(~caught))
 
     def _send(

@@ -103,7 +103,7 @@ def test_light_is_taken_apart_without_losing_any():
     directions = map_directions(COLUMNS, ROWS)
     whole = world.radiance(directions).reshape(3, ROWS, COLUMNS) * areas[:, None]
     lamps = sum(color for _, color in light.lamps)
-    even = light.hiding.light.sum(axis=1)
+    even = light.soft.light.sum(axis=1)
     assert lamps + even == pytest.approx(whole.sum(axis=(1, 2)), rel=1e-6)
     sun = whole.reshape(3, -1)[:, towards @ directions > np.cos(0.006)].sum(axis=1)
     assert lamps == pytest.approx(sun, rel=0.01)
