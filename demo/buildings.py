@@ -64,7 +64,7 @@ class House:
 
     @property
     def height(self) -> float:
-        """To the eaves."""
+        """The height of the eaves."""
         return GROUND_FLOOR + STOREY * (self.storeys - 1)
 
 

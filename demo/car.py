@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A saloon car built in code: grille in front, red lights behind, 7 on its left doors and 4 on its right.
+"""A saloon car built in code, with a 7 on its left doors and a 4 on its right.
 
 The around-the-car preset is made for a car centred on the origin of a frame with x to the right, y up and z
-towards a viewer who faces the nose; CAR_TO_WORLD takes it to Blender's world: (x, y, z) -> (x, -z, y). So the
-car reaches from the nose at y = -2.2 to y = +2.2, its half-width is 0.9 (mirrors apart), and its wheels stand
+towards a viewer who faces the nose. CAR_TO_WORLD takes it to Blender's world: (x, y, z) -> (x, -z, y). There
+the nose is at y = -2.2 and the tail at y = 2.2, the half-width without mirrors is 0.9, and the wheels stand
 on z = 0.
 """
 
@@ -27,7 +27,7 @@ WHEEL_RADIUS, WHEEL_CENTRE = car_body.HUB_HEIGHT, 0.775
 BUMPER_REACH, BUMPER_HALF_WIDTH = 2.2, 0.895
 
 PAINT = (0.0, 0.26, 0.28)
-# What parked cars go without: the numbers, and with them the doors' lines.
+# The parts that parked cars lack: the numbers, and with them the doors' lines.
 UNSHARED_PARTS = ("Car left side", "Car right side")
 
 
@@ -54,7 +54,7 @@ def car_materials() -> dict[str, bpy.types.Material]:
 def _text(
     builder: MeshBuilder, body: str, size: float, surface: Surface, height: float, name: str, fine: int = 0
 ) -> None:
-    """Letters centred on the origin of a surface; fine: times that their triangles are split to follow it."""
+    """Letters centred on the origin of a surface; fine: the number of times their triangles are split."""
     curve = bpy.data.curves.new("Lettering", "FONT")
     curve.body, curve.size, curve.align_x, curve.align_y = body, size, "CENTER", "CENTER"
     letters = bpy.data.objects.new("Lettering", curve)
@@ -73,7 +73,7 @@ def _text(
 
 
 def _shifted(surface: Surface, p: float, q: float, mirror: float = 1.0) -> Surface:
-    """The surface with its origin at (p, q); mirror -1 lets its first parameter run backwards."""
+    """The surface with its origin at (p, q); mirror -1 reverses its first parameter."""
     return lambda a, b, height: surface(p + mirror * a, q + b, height)
 
 

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The gallery's animation: perspective, orthographic, inverted perspective by one factor, keyed and eased.
+"""The gallery's animation: one keyed factor from perspective to orthographic to inverted perspective.
 
-Two flexible cameras stand in one place: a perspective and an orthographic one, as wide as each other at the
-house. *Blend Cameras* makes a third one between them; its factor goes on beyond the second, where
-what is far is larger than what is near.
+A perspective and an orthographic flexible camera stand in one place and are equally wide at the house. *Blend
+Cameras* makes a third one between them. Its factor goes beyond the second, where distant things are enlarged.
 """
 
 from __future__ import annotations
@@ -17,25 +16,23 @@ from .render_demo import Shot
 STEM = "one-slider-dolly"
 HEADING = "Between two cameras: a dolly by one slider"
 TEXT = (
-    "*Blend Cameras* between a perspective (0) and an orthographic camera (1) in one place, as wide as each "
-    "other at the front of the house. One factor, keyed and eased, goes from the first through the second "
-    "and on to an inverted perspective: the front stays as large as it is, what is behind it shrinks, keeps "
-    "its size, or grows."
+    "*Blend Cameras* goes from a perspective (0) to an orthographic camera (1) in one place, equally wide at "
+    "the front of the house. One keyed factor goes through both and on to an inverted perspective. The front "
+    "keeps its size; things behind it shrink, keep theirs, or grow."
 )
 SHOT = Shot((0.0, -22.0, 13.0), (0.0, -6.0, 3.2), size=(480, 270))
-# Distance and width of what keeps its size: the house's front. Both volumes begin and end at these distances.
+# Distance and width of the house's front, which keeps its size, and the ends of both volumes.
 DISTANCE, WIDTH, ENDS = 18.8, 19.0, (2.0, 44.0)
-# The factor's keyframes; beyond 1 the far end shrinks, and would be a point at 1.75.
-# Blender eases them: Bézier curves with level ends.
+# The factor by frame, eased by Blender's Bézier curves. Above 1 the far end shrinks, to a point at 1.75.
 KEYS = {1: 0.0, 17: 1.0, 29: 1.6}
-HOLD = 6  # Pictures for which the ends are held still.
+HOLD = 6  # Repetitions of the first and the last image.
 MILLISECONDS, QUALITY = 70, 70
-SLIDER = 30  # Height of the strip below the picture.
+SLIDER = 30  # Height of the strip below the image, in pixels.
 INK, KNOB, PAPER = (70, 70, 70), (63, 111, 208), (255, 255, 255)
 
 
 def make_blend(scene):
-    """Both cameras and the one between them, made the scene's, its factor keyed; returns it."""
+    """Make both cameras and the one between them, the scene's camera with a keyed factor; returns it."""
     import bpy
 
     cameras = []
@@ -76,7 +73,7 @@ def render_animation(scene, folder: Path, scratch: Path, samples: int) -> Path:
 
 
 def _with_slider(file: Path, factor: float):
-    """A rendered picture over a strip that shows where the factor is."""
+    """A rendered image above a strip with a slider at the factor."""
     from PIL import Image, ImageDraw
 
     with Image.open(file) as rendered:
@@ -97,7 +94,7 @@ def _with_slider(file: Path, factor: float):
 
 
 def join(pictures, path: Path) -> None:
-    """There and back, the ends held still, for ever."""
+    """Write an endless animation, forwards and backwards, that rests at both ends."""
     there_and_back = [*[pictures[0]] * HOLD, *pictures, *[pictures[-1]] * HOLD, *pictures[-2:0:-1]]
     there_and_back[0].save(
         path,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the gallery shows beyond the paper's figures."""
+"""The plates of the gallery beyond the figures of the paper."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BEYOND = (
     Plate(
         "equirectangular",
         "Equirectangular panorama",
-        "A sphere in a larger one: everything around the camera, above and below it.",
+        "A sphere inside a larger one shows everything around the camera, above and below it.",
         (
             Panel(
                 "equirectangular",
@@ -29,7 +29,7 @@ BEYOND = (
     Plate(
         "stereographic",
         "Stereographic wide view",
-        "More than half of what is around the camera, and every small thing in its true shape.",
+        "The picture shows more than half of the surroundings, and every small thing in its true shape.",
         (
             Panel(
                 "stereographic",
@@ -46,15 +46,15 @@ BEYOND = (
     Plate(
         "oblique",
         "Oblique: a cabinet drawing",
-        "Parallel projectors that meet the rectangles at a slant: the front keeps its true shape, depth "
-        "rises to the right.",
+        "Parallel projectors meet the rectangles at a slant. The front keeps its true shape, and depth rises "
+        "to the right.",
         (Panel("oblique", "house", Shot((0.0, -22.0, 3.6), (0.0, 0.0, 3.6), 1.25), hidden=("Trees",)),),
         paper=False,
     ),
     Plate(
         "off-centre",
         "Off centre: an architect's shift lens",
-        "The far rectangle lies higher than the near one: the view goes up while verticals stay upright.",
+        "The far rectangle is higher than the near one. The view goes up, and verticals stay upright.",
         (
             Panel(
                 "off_centre",
@@ -72,7 +72,7 @@ BEYOND = (
     Plate(
         "telephoto",
         "Telephoto",
-        "From fifty metres away near and far look nearly equally large.",
+        "From fifty metres away, near and far things look almost equally large.",
         (
             Panel(
                 "telephoto",
@@ -87,7 +87,7 @@ BEYOND = (
     Plate(
         "digital-cubism",
         "Digital cubism",
-        "After Glassner: the upper, the middle and the lower part of the picture look from other sides.",
+        "After Glassner: the upper, middle and lower parts of the picture show the car from different sides.",
         (
             Panel(
                 "digital_cubism",
@@ -103,7 +103,7 @@ BEYOND = (
     Plate(
         "strip-camera",
         "A slit camera on a circle",
-        "After Rademacher and Bishop: the centre of projection moves round the car, which is peeled.",
+        "After Rademacher and Bishop: the centre of projection moves round the car and peels it.",
         (
             Panel(
                 "strip_camera",
@@ -119,7 +119,7 @@ BEYOND = (
     Plate(
         "magic-lens",
         "A magic lens in space",
-        "A plan whose middle is magnified: there projectors run together on the far surface.",
+        "The middle of a plan is magnified: its projectors converge on the far surface.",
         (
             Panel(
                 "magic_lens",
@@ -150,9 +150,9 @@ BEYOND = (
     Plate(
         "image-mappings",
         "Mappings of the picture",
-        "The angular fisheye through a lens' polynomial (the paper's figure 8, lower right) and through "
-        "radial curves: equisolid, and all round as a mirror ball shows it; perspective with "
-        "more samples in its middle.",
+        "The angular fisheye through a lens' polynomial is the paper's figure 8, lower right. Radial curves "
+        "make it equisolid, or show all directions like a mirror ball. The last picture is a perspective "
+        "with more samples in its middle.",
         (
             *(
                 Panel(stem, "street", FISHEYE, title, (9, 9), direction=(115.0, 25.0), drawn=SPHERES)
@@ -169,9 +169,9 @@ BEYOND = (
     Plate(
         "linear-cameras",
         "General linear cameras",
-        "After Yu and McMillan, where three projectors determine all others: pushbroom (a slit that flies "
-        "past), crossed slits, pencil (through one line), bilinear (no two projectors meet), twisted "
-        "orthographic, and the epipolar plane image: one level slice, seen from along a line.",
+        "After Yu and McMillan: three projectors determine all others. A pushbroom is a slit that flies by, "
+        "a pencil goes through one line, and no two projectors of a bilinear camera meet. The epipolar plane "
+        "image shows one level slice from all places along a line.",
         tuple(
             Panel(
                 stem,
@@ -194,9 +194,9 @@ BEYOND = (
     Plate(
         "tiles",
         "Multiperspective tiles",
-        "After Yu and McMillan: sixteen triangles, each a linear camera made by the projectors of its three "
-        "corners. Front, both sides and the roof are in one picture; straight lines kink where tiles meet "
-        "and are never broken.",
+        "After Yu and McMillan: sixteen triangles are linear cameras, each defined by the projectors of its "
+        "corners. Front, both sides and the roof are in one picture. Straight lines kink where tiles meet, "
+        "but do not break.",
         (
             Panel(
                 "multiperspective_tiles",
@@ -211,8 +211,8 @@ BEYOND = (
     Plate(
         "drawn",
         "Drawn",
-        "*Drawn Style*: lines where surfaces end, bend or change, flat shades on white; cross-hatching; and "
-        "lines where t is the same, which are cuts through the volume.",
+        "*Drawn Style* draws lines where surfaces end, bend or change, and flat shades on white. Other "
+        "styles have cross-hatching, or lines of equal t, which are cuts through the volume.",
         (
             Panel("nonlinear_twist", "street", SHOTS["nonlinear_twist"], "Paper Look", style="PAPER"),
             Panel(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a plate of the gallery is made of."""
+"""The plates of the gallery and their panels."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ SPHERES = {0: {"radius": 1.2}, 1: {"radius": 7}}
 
 @dataclass(frozen=True)
 class Panel:
-    """A picture of a plate: a preset in a scene.
+    """An image of a plate: a preset in a scene.
 
-    title: under the picture. projectors: how many are drawn across and upwards. direction: from where the
-    set-up is seen, degrees to the right of the camera's back and above it. changed: values of single
-    control surfaces that replace the preset's, by their number; drawn: the same for the diagram and the
-    set-up alone, where the true surface is too small or too far away to be drawn; reach: these end at this
-    distance from the camera. hidden: collections that would stand in the set-up's way. style: of
-    ``drawn_styles.STYLES``, in which the picture is drawn.
+    title: the heading of its column. projectors: the number drawn across and upwards. direction: the view on
+    the set-up, in degrees to the right of the camera's back and above it. changed: values of control surfaces
+    that replace the preset's, by number. drawn: the same for diagram and set-up only, if the true surface is
+    too small or too distant to draw. reach: the distance from the camera at which these end. hidden: the
+    collections that would occlude the set-up. style: a key of ``stylised_styles.STYLES``, or empty.
     """
 
     preset: str
@@ -40,9 +39,9 @@ class Panel:
 
 @dataclass(frozen=True)
 class Plate:
-    """One or more pictures under a heading. stem: of the pictures' files.
+    """One or more images under a heading.
 
-    paper: whether it is one of the paper's figures.
+    stem: the beginning of their files' names. paper: whether they are one of the paper's figures.
     """
 
     stem: str

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the gallery shows: the paper's figures in their order, then what lies beyond them."""
+"""The plates of the gallery: the figures of the paper in order, then those of ``gallery_beyond``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PASSAGE = Shot((0.0, -1.0, 2.6), (0.0, 10.0, 2.6), size=(1024, 768))
 
 
 def _zooms(left: float, right: float) -> dict[int, dict[str, object]]:
-    """The curved street's far surface, its height times one number on the left and another on the right."""
+    """Changes of the curved street's far surface: factors of its height at the left and right end."""
     data = json.loads((ROOT / "presets" / "street_panorama_curved.json").read_text(encoding="utf-8"))
     rows = data["surfaces"][2]["points"]
 
@@ -34,8 +34,8 @@ FIGURES = (
         "figure-1",
         "Figure 1: almost all round a car",
         "Projectors start on a wide rectangle, bend round the car and end inside it. Its front is in the "
-        "middle of the picture, both sides beside it, the back at the borders: one picture, one camera, "
-        "no seam.",
+        "middle of the picture, both sides beside it, and the back at the borders. One camera makes the "
+        "picture, without a seam.",
         (
             Panel(
                 "around_the_car",
@@ -50,7 +50,7 @@ FIGURES = (
     Plate(
         "figure-2",
         "Figure 2: where it starts, an orthographic volume",
-        "Two equal rectangles, parallel projectors. All else is this box, deformed.",
+        "Two equal rectangles have parallel projectors. All other volumes are this box, deformed.",
         (Panel("orthographic", "house", HOUSE, drawn=sizes((16, 9, 1), (16, 9, 32)), hidden=("Trees",)),),
     ),
     Plate(
@@ -69,8 +69,8 @@ FIGURES = (
     Plate(
         "figure-4",
         "Figure 4: perspective, orthographic, inverted perspective",
-        "The same two rectangles: the far one larger, equal, or smaller. What is far away shrinks, keeps "
-        "its size, or grows; in the last picture both sides of the house are seen at once.",
+        "The far rectangle is larger than the near one, equal, or smaller. Distant things shrink, keep their "
+        "size, or grow. The last picture shows both sides of the house at once.",
         (
             Panel(
                 "perspective",
@@ -100,9 +100,8 @@ FIGURES = (
     Plate(
         "figure-5",
         "Figure 5: a hall without wide-angle distortion",
-        "The left picture is a wide perspective: columns grow fat towards its borders. On the right the "
-        "near rectangle is much wider; projectors no longer meet in a point, and columns keep their "
-        "width.",
+        "In the wide perspective on the left, columns get fatter towards the borders. On the right the near "
+        "rectangle is much wider. Its projectors do not meet in a point, and columns keep their width.",
         (
             Panel(
                 "perspective",
@@ -118,7 +117,7 @@ FIGURES = (
     Plate(
         "figure-6",
         "Figure 6: a cylindrical panorama",
-        "A cylinder in a larger one: the picture is 360° wide.",
+        "A cylinder inside a larger one makes a picture 360° wide.",
         (
             Panel(
                 "cylindrical_panorama",
@@ -133,9 +132,9 @@ FIGURES = (
     Plate(
         "figure-7",
         "Figure 7: a twist that stays, a twist that passes",
-        "Left: the far square is turned by 90°, so the farther a frame, the more it is turned, and the "
-        "arrow on the far wall points aside. Right: curved projectors through three squares of which only"
-        " the middle one is turned: the arrow points upwards again.",
+        "Left: the far square is turned by 90°. More distant frames are turned more, and the arrow on the "
+        "far wall points aside. Right: only the middle one of three squares is turned. Projectors are "
+        "curved, and the arrow points upwards again.",
         (
             Panel("linear_twist", "frames", TWIST, "Linear twist", direction=(62.0, 22.0)),
             Panel("nonlinear_twist", "frames", TWIST, "Nonlinear twist", direction=(62.0, 22.0)),
@@ -144,7 +143,7 @@ FIGURES = (
     Plate(
         "figure-8",
         "Figure 8: an angular fisheye",
-        "A small hemisphere in a large one, unrolled in polar coordinates: the distance from the "
+        "A small hemisphere inside a large one, unrolled in polar coordinates. The distance from the "
         "picture's middle is the angle to the axis.",
         (
             Panel(
@@ -160,15 +159,15 @@ FIGURES = (
     Plate(
         "figure-9",
         "Figure 9: parallels that converge along curves",
-        "Three rectangles of different shapes. Rails, beams and blue lines run straight away from the "
-        "viewer; in the picture they bend.",
+        "Three rectangles have different shapes. Rails, beams and blue lines run straight away from the "
+        "viewer, and bend in the picture.",
         (Panel("curved_convergence", "colonnade", PASSAGE, projectors=(6, 5), direction=(65.0, 20.0)),),
     ),
     Plate(
         "figure-10",
         "Figure 10: the occlusion camera",
-        "A plain perspective up to the car; from there on projectors bend towards the picture's middle "
-        "and reach round its sides, which a perspective (left) hides.",
+        "The volume is a perspective up to the car. Behind its front, projectors bend towards the picture's "
+        "middle and show its sides, which a perspective (left) hides.",
         (
             Panel(
                 "perspective",
@@ -193,9 +192,8 @@ FIGURES = (
     Plate(
         "figure-11",
         "Figure 11: a long street, straight and with views into A and B",
-        "With straight projectors the side streets show nothing of themselves but their ends. Curved ones"
-        " bend apart in the two regions A and B, and each side street is seen in a perspective of its "
-        "own, while the fronts stay as they are.",
+        "Straight projectors show only the ends of the side streets. Curved ones bend apart in the two "
+        "regions A and B. Each side street has a perspective of its own, and the fronts stay as they are.",
         (
             Panel(
                 "street_panorama", "long street", STREET_VIEW, "Straight projectors", (25, 2), (20.0, 40.0)
@@ -222,7 +220,7 @@ FIGURES = (
     Plate(
         "figure-12",
         "Figure 12: orthographic near by, perspective far away",
-        "What is near is drawn to scale, as in a plan; behind it the view opens into a perspective.",
+        "Near things are drawn to scale, as in a plan. Behind them the view opens into a perspective.",
         (
             Panel(
                 "orthographic_to_perspective",
@@ -235,8 +233,8 @@ FIGURES = (
     Plate(
         "figure-13",
         "Figure 13: the House of Stairs",
-        "After M. C. Escher's study of 1951. Left a perspective of the shaft; right all of it from zenith"
-        " to nadir, its verticals bent towards both.",
+        "After M. C. Escher's study of 1951. Left: a perspective of the shaft. Right: all of it from zenith "
+        "to nadir, with verticals that bend towards both.",
         (
             Panel(
                 "perspective",

@@ -85,7 +85,7 @@ def square(scene: bpy.types.Scene) -> None:
 
 
 def house(scene: bpy.types.Scene) -> None:
-    """One house on a checkered square: what a projection does to its sides is plain to see."""
+    """One house on a checkered square, which shows the effect of a projection on its sides."""
     builder = MeshBuilder()
     _checkered(builder, (-30, -14), (30, 40), 0.0, 2.0)
     place("Square", builder.mesh("Square", _palette()), _group(scene, "Square"))

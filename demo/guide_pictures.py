@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Takes the pictures of README.md and docs/guide.md in a Blender with a window: `python3 dev.py pictures`.
+"""Take the screenshots of README.md and docs/guide.md in a Blender with a window: `python3 dev.py pictures`.
 
-A scenario as those of tests/window, whose driver runs it. Screenshots are cropped to what the text is about.
+The driver of tests/window runs these scenarios. Screenshots are cropped to their subjects.
 """
 
 import importlib
@@ -13,33 +13,33 @@ import numpy as np
 from driver import DRAW, IMAGE, surfaces
 from mathutils import Matrix, Vector
 
-# Blender's interface is drawn larger, so that it can be read in a picture scaled down.
+# The scale of Blender's interface, which stays legible in a smaller image.
 UI_SCALE = 1.3
-# Widths of pictures in the text, pixels.
+# The width in pixels of screenshots in the text, and their JPEG quality.
 WHOLE_WIDTH, QUALITY = 1200, 76
-# What makes the file of a picture of few colours small.
+# Options of ImageMagick for small files of images with few colours.
 FEW = ("-colors", "64")
-# Room around what a picture is cropped to, pixels.
+# The margin of cropped images, in pixels.
 MARGIN = 5
-# Panels that are shown by themselves, by the endings of their names: of the camera, and of the engine.
+# The endings of the names of panels with an image of their own: of the camera, and of the engine.
 PANELS = ("surfaces", "projectors", "mappings", "preview", "quality", "cycles", "display", "drawn")
 ENGINE_PANELS = ("camera", "pattern", "passes")
-# Passes that are switched on in their picture.
+# Passes that are switched on in their image.
 PASSES = ("use_pass_z", "use_pass_vector", "use_pass_cryptomatte_object")
 OWN_PASSES = ("use_pass_diffuse", "use_pass_specular", "use_pass_parameters")
-# Groups of presets and other menus: the picture's name, the menu, what the mouse is over does not matter.
+# Menus, by the names of their images.
 MENUS = {"menu-presets": "SCFPF_MT_presets_group_1", "menu-tools": "SCFPF_MT_surface_specials"}
-# Where the little planet is seen from, and how large its picture is, pixels.
+# The height of the little planet's camera, and the size of its image in pixels.
 ABOVE, PLANET_SIZE = 7.0, 900
-# The bent camera of the last step: how far the middle surface is pulled aside and turned, degrees.
+# The shift and rotation (degrees) of the middle surface in the last step.
 PULL, TURN = 45.0, 40.0
 SURFACE_COLOR = (0.35, 1.0, 0.45, 1.0)
-# The surfaces stand in rows of so many, so far apart, each so large.
+# The surfaces in a row, their distance and size, and the scale of the lattice.
 ACROSS, APART, SIZE, LATTICE_SHARE = 6, 3.2, 2.3, 0.35
 
 
 def save(driver, name, box=None, width=None, more=()):
-    """A picture of the screen, or of a box of it (x, y from the bottom, width, height), as a file."""
+    """Save the screen, or a box of it (x, y from the bottom, width, height)."""
     command = ["import", "-window", "root"]
     if box is not None:
         x, y, wide, high = box
@@ -59,7 +59,7 @@ def area_box(area):
 
 
 def screen(driver):
-    """The whole window, (H, W, 3) in 0 to 255, row 0 at the top."""
+    """The pixels of the window, (H, W, 3) from 0 to 255, row 0 at the top."""
     wide, high = driver.window.width, driver.window.height
     command = ["import", "-window", "root", "-crop", f"{wide}x{high}+0+0", "-depth", "8", "rgb:-"]
     done = subprocess.run(command, check=True, stdout=subprocess.PIPE)
@@ -67,7 +67,7 @@ def screen(driver):
 
 
 def still(driver):
-    """Generator: wait until the whole window does not change; returns its picture as ``screen`` does."""
+    """Generator: wait until the window stops changing; returns its ``screen``."""
     yield 2 * DRAW
     before = screen(driver)
     while True:
@@ -79,9 +79,9 @@ def still(driver):
 
 
 def popped_up(driver, before, name, least=60):
-    """A picture of what has come up over the whole window since ``before``."""
+    """Save the popup that appeared in the window after ``before``."""
     changed = np.abs(screen(driver) - before).max(axis=2) > 3
-    # What is below the viewport may be drawn anew at any time.
+    # Editors below the viewport may be redrawn at any time.
     changed[driver.window.height - driver.area("VIEW_3D").y :] = False
     rows = np.flatnonzero(changed.sum(axis=1) > least)
     columns = np.flatnonzero(changed.sum(axis=0) > least)
@@ -99,7 +99,7 @@ def look_from(driver, direction, centre, distance):
 
 
 def prepare(driver):
-    """Larger letters, the tutorial's scene, and the view of it that a newcomer has."""
+    """Open the tutorial's scene with larger letters, as a newcomer sees it."""
     bpy.context.preferences.view.ui_scale = UI_SCALE
     with driver.override():
         bpy.ops.scfpf.tutorial_scene("EXEC_DEFAULT", True)
@@ -110,7 +110,7 @@ def prepare(driver):
 
 
 def show_beside(driver, kind):
-    """Split the 3D viewport; the new half becomes an editor of another kind."""
+    """Split the 3D viewport, and make the new half an editor of another kind."""
     with driver.override():
         bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5)
     new = max(
@@ -120,7 +120,7 @@ def show_beside(driver, kind):
 
 
 def planet(driver):
-    """The first picture: a little planet, from the menu to the render."""
+    """The tutorial's little planet, from the menu to the render."""
     prepare(driver)
     yield 2 * DRAW
     region = driver.region("VIEW_3D")
@@ -134,7 +134,7 @@ def planet(driver):
     scene.render.resolution_x = scene.render.resolution_y = PLANET_SIZE
     scene.render.resolution_percentage = 100
     scene.camera.location, scene.camera.rotation_euler = (0, 0, ABOVE), (0, 0, 0)
-    # A selected camera is a large orange arrow.
+    # A selected camera would be drawn as a large orange arrow.
     scene.camera.select_set(False)
     yield from driver.show_sidebar()
     look_from(driver, (0.55, -1.0, 0.75), (0, 0, 0), 60)
@@ -160,7 +160,7 @@ def planet(driver):
 
 
 def bend(driver):
-    """A camera whose projectors are bent by a third surface, with the preview beside it."""
+    """A camera with a third surface that bends its projectors, beside its preview."""
     prepare(driver)
     look_from(driver, (0.0, -1.0, 0.45), (0, 0, 2), 55)
     yield DRAW
@@ -193,7 +193,7 @@ def menu(driver, identifier, place):
 
 
 def panels_and_menus(driver):
-    """Each panel by itself, and menus."""
+    """Each panel in a popup, and menus."""
     prepare(driver)
     driver.add_camera("nonlinear_twist")
     yield DRAW
@@ -225,9 +225,8 @@ def panels_and_menus(driver):
         with driver.override():
             bpy.ops.wm.call_panel(name=identifier)
         yield DRAW
-        if (
-            name == "cycles"
-        ):  # its price is worked out once it was drawn, and a panel in a popup stays as it is
+        # The first draw starts computing the price, and a popup does not update.
+        if name == "cycles":
             driver.key("ESC")
             yield DRAW
             with driver.override():
@@ -244,7 +243,7 @@ def panels_and_menus(driver):
 
 
 def shown_surfaces():
-    """An object of every kind of control surface, and its name in the menu, in the menu's order."""
+    """Yield an object of every kind of control surface and its name, in the menu's order."""
     module = next(name for name in bpy.context.preferences.addons.keys() if name.endswith(".scfpf"))
     nodes = importlib.import_module(f"{module}.scfpf_addon.bridge.surfaces.surface_object")
     kinds = importlib.import_module(f"{module}.scfpf_addon.bridge.surfaces.kinds")
@@ -303,7 +302,7 @@ def kinds(driver):
     space.shading.light = "FLAT"
     look_from(driver, (0.0, -1.0, 0.0), ((ACROSS - 1) * APART / 2, 0, -APART / 2 - 0.2), 14.5)
     space.region_3d.view_perspective = "ORTHO"
-    # Lattices have no colour of their own.
+    # Lattices are drawn in the theme's colour.
     bpy.context.preferences.themes[0].view_3d.wire = SURFACE_COLOR[:3]
     yield 2 * DRAW
     region = driver.region("VIEW_3D")

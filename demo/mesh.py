@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes put together from grids, boxes, lathes and badges; materials from constants."""
+"""Meshes made of grids, boxes, lathes and badges, and materials of constants."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Colour = tuple[float, float, float]
 # A parametric surface: (p, q, height above it) -> points, the last axis x, y, z.
 Surface = Callable[[Array, Array, Array], Array]
 
-# Between the steps of the rounded edges (up to 30 degrees) and the corners of bars and boxes.
+# An angle between the steps of rounded edges (up to 30 degrees) and the corners of bars and boxes.
 SHARP_ANGLE = np.radians(38.0)
 # A hundredth of a millimetre: far below any edge, far above float32's rounding of a car's length.
 WELD_DISTANCE = 1e-5
@@ -69,7 +69,7 @@ def smooth_table(table: Sequence[tuple[float, float]], at: ArrayLike) -> Array:
 
 
 class MeshBuilder:
-    """Collects vertices and faces, each face with a material's name; z is up."""
+    """A collection of vertices and of faces, each with the name of a material; z is up."""
 
     def __init__(self) -> None:
         self._vertices: list[Array] = []
@@ -257,7 +257,7 @@ def rounded_rectangle(
 
 
 def subdivided(points: Array, triangles: NDArray[np.int64], times: int) -> tuple[Array, NDArray[np.int64]]:
-    """Every triangle split into four at its edges' middles, as often as asked; corners are not shared."""
+    """Triangles, each split ``times`` times into four at the middles of its edges; corners are not shared."""
     corners = points[triangles]
     for _ in range(times):
         a, b, c = np.moveaxis(corners, 1, 0)

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Builds the demo's street, renders it through seven presets, and saves two .blend files.
+"""Build the demo's street, render it through seven presets, and save two .blend files.
 
     python demo/render_demo.py --output FOLDER [--percentage N] [--only PRESET]
 
-It runs under a Python that has bpy; `python3 dev.py demo` finds or makes one. Each preset has a scene of its
-own in demo.blend, for its resolution; they share the street. Choose a scene and press Render in the camera's
+It runs under a Python that has bpy; `python3 dev.py demo` finds or makes one. In demo.blend each preset has a
+scene with its own resolution, and all share the street. Choose a scene and press Render in the camera's
 properties. tutorial.blend has the scene of the tutorial in README.md.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import os
 import sys
@@ -23,16 +24,16 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 MODULE = "bl_ext.checkout.scfpf"
-# What F12 renders with; a new file has EEVEE, which ignores volumes.
+# The engine of F12. New files have EEVEE, which ignores volumes.
 ENGINE = "SCFPF"
 OPENING_SCENE = "around_the_car"
-# The 3D viewport as the file opens: what it turns about, from how far and at which angles (degrees).
+# The 3D viewport as the file opens: its centre, distance, angles (degrees) and far clip.
 VIEW_CENTRE, VIEW_DISTANCE, VIEW_ANGLES, VIEW_END = (0.0, -2.5, 0.8), 24.0, (46.0, 0.0, -16.0), 1000.0
 TUTORIAL_DISTANCE = 72.0
 
 
 class Sampling(NamedTuple):
-    """Samples that every pixel gets, at most where rough metal blurs reflections, and the noise left."""
+    """The least and most samples per pixel of adaptive sampling, and its noise threshold."""
 
     least: int
     most: int
@@ -44,7 +45,7 @@ QUICK, FINE = Sampling(4, 16, 0.04), Sampling(4, 64, 0.02)
 
 @dataclass(frozen=True)
 class Shot:
-    """Where a preset's camera stands, what it looks at, the scale of its volume, the picture's size."""
+    """The place and target of a preset's camera, the scale of its volume, and the size of the image."""
 
     location: tuple[float, float, float]
     target: tuple[float, float, float]
@@ -83,13 +84,23 @@ def enable_add_on(folder: Path) -> None:
         sys.exit("The add-on could not be enabled; the lines above say why.")
 
 
+@contextlib.contextmanager
+def scratch_profile():
+    """A temporary folder with an empty profile for Blender; it must be entered before bpy is imported."""
+    with tempfile.TemporaryDirectory(prefix="scfpf-demo-", ignore_cleanup_errors=True) as scratch:
+        profile = Path(scratch, "profile")
+        profile.mkdir()  # Blender ignores a folder that does not exist.
+        os.environ["BLENDER_USER_RESOURCES"] = str(profile)
+        yield Path(scratch)
+
+
 def preset_files() -> dict[str, Path]:
-    """The presets that the demo has a picture of, by the names of their files."""
+    """The presets that the demo renders, by the stems of their files."""
     return {stem: ROOT / "presets" / f"{stem}.json" for stem in sorted(SHOTS)}
 
 
 def build_street():
-    """A fresh file with the demo's scene in it; returns the scene."""
+    """Open a new file with the demo's scene, and return the scene."""
     import bpy
 
     from demo.street import build_scene
@@ -114,10 +125,18 @@ def another_scene(street):
     return scene
 
 
+def place_camera(camera, shot: Shot) -> None:
+    """Move and turn a camera as a shot says."""
+    from mathutils import Vector
+
+    camera.location = shot.location
+    direction = Vector(shot.target) - Vector(shot.location)
+    camera.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
+
+
 def add_shot(scene, text: str, shot: Shot, samples: Sampling = QUICK):
     """Give a scene the flexible camera of a preset (its file's text); returns the camera."""
     import bpy
-    from mathutils import Vector
 
     presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.presets.preset")
     flexible_camera = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.camera.flexible_camera")
@@ -129,8 +148,7 @@ def add_shot(scene, text: str, shot: Shot, samples: Sampling = QUICK):
     collection = bpy.data.collections.new(f"{preset.name} camera")
     scene.collection.children.link(collection)
     camera = bpy.data.objects.new(preset.name, bpy.data.cameras.new(preset.name))
-    camera.location = shot.location
-    camera.rotation_euler = (Vector(shot.target) - Vector(shot.location)).to_track_quat("-Z", "Y").to_euler()
+    place_camera(camera, shot)
     collection.objects.link(camera)
     scene.camera = camera
     layer = scene.view_layers[0]
@@ -145,7 +163,7 @@ def add_shot(scene, text: str, shot: Shot, samples: Sampling = QUICK):
 
 
 def render(scene, path: Path) -> str:
-    """Press Render for a scene's camera and write the picture; returns the report's line."""
+    """Render a scene's camera as the button Render does, and write the image; returns the report."""
     import bpy
 
     results, files = (
@@ -160,7 +178,7 @@ def render(scene, path: Path) -> str:
 
 
 def open_on(scene, centre=VIEW_CENTRE, distance=VIEW_DISTANCE) -> None:
-    """Let the file open on a scene, seen about a centre from a distance, in its materials' colours."""
+    """Set all windows and viewports to a scene, around a centre, at a distance, in material colours."""
     import bpy
     from mathutils import Euler
 
@@ -179,7 +197,7 @@ def open_on(scene, centre=VIEW_CENTRE, distance=VIEW_DISTANCE) -> None:
 
 
 def save_tutorial(path: Path) -> None:
-    """Write a file with nothing but the tutorial's scene, in view."""
+    """Write a file that has only the tutorial's scene."""
     import bpy
 
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
@@ -214,17 +232,15 @@ def main(arguments: list[str]) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         parser.error(f"cannot make the folder {folder}: {error.strerror}")
-    with tempfile.TemporaryDirectory(prefix="scfpf-demo-", ignore_cleanup_errors=True) as scratch:
-        os.environ["BLENDER_USER_RESOURCES"] = str(Path(scratch, "profile"))
-        Path(scratch, "profile").mkdir()  # Blender passes over a folder that is not there.
-        files = make(Path(scratch), folder, options.percentage, options.only)
+    with scratch_profile() as scratch:
+        files = make(scratch, folder, options.percentage, options.only)
     print("Written:")
     for file in files:
         print(f"  {file}")
 
 
 def make(scratch: Path, folder: Path, percentage: int, only: str | None) -> list[Path]:
-    """Build, render and save everything; returns the files written."""
+    """Build, render and save everything; returns the files that were written."""
     import bpy
 
     started = time.perf_counter()
@@ -232,7 +248,7 @@ def make(scratch: Path, folder: Path, percentage: int, only: str | None) -> list
     street = build_street()
     print(f"The street is built ({time.perf_counter() - started:.1f} s)", flush=True)
     presets = {stem: path for stem, path in preset_files().items() if only in (None, stem)}
-    # Made before the street gets a camera of its own.
+    # The scenes are made before the street gets a camera of its own.
     scenes = dict(
         zip(presets, [street, *(another_scene(street) for _ in range(len(presets) - 1))], strict=True)
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Renders the gallery: for each picture the volume's diagram, its set-up in the scene, and the result.
+"""Render the gallery: for each image the volume's diagram, its set-up in the scene, and the result.
 
     python demo/render_gallery.py --output PAGE [--percentage N] [--only PLATE ...]
 
@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,34 +21,33 @@ if TYPE_CHECKING:
     from demo.gallery_panels import Panel, Plate
 
 ROOT = Path(__file__).resolve().parents[1]
-# The pictures of a panel and their files' kinds.
+# The images of a panel, and the endings of their files.
 PARTS = {"diagram": "png", "set-up": "jpg", "result": "jpg"}
-# Pictures that are made with Cycles too: samples a pixel, before denoising.
+# Images that are also rendered with Cycles: samples per pixel, before denoising.
 WITH_CYCLES = {
     "figure-1": 12,
     "figure-8": 48,
     "figure-11-b": 32,
     "figure-13-b": 48,
 }
-# Of their projectors; less would not be seen, and takes more chords.
+# The pixel error of their projectors; a smaller one takes more chords without a visible difference.
 CYCLES_PIXEL_ERROR = 0.5
-# Pictures wider than this times their height are shown in a row of their own; others in so many columns.
+# Images wider than this multiple of their height have rows of their own; others stand in this many columns.
 WIDE, ACROSS = 2.5, 3
 HEAD = """# Gallery
 
-Every picture here is made by `python3 dev.py gallery`. For each there is the volume from above and from the
-right (control surfaces green, projectors blue), the same volume in the scene, and what its camera sees. Where
-the near surface is too small or the far one too far away to be drawn, diagram and set-up show others of the
-same view.
+`python3 dev.py gallery` makes every picture here. A diagram shows the volume from above and from the right,
+with control surfaces in green and projectors in blue. The set-up shows it in the scene, and the result is its
+camera's picture. Diagram and set-up replace very small or distant surfaces by others of the same view.
 """
 QUALITY = 85
 
-CYCLES_TEXT = """The same volumes, path-traced by Cycles in a stock Blender: *Set Up Cycles* sends its
-rays along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
+CYCLES_TEXT = """Cycles in a stock Blender path-traces the same volumes: *Set Up Cycles* sends its rays
+along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
 
 
 def save_jpeg(source: Path, path: Path) -> None:
-    """A rendered PNG on white paper."""
+    """Replace a rendered PNG by a JPEG on white."""
     import bpy
     import numpy as np
 
@@ -70,7 +67,7 @@ def save_jpeg(source: Path, path: Path) -> None:
 
 
 def page(plates: Sequence[Plate], folder: str) -> str:
-    """docs/gallery.md: the pictures of all plates, which lie in a folder beside it."""
+    """The text of docs/gallery.md, whose images are in ``folder`` beside it."""
     from demo import gallery_animation
 
     lines = [HEAD]
@@ -91,7 +88,7 @@ def page(plates: Sequence[Plate], folder: str) -> str:
 
 
 def _table(plate: Plate, folder: str) -> list[str]:
-    """A column a panel; very wide results stand one below the other."""
+    """The table of a plate with one column a panel; very wide results follow one below the other."""
 
     def picture(stem: str, panel: Panel, part: str) -> str:
         title = panel.title or plate.heading
@@ -113,14 +110,14 @@ def _table(plate: Plate, folder: str) -> list[str]:
 
 
 def stems(plate: Plate) -> list[str]:
-    """The beginnings of the names of each panel's pictures."""
+    """The beginning of the file names of each panel."""
     if len(plate.panels) == 1:
         return [plate.stem]
     return [f"{plate.stem}-{letter}" for letter, _ in zip(ascii_lowercase, plate.panels, strict=False)]
 
 
 def build(name: str):
-    """A fresh file with one of the gallery's scenes; returns the scene."""
+    """Open a new file with one of the gallery's scenes, and return the scene."""
     import bpy
 
     from demo.gallery_scenes import SCENES
@@ -135,7 +132,7 @@ def build(name: str):
 
 
 def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
-    """The three pictures of a panel; street: the scene whose collections it shows."""
+    """Render diagram, set-up and result of a panel, whose collections are those of the scene ``street``."""
     import bpy
 
     from demo import render_demo, volume_pictures
@@ -184,7 +181,7 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
 
 
 def render_with_cycles(scene, camera, samples: int, path: Path) -> None:
-    """Switch a camera's Cycles rig on, render what it sees, and switch it off."""
+    """Render a camera with Cycles through its rig, which is removed again."""
     import bpy
 
     raw = path.with_suffix(".png")
@@ -227,12 +224,10 @@ def main(arguments: list[str]) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     output.write_text(page(PLATES, folder.name), encoding="utf-8")
     plates = [plate for plate in PLATES if options.only is None or plate.stem in options.only]
-    with tempfile.TemporaryDirectory(prefix="scfpf-gallery-", ignore_cleanup_errors=True) as scratch:
-        os.environ["BLENDER_USER_RESOURCES"] = str(Path(scratch, "profile"))
-        Path(scratch, "profile").mkdir()  # Blender passes over a folder that is not there.
-        render_all(Path(scratch), folder, plates, options.percentage)
+    with render_demo.scratch_profile() as scratch:
+        render_all(scratch, folder, plates, options.percentage)
         if options.only is None or gallery_animation.STEM in options.only:
-            gallery_animation.render_animation(build("house"), folder, Path(scratch), render_demo.QUICK.least)
+            gallery_animation.render_animation(build("house"), folder, scratch, render_demo.QUICK.least)
 
 
 def render_all(scratch: Path, folder: Path, plates, percentage: int) -> None:
@@ -243,7 +238,7 @@ def render_all(scratch: Path, folder: Path, plates, percentage: int) -> None:
     wanted = [
         (panel.scene, number, panel, plate) for plate in plates for number, panel in enumerate(plate.panels)
     ]
-    # Scene by scene: each is built once.
+    # Each scene is built once.
     for name in dict.fromkeys(scene for scene, *_ in wanted):
         street = build(name)
         print(f"{name} ({time.perf_counter() - started:.0f} s)", flush=True)

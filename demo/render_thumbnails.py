@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Renders the demo's street through every preset, small, for the preset menus.
+"""Render the demo's street through every preset, as thumbnails of the preset menus.
 
     python demo/render_thumbnails.py [--only PRESET]
 
@@ -11,22 +11,29 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import sys
-import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from demo.render_demo import MODULE, SHOTS, Shot, build_street, enable_add_on, render  # noqa: E402
+from demo.render_demo import (  # noqa: E402
+    MODULE,
+    SHOTS,
+    Shot,
+    build_street,
+    enable_add_on,
+    place_camera,
+    render,
+    scratch_profile,
+)
 
 FOLDER = ROOT / "presets" / "thumbnails"
 SIZE = (96, 72)
 SAMPLES = 16
-# Where the demo has no shot of its own: in front of the car, and its volume as the preset has it.
+# The shot of presets without one of their own: in front of the car, with the preset's own size.
 USUAL = Shot((-3.0, -15.0, 2.4), (0.2, 0.0, 1.6))
-# Volumes whose size the street asks to change, and cameras that stand elsewhere.
+# Shots of presets that need another place, or another size of the volume.
 OWN = {
     **{stem: Shot(shot.location, shot.target, shot.scale) for stem, shot in SHOTS.items()},
     **dict.fromkeys(("equisolid_fisheye", "polynomial_fisheye", "mirror_ball"), SHOTS["angular_fisheye"]),
@@ -38,15 +45,6 @@ OWN = {
     "multiperspective_tiles": Shot((0.0, -4.6, 0.8), (0.0, 0.0, 0.8), 0.2),
     "strip_camera": Shot((0.0, -10.0, 1.0), (0.0, 0.0, 1.0)),
 }
-
-
-def place(camera, shot: Shot) -> None:
-    """Let a camera stand and look as a shot says."""
-    from mathutils import Vector
-
-    camera.location = shot.location
-    direction = Vector(shot.target) - Vector(shot.location)
-    camera.rotation_euler = direction.to_track_quat("-Z", "Y").to_euler()
 
 
 def make(only: str | None) -> None:
@@ -66,7 +64,7 @@ def make(only: str | None) -> None:
         if only not in (None, path.stem):
             continue
         shot = OWN.get(path.stem, USUAL)
-        place(camera, shot)
+        place_camera(camera, shot)
         flexible.apply_preset(camera, presets.read_preset(path), SIZE[0] / SIZE[1], shot.scale)
         camera.scfpf.samples = SAMPLES
         camera.scfpf.pixel_error = 0.1
@@ -78,10 +76,8 @@ def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", metavar="PRESET", help="one preset, by its file's name")
     options = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory(prefix="scfpf-thumbnails-", ignore_cleanup_errors=True) as scratch:
-        os.environ["BLENDER_USER_RESOURCES"] = str(Path(scratch, "profile"))
-        Path(scratch, "profile").mkdir()  # Blender passes over a folder that is not there.
-        enable_add_on(Path(scratch))
+    with scratch_profile() as scratch:
+        enable_add_on(scratch)
         make(options.only)
 
 

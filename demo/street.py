@@ -2,8 +2,8 @@
 """The demo's scene: a car on the crossing of two streets, with houses, trees, lamps, a sky and a sun.
 
 Everything is built in code, in metres. The middle of the crossing is the origin; the main street runs
-along y, the side street along x. Nothing but the car, the road and its markings lies in FREE_ZONE: the
-projectors of the around-the-car volume sweep through it.
+along y, the side street along x. Only the car, the road and its markings are in FREE_ZONE, through which the
+projectors of the around-the-car volume run.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from .buildings import House, RoofKind, build_clock_tower, build_house, building
 from .car import build_car, copy_car
 from .mesh import Array, MeshBuilder, material, place
 
-# Corners of the box that nothing else stands in, (x, y, z).
+# The corners (x, y, z) of the box around the car that is kept free.
 FREE_ZONE = ((-6.6, -10.6, 0.02), (6.6, 5.0, 4.0))
 
-# From a street's middle to its houses and to its kerbs; where the raised pavements start; how high they are.
+# Distances of houses and kerbs from a street's middle, the start of the raised pavements, and their height.
 HALF_STREET, HALF_ROAD, CORNER, KERB = 9.0, 5.0, 10.6, 0.13
-# How far the streets' markings reach.
+# The ends of the streets' markings.
 MAIN_END, SIDE_END = 58.0, 44.0
 TREE_SEED = 7
 
@@ -118,7 +118,7 @@ def _build_markings() -> MeshBuilder:
             _line(builder, turned @ [0, y], turned @ [0, y + 2.5], 0.14, z, "White line")
         for x in (-half, half):
             _line(builder, turned @ [x, 11.0], turned @ [x, reach], 0.10, z, "Yellow line")
-        # Lines that cross lie one on the other: path tracers see black where two are in one plane.
+        # Crossing lines differ in height: path tracers show black where two are in one plane.
         above = z + (0.004 if turn % 2 else 0.005)
         _line(builder, turned @ [-half, half], turned @ [half, half], 0.16, above, "Yellow line")
     for offset in np.arange(-6.0, 6.1, 2.0):
@@ -335,7 +335,7 @@ def daylight(
     collection: bpy.types.Collection,
     angles: tuple[float, float, float] = SUN_ANGLES,
 ) -> None:
-    """Sky, sun (turned by angles, in degrees), and the view transform that they are made for."""
+    """Sky, sun (turned by angles in degrees), and the view transform of the scene."""
     world = bpy.data.worlds.new("Sky")
     if world.node_tree is None:
         world.use_nodes = True

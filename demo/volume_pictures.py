@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A viewing volume in pictures, as the paper shows it: its plan and side view, and its lines in the scene."""
+"""Images of a viewing volume, as in the paper: its plan and side view, and its lines in the scene."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mathutils import Matrix, Vector
 
 from .mesh import Array, material
 
-# Inches; at DPI, as wide as a column of the gallery wants.
+# Inches; at DPI as wide as a column of the gallery.
 DIAGRAM_SIZE, DPI = (6.4, 3.6), 100
 GREEN, BLUE, RED = "#1b7f2c", "#3f6fd0", "#c0392b"
-# Half the thickness of a line as a share of its distance from the viewer: some three pixels of 800.
+# Half the thickness of a line as a share of its distance from the viewer: about three pixels of 800.
 LINE_SHARE = {"PROJECTOR": 0.0009, "FOLD": 0.0009, "SURFACE": 0.0012, "RIM": 0.0022}
-# Segments shorter than this share of all that is drawn have no direction.
+# Segments shorter than this share of the whole drawing have no direction.
 SHORTEST = 1e-7
 LINE_COLOURS = {
     "PROJECTOR": (0.02, 0.10, 0.80),
@@ -29,7 +29,7 @@ SET_UP_SIZE, SET_UP_LENS, SET_UP_MARGIN = (800, 560), 60.0, 1.06
 
 
 def volume_lines(diagram, projection, projectors: tuple[int, int], reach: float) -> dict[str, Array]:
-    """Segments (S, 2, 3) by what they are, out to a reach; diagram is the add-on's module of that name."""
+    """Segments (S, 2, 3) by role, clipped at ``reach``; diagram: the add-on's module of that name."""
     straight, folded, dashes = diagram.parted_projector_lines(projection, *projectors)
     count = len(projection.volume.surfaces)
     lines = {
@@ -42,7 +42,7 @@ def volume_lines(diagram, projection, projectors: tuple[int, int], reach: float)
 
 
 def _within(ends: Array, reach: float) -> Array:
-    """Segments (S, 2, 3) of some length; those that leave a ball about the origin are cut at its rim."""
+    """Segments (S, 2, 3) clipped to a ball around the origin, without those of length 0."""
     start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
     a, b, c = (way**2).sum(axis=1), (start * way).sum(axis=1), (start**2).sum(axis=1) - min(reach, 1e9) ** 2
     half = np.sqrt(np.maximum(b**2 - a * c, 0.0))
@@ -52,7 +52,7 @@ def _within(ends: Array, reach: float) -> Array:
 
 
 def draw_diagram(module: str, projection, projectors: tuple[int, int], reach: float, path: Path) -> None:
-    """Plan and side view of a volume in its camera's space, control surfaces labelled."""
+    """Write the plan and side view of a volume in camera space, with its control surfaces labelled."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -94,7 +94,7 @@ def draw_diagram(module: str, projection, projectors: tuple[int, int], reach: fl
 
 
 def _tubes(ends: Array, radii: Array) -> tuple[Array, Array]:
-    """Square bars along segments: ends (S, 2, 3), half thicknesses (S, 2); vertices and quads."""
+    """Vertices and quads of square bars along segments with ends (S, 2, 3) and half thicknesses (S, 2)."""
     along = ends[:, 1] - ends[:, 0]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     side = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
@@ -108,7 +108,7 @@ def _tubes(ends: Array, radii: Array) -> tuple[Array, Array]:
 
 
 def _stand(points: Array, camera: Matrix, direction: tuple[float, float], aspect: float) -> Matrix:
-    """Where an ordinary camera sees all points (N, 3), filling its view.
+    """The matrix of an ordinary camera whose view all points (N, 3) fill.
 
     direction: (degrees to the right of the flexible camera's back, degrees above it).
     """
@@ -119,7 +119,7 @@ def _stand(points: Array, camera: Matrix, direction: tuple[float, float], aspect
     turned = np.array(back.to_track_quat("Z", "Y").to_matrix(), np.float64)
     own = points @ turned
     half = np.array([1.0, 1.0 / aspect]) * 18.0 / SET_UP_LENS / SET_UP_MARGIN
-    # The planes of the frustum, pushed against the points from all sides, cross above the middle of the view.
+    # The frustum's planes that touch the points cross above the middle of the view.
     high = (own[:, :2] + own[:, 2:] * half).max(axis=0)
     low = (own[:, :2] - own[:, 2:] * half).min(axis=0)
     place = np.array([*((high + low) / 2), ((high - low) / (2 * half)).max()])
@@ -135,7 +135,7 @@ def add_set_up(
     reach: float,
     direction,
 ) -> bpy.types.Object:
-    """Draw a camera's volume in a scene, as bars, and give the scene an ordinary camera that sees them all.
+    """Draw a camera's volume in a scene as bars, and give the scene an ordinary camera that sees them all.
 
     projection: in the flexible camera's own space. Returns the ordinary camera.
     """

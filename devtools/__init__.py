@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What dev.py is made of. Standard library only, Python 3.9 or later."""
+"""The parts of dev.py. They need only the standard library and Python 3.9."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which lines of the pure packages the pure tests run: coverage.py, threads and branches included.
+"""The coverage of the pure packages by the pure tests, measured by coverage.py with threads and branches.
 
-What is measured is in pyproject.toml. Why the lines that are left do not run is in docs/contributing.md.
+pyproject.toml says what is measured. docs/contributing.md explains the lines that are left.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 from . import environments, testing
 from .environments import Environment
 
-# The share of lines and branches, in per cent, below which all pure tests are too few.
+# The least share of lines and branches that all pure tests must cover, in per cent.
 LEAST = 95
 
 
 def test(environment: Environment, arguments: list[str]) -> int:
-    """Run the pure tests under coverage.py, print what is missing and write HTML; the exit code.
+    """Run the pure tests under coverage.py, print the missing lines and write HTML; returns the exit code.
 
-    arguments: as for `python3 dev.py test`; files and folders choose some of the pure tests. Fails when a
-    test does, or when all of them cover too little.
+    arguments: as for `python3 dev.py test`; files and folders choose some of the pure tests. It fails if a
+    test fails, or if all tests together cover less than LEAST.
     """
     plan = testing.plan(arguments)
     if "pure" not in plan:

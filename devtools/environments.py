@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The virtual environments of the checkout, one for each supported Blender, made when first wanted."""
+"""The virtual environments of the checkout, one for each supported Blender, made on first use."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ INSTALL_HELP = """\
   anywhere        pyenv install {0}   or   uv python install {0}"""
 
 LIBRARY_HELP = """\
-Blender's module was installed but cannot be imported; the reason stands above. On Linux it needs X11 and GL
+Blender's module was installed but cannot be imported; see the reason above. On Linux it needs X11 and GL
 libraries even without a display. Debian, Ubuntu:
   apt install libx11-6 libxrender1 libxfixes3 libxi6 libxkbcommon0 libsm6 libgl1 libegl1"""
 
 
 class Failure(Exception):
-    """Something that a person must know or do; dev.py prints it and stops."""
+    """An error with a message for the developer, which dev.py prints before it stops."""
 
 
 class Blender(NamedTuple):
@@ -42,7 +42,7 @@ class Blender(NamedTuple):
     python: str
 
 
-# The first whose Python is found runs the demo, the linter and the benchmark.
+# The first one whose Python is found runs the demo, the linter and the benchmarks.
 BLENDERS = (Blender("5.2", "bpy~=5.2.0", "3.13"), Blender("4.5", "bpy~=4.5.0", "3.11"))
 
 
@@ -65,14 +65,14 @@ def run_through(command: list[str]) -> int:
 
 
 def run(command: list[str]) -> None:
-    """Run a command in the checkout with its output in view; a failure names the command."""
+    """Run a command in the checkout with its output in view. Raises Failure with the command."""
     status = run_through(command)
     if status != 0:
         raise Failure(f"exit code {status} from: {shlex.join(command)}")
 
 
 def first() -> Environment:
-    """The environment of the first supported Blender whose Python is here."""
+    """The environment of the first supported Blender whose Python is installed. Raises Failure."""
     for blender in BLENDERS:
         environment = ensure(blender)
         if environment is not None:
@@ -81,7 +81,7 @@ def first() -> Environment:
 
 
 def ensure(blender: Blender) -> Environment | None:
-    """This Blender's environment, made or renewed if need be; None, and a line of it, without its Python."""
+    """This Blender's environment, made or renewed if necessary; None, with a message, without its Python."""
     folder = FOLDER / f"blender-{blender.name}"
     interpreter = folder / ("Scripts/python.exe" if pythons.WINDOWS else "bin/python")
     stamp = folder / STAMP
@@ -117,7 +117,7 @@ def ensure(blender: Blender) -> Environment | None:
 
 
 def pip_install() -> list[str]:
-    """`-m pip install` as used here: wheels only, since a source build would ask for compilers."""
+    """The arguments `-m pip install` for wheels only, as source builds need compilers."""
     return ["-m", "pip", "install", "--disable-pip-version-check", "--only-binary=:all:"]
 
 
@@ -127,13 +127,13 @@ def requirement_options() -> list[str]:
 
 
 def requirement_digest(blender: Blender) -> str:
-    """A name for the set of requirements; an environment stamped with another one is made anew."""
+    """The digest of the requirements; an environment with another one is made again."""
     files = [(REQUIREMENTS / name).read_text(encoding="utf-8") for name in ("test.txt", "tools.txt")]
     return hashlib.sha256("\n".join([blender.requirement, *files]).encode()).hexdigest()
 
 
 def needed_help(blenders: tuple[Blender, ...]) -> str:
-    """What to install when none of these Blenders' Pythons was found."""
+    """The message that none of these Blenders' Pythons was found, and how to install one."""
     wanted = " or ".join(f"{blender.python} (Blender {blender.name})" for blender in blenders)
     return (
         f"this needs a 64-bit CPython {wanted}; the one running is {platform.python_version()}, and none was "

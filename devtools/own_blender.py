@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The test suite inside a Blender that the user already has: the packages it lacks, and the run.
+"""The test suite inside an installed Blender, with the packages that it lacks.
 
-Blender's Python has no pytest, and often no pip. The packages go into a folder of the checkout, filled by
-whichever pip there is; Blender itself stays as it was.
+Blender's Python has no pytest, and often no pip. Any pip that is found installs the packages into a folder of
+the checkout; Blender itself does not change.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ print({MARK!r} + own_blender.facts())
 
 
 def facts() -> str:
-    """What decides which wheels the running Python takes, as JSON."""
+    """The properties of the running Python that decide about its wheels, as JSON."""
     libc, libc_version = platform.libc_ver()
     return json.dumps(
         {
@@ -44,7 +44,7 @@ def facts() -> str:
 
 
 def test(blender: str, arguments: list[str]) -> int:
-    """Prepare the packages for this Blender (a command or path) and run the suite in it; the exit code."""
+    """Prepare the packages for a Blender (command or path) and run the suite in it; returns the exit code."""
     ask = [blender, "--background", "--factory-startup", "--python-expr", ASK]
     try:
         answer = subprocess.run(ask, capture_output=True, encoding="utf-8", errors="replace").stdout
@@ -61,12 +61,12 @@ def test(blender: str, arguments: list[str]) -> int:
 
 
 def packages_folder(target: dict[str, str]) -> pathlib.Path:
-    """Where the packages for such a Python lie."""
+    """The folder of the packages for a Python with these facts."""
     return FOLDER / f"own-blender-{target['python']}-{target['platform']}"
 
 
 def requirement_digest() -> str:
-    """A name for the set of packages."""
+    """The digest of the set of packages."""
     return hashlib.sha256((REQUIREMENTS / "test.txt").read_bytes()).hexdigest()
 
 
@@ -84,20 +84,20 @@ def fill(folder: pathlib.Path, install: list[str]) -> None:
 
 
 def pip_python() -> str:
-    """A Python that has pip: the running one, or that of an environment of ours."""
+    """A Python that has pip: the running one, or that of one of the checkout's environments."""
     done = subprocess.run([sys.executable, "-m", "pip", "--version"], capture_output=True)
     return sys.executable if done.returncode == 0 else environments.first().python
 
 
 def cross_options(target: dict[str, str]) -> list[str]:
-    """pip's options that choose wheels for another Python than the one that runs pip."""
+    """The options of pip that choose wheels for another Python than the one that runs it."""
     options = ["--implementation=cp", f"--python-version={target['python']}"]
     options += [f"--abi=cp{target['python'].replace('.', '')}", "--abi=abi3", "--abi=none"]
     return options + [f"--platform={tag}" for tag in platform_tags(target)]
 
 
 def platform_tags(target: dict[str, str]) -> list[str]:
-    """The wheel platforms that such a system takes, the newest first; pip adds macOS's older ones itself."""
+    """The wheel platforms of a system, the newest first; pip adds the older ones of macOS itself."""
     name = target["platform"].replace("-", "_").replace(".", "_")
     if not target["glibc"]:
         return [name]
@@ -122,7 +122,7 @@ def fill_from_inside(folder: pathlib.Path) -> None:
 
 
 def bundled_pip() -> list[str]:
-    """The pip wheel that CPython carries for ensurepip: it runs as it lies, without being installed."""
+    """The pip wheel that CPython carries for ensurepip, which runs without being installed."""
     try:
         import ensurepip
     except ImportError:
@@ -132,7 +132,7 @@ def bundled_pip() -> list[str]:
 
 
 def run_inside(blender: str, title: str, arguments: list[str]) -> int:
-    """Run each part of the suite in a new process of this Blender, called from inside it; the exit code."""
+    """Run each part of the suite in a new process of the running Blender; returns the exit code."""
     folder = packages_folder(json.loads(facts()))
     if not is_filled(folder):
         fill_from_inside(folder)
@@ -156,7 +156,7 @@ def run_inside(blender: str, title: str, arguments: list[str]) -> int:
             *part_arguments,
         ]
         with tempfile.TemporaryDirectory(prefix="scfpf-profile-", ignore_cleanup_errors=True) as profile:
-            # Set before Blender starts: what the tests write must not reach the user's own profile.
+            # The tests must not write into the user's own profile.
             environ = {**os.environ, "BLENDER_USER_RESOURCES": profile}
             results.append(testing.run_pytest(f"{title}, {part} tests", report, command, environ))
     return testing.close(results)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The pictures that the documents show, screenshots of a Blender with a window, and the pages of tables."""
+"""The screenshots of the documents, taken in a Blender with a window, and the generated pages."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from .environments import ROOT, Environment, Failure, say
 
 FOLDER = ROOT / "docs" / "pictures"
 PAGE = ROOT / "docs" / "presets.md"
-# What is beside the scenarios of tests/window while they are taken.
+# Files that are put beside the scenarios of tests/window for the run.
 SCENARIOS = {"scenarios_guide.py": ROOT / "demo" / "guide_pictures.py"}
 LARGEST_BYTES = 150_000
 LIMIT = 840.0  # seconds
 HEAD = """# Presets
 
-Every projection of the menu *Projection Preset*, as the menus show it. `python3 dev.py pictures` writes this
-page from the files in `presets/`; larger pictures of most of them are in the [gallery](gallery.md).
+This page lists every projection of the menu *Projection Preset*. The [gallery](gallery.md) has larger
+pictures of most of them. `python3 dev.py pictures` writes this page from the files in `presets/`.
 """
 
 
 def take(environment: Environment, blender: str | None, names: list[str]) -> None:
-    """Write the pages of presets and settings, take the pictures, and put them into docs/pictures.
+    """Write the pages of presets and settings, and the screenshots in docs/pictures.
 
-    blender: the path of a Blender that must be used; names: some scenarios of demo/guide_pictures.py, or all.
+    blender: the path of the Blender to use, or None. names: scenarios of demo/guide_pictures.py, else all.
     """
     for page, text in ((PAGE, presets_page()), (settings_page.PAGE, settings_page.page())):
         page.write_text(text, encoding="utf-8")
@@ -49,7 +49,7 @@ def take(environment: Environment, blender: str | None, names: list[str]) -> Non
 
 
 def keep(path: pathlib.Path) -> None:
-    """Copy a picture into docs/pictures, unless it is too large for a page."""
+    """Copy a screenshot into docs/pictures. Raises Failure if it is too large for a page."""
     size = path.stat().st_size
     if size > LARGEST_BYTES:
         raise Failure(f"{path.name} has {size / 1000:.0f} kB; a picture may have {LARGEST_BYTES / 1000:.0f}")
@@ -58,7 +58,7 @@ def keep(path: pathlib.Path) -> None:
 
 
 def presets_page() -> str:
-    """docs/presets.md: picture, name and description of every file in presets/, by the menu's groups."""
+    """The text of docs/presets.md: thumbnail, name and description of every preset, by the menu's groups."""
     groups: dict[str, list[tuple[str, str, str, str]]] = {}
     for path in (ROOT / "presets").glob("*.json"):
         preset = json.loads(path.read_text(encoding="utf-8"))

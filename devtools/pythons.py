@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 WINDOWS = os.name == "nt"
-# A pyenv shim or a store stub answers at once; a minute means that something waits for a person.
+# A pyenv shim or a store stub answers at once; after a minute the command waits for input.
 PROBE_SECONDS = 60
 
 PROBE = """
@@ -43,7 +43,7 @@ class Python(NamedTuple):
 
 
 def find(version: str) -> tuple[Python | None, list[str]]:
-    """The first whole Python of this version ("3.13"), and what was wrong with those passed over."""
+    """The first usable Python of a version ("3.13") or None, and the faults of those before it."""
     faults = []
     for command in dict.fromkeys(candidates(version)):
         python, fault = probe(command, version)
@@ -55,9 +55,9 @@ def find(version: str) -> tuple[Python | None, list[str]]:
 
 
 def probe(command: tuple[str, ...], version: str) -> tuple[Python | None, str]:
-    """The Python that a command starts, if it is of this version and whole; else None and what is wrong.
+    """The Python that a command starts, if it is usable and of this version, else None and its fault.
 
-    Nothing is said of a command that is no Python of this version at all.
+    The fault is empty for a command that does not start a Python of this version.
     """
     try:
         done = subprocess.run(
@@ -80,12 +80,12 @@ def probe(command: tuple[str, ...], version: str) -> tuple[Python | None, str]:
 
 
 def candidates(version: str) -> Iterator[tuple[str, ...]]:
-    """Commands that may start a Python of this version, the likeliest first."""
+    """Commands that may start a Python of this version, the most likely first."""
     if version == f"{sys.version_info[0]}.{sys.version_info[1]}":
         yield (sys.executable,)
     suffix = ".exe" if WINDOWS else ""
     for name in (f"python{version}", "python3", "python"):
-        # Every folder of PATH: a pyenv shim that refuses may stand before a Python that works.
+        # All folders of PATH count: a pyenv shim that refuses may come before a Python that works.
         for folder in os.environ.get("PATH", "").split(os.pathsep):
             path = pathlib.Path(folder, name + suffix)
             if folder and path.is_file():
@@ -98,7 +98,7 @@ def candidates(version: str) -> Iterator[tuple[str, ...]]:
 
 
 def pyenv_roots() -> list[pathlib.Path]:
-    """Where pyenv (on Windows pyenv-win) keeps its versions, whether its shims are on PATH or not."""
+    """The folders in which pyenv (on Windows pyenv-win) may keep its versions."""
     named = [pathlib.Path(os.environ[key]) for key in ("PYENV_ROOT", "PYENV") if os.environ.get(key)]
     home = pathlib.Path.home() / ".pyenv"
     return [*named, home / "pyenv-win" if WINDOWS else home]

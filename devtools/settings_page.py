@@ -13,11 +13,11 @@ PAGE = ROOT / "docs" / "settings.md"
 BRIDGE = ROOT / "scfpf_addon" / "bridge"
 HEAD = """# Settings and buttons
 
-What each of them does, in the words of its tooltip; the [guide](guide.md) says what to do with them. In
-brackets: the full name, where a panel has a shorter one. `python3 dev.py pictures` writes this page from
-the code.
+This page lists every setting and button with its tooltip. The [guide](guide.md) explains how to use them.
+Where a panel shows a shorter name, the full name is in brackets. `python3 dev.py pictures` writes this page
+from the code.
 """
-# Title, and the property groups below it: file and class. Where each is found is in the guide.
+# Titles, and the property groups below each: file and class.
 GROUPS = (
     ("The panel Flexible Projection", (("settings/camera_properties", "SCFPF_CameraSettings"),)),
     (
@@ -34,7 +34,7 @@ SIZES = (
     (ROOT / "scfpf_addon" / "projection" / "surfaces" / "kinds.py", "Parameter", 1),
     (BRIDGE / "surfaces" / "kinds.py", "Input", 5),
 )
-# Their choices are in tables of the guide.
+# Settings whose choices are in tables of the guide.
 CHOICES_IN_GUIDE = {"basis", "reparameterisation", "kind"}
 Row = tuple[str, str]
 
@@ -84,7 +84,7 @@ def texts(tree: ast.AST) -> dict[str, object]:
 
 
 def value(node: ast.expr | None, known: dict[str, object]) -> object:
-    """What an expression of constants is; None where it is made of others."""
+    """The value of an expression of constants; None for any other expression."""
     if isinstance(node, ast.Name):
         return known.get(node.id)
     if isinstance(node, ast.JoinedStr):
@@ -100,7 +100,7 @@ def value(node: ast.expr | None, known: dict[str, object]) -> object:
 
 
 def argument(call: ast.Call, name: str, place: int) -> ast.expr | None:
-    """An argument by its name, or else by its place."""
+    """An argument by its name, else by its position."""
     named = {keyword.arg: keyword.value for keyword in call.keywords}
     return named.get(name, call.args[place] if len(call.args) > place else None)
 
@@ -146,7 +146,7 @@ def titled(name: str, label: str | None) -> str:
 
 
 def sizes() -> Iterator[Row]:
-    """The sizes of control surfaces, each once."""
+    """Each size of control surfaces once, with its tooltip."""
     found = {}
     for path, call, place in SIZES:
         tree = parsed(path)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs of pytest: pure tests, Blender tests and the installed zip, each in a process of its own.
 
-In a process of its own, because the pure tests import `scfpf_addon`, the Blender tests the same files as
-`bl_ext.checkout.scfpf.scfpf_addon`, the last ones as `bl_ext.user_default.scfpf.scfpf_addon`: the classes of
-one are not those of another, and Blender can register only one add-on under our names. The fourth part, the
-scenarios in a window, is run by window.py.
+The pure tests import `scfpf_addon`. The Blender tests import the same files as
+`bl_ext.checkout.scfpf.scfpf_addon`, the last ones as `bl_ext.user_default.scfpf.scfpf_addon`. Their classes
+differ, and Blender can register only one add-on of a name. window.py runs the fourth part, the scenarios in a
+window.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ WHOLE_SUITE = {
     "window": [],
 }
 NO_TESTS_COLLECTED = 5  # pytest's exit code
-# With this variable set the Blender tests install the zip in dist/; without, they load the checkout.
+# With this variable the Blender tests install the zip in dist/; without it they load the checkout.
 INSTALL_ZIP = "SCFPF_INSTALL_ZIP"
 
 
 class Result(NamedTuple):
-    """What a run of tests came to."""
+    """The result of a run of tests."""
 
     title: str
     passed: int
@@ -48,9 +48,9 @@ class Result(NamedTuple):
 
 
 def plan(arguments: list[str]) -> dict[str, list[str]]:
-    """The arguments for each part to run; unless a file or folder is named, every part runs.
+    """The arguments of each part to run; without a file or folder every part runs.
 
-    Options are pytest's: the window part takes none, and runs only if it is named, or if nothing is said.
+    Options are those of pytest. The window part takes none: it runs if it is named, or without arguments.
     """
     named: dict[str, list[str]] = {part: [] for part in WHOLE_SUITE}
     options = []
@@ -78,7 +78,7 @@ def part_of(path: pathlib.Path) -> str:
 def run_pytest(
     title: str, report: pathlib.Path, command: list[str], environ: Mapping[str, str] | None = None
 ) -> Result:
-    """Run a command that runs pytest with `report` as its --junitxml, its output in view, and count."""
+    """Run a command of pytest whose --junitxml is ``report``, with its output in view, and count."""
     return count(title, report, lambda: subprocess.call(command, cwd=ROOT, env=environ))
 
 
@@ -89,12 +89,12 @@ def run_beside(
     command: list[str],
     environ: Mapping[str, str] | None = None,
 ) -> Result:
-    """As run_pytest, beside other runs: each line of the output begins with `label`."""
+    """Do as ``run_pytest`` beside other runs, with ``label`` before each line of the output."""
     return count(title, report, lambda: call_labelled(label, command, environ))
 
 
 def call_labelled(label: str, command: list[str], environ: Mapping[str, str] | None) -> int:
-    """The exit code of a command whose output is shown line by line behind a label."""
+    """Run a command with a label before each line of its output; returns the exit code."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
     with subprocess.Popen(command, cwd=ROOT, env=environ, text=True, errors="replace", **pipes) as process:
         for line in process.stdout:
@@ -103,7 +103,7 @@ def call_labelled(label: str, command: list[str], environ: Mapping[str, str] | N
 
 
 def count(title: str, report: pathlib.Path, call: Callable[[], int]) -> Result:
-    """What a call of pytest, which gives its exit code, came to."""
+    """The result of a call of pytest that returns its exit code."""
     say(title)
     report.unlink(missing_ok=True)
     started = time.monotonic()
@@ -116,7 +116,7 @@ def count(title: str, report: pathlib.Path, call: Callable[[], int]) -> Result:
 
 
 def read_report(report: pathlib.Path, title: str, status: int) -> Result:
-    """The counts in pytest's own report."""
+    """The counts in a report of pytest."""
     suites = xml.etree.ElementTree.parse(report).getroot().iter("testsuite")
     keys = ("tests", "failures", "errors", "skipped")
     counts = [[int(suite.get(key, 0)) for key in keys] for suite in suites]
@@ -127,7 +127,7 @@ def read_report(report: pathlib.Path, title: str, status: int) -> Result:
 
 
 def close(results: list[Result], warnings: Sequence[str] = ()) -> int:
-    """Print the table, warnings and sum; the exit code is 0 when every run ended well and some test ran."""
+    """Print the table, warnings and sum; returns 0 if every run ended well and some test ran, else 1."""
     print()
     for result in results:
         say(result.line())

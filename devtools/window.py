@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The scenarios of tests/window in a real Blender with a window: one that is here, or Debian's, made once.
+"""The scenarios of tests/window in a Blender with a window: an installed one, or that of a Debian made once.
 
-On Linux as root, debootstrap makes a Debian of its own in the user's cache folder, with Blender and a virtual
-X server; it needs no mounts, and takes a minute and 2 GB. What keeps such a Blender away (another system, a
-mirror out of order) is a warning for the end of the summary; a scenario that fails is a failure.
+On Linux as root, debootstrap makes a Debian in the user's cache folder, with Blender and a virtual X server.
+It needs no mounts, and takes a minute and 2 GB. Without any such Blender the summary ends with a warning; a
+scenario that fails is a failure.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from .testing import Result
 SCENARIOS = ROOT / "tests" / "window"
 SHOTS = SCENARIOS / "shots"
 OLDEST = (4, 5)
-# Seconds. All of it; making the Debian, so that time is left to test; an answer that should come at once.
+# Limits in seconds: for everything, for making the Debian, and for a quick answer.
 LIMIT, MAKING, ANSWER = 1200.0, 420.0, 60.0
-MIRROR, SUITE = "http://deb.debian.org/debian", "sid"  # the one release with a Blender from 4.5 on
-# The Python ones are what Blender's own extension manager imports and Debian only recommends.
+MIRROR, SUITE = "http://deb.debian.org/debian", "sid"  # the only release with Blender 4.5 or later
+# Blender's extension manager imports the Python packages, which Debian only recommends.
 PACKAGES = (
     *("blender", "xvfb", "imagemagick", "xdotool", "libgl1-mesa-dri", "libegl1"),
     *("python3-numpy", "python3-cattr", "python3-requests", "python3-zstandard"),
@@ -41,33 +41,33 @@ PACKAGES = (
 NEEDED_BYTES = 4e9
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "shots", "output")
 SCREEN = (1600, 1000)
-LEASH = ("timeout", f"{LIMIT:.0f}")  # ends what we could not end, being killed ourselves
+LEASH = ("timeout", f"{LIMIT:.0f}")  # ends the command even if this process is killed
 
 
 class Unavailable(Exception):
-    """Why there is no Blender with a window on this machine, or none in time."""
+    """The reason why this machine has no Blender with a window, or none in time."""
 
 
 class Place(NamedTuple):
-    """A Blender, and the root of the system that it is in."""
+    """A Blender, and the root of its system."""
 
     title: str
     blender: str
     root: pathlib.Path
 
     def command(self, *words: str) -> list[str]:
-        """A command line that runs in that system."""
+        """The command line that runs words in that system."""
         return [*words] if self.root == pathlib.Path("/") else ["chroot", str(self.root), *words]
 
     def inside(self, path: pathlib.Path) -> str:
-        """A path as that system sees it."""
+        """A path as seen from that system."""
         return f"/{path.relative_to(self.root)}"
 
 
 def test(blender: str | None, names: list[str]) -> tuple[list[Result], list[str]]:
-    """Run the scenarios named (none: all) with the zip of dist/; what they came to, and warnings.
+    """Run scenarios (none: all) with the zip of dist/; returns results and warnings.
 
-    blender: the path of a Blender that must be used, or None for whichever can be had.
+    blender: the path of the Blender to use, or None for any.
     """
     deadline = time.monotonic() + LIMIT
     try:
@@ -80,7 +80,7 @@ def test(blender: str | None, names: list[str]) -> tuple[list[Result], list[str]
 
 
 def chosen(names: list[str]) -> list[str]:
-    """The driver's arguments for files and tests of tests/window as pytest would be told them."""
+    """The driver's arguments for files and tests of tests/window given in pytest's form."""
     parts = [name.partition("::") for name in names]
     stems = [(pathlib.Path(file).stem, scenario) for file, _, scenario in parts]
     if any(not scenario and not stem.startswith("scenarios_") for stem, scenario in stems):
@@ -90,7 +90,7 @@ def chosen(names: list[str]) -> list[str]:
 
 @contextlib.contextmanager
 def place(blender: str | None, deadline: float) -> Iterator[Place]:
-    """A Blender of this machine, or else the one of the Debian in the cache folder."""
+    """A Blender of this machine, else that of the Debian in the cache folder."""
     try:
         found = here(blender, deadline)
     except Unavailable as reason:
@@ -103,7 +103,7 @@ def place(blender: str | None, deadline: float) -> Iterator[Place]:
 
 
 def here(blender: str | None, deadline: float) -> Place:
-    """The Blender named, or that of PATH, with what a window and its pictures need."""
+    """The given Blender, or that of PATH, with the programs for windows and screenshots."""
     path = shutil.which(blender or "blender")
     if path is None:
         raise Unavailable(f"there is no {blender or 'blender on PATH'}")
@@ -125,7 +125,7 @@ def checked(found: Place, deadline: float) -> Place:
 
 @contextlib.contextmanager
 def debian(deadline: float, otherwise: str) -> Iterator[Place]:
-    """The Debian of the cache folder, made if need be, and kept from other runs meanwhile."""
+    """The Debian of the cache folder, made if necessary, and locked against other runs."""
     if os.geteuid() != 0:
         raise Unavailable(f"{otherwise}, and only root can make one with debootstrap")
     base = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
@@ -153,7 +153,7 @@ def debian(deadline: float, otherwise: str) -> Iterator[Place]:
 
 @contextlib.contextmanager
 def locked(path: pathlib.Path, deadline: float) -> Iterator[None]:
-    """Hold a lock file, waiting for another run that holds it."""
+    """Hold a lock file, after any other run releases it."""
     import fcntl  # not on every system that can import this module
 
     with path.open("w") as file:
@@ -169,7 +169,7 @@ def locked(path: pathlib.Path, deadline: float) -> Iterator[None]:
 
 
 def make(root: pathlib.Path, deadline: float) -> None:
-    """Make a Debian with the packages, in place of what an earlier run may have left half made."""
+    """Make a Debian with the packages; the remains of an interrupted run are removed."""
     remove(root)
     if shutil.disk_usage(root.parent).free < NEEDED_BYTES:
         raise Unavailable(f"{root.parent} has less than {NEEDED_BYTES / 1e9:.0f} GB free")
@@ -185,7 +185,7 @@ def make(root: pathlib.Path, deadline: float) -> None:
 
 
 def remove(root: pathlib.Path) -> None:
-    """Delete a Debian, first unmounting what debootstrap, if it was stopped, may have left mounted in it."""
+    """Unmount the mounts of an interrupted debootstrap, and delete a Debian."""
     mounted = [line.split()[1] for line in pathlib.Path("/proc/mounts").read_text().splitlines()]
     for path in sorted(mounted, reverse=True):
         if path.startswith(f"{root}/"):
@@ -195,7 +195,7 @@ def remove(root: pathlib.Path) -> None:
 
 
 def finish(command: list[str], deadline: float) -> str:
-    """Run a command and return what it printed; Unavailable if it fails or is not done in time."""
+    """Run a command and return its output. Raises Unavailable if it fails or takes too long."""
     with tempfile.TemporaryFile("w+", errors="replace") as file:
         try:
             with started(command, stdout=file, stderr=subprocess.STDOUT) as process:
@@ -212,12 +212,12 @@ def finish(command: list[str], deadline: float) -> str:
 
 @contextlib.contextmanager
 def started(command: list[str], **options: object) -> Iterator[subprocess.Popen]:
-    """A process with a group of its own; nothing of the group is left afterwards, whatever happens."""
+    """A process with its own group, all of which ends with the context."""
     process = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True, **options)
     try:
         yield process
     finally:
-        # Asked first: an X server that is killed leaves its lock file.
+        # It is terminated before it is killed: a killed X server leaves its lock file.
         for how in (signal.SIGTERM, signal.SIGKILL):
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, how)
@@ -227,11 +227,11 @@ def started(command: list[str], **options: object) -> Iterator[subprocess.Popen]
 
 @contextlib.contextmanager
 def screen(found: Place, environ: dict[str, str], deadline: float) -> Iterator[dict[str, str]]:
-    """The environment with the DISPLAY of a virtual screen; with the user's own where there is no Xvfb."""
+    """The environment with the DISPLAY of a virtual screen, or the user's own without Xvfb."""
     if found.root == pathlib.Path("/") and not shutil.which("Xvfb"):
         yield {**environ, "DISPLAY": os.environ["DISPLAY"]}
         return
-    # -displayfd: it takes a free number and says which.
+    # -displayfd: the server chooses a free number and prints it.
     words = [*LEASH, "Xvfb", "-displayfd", "1", "-nolisten", "tcp"]
     words += ["-screen", "0", f"{SCREEN[0]}x{SCREEN[1]}x24"]
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "env": environ}
