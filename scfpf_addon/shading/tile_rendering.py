@@ -19,7 +19,7 @@ from .passes.light_passes import EXPOSED, LightFilm, LightParts
 from .pipeline import Pipeline
 from .sample_casting import CastSample
 from .sampling.adaptive import Adaptive, adaptive_batches, margin
-from .sampling.film import AdaptiveFilm, Film
+from .sampling.films import AdaptiveFilm, Film
 from .settings.frame_settings import FrameSettings
 from .tracing.scene_view import SceneView
 from .typing import Single

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...projection.typing import BoolArray, IndexArray
-from .film import AdaptiveFilm
+from .films import AdaptiveFilm
 
 # The most projectors that are cast at once.
 BATCH = 1 << 16

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scfpf_addon.shading.sampling.film import Film
+from scfpf_addon.shading.sampling.films import Film
 from scfpf_addon.shading.sampling.sample_sets import lamp_positions, pixel_positions
 
 SHAPES = ("SQUARE", "DISC", "BALL")
