@@ -3,7 +3,7 @@
 
     python3 dev.py bench --counts [--write]
 
-Rays, chords, exact tests and the like of small pictures, and the chords that each preset needs in Cycles.
+Rays, chords, exact tests and the like of small images, and the chords that each preset needs in Cycles.
 Compared with those in counts.json, beside this file, as the tests do; --write puts today's there. A count
 that rises is a slower renderer; commit the file together with what changed it, and say why.
 """
@@ -39,7 +39,7 @@ FRAME_SIZE = (96, 54)
 # Degree and bend in degrees; in pixels, 0 exact.
 BENDS = ((1, 0), (2, 10), (2, 60), (3, 180))
 PIXEL_ERRORS = (0.1, 0.0)
-# Of the picture that a preset's chords in Cycles are counted for.
+# Of the image that a preset's chords in Cycles are counted for.
 CYCLES_SIZE, CYCLES_ERROR = (960, 540), 0.25
 
 Counts = dict[str, dict[str, int]]
@@ -62,7 +62,7 @@ def of_casts() -> Counts:
 
 
 def of_frames() -> Counts:
-    """What whole pictures take, with samples where they are needed and only the triangles in reach."""
+    """What whole images take, with samples where they are needed and only the triangles in reach."""
     settings = FrameSettings(*FRAME_SIZE, samples=16, threads=1, adaptive=Adaptive(0.01, 4))
     found: Counts = {}
     for name, make in SCENES.items():
@@ -75,7 +75,7 @@ def of_frames() -> Counts:
 
 
 def of_presets() -> Counts:
-    """Chords and cells of a sheet that each preset's picture needs in Cycles."""
+    """Chords and cells of a sheet that each preset's image needs in Cycles."""
     found: Counts = {}
     for path in sorted(PRESETS.glob("*.json")):
         projection = read_preset(path).projection(SIZE[0] / SIZE[1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The engine beside Cycles: from the click to the picture, and the memory that it takes.
+"""The engine beside Cycles: from the click to the image, and the memory that it takes.
 
     python3 dev.py bench --engine [--json FILE] [--markdown FILE] [--quick] [--runs N]
 
@@ -7,7 +7,7 @@ A million triangles, flat, one sun with shadows, a straight volume made of an or
 pixel; Cycles on the CPU, with direct light only, as here, and with the bounces that it has by default. Every
 figure comes from a Blender of its own that opens the same
 file, renders, renders again, and renders after the camera has moved; both engines take turns. Memory is the
-most that the process has held after the first picture, Blender and the file included.
+most that the process has held after the first image, Blender and the file included.
 """
 
 from __future__ import annotations

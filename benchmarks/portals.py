@@ -3,7 +3,7 @@
 
     python3 dev.py bench --cycles [--json FILE] [--quick]
 
-The same perspective volume is cut into 1, 8, 16 and 32 chords, so that all pictures are alike. Times are
+The same perspective volume is cut into 1, 8, 16 and 32 chords, so that all images are alike. Times are
 processor seconds of Cycles' sampling on the CPU: of a whole render less those of one with a single sample,
 after one that warms up. Cameras take turns; a ratio is the median of those of all rounds.
 """
@@ -118,7 +118,7 @@ def rendering_time(samples: int) -> float:
     for number in (1, 1 + samples):
         scene.cycles.samples = number
         started = process_time()
-        # A picture that is not written may not be rendered.
+        # An image that is not written may not be rendered.
         bpy.ops.render.render(write_still=True)
         times.append(process_time() - started)
     return times[1] - times[0]

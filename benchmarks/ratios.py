@@ -171,7 +171,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to FILE too")
     parser.add_argument("--from", type=Path, dest="kept", metavar="FILE", help="use the figures in FILE")
     parser.add_argument("--markdown", metavar="FILE", help="put the table into a document")
-    parser.add_argument("--quick", action="store_true", help="smaller scenes and pictures, fewer runs")
+    parser.add_argument("--quick", action="store_true", help="smaller scenes and images, fewer runs")
     options = parser.parse_args()
     check_files(
         parser, read=options.kept, written=options.json, document=options.markdown, sections=[SECTION]

@@ -48,7 +48,7 @@ STRAIGHT_GOAL = 0.75
 CURVED_GOALS = {10: (3.5, 7.0), 60: (5.0, 10.0), 180: (6.0, 14.0)}
 
 # Deterministic counts that are printed, of both kinds of casts.
-COUNTS = (("refined", "walked", "unresolved"), ("tested", "unresolved"))
+COUNTS = (("refined", "on_neighbours", "unresolved"), ("tested", "unresolved"))
 
 # Exact casts take longer and vary less: they are run this often at most.
 EXACT_RUNS = 2

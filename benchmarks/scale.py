@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Very large scenes, pictures and files: time, and the most memory that a process of its own has held.
+"""Very large scenes, images and files: time, and the most memory that a process of its own has held.
 
     python3 dev.py bench --scale [--json FILE] [--markdown FILE] [--quick] [--only PART ...] [--most GB]
 
@@ -38,7 +38,7 @@ from scfpf_addon.shading.settings.frame_settings import FrameSettings
 TRIANGLES = 10_000_000
 # So little memory, in bytes, that exact casting has to refuse.
 LITTLE = 2e9
-# The pictures of them.
+# The images of them.
 SIZE = (1920, 1080)
 THREADS = 2
 PIXEL_ERROR = 0.1
@@ -46,9 +46,9 @@ BEND = 60.0
 # Pixels along both sides, and what a pixel takes: four float32 numbers.
 SIDES = (4096, 8192, 16384)
 BYTES_PER_PIXEL = 16
-# Of the scene of a picture.
+# Of the scene of an image.
 FEW_TRIANGLES = 20_000
-# What a pixel of Blender's picture may take, for --most: our film, Blender's, and the packed file.
+# What a pixel of Blender's image may take, for --most: our film, Blender's, and the packed file.
 BLENDER_BYTES_PER_PIXEL = 40
 # Cameras, and control surfaces of each.
 FILES = ((1, 2), (1, 10), (100, 2), (100, 10))
@@ -97,7 +97,7 @@ def triangles(name: str, count: int, pixel_error: float, free: float) -> dict[st
     return result
 
 
-def picture(width: int, height: int) -> dict[str, Any]:
+def image(width: int, height: int) -> dict[str, Any]:
     """A curved frame of few triangles, without Blender."""
     scene = flat_scene("boxes", FEW_TRIANGLES)
     projection = bent_projection(2, math.radians(BEND), width / height)
@@ -110,13 +110,13 @@ def picture(width: int, height: int) -> dict[str, Any]:
     return {"seconds": perf_counter() - started, "before": before, "memory": peak_memory()}
 
 
-WORKS = ("triangles", "picture", "blender_picture", "file_of")
+WORKS = ("triangles", "image", "blender_image", "file_of")
 
 
 def work(name: str, arguments: list[Any]) -> dict[str, Any]:
     """One of WORKS, in this process."""
-    if name in ("triangles", "picture"):
-        return triangles(*arguments) if name == "triangles" else picture(*arguments)
+    if name in ("triangles", "image"):
+        return triangles(*arguments) if name == "triangles" else image(*arguments)
     with tempfile.TemporaryDirectory(prefix="scfpf-scale-", ignore_cleanup_errors=True) as folder:
         # Blender passes over a folder that is not there.
         profile = Path(folder, "profile")
@@ -169,22 +169,22 @@ def _gb(found: dict[str, Any]) -> str:
     return f"{found['memory'] / 1e9:.1f} GB"
 
 
-def measure_pictures(most: float, quick: bool) -> list[str]:
-    """The table of large pictures."""
+def measure_images(most: float, quick: bool) -> list[str]:
+    """The table of large images."""
     lines = [
         "| pixels | the image alone | above it | by the Render button, Blender's image and packed file "
         "included | bytes a pixel |",
         "|---|---|---|---|---|",
     ]
     for side in SIDES[: 1 if quick else None]:
-        found = in_own_process("picture", side, side)
+        found = in_own_process("image", side, side)
         image = BYTES_PER_PIXEL * side * side
         above = found["memory"] - found["before"] - image
         heights = [side, side // 2] if side == SIDES[-1] else [side]
         fits = [high for high in heights if BLENDER_BYTES_PER_PIXEL * side * high <= most]
         by_button = "more than may be used here | "
         if fits:
-            of_blender = in_own_process("blender_picture", side, fits[0])
+            of_blender = in_own_process("blender_image", side, fits[0])
             taken = of_blender["memory"] - of_blender["before"]
             what = "" if fits[0] == side else f"{side} × {fits[0]}: "
             packed = of_blender["packed"] / MEBIBYTE
@@ -226,7 +226,7 @@ def measure_files(_most: float, quick: bool) -> list[str]:
     return lines
 
 
-PARTS = {"triangles": measure_triangles, "pictures": measure_pictures, "cameras": measure_files}
+PARTS = {"triangles": measure_triangles, "pictures": measure_images, "cameras": measure_files}
 
 
 def main() -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ``scale`` measures in Blender: large pictures by the Render button, files of many cameras."""
+"""What ``scale`` measures in Blender: large images by the Render button, files of many cameras."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def draw_panels(panels: list[type]) -> None:
         rows.draw_item(None, context, layout, settings, slot, 0, settings, "active_surface", index)
 
 
-def blender_picture(width: int, height: int) -> dict[str, Any]:
+def blender_image(width: int, height: int) -> dict[str, Any]:
     """The same by the operator of the Render button, into Blender's image, packed if a file can hold it."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     mesh = bpy.data.meshes.new("Boxes")

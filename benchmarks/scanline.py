@@ -132,7 +132,7 @@ def flexible_scene(projection):
 
 
 def measure_moves(projection, vertices: int, runs: int) -> dict:
-    """A small object moved in a heavy scene, with the preview on, against all pictures made anew.
+    """A small object moved in a heavy scene, with the preview on, against all images made anew.
 
     Everything is in it that an artist waits for but the drawing, the add-on's handlers too.
     """

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What accuracy costs: pixels that differ from the exact picture, and how far, against time.
+"""What accuracy costs: pixels that differ from the exact image, and how far, against time.
 
     python3 dev.py bench --trade [--quick] [--json FILE] [--png FILE] [--markdown docs/accuracy.md]
 
 --markdown replaces the table in a document, and what peers take with it. Each pixel error, and
 pixel error 0, casts the same tiles in one thread; times are CPU seconds, the least of several runs
-that take turns, divided by what raw Embree takes for the same scene's straight picture. A pixel
+that take turns, divided by what raw Embree takes for the same scene's straight image. A pixel
 *differs* when its t is not the exact one; it is *beyond a pixel* when its t is also outside what the
-exact picture shows in the eight pixels around it.
+exact image shows in the eight pixels around it.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def trade(mesh: Mesh, projection: Projection, image: Image, runs: int) -> list[d
     straight = raw_rays(scene, bent_projection(1, 0.0).transformed(scene.matrix), image)
     cast_raw, inside = raw_embree(scene), projection.transformed(scene.matrix)
     seconds = dict.fromkeys(ERRORS, math.inf)
-    raw, pictures, counted = math.inf, {}, {}
+    raw, images, counted = math.inf, {}, {}
     for error in (1.0, 0.0):  # builds what only these need
         cast_all(scene, inside, image, error)
     for _ in range(runs):
@@ -104,17 +104,15 @@ def trade(mesh: Mesh, projection: Projection, image: Image, runs: int) -> list[d
             cast_raw(*rays)
         raw = min(raw, process_time() - start)
         for error in ERRORS:
-            pictures[error], counted[error], spent = cast_all(scene, inside, image, error)
+            images[error], counted[error], spent = cast_all(scene, inside, image, error)
             seconds[error] = min(seconds[error], spent)
-    low, high = around(pictures[0.0], image.width)
+    low, high = around(images[0.0], image.width)
     pixels = image.width * image.height
     return [
         {
             "pixel error": error,
-            "differ": float((np.abs(pictures[error] - pictures[0.0]) > SAME).mean()),
-            "beyond a pixel": float(
-                ((pictures[error] < low - SAME) | (pictures[error] > high + SAME)).mean()
-            ),
+            "differ": float((np.abs(images[error] - images[0.0]) > SAME).mean()),
+            "beyond a pixel": float(((images[error] < low - SAME) | (images[error] > high + SAME)).mean()),
             "nanoseconds a pixel": seconds[error] / pixels * 1e9,
             "times raw": seconds[error] / raw,
             "chords": counted[error].chords / pixels,
@@ -164,7 +162,7 @@ def draw_volume(panel: Any, rows: list[dict[str, Any]], style: str, volume: str)
 
 
 def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
-    """The trade as a picture: one panel a scene, one line a volume."""
+    """The trade as an image: one panel a scene, one line a volume."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -178,7 +176,7 @@ def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
             if where == scene:
                 draw_volume(panel, rows, "-" if volume in BENDS or volume in BASES else "--", volume)
         panel.set(xscale="log", yscale="log", ylim=(EXACT / 2, 1e-1), title=scene)
-        panel.set_xlabel("time, multiples of raw Embree's for the straight picture")
+        panel.set_xlabel("time, multiples of raw Embree's for the straight image")
         panel.axhspan(EXACT / 2, NONE * 2, color="0.95", zorder=0)
         panel.xaxis.set_minor_locator(ticker.NullLocator())
         panel.set_xticks([1, 2, 5, 10, 20, 50, 100], labels=["1", "2", "5", "10", "20", "50", "100"])
@@ -188,7 +186,7 @@ def draw(results: dict[str, list[dict[str, Any]]], path: str) -> None:
         )
         panel.yaxis.set_minor_locator(ticker.NullLocator())
         panel.grid(True, alpha=0.3)
-    panels[0].set_ylabel("pixels that differ from the exact picture")
+    panels[0].set_ylabel("pixels that differ from the exact image")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.tight_layout(rect=(0, 0.1, 1, 0.96))
     figure.suptitle("Each line: pixel errors from 1 (top) to 0.01; hollow: slower and no better; star: exact")
@@ -203,7 +201,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--json", metavar="FILE", help="write all figures to FILE too")
     parser.add_argument("--png", metavar="FILE", help="draw error against time into FILE (matplotlib)")
     parser.add_argument("--markdown", metavar="FILE", help="replace the table in FILE")
-    parser.add_argument("--quick", action="store_true", help="a small picture, one run")
+    parser.add_argument("--quick", action="store_true", help="a small image, one run")
     options = parser.parse_args(arguments)
     check_files(parser, written=options.json, document=options.markdown, sections=["trade"])
     check_files(parser, written=options.png)

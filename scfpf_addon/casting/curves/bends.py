@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Projectors of a tile sorted by how much they bend, so that straight ones do not pay for others."""
+"""Groups of a tile's projectors by their bend, so that straight ones do not need the chords of others."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import numpy as np
 
 from ...projection.typing import Array, BoolArray
 
-# Projectors that bend less than this share of the tile's most need a quarter of its chords.
+# Projectors that bend less than this share of the tile's largest bend need a quarter of its chords.
 SLIGHT = 1.0 / 16.0
 
-# And those below this are straight to rounding.
+# Projectors that bend less than this share of the coordinates are straight but for rounding.
 STRAIGHT = 1e-9
 
-# A group is worth chords of its own from this share of the tile on.
+# A group gets chords of its own if it has at least this share of the projectors.
 LEAST_SHARE = 0.125
 
-# Every so many projectors are looked at to see whether it is worth looking at all.
+# Every so many projectors are sampled to see whether groups can pay at all.
 STRIDE = 37
 
 
 def bend_groups(points: Array, mask: BoolArray) -> list[BoolArray]:
-    """The projectors of ``mask`` (N,) in groups of about equal bend, (N,) bool each, none of them empty.
+    """The projectors of ``mask`` (N,) in groups of about equal bend, (N,) bool each, none empty if any exist.
 
     points: (K, 3, N) control points.
     """
@@ -41,13 +41,13 @@ def bend_groups(points: Array, mask: BoolArray) -> list[BoolArray]:
 
 
 def bends(points: Array) -> Array:
-    """How far second differences of control points (K, 3, N) reach across the way from end to end, (N,)."""
+    """Bends (N,) of control points (K, 3, N): the largest second difference across the way between ends."""
     way = points[-1] - points[0]
     length = np.einsum("cn,cn->n", way, way)
     most = np.zeros(points.shape[2])
     for second in np.diff(points, 2, axis=0):
         along = np.einsum("cn,cn->n", second, way)
-        # Where both ends are one place all of it counts.
+        # All of it counts if both ends coincide.
         share = np.divide(along, length, out=np.zeros_like(along), where=length > 0.0)
         across = second - way * share
         np.maximum(most, np.einsum("cn,cn->n", across, across), out=most)

@@ -72,7 +72,7 @@ def cast_chords(
     span = schedule.span.take(records.chord)
     low, high = (begin - slack).take(records.chord), (end + slack).take(records.chord)
     found = solve(curves, scene, records.triangle, span, low, high)
-    counts.walked += move_to_neighbours(curves, scene, span, low, high, found)
+    counts.on_neighbours += move_to_neighbours(curves, scene, span, low, high, found)
     found.store(hits, records.projector)
     doubtful = np.flatnonzero(~found.inside)
     some = records.take(doubtful)

@@ -122,7 +122,7 @@ class ProjectorBatch:
     def _leaving(self, span: IndexArray, local: Array, arriving: BoolArray) -> Array:
         """The first derivative that does not vanish at ``local`` (N,) in the spans, (3, N); 0 for a point.
 
-        arriving: (N,) whether the direction of arrival is asked for, not that of leaving.
+        arriving: (N,) whether to return the direction of arrival instead of that of leaving.
         """
         controls = np.einsum("nik,kcn->icn", self.spans.matrices[span], self.points)
         if self.spans.point_weights is not None:

@@ -12,7 +12,7 @@ from ...projection.volume.basis import SpanBasis
 from ...projection.volume.viewing_volume import Projection, image_derivatives
 from ..scene.cast_triangles import LARGEST_COORDINATE
 
-# Projectors of a tile that its schedule looks at, besides its corners.
+# Sampled projectors of a tile, besides its corners.
 SAMPLES = 56
 
 # Where pixels are squeezed more than this in one direction (near a pole, at a

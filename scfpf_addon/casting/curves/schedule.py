@@ -38,16 +38,16 @@ from .chord_rules import (
 )
 from .sampled_curves import FINEST, Curves, across, blend, footprint, pixel_length
 
-# Steps in t at which sampled projectors are looked at, per span.
+# Steps in t at which sampled projectors are evaluated, per span.
 STEPS = 32
 
 # Of those projectors, how many the finished schedule is measured on.
 MEASURED = 24
 
-# The denominator of a rational projector varies by less than this along a chord.
+# The denominator of a rational projector varies by a smaller factor than this along a chord.
 MOST_VARIED = 4.0
 
-# And by less than this between two places where a rational span is looked at.
+# And by a smaller factor than this between two places where the span is evaluated.
 STEADY = 1.5
 
 # Chords are this much denser than the sampled projectors require.
@@ -218,8 +218,8 @@ def _measure(
 ) -> tuple[float, float]:
     """Largest distance of curve and chords, in tolerances and in pixels.
 
-    Compared at both ends and in the middle of each chord, on MEASURED projectors. Chords of rational spans
-    must also be near where their ends are not shifted.
+    Compared at both ends and in the middle of each chord, on MEASURED projectors. Rational spans are also
+    compared with chords whose ends are not shifted, within twice the tolerance.
     """
     some = curves.only(slice(MEASURED))
     ends = blend(schedule.ends, some.points)
@@ -238,7 +238,6 @@ def _measure(
         error = max(error, float(np.max(distance[known] / demand.pixel[known], initial=0.0)))
     if spans.point_weights is not None:
         distance = _distance(middle.position, before.position, after.position)
-        # Twice the tolerance, since these ends are not shifted.
         excess = max(excess, float((distance / (2.0 * middle.length)).max(initial=0.0)))
     return excess, error
 

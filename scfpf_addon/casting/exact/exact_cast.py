@@ -264,8 +264,8 @@ def _meet_passed_over(traversal: Traversal, rays: Rays, triangle: NDArray[np.int
         fresh, there = other[found[other] != triangle[other]], across >= 0
         pairs = np.concatenate([fresh, np.tile(other, 3)[there]])
         meet(traversal, projector[pairs], span[pairs], np.concatenate([found[fresh], across[there]]))
-        borne_out = traversal.hits.triangle[projector[other]] == found[other]
-        lost = other[(traversal.hits.t[projector[other]] >= before) | ~borne_out]
+        confirmed = traversal.hits.triangle[projector[other]] == found[other]
+        lost = other[(traversal.hits.t[projector[other]] >= before) | ~confirmed]
         if len(lost):
             # If it is not there either, it is passed.
             limits = np.ones(len(lost), np.float32)

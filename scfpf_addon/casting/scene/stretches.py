@@ -72,14 +72,9 @@ class Stretches(NamedTuple):
         """Whether blocks may meet something in [low, high] (C,) of t, (C, B)."""
         first = np.clip(np.searchsorted(self.edges, low, side="right") - 1, 0, len(self.held))
         last = np.clip(np.searchsorted(self.edges, high, side="left"), 0, len(self.held))
-        some: BoolArray = np.zeros((len(first), self.held.shape[1]), bool)
-        if len(first) > len(self.held):
-            before = np.zeros((len(self.edges), self.held.shape[1]), np.int32)
-            np.cumsum(self.held, axis=0, out=before[1:])
-            np.greater(before[last], before[first], out=some)
-            return some
-        for chord, (start, end) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
-            np.logical_or.reduce(self.held[start:end], axis=0, out=some[chord])
+        before = np.zeros((len(self.edges), self.held.shape[1]), np.int32)
+        np.cumsum(self.held, axis=0, out=before[1:])
+        some: BoolArray = before[last] > before[first]
         return some
 
 

@@ -56,7 +56,7 @@ def chord_ends(projection, plan, x, y):
     ("basis", "weights"), [("BEZIER", None), ("B_SPLINE", None), ("NURBS", (1.0, 3.0, 0.5, 1.0))]
 )
 def test_points_of_chords_are_seen_where_their_pixel_is(basis, weights, pixel_error):
-    """By the inverse: a point of a chord belongs to a place in the picture, which must be the chord's own."""
+    """By the inverse: a point of a chord belongs to a place in the image, which must be the chord's own."""
     projection = bent(basis, weights)
     plan = plan_chords([projection], SIZE, pixel_error)
     assert plan.error <= pixel_error
@@ -69,7 +69,7 @@ def test_points_of_chords_are_seen_where_their_pixel_is(basis, weights, pixel_er
         u, v = found.u.reshape(-1, 40), found.v.reshape(-1, 40)
         off = np.hypot((u - x) * SIZE[0], (v - y) * SIZE[1])
         worst = max(worst, np.nanmax(off))
-    # What moves a picture along the narrow side of a pixel moves it less along the wide one.
+    # What moves an image along the narrow side of a pixel moves it less along the wide one.
     assert 0.2 * pixel_error < worst <= 1.1 * pixel_error
 
 
@@ -100,7 +100,7 @@ def test_a_volume_of_nothing_is_refused():
 
 
 @pytest.mark.parametrize("polar", [False, True])
-def test_sheets_cover_the_picture_once(polar):
+def test_sheets_cover_the_image_once(polar):
     breaks = np.linspace(0, 1, 4)
     cells = (ROUND_CELLS, ROUND_CELLS)
     arrays = portals(breaks, np.zeros(4), cells, SIZE, polar)
@@ -119,7 +119,7 @@ def test_sheets_cover_the_picture_once(polar):
     assert ends == [[0], [3]]
 
 
-def test_polar_pictures_have_round_sheets():
+def test_polar_images_have_round_sheets():
     disc = Projection(ViewingVolume((plane(1, 1), plane(8, 20))), Polar(), aspect=1.6)
     plan = plan_chords([disc], SIZE, 0.2)
     assert min(plan.cells) >= ROUND_CELLS

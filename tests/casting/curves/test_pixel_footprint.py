@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""By how many pixels a way in space moves the picture: against the solution of the 2 × 2 equations."""
+"""By how many pixels a way in space moves the image: against the solution of the 2 × 2 equations."""
 
 import numpy as np
 import pytest

@@ -101,7 +101,7 @@ def displacement(projection, chords, count=80):
 
 @pytest.mark.parametrize("pixel_error", [1.0, 0.1])
 @pytest.mark.parametrize("name", VOLUMES)
-def test_chords_displace_the_picture_by_no_more_than_the_pixel_error(name, pixel_error):
+def test_chords_displace_the_image_by_no_more_than_the_pixel_error(name, pixel_error):
     chords = schedule(VOLUMES[name], pixel_error)
     assert 0.2 * pixel_error < chords.error <= pixel_error * 1.0001
     # The margins are for projectors between the sampled ones.

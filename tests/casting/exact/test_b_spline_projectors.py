@@ -107,7 +107,7 @@ def test_the_first_hit_is_that_of_dense_sampling(kind, count, columns):
     assert np.abs(exact.dt - hits.tangent[:, same]).max() < 1e-9
 
 
-def test_few_surfaces_give_the_picture_of_the_bezier_basis():
+def test_few_surfaces_give_the_image_of_the_bezier_basis():
     cast_scene = CastScene(*triangles())
     place = (np.arange(SIDE) + 0.5) / SIDE
     x, y = (grid.ravel() for grid in np.meshgrid(place, place))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A pixel error above 0 is a bound: no silhouette is farther than that from where the exact picture has it.
+"""A pixel error above 0 is a bound: no silhouette is farther than that from where the exact image has it.
 
-Pixels that differ from the exact picture are looked up in it: exact projectors all round, up to the
+Pixels that differ from the exact image are looked up in it: exact projectors all round, up to the
 pixel error away. One of them must show what the pixel shows, or see past what should hide it.
 """
 
@@ -53,7 +53,7 @@ def plane_depth(scene, inside, x, y, triangle, t):
 
 
 def farthest(scene, projection, pixel_error, width=WIDTH, height=HEIGHT):
-    """How far, in pixels, the exact picture has what pixels show; their number; the bound that is reported.
+    """How far, in pixels, the exact image has what pixels show; their number; the bound that is reported.
 
     inf: farther than 1.05 times that bound, or the pixel error if that is more.
     """

@@ -11,7 +11,7 @@ from scfpf_addon.casting.cast import cast
 from scfpf_addon.casting.common.hits import CastCounts
 from scfpf_addon.casting.scene.cast_scene import CastScene
 
-# A thin box, a volume whose near surface cuts it, and the pixels, in a picture of this size, whose
+# A thin box, a volume whose near surface cuts it, and the pixels, in an image of this size, whose
 # projectors begin within a thousandth of its side.
 BOX = slice(75828, 75840)
 WIDTH, HEIGHT = 384, 216

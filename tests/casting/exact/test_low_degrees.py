@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scfpf_addon.casting.curves.plane_roots import short_cubic_roots
-from scfpf_addon.casting.curves.projector_batch import ProjectorBatch, _restricted, _single_roots
+from scfpf_addon.casting.curves.plane_roots import _roots_between, _single_roots, short_cubic_roots
+from scfpf_addon.casting.curves.projector_batch import ProjectorBatch
 from scfpf_addon.projection.volume.basis import span_basis
 from scfpf_addon.projection.volume.bezier import bernstein, bernstein_derivative
 
@@ -19,7 +19,7 @@ def test_single_roots_are_the_first_in_their_part(seed, smallest):
     coefficients = generator.normal(size=(3, 400)) * 10.0 ** generator.uniform(smallest, 0, (3, 400))
     low, high = np.sort(generator.uniform(-0.2, 1.2, (2, 400)).clip(0, 1), axis=0)
     root, others = _single_roots(coefficients, low, high)
-    general = _restricted(coefficients, low, high)
+    general = _roots_between(coefficients, low, high)
     known = np.setdiff1d(np.arange(400), others)
     # A root at the very end of a part may fall to either side of it by rounding.
     inside = known[~np.isnan(general[0, known])]
@@ -41,7 +41,7 @@ def test_the_only_roots_of_cubics_in_their_part(seed, smallest, longest):
     middle = low + (high - low) * generator.random(400)
     coefficients[:, ::2] -= np.einsum("kn,kn->n", bernstein(3, middle), coefficients)[::2]
     root, sure = short_cubic_roots(coefficients, low, high)
-    general = _restricted(coefficients, low, high)
+    general = _roots_between(coefficients, low, high)
     assert np.isnan(general[1:, sure]).all()
     # A root is where its polynomial is 0 but for rounding, which its slope makes more or less of.
     slope = np.abs(np.einsum("kn,kn->n", bernstein_derivative(3, root), coefficients))

@@ -38,7 +38,7 @@ def test_rays_are_where_work_ends(scene):
         cast()
 
 
-def test_a_cancelled_picture_ends_amid_tiles_that_never_would(scene):
+def test_a_cancelled_image_ends_amid_tiles_that_never_would(scene):
     started, ended = Event(), []
 
     def work(_job):
@@ -114,7 +114,7 @@ def test_without_threads_what_is_cancelled_ends_and_what_fails_is_raised(monkeyp
     assert beside(lambda: done.append("beside"), lambda: len(done)) == 4
 
 
-def test_portions_and_work_beside_raise_what_threads_raise(few_threads):
+def test_chunks_and_work_beside_raise_what_threads_raise(few_threads):
     parts = [slice(n, n + 1) for n in range(20)]
     assert parallel_map(lambda part: part.start, parts, 4) == list(range(20))
     with pytest.raises(ZeroDivisionError):

@@ -30,7 +30,7 @@ def cast(scene, generator):
 
 
 def test_embree_takes_the_arrays_as_they_are():
-    """This embreex is one whose scenes are found; without, every picture takes much longer."""
+    """This embreex is one whose scenes are found; without, every image takes much longer."""
     modules = load_embreex()
     _, kept, _ = embree_meshes.build_mesh(*soup(np.random.default_rng(1)))
     assert not isinstance(kept, modules[1].TriangleMesh)

@@ -134,7 +134,7 @@ def test_a_hit_is_where_it_says(reference, name):
 @pytest.mark.parametrize("name", ["quadratic", "cubic"])
 @pytest.mark.parametrize("scene", SCENES)
 def test_nothing_is_passed_when_the_pixel_error_is_small(reference, scene, name):
-    """In a tiny picture things are thinner than a pixel."""
+    """In a tiny image things are thinner than a pixel."""
     width, height = 36, 20
     x, y = pixel_centres(width, height, (0, height))
     t, _ = reference.brute_force(*mesh(scene), volume(name), x, y)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A volume of several islands makes the pictures of its parts side by side; its holes show nothing."""
+"""A volume of several islands makes the images of its parts side by side; its holes show nothing."""
 
 import numpy as np
 import pytest
@@ -62,27 +62,27 @@ def projection_of(volumes, parts, aspect):
     return Projection(ViewingVolume(tuple(UVMesh(points, chart) for points in layers)), aspect=aspect)
 
 
-def picture(scene, projection, width, pixel_error):
+def image(scene, projection, width, pixel_error):
     hits = cast_frame(scene, projection, width, HEIGHT, pixel_error, threads=1)
     return (a.reshape(HEIGHT, width) for a in (hits.t, hits.triangle, hits.mask))
 
 
 def agree(t, other):
-    """Where two pictures saw the same t, inf being nothing."""
+    """Where two images saw the same t, inf being nothing."""
     return np.isclose(t, other, rtol=0, atol=ROUNDING)
 
 
 @bends
-def test_two_islands_are_two_pictures_side_by_side(bend, wrong):
+def test_two_islands_are_two_images_side_by_side(bend, wrong):
     scene = shards()
     volumes = [sheets(bend, 1), sheets(-bend, 2)]
     whole = projection_of(volumes, [(0.0, 0.5), (0.5, 1.0)], 2 * WIDTH / HEIGHT)
     assert len(np.unique(whole.volume.controls(np.array([0.2, 0.8]), np.array([0.5, 0.5])).tile)) == 2
-    t, triangle, mask = picture(scene, whole, 2 * WIDTH, 0.1)
+    t, triangle, mask = image(scene, whole, 2 * WIDTH, 0.1)
     assert mask.all() and 0.2 < (triangle >= 0).mean() < 0.98
     for volume, columns in zip(volumes, (slice(0, WIDTH), slice(WIDTH, 2 * WIDTH)), strict=True):
         single = projection_of([volume], [(0.0, 1.0)], WIDTH / HEIGHT)
-        own_t, own_triangle, _ = picture(scene, single, WIDTH, 0.1)
+        own_t, own_triangle, _ = image(scene, single, WIDTH, 0.1)
         same = agree(own_t, t[:, columns]) & (own_triangle == triangle[:, columns])
         assert 1 - same.mean() <= wrong
 
@@ -93,13 +93,13 @@ def test_a_gap_between_islands_shows_nothing(bend, wrong):
     scene = shards()
     volumes = [sheets(bend, 1), sheets(bend, 2)]
     places = [(0.0, 0.45), (0.55, 1.0)]
-    t, triangle, mask = picture(scene, projection_of(volumes, places, 2 * WIDTH / HEIGHT), 2 * WIDTH, 0.1)
+    t, triangle, mask = image(scene, projection_of(volumes, places, 2 * WIDTH / HEIGHT), 2 * WIDTH, 0.1)
     u = (np.arange(2 * WIDTH) + 0.5) / (2 * WIDTH)
     assert np.array_equal(mask, np.broadcast_to((u < 0.45) | (u > 0.55), mask.shape))
     assert (triangle[~mask] == -1).all() and np.isinf(t[~mask]).all()
     for volume, place in zip(volumes, places, strict=True):
         alone = projection_of([volume], [place], 2 * WIDTH / HEIGHT)
-        own_t, own_triangle, own = picture(scene, alone, 2 * WIDTH, 0.1)
+        own_t, own_triangle, own = image(scene, alone, 2 * WIDTH, 0.1)
         assert np.array_equal(own, mask & (u > place[0]) & (u < place[1]))
         same = agree(own_t, t) & (own_triangle == triangle)
         # Chords of their own, each within the pixel error.
