@@ -109,16 +109,10 @@ class _Tile(NamedTuple):
 def _cast_curved(tile: _Tile, pixel_error: float, counts: CastCounts) -> Hits:
     """As cast, for spans of degree 2 and more, and for rational ones."""
     spans = tile.projection.volume.spans
-    with np.errstate(invalid="ignore", over="ignore"):
-        points, mask = tile.projection.projectors(tile.x, tile.y)
-        batch = ProjectorBatch(spans, points)
-        boxes = boxes_of_blocks(batch.single, tile.columns)
-    if not boxes.farthest < FARTHEST:
-        points, mask, _ = usable_projectors(tile.projection, tile.x, tile.y)
-        batch = ProjectorBatch(spans, points)
-        boxes = boxes_of_blocks(batch.single, tile.columns)
+    points, mask, _ = usable_projectors(tile.projection, tile.x, tile.y)
+    batch = ProjectorBatch(spans, points)
     counts.projectors += int(np.count_nonzero(mask))
-    where = stretches(tile.scene.occupancy, spans, boxes)
+    where = stretches(tile.scene.occupancy, spans, boxes_of_blocks(batch.single, tile.columns))
     if where.reach is None or not mask.any():
         return complete(Hits.empty(batch.count)._replace(mask=mask), batch)
     groups = bend_groups(points, mask)

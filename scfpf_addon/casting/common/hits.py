@@ -53,14 +53,7 @@ class Hits(NamedTuple):
 
     def take(self, index: IndexArray) -> Hits:
         """Copy the hits at ``index``."""
-        return Hits(
-            self.t.take(index),
-            self.triangle.take(index),
-            self.barycentric.take(index, 1),
-            self.position.take(index, 1),
-            self.tangent.take(index, 1),
-            self.mask.take(index),
-        )
+        return Hits._make(field.take(index, -1) for field in self)
 
     def put(self, where: slice | IndexArray, part: Hits) -> None:
         """Store ``part`` at ``where``."""

@@ -28,7 +28,7 @@ class Records(NamedTuple):
 
     def take(self, index: IndexArray) -> Records:
         """The records at ``index``."""
-        return Records(self.projector.take(index), self.chord.take(index), self.triangle.take(index))
+        return Records._make(field.take(index) for field in self)
 
 
 # The triangles that rays meet (N,), -1 for none, and where on the rays, or None if that is not needed.

@@ -39,12 +39,7 @@ class Solutions(NamedTuple):
 
     def take(self, index: IndexArray) -> Solutions:
         """The solutions at ``index``."""
-        return Solutions(
-            self.t.take(index),
-            self.triangle.take(index),
-            self.barycentric.take(index, 1),
-            self.inside.take(index),
-        )
+        return Solutions._make(field.take(index, -1) for field in self)
 
     def put(self, where: IndexArray, found: Solutions, which: IndexArray) -> None:
         """Write the solutions ``which`` of ``found`` over those at where[which]."""

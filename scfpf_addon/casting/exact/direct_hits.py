@@ -69,9 +69,8 @@ def _nearer(traversal: Traversal, rays: Rays, found: Solutions) -> BoolArray:
 def _well_within(traversal: Traversal, weights: Array, triangle: IndexArray) -> BoolArray:
     """Whether points with barycentric weights (2, M) are not near the edges of their triangles, (M,)."""
     margin = WELL_WITHIN * traversal.prisms.steepest.take(triangle)
-    second, third = weights
     with np.errstate(invalid="ignore"):
-        well: BoolArray = (second > margin) & (third > margin) & (1.0 - second - third > margin)
+        well: BoolArray = (_all_weights(weights) > margin).all(axis=0)
     return well
 
 

@@ -47,12 +47,7 @@ class Rays(NamedTuple):
 
     def take(self, index: IndexArray) -> Rays:
         """The rays at ``index``."""
-        return Rays(
-            self.projector.take(index),
-            self.chord.take(index),
-            self.share.take(index),
-            self.last.take(index, 1),
-        )
+        return Rays._make(field.take(index, -1) for field in self)
 
 
 class Traversal(NamedTuple):
