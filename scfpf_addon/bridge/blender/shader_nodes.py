@@ -62,13 +62,18 @@ def _by_identifier(sockets, identifier: str):
     return next(socket for socket in sockets if socket.identifier == identifier)
 
 
+def output_node(tree):
+    """The active output node of a shader node tree: one for Cycles, else one for EEVEE, or None."""
+    return tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
+
+
 def output_shaders(tree, name: str = "Surface") -> Iterator[Place]:
     """The shader nodes behind an input of the active output node, as (node, groups).
 
     Mix and Add nodes are entered, depth first, upper input before lower. An
     output for Cycles is preferred to one for EEVEE.
     """
-    output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
+    output = output_node(tree)
     if output is not None:
         yield from _shaders(output.inputs[name], ())
 

@@ -42,7 +42,6 @@ class Delivery:
         self._waiting: list[tuple[slice, Single, dict[str, Single]]] = []
         self._bytes = 0
         self._has_delivered = False
-        self._memory = 0.0
         self._started = self._updated = perf_counter()
         for each in self._passes:
             if each.source:
@@ -60,8 +59,8 @@ class Delivery:
         channels = sum(len(each.channels) for each in self._passes)
         arrays = sum(geometry_bytes(scene.geometry) for scene in scenes.values())
         pixels = (region.right - region.left) * (region.top - region.bottom)
-        self._memory = (arrays + 4 * channels * pixels) / MEBIBYTE
-        self._engine.update_memory_stats(memory_used=self._memory, memory_peak=self._memory)
+        memory = (arrays + 4 * channels * pixels) / MEBIBYTE
+        self._engine.update_memory_stats(memory_used=memory, memory_peak=memory)
         stamp_manifests(self._engine.get_result(), self._view_layer, crypto_names(inputs.scene))
         self._started = perf_counter()
 

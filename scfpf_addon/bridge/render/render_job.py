@@ -51,8 +51,8 @@ class RenderJob:
             self._frame = prepared.render(
                 self._cancelled.is_set,
                 None if self._tiles is None else self._take_coarse,
-                progress=self._note_progress,
-                on_tile=self._note_tile,
+                progress=self._set_progress,
+                on_tile=lambda *_: self._has_new_tiles.set(),
                 pixels=self._tiles,
             )
         except BaseException as error:  # A thread has nowhere to raise: result() does it.
@@ -62,11 +62,8 @@ class RenderJob:
         self._tiles[:] = pixels
         self._has_new_tiles.set()
 
-    def _note_progress(self, fraction: float) -> None:
-        self.progress = fraction
-
-    def _note_tile(self, *_) -> None:
-        self._has_new_tiles.set()
+    def _set_progress(self, share: float) -> None:
+        self.progress = share
 
     def new_tiles(self) -> Single | None:
         """The image so far, (H, W, 4) as in Frame, or None if nothing was added since the last call."""
@@ -76,7 +73,7 @@ class RenderJob:
         return self._tiles
 
     def start(self) -> None:
-        """Begin; returns at once. Raises RenderError if the system starts no thread."""
+        """Start the thread and return at once. Raises RenderError if the system starts no thread."""
         try:
             self._thread.start()
         except RuntimeError as error:
@@ -98,7 +95,7 @@ class RenderJob:
         return self._cancelled.is_set()
 
     def cancel(self) -> None:
-        """Ask the thread to stop; returns at once."""
+        """Cancel the thread's work and return at once."""
         self._cancelled.set()
 
     def wait(self) -> None:
@@ -106,7 +103,7 @@ class RenderJob:
         self._thread.join()
 
     def result(self) -> Frame | None:
-        """Wait for the thread. The frame, or None if cancelled; raises what the thread raised."""
+        """Wait for the thread and return the frame, None if cancelled. Raises the thread's error."""
         self.wait()
         if self._error is not None:
             raise self._error

@@ -107,11 +107,10 @@ class NodeInputs:
         return next((one for one in self.node.inputs if one.identifier == name), None)
 
     def _read(self, name: str | int, wanted: str) -> Ref:
-        socket = self._socket(name)
-        found = self._reader.value(socket, self._groups, wanted)
-        return self._reader.default(socket, wanted) if found is None else found
+        found = self._linked(name, wanted)
+        return self._reader.default(self._socket(name), wanted) if found is None else found
 
-    def _linked(self, name: str, wanted: str) -> Ref | None:
+    def _linked(self, name: str | int, wanted: str) -> Ref | None:
         socket = self._socket(name)
         return None if socket is None else self._reader.value(socket, self._groups, wanted)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ...shading.materials.lobes import DIELECTRIC_ROUGHNESS, METAL_ROUGHNESS
 from ...shading.nodes.graph import Closure, MaterialGraph, Ref
-from ..blender.shader_nodes import resolve
+from ..blender.shader_nodes import output_node, resolve
 from .graph_builder import GraphBuilder
 from .graph_nodes import NODES
 from .graph_reader import GraphReader, NodeInputs
@@ -53,7 +53,7 @@ class GraphReading:
 
 def read_graph(tree) -> GraphReading:
     """Read the surface of a shader node tree."""
-    output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
+    output = output_node(tree)
     if output is None:
         return GraphReading(None, False, ())
     reader = SurfaceReader(NODES)

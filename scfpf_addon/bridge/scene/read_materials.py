@@ -12,7 +12,7 @@ from ...projection.typing import Array
 from ...shading.materials.constants import Materials
 from ...shading.nodes.graph import MaterialGraph
 from ..blender import versions
-from ..blender.shader_nodes import color_input, output_shaders, resolve, value_input
+from ..blender.shader_nodes import color_input, output_node, output_shaders, resolve, value_input
 from .read_graph import read_graph
 
 # Reflectance at normal incidence of the default specular level ½ at IOR 1.5.
@@ -96,7 +96,7 @@ class MaterialTable:
 
 def _unshown(tree) -> Iterator[str]:
     """The inputs of a material's active output, besides its surface, that Cycles shows."""
-    output = tree.get_output_node("CYCLES") or tree.get_output_node("EEVEE")
+    output = output_node(tree)
     for name in ("Displacement", "Volume") if output else ():
         if resolve(output.inputs[name])[0].is_output:
             yield f"{output.bl_label}: {name}"
