@@ -231,7 +231,7 @@ def test_absurd_size_is_refused(addon, engine_scene):
         addon("bridge.render.image_size").require_size(65536, 65536)
 
 
-def test_a_image_that_free_memory_does_not_hold_is_refused(addon, engine_scene, monkeypatch):
+def test_an_image_that_free_memory_does_not_hold_is_refused(addon, engine_scene, monkeypatch):
     button()
     before = image()
     monkeypatch.setattr(addon("casting.common.memory"), "available_memory", lambda: 10_000_000)
@@ -242,7 +242,7 @@ def test_a_image_that_free_memory_does_not_hold_is_refused(addon, engine_scene, 
     assert np.array_equal(image(), before)
 
 
-def test_a_image_of_one_pixel(engine_scene):
+def test_an_image_of_one_pixel(engine_scene):
     engine_scene.render.resolution_x = engine_scene.render.resolution_y = 4
     engine_scene.render.resolution_percentage = 25
     engine_scene.render.use_motion_blur = engine_scene.scfpf_sampling.use_adaptive = True

@@ -115,7 +115,7 @@ def test_image_goes_to_an_open_image_editor_but_not_to_a_pinned_one(camera):
         area.ui_type = kind
 
 
-def test_show_without_a_image_or_a_window_says_why(camera):
+def test_show_without_an_image_or_a_window_says_why(camera):
     with pytest.raises(RuntimeError, match="no picture yet"):
         bpy.ops.scfpf.result_show()
     render()
@@ -437,7 +437,7 @@ def test_the_film_is_released_before_the_image_is_packed(addon, camera, monkeypa
     assert held and bpy.data.images["SCFPF Render"].packed_file
 
 
-def test_a_image_that_no_file_can_hold_is_shown_with_a_warning(addon, camera, monkeypatch, capfd):
+def test_an_image_that_no_file_can_hold_is_shown_with_a_warning(addon, camera, monkeypatch, capfd):
     packing = addon("bridge.blender.packing")
     before = render()
     assert "Save As" not in capfd.readouterr().out

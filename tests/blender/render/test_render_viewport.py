@@ -177,7 +177,7 @@ def test_a_thread_that_cannot_start_is_shown_in_the_viewport(
     assert painter.painting.is_final and not painter.message
 
 
-def test_a_image_without_threads_of_its_own_is_the_same(engine_scene, monkeypatch):
+def test_an_image_without_threads_of_its_own_is_the_same(engine_scene, monkeypatch):
     """F12 in a system that starts no more threads."""
     before = f12(engine_scene)[COMBINED]
 

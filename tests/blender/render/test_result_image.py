@@ -144,7 +144,7 @@ def test_undo_takes_back_renders_one_by_one_and_nothing_else(module):
 
 
 @pytest.mark.parametrize("before", ["nothing", "a smaller picture"])
-def test_a_image_that_no_file_can_hold_is_only_in_memory(module, addon, monkeypatch, before):
+def test_an_image_that_no_file_can_hold_is_only_in_memory(module, addon, monkeypatch, before):
     """Blender counts a packed file's bytes in 31 bits and keeps the beginning of larger ones."""
     packing = addon("bridge.blender.packing")
     small, large = picture(), picture(50, 40, seed=1)
@@ -173,7 +173,7 @@ def test_a_image_that_no_file_can_hold_is_only_in_memory(module, addon, monkeypa
     assert same(module.write_result(small), small) and module.result_image().packed_file
 
 
-def test_a_image_that_was_saved_as_a_file_comes_back_after_a_cancelled_one(
+def test_an_image_that_was_saved_as_a_file_comes_back_after_a_cancelled_one(
     module, addon, tmp_path, monkeypatch
 ):
     packing = addon("bridge.blender.packing")

@@ -278,7 +278,7 @@ SPOILERS = (
 
 
 @pytest.mark.parametrize("spoil", SPOILERS, ids=lambda spoil: spoil.__name__)
-def test_there_is_a_image(engine_scene, spoil, capfd):
+def test_there_is_an_image(engine_scene, spoil, capfd):
     engine_scene.render.resolution_x, engine_scene.render.resolution_y = 32, 18
     spoil()
     picture = f12(engine_scene)["ViewLayer.Combined"]
