@@ -4,6 +4,7 @@
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
+from ...scfpf_addon.bridge.blender.slot_animation import MAPPINGS, move_slot
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.mappings import mapping_edits
 from ...scfpf_addon.bridge.mappings.mapping_edits import MappingError
@@ -78,7 +79,9 @@ class SCFPF_OT_mapping_move(Tool, bpy.types.Operator):
     poll = classmethod(_poll_mapping)
 
     def edit(self, _context, camera):
-        mapping_edits.move_mapping(camera, camera.scfpf.active_mapping, STEPS[self.direction])
+        settings = camera.scfpf
+        place = settings.active_mapping + STEPS[self.direction]
+        move_slot(settings, settings.active_mapping, place, MAPPINGS)
 
 
 class SCFPF_OT_mapping_grid_select(Tool, bpy.types.Operator):

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Changes to the order of a camera's surfaces, and of its image mappings, that take their animation along.
+"""Edits of a camera's lists of surfaces and of image mappings, together with their animation.
 
-F-curves and drivers name a slot by its place in the list; Blender leaves them at
-the place when the slot moves.
+F-curves and drivers refer to an item by its place in the list. Blender does not change them when items move.
 """
 
 from __future__ import annotations
@@ -12,17 +11,19 @@ from collections.abc import Iterator, Mapping
 from typing import NoReturn
 
 SLOT_PATH = re.compile(r"^scfpf\.(\w+)\[(\d+)\]")
-SURFACES = "surfaces"
+SURFACES, MAPPINGS = "surfaces", "mappings"
+# The property of ``Object.scfpf`` with the index of each list's active item.
+ACTIVE = {SURFACES: "active_surface", MAPPINGS: "active_mapping"}
 
 
 class SlotError(ValueError):
-    """An item that Blender lets be neither moved nor removed; the message says why, and what to do."""
+    """Blender can neither move nor remove an item of a list; the message has the reason and the remedy."""
 
 
 def require_own_items(settings, *names: str) -> None:
-    """Raise SlotError where lists of ``Object.scfpf`` have items that cannot go.
+    """Raise SlotError if lists of ``Object.scfpf`` have items that cannot be removed.
 
-    Library overrides may add items to those of the other file, and move and remove what they have added.
+    A library override can move and remove only the items that it has added to those of its file.
     """
     override = settings.id_data.override_library
     reference = override.reference if override is not None else None
@@ -38,25 +39,28 @@ def _refuse(settings) -> NoReturn:
     )
 
 
-def move_slot(settings, index: int, place: int, name: str = SURFACES) -> None:
-    """Move an item of a list of ``Object.scfpf`` from one place to another. name: of the list.
+def move_slot(settings, index: int, place: int, name: str = SURFACES) -> int:
+    """Move an item of a list of ``Object.scfpf`` to a place within the list, and make it active.
 
-    Raises SlotError, as ``remove_slot`` does, for an item that a library override has from its file.
+    name: of the list. Returns the place. Raises SlotError for an item that a library override has from its
+    file.
     """
-    if index == place:
-        return
     slots = getattr(settings, name)
     order = list(range(len(slots)))
-    order.insert(place, order.pop(index))
-    try:
-        slots.move(index, place)
-    except TypeError:
-        _refuse(settings)
-    _renumber(settings.id_data, name, {old: new for new, old in enumerate(order)})
+    place = min(max(place, 0), len(slots) - 1)
+    if index != place:
+        order.insert(place, order.pop(index))
+        try:
+            slots.move(index, place)
+        except TypeError:
+            _refuse(settings)
+        _renumber(settings.id_data, name, {old: new for new, old in enumerate(order)})
+    setattr(settings, ACTIVE[name], place)
+    return place
 
 
 def remove_slot(settings, index: int, name: str = SURFACES) -> None:
-    """Take an item off its list, with its animation."""
+    """Remove an item from its list, with its animation. Raises SlotError as ``move_slot`` does."""
     slots = getattr(settings, name)
     order = list(range(len(slots)))
     order.pop(index)
@@ -65,6 +69,7 @@ def remove_slot(settings, index: int, name: str = SURFACES) -> None:
     except TypeError:
         _refuse(settings)
     _renumber(settings.id_data, name, {old: new for new, old in enumerate(order)})
+    setattr(settings, ACTIVE[name], max(min(getattr(settings, ACTIVE[name]), len(slots) - 1), 0))
 
 
 def clear_slots(settings, name: str = SURFACES) -> None:
@@ -72,10 +77,11 @@ def clear_slots(settings, name: str = SURFACES) -> None:
     require_own_items(settings, name)
     getattr(settings, name).clear()
     _renumber(settings.id_data, name, {})
+    setattr(settings, ACTIVE[name], 0)
 
 
 def _renumber(camera, name: str, places: Mapping[int, int]) -> None:
-    """Give the F-curves and drivers of a list their items' new places; those without one are removed."""
+    """Update the places in the F-curves and drivers of a list; remove those of removed items."""
     for curves in curve_collections(camera):
         for curve in list(curves):
             found = SLOT_PATH.match(curve.data_path)

@@ -14,8 +14,15 @@ from ...projection.presets.preset import MAXIMUM_SURFACES
 from ...projection.surfaces.uv_mesh import UVMesh
 from ..blender.rig_mark import is_rig_part
 from ..blender.scene_objects import delete_with_data, link_beside
-from ..blender.slot_animation import SURFACES, clear_slots, move_slot, remove_slot, require_own_items
-from ..mappings.mapping_edits import MAPPINGS, clear_mappings, write_mappings
+from ..blender.slot_animation import (
+    MAPPINGS,
+    SURFACES,
+    clear_slots,
+    move_slot,
+    remove_slot,
+    require_own_items,
+)
+from ..mappings.mapping_edits import clear_mappings, write_mappings
 from ..surfaces import lattice_object, nurbs_object, surface_object
 from ..surfaces.kinds import PARAMETRIC_KINDS
 from ..surfaces.uv_mesh import mesh_kind
@@ -116,9 +123,7 @@ def _insert(camera, surface, index=None) -> None:
     slots = camera.scfpf.surfaces
     slots.add().object = surface
     last = len(slots) - 1
-    place = last if index is None else min(max(index, 0), last)
-    move_slot(camera.scfpf, last, place)
-    camera.scfpf.active_surface = place
+    move_slot(camera.scfpf, last, last if index is None else index)
     sync_volume_object(camera)
 
 
@@ -159,7 +164,7 @@ def _take_kind(surface) -> None:
         surface.scfpf_surface.kind = mesh_kind(surface)
 
 
-def delete_if_unused(camera, surface) -> None:
+def _delete_if_unused(camera, surface) -> None:
     """Delete a surface, or None, that is a child of the camera and on no camera's list; release any other."""
     if surface is None:
         return
@@ -180,8 +185,7 @@ def remove_surface(camera, index: int) -> None:
     _require_place(camera, index)
     surface = settings.surfaces[index].object
     remove_slot(settings, index)
-    settings.active_surface = max(min(settings.active_surface, len(settings.surfaces) - 1), 0)
-    delete_if_unused(camera, surface)
+    _delete_if_unused(camera, surface)
     sync_volume_object(camera)
 
 
@@ -194,10 +198,7 @@ def move_surface(camera, index: int, step: int) -> int:
     """Move a surface by ``step`` places, within the list; return its new index."""
     _require_camera(camera)
     _require_place(camera, index)
-    settings = camera.scfpf
-    place = min(max(index + step, 0), len(settings.surfaces) - 1)
-    move_slot(settings, index, place)
-    settings.active_surface = place
+    place = move_slot(camera.scfpf, index, index + step)
     sync_volume_object(camera)
     return place
 
@@ -205,12 +206,10 @@ def move_surface(camera, index: int, step: int) -> int:
 def clear_surfaces(camera) -> None:
     """Remove every surface, as ``remove_surface`` does."""
     _require_camera(camera)
-    settings = camera.scfpf
-    surfaces = {slot.object for slot in settings.surfaces}
-    clear_slots(settings)
-    settings.active_surface = 0
+    surfaces = set(surfaces_of(camera))
+    clear_slots(camera.scfpf)
     for surface in surfaces:
-        delete_if_unused(camera, surface)
+        _delete_if_unused(camera, surface)
     sync_volume_object(camera)
 
 

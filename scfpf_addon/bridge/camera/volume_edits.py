@@ -110,10 +110,10 @@ def swap_ends(camera) -> None:
     """Reverse the list of surfaces: near becomes far."""
     settings = camera.scfpf
     require_own_items(settings, SURFACES)
-    last = len(settings.surfaces) - 1
+    last, active = len(settings.surfaces) - 1, settings.active_surface
     for place in range(last):
         move_slot(settings, last, place)
-    settings.active_surface = max(last - settings.active_surface, 0)
+    settings.active_surface = max(last - active, 0)
     sync_volume_object(camera)
 
 

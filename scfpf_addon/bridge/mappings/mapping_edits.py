@@ -11,11 +11,10 @@ import numpy as np
 from ...projection.mappings.kinds import COEFFICIENTS, MAXIMUM_MAPPINGS
 from ..blender.mesh_grid import write_grid
 from ..blender.scene_objects import delete_with_data, link_beside
-from ..blender.slot_animation import clear_slots, move_slot, remove_slot
+from ..blender.slot_animation import MAPPINGS, clear_slots, remove_slot
 from ..volume.camera_members import all_cameras, cameras_with, grids_of
 from ..volume.volume_object import sync_volume_object
 
-MAPPINGS = "mappings"
 # Hidden from Blender's own lists of node groups by the dot.
 CURVE_NAME, CURVE_NODE = ".SCFPF Radial Curve", "Curve"
 # Points of a new grid, up and across.
@@ -113,31 +112,19 @@ def remove_mapping(camera, index: int) -> None:
     mapping = settings.mappings[index]
     curve, grid = mapping.curve, mapping.grid
     remove_slot(settings, index, MAPPINGS)
-    settings.active_mapping = max(min(settings.active_mapping, len(settings.mappings) - 1), 0)
     _remove_unused(camera, curve, grid)
     sync_volume_object(camera)
 
 
 def clear_mappings(camera) -> None:
     """Empty a camera's stack, as ``remove_mapping`` does."""
-    settings = camera.scfpf
-    if not len(settings.mappings):
+    held = [(mapping.curve, mapping.grid) for mapping in camera.scfpf.mappings]
+    if not held:
         return
-    held = [(mapping.curve, mapping.grid) for mapping in settings.mappings]
-    clear_slots(settings, MAPPINGS)
-    settings.active_mapping = 0
+    clear_slots(camera.scfpf, MAPPINGS)
     for curve, grid in held:
         _remove_unused(camera, curve, grid)
     sync_volume_object(camera)
-
-
-def move_mapping(camera, index: int, step: int) -> int:
-    """Move a mapping by ``step`` places, within the stack; return its new index."""
-    settings = camera.scfpf
-    place = min(max(index + step, 0), len(settings.mappings) - 1)
-    move_slot(settings, index, place, MAPPINGS)
-    settings.active_mapping = place
-    return place
 
 
 def _remove_unused(camera, curve, grid) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is marked in the picture in Image Editors: the object that was found there, the position picked."""
+"""Marks over the render in Image Editors: a box around the found object, a cross at the picked position."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from ..blender.rig_mark import camera_behind
 from ..render.result_image import result_image
 
 SHADER = "POLYLINE_UNIFORM_COLOR"
-# Display colours; every line and letter has a dark rim, so that it shows in any picture.
+# Display colours. Lines and letters have a dark rim, so that they are visible over any image.
 MARK = (1.0, 0.95, 0.15, 1.0)
 RIM = (0.0, 0.0, 0.0, 0.65)
 # Pixels at a display scale of 1: lines, their rims, the arms of the cross and the gap in its middle.
 LINE, RIM_LINE, ARM, GAP = 1.5, 4.0, 11.0, 3.0
 TEXT_SIZE = 12.0
-# Pixels between the box and its name, and by which a box is larger than what it holds.
+# Pixels between the box and its name, and between the object and its box.
 TEXT_GAP, MARGIN = 6.0, 3.0
 
 
 def mark_lines(settings, to_region: Callable, scale: float) -> list[tuple[float, float]]:
-    """End points, in pixels of the region, of the lines that a camera's settings ask for.
+    """End points, in pixels of the region, of the lines of a camera's marks.
 
-    to_region: from shares of the picture to pixels. scale: display scale.
+    to_region: from shares of the image to pixels. scale: display scale.
     """
     lines = []
     if settings.show_found:
@@ -49,7 +49,7 @@ def _box(settings, to_region, scale) -> tuple[float, float, float, float]:
 
 
 def draw_marks(settings, to_region: Callable, size: tuple[int, int], scale: float) -> None:
-    """Draw a camera's marks into the active framebuffer, whose matrices are those of pixels.
+    """Draw a camera's marks into the active framebuffer, with matrices in pixels.
 
     size: of the region, pixels.
     """
@@ -72,7 +72,7 @@ def draw_marks(settings, to_region: Callable, size: tuple[int, int], scale: floa
 
 
 def _write(text: str, x: float, y: float, size: tuple[int, int], scale: float) -> None:
-    """A line of text that stays inside the region."""
+    """Draw a line of text inside the region."""
     font = 0
     blf.size(font, TEXT_SIZE * scale)
     width, height = blf.dimensions(font, text)
@@ -85,7 +85,7 @@ def _write(text: str, x: float, y: float, size: tuple[int, int], scale: float) -
 
 
 def marked_camera(context):
-    """Whose marks are shown, as by Render: the scene's camera if flexible, else the active one, or None."""
+    """The camera whose marks are shown: the scene's camera if flexible, else the active object, or None."""
     for candidate in (context.scene.camera, context.object):
         camera = camera_behind(candidate)
         if camera is not None and camera.type == "CAMERA" and camera.scfpf.enabled:
@@ -94,7 +94,7 @@ def marked_camera(context):
 
 
 def draw_image_editor() -> None:
-    """The draw handler: marks over our picture only."""
+    """The draw handler of Image Editors: marks only over the extension's render."""
     context = bpy.context
     image, camera = context.space_data.image, marked_camera(context)
     if image is None or image != result_image() or camera is None:

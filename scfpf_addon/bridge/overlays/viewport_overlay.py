@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The viewing volumes of flexible cameras, drawn in the 3D viewport.
 
-The lines come from ``projection.diagram``. They are kept as GPU batches and made
-anew only when an edit has changed the volume, never because the view turns.
+The lines come from ``projection.diagrams.diagram``. They are cached as GPU batches, which change only with
+the volume, not with the view.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from mathutils import Color, Matrix
 from ...projection.diagrams.diagram import DiagramOptions, diagram, even_iso, volume_signature
 from ...projection.diagrams.line_colors import line_colors
 from ...projection.diagrams.projector_lines import projector_point
+from ...projection.volume.viewing_volume import Projection
 from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
 from ..camera.read_projection import ProjectionError, read_projection
 from ..render.image_size import image_aspect
@@ -42,41 +43,66 @@ LINE_WIDTHS = {
 POINT_SHADER = "POINT_UNIFORM_COLOR"
 # Pixels across the dot where the picked projector meets the scene.
 DOT_SIZE = 10.0
-# What draw_volume takes to be behind the lines: the 3D viewport of Blender's dark theme.
+# The default background of draw_volume: the 3D viewport of Blender's dark theme.
 DARK_BACKGROUND = (0.24, 0.24, 0.24)
-# Lines come nearer to the viewer by as much as this many pixels are wide at their distance, so that
-# they win against faces and wires in the same place, slanted ones too.
+# Lines move towards the viewer by the width of so many pixels at their distance, so that they cover faces and
+# wires in the same place, also slanted ones.
 NEARER = 2.0
-# And by this share of the depth buffer's range: a dozen of its steps and of float32's roundings, which far
-# away are larger than pixels where clipping starts near.
+# They also move by this share of the depth buffer's range: a dozen of its steps and of float32's roundings,
+# which exceed pixels far away if clipping starts near.
 NEARER_DEPTH = 1e-6
-
-
-# Of a drawing whose volume has to be read again.
+# ``Drawing.edits`` of a drawing whose volume must be read again.
 STALE = -1
 
 
 @dataclass
 class Drawing:
-    """What is kept of one camera's volume. signature: None while the volume cannot be read."""
+    """The cached drawing of one camera's volume.
+
+    edits: ``Drawings.edits`` when the volume was read. settings: safe areas and wired surfaces. signature:
+    None while the volume cannot be read. dot: of the picked position.
+    """
 
     edits: int
     aspect: float
-    asked: tuple[tuple, tuple]
+    settings: tuple[tuple, tuple]
     signature: bytes | None = None
     batches: dict[str, gpu.types.GPUBatch] = field(default_factory=dict)
     dot: gpu.types.GPUBatch | None = None
+
+    def update(self, projection: Projection, options: DiagramOptions, pick_t: float) -> None:
+        """Make the batches if the volume or the options have changed. pick_t: of the dot, -1 for none."""
+        signature = volume_signature(projection, options, pick_t)
+        if signature == self.signature:
+            return
+        shader = gpu.shader.from_builtin(SHADER)
+        self.batches = {
+            role: batch_for_shader(shader, "LINES", {"pos": segments.reshape(-1, 3)})
+            for role, segments in diagram(projection, options).items()
+            if len(segments)
+        }
+        self.dot = None
+        if options.pick is not None and pick_t >= 0.0:
+            point = projector_point(projection, *options.pick, pick_t)
+            shader = gpu.shader.from_builtin(POINT_SHADER)
+            if len(point):
+                self.dot = batch_for_shader(shader, "POINTS", {"pos": point})
+        self.signature = signature
+
+    def clear(self) -> None:
+        """Draw nothing, while the volume cannot be read."""
+        self.signature, self.batches, self.dot = None, {}, None
 
 
 class Drawings:
     """The drawings of all flexible cameras, by scene, view layer and camera.
 
-    Holds names, session ids, numbers and GPU batches, no Blender data.
+    Holds names, session ids, numbers and GPU batches, no Blender data. _lists: how often the lists of drawn
+    cameras may have changed.
     """
 
     def __init__(self):
         self.edits = 0
-        # How often the cameras that are drawn may have become others.
         self._lists = 0
         self._cameras: dict[tuple[int, str], tuple[int, set[int]]] = {}
         self._drawings: dict[tuple[int, str, int], Drawing] = {}
@@ -85,7 +111,7 @@ class Drawings:
         return len(self._drawings)
 
     def mark_edited(self, cameras: set[int] | None = None):
-        """Read the volumes again of these cameras, session ids, or of all, when they are drawn next."""
+        """Let the volumes of some cameras, session ids, or of all be read again before they are drawn."""
         if cameras is None:
             self.edits += 1
         for key, drawing in self._drawings.items() if cameras else ():
@@ -103,7 +129,7 @@ class Drawings:
         """The objects of a view layer that are flexible cameras with their drawing switched on."""
         key = (scene.session_uid, view_layer.name)
         lists, known = self._cameras.get(key, (-1, set()))
-        # One way through all objects is much quicker than finding each camera by its name.
+        # One pass over all objects is much faster than a search for each camera by its name.
         if lists == self._lists:
             return [o for o in view_layer.objects if o.session_uid in known] if known else []
         found = [o for o in view_layer.objects if _is_drawn(o)]
@@ -114,61 +140,39 @@ class Drawings:
         return found
 
     def drawing(self, camera, depsgraph, aspect: float) -> Drawing:
-        """The drawing of a camera's volume, made anew if it has changed; empty while it cannot be read."""
+        """The present drawing of a camera's volume; empty while the volume cannot be read."""
         key = (depsgraph.scene.original.session_uid, depsgraph.view_layer.name, camera.session_uid)
-        drawing = self._drawings.get(key)
-        # Asked every time: what decides them is no news to the depsgraph's handlers.
-        asked = safe_areas(camera.data, depsgraph.scene), wired_surfaces(camera)
-        if drawing is not None and (drawing.edits, drawing.aspect, drawing.asked) == (
-            self.edits,
-            aspect,
-            asked,
-        ):
+        # Handlers get no notice of changes of these.
+        shown = safe_areas(camera.data, depsgraph.scene), wired_surfaces(camera)
+        drawing = self._drawings.setdefault(key, Drawing(STALE, aspect, shown))
+        if (drawing.edits, drawing.aspect, drawing.settings) == (self.edits, aspect, shown):
             return drawing
-        if drawing is None:
-            drawing = self._drawings[key] = Drawing(self.edits, aspect, asked)
-        drawing.edits, drawing.aspect, drawing.asked = self.edits, aspect, asked
+        drawing.edits, drawing.aspect, drawing.settings = self.edits, aspect, shown
         options, pick_t = diagram_options(camera.evaluated_get(depsgraph).scfpf)
-        options = replace(options, safe_areas=asked[0], without=asked[1])
+        options = replace(options, safe_areas=shown[0], without=shown[1])
         try:
-            projection = read_projection(camera, depsgraph, aspect)
+            drawing.update(read_projection(camera, depsgraph, aspect), options, pick_t)
         except ProjectionError:
-            # The panel and the render say what is wrong with the volume.
-            drawing.signature, drawing.batches, drawing.dot = None, {}, None
-            return drawing
-        signature = volume_signature(projection, options, pick_t)
-        if signature != drawing.signature:
-            shader = gpu.shader.from_builtin(SHADER)
-            drawing.batches = {
-                role: batch_for_shader(shader, "LINES", {"pos": segments.reshape(-1, 3)})
-                for role, segments in diagram(projection, options).items()
-                if len(segments)
-            }
-            drawing.dot = None
-            if options.pick is not None and pick_t >= 0.0:
-                point = projector_point(projection, *options.pick, pick_t)
-                shader = gpu.shader.from_builtin(POINT_SHADER)
-                if len(point):
-                    drawing.dot = batch_for_shader(shader, "POINTS", {"pos": point})
-            drawing.signature = signature
+            # The panel and the render report the reason.
+            drawing.clear()
         return drawing
 
 
 def diagram_options(settings) -> tuple[DiagramOptions, float]:
-    """What a camera's settings ask to be drawn, and the t of the dot on the picked projector, -1 for none."""
+    """The options of a camera's drawing, and the t of the dot on the picked projector, -1 for none."""
     count = settings.projector_count
     options = DiagramOptions(
         count,
         count,
-        (settings.iso_t,) if settings.iso_surfaces == 1 else even_iso(settings.iso_surfaces),
-        settings.show_folds,
-        tuple(settings.pick) if settings.show_pick else None,
+        iso=(settings.iso_t,) if settings.iso_surfaces == 1 else even_iso(settings.iso_surfaces),
+        folds=settings.show_folds,
+        pick=tuple(settings.pick) if settings.show_pick else None,
     )
     return options, settings.pick_t if settings.show_pick else -1.0
 
 
 def safe_areas(lens, scene) -> tuple[tuple[float, float], ...]:
-    """The margins of the safe areas that a camera's data asks for; one without a margin is the frame."""
+    """The margins of the safe areas that a camera shows, without those of margin 0, which are the frame."""
     margins = scene.safe_areas
     shown = []
     if lens.show_safe_areas:
@@ -179,9 +183,9 @@ def safe_areas(lens, scene) -> tuple[tuple[float, float], ...]:
 
 
 def wired_surfaces(camera) -> tuple[int, ...]:
-    """Surfaces whose own wires Blender draws in the Edit Volume mode, for the mouse to click on.
+    """The numbers of the surfaces whose wires Blender draws in the Edit Volume mode, to be clicked on.
 
-    A second grid of ours would run through these, and hide the color of selected ones.
+    A second grid would cover these wires and the colour of selected ones.
     """
     settings = camera.scfpf
     if not settings.edit_volume:
@@ -212,10 +216,10 @@ def draw_volume(
 ) -> None:
     """Draw the volume of one camera into the active framebuffer, with the matrices that are set.
 
-    depsgraph: evaluated. aspect: width / height of the picture. width_scale:
-    multiplies the line widths, in pixels. background: the display colour behind the
-    lines, which chooses theirs. Hides behind what the depth buffer holds, but in the Edit Volume mode, in
-    which Blender draws the surfaces' own wires in front too; draws nothing while the volume cannot be read.
+    depsgraph: evaluated. aspect: width / height of the image. width_scale: factor of the line widths, which
+    are in pixels. background: the display colour behind the lines, which determines theirs. The depth buffer
+    hides lines except in the Edit Volume mode, in which Blender also draws the surfaces' wires in front.
+    Draws nothing while the volume cannot be read.
     """
     drawing = drawings.drawing(camera, depsgraph, aspect)
     if not drawing.batches:
@@ -262,9 +266,9 @@ def viewport_background(scene, space, theme) -> tuple[float, float, float]:
 
 
 def _nearer(projection, height: int) -> Matrix:
-    """A matrix in view space that brings points nearer and leaves them where they are seen.
+    """A matrix in view space that moves points towards the viewer and not on the screen.
 
-    projection: the view's, (4, 4). height: of the viewport, pixels.
+    projection: (4, 4), of the view. height: of the viewport, pixels.
     """
     # At unit distance in a perspective view, anywhere in an orthographic one.
     width = NEARER * 2 / (projection[1][1] * height)
@@ -274,11 +278,10 @@ def _nearer(projection, height: int) -> Matrix:
 
 
 def visible_cameras(scene, view_layer, space, looking_through: bool) -> list:
-    """The flexible cameras whose volume a 3D viewport shows.
+    """The flexible cameras whose volumes a 3D viewport shows: those that it shows as objects.
 
-    Those that it shows as objects too: not with overlays or extras off, not hidden,
-    not outside its local view. looking_through: the viewport looks through its
-    camera, whose own volume is then left out, as Blender does with a camera's lines.
+    They are not shown if overlays or extras are off, if they are hidden or outside of a local view.
+    looking_through: the viewport looks through its camera, whose volume is then not shown, as its frame.
     """
     overlay = space.overlay
     if not (overlay.show_overlays and overlay.show_extras and space.show_object_viewport_camera):
@@ -302,7 +305,7 @@ def draw_viewport() -> None:
     try:
         aspect = image_aspect(scene)
     except RenderError:
-        # Rendering says that the picture is too large; its shape is not known here.
+        # The image is too large, which renders report; its aspect is unknown.
         return
     depsgraph = context.evaluated_depsgraph_get()
     background = viewport_background(scene, context.space_data, context.preferences.themes[0])
@@ -312,7 +315,7 @@ def draw_viewport() -> None:
 
 @persistent
 def _evaluated(_scene, depsgraph):
-    # What is linked or unlinked may be a surface that counts as deleted then.
+    # An unlinked surface counts as deleted.
     if depsgraph.id_type_updated("COLLECTION"):
         drawings.mark_edited()
     else:
