@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Blender's API needs, whatever the extension makes of it."""
+"""Helpers for Blender's API: objects, nodes, handlers, files, versions."""

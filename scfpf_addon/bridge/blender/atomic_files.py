@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Files that are written whole or not at all. Everything that the extension writes goes through here."""
+"""Files that are written completely or not at all. The extension writes all its files by these functions."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ TIFF_NUMBERS = {3: "H", 4: "I"}
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a new, empty file in the folder of ``path`` that takes its place once the block has ended.
+    """Yield a new, empty file in the folder of ``path`` that replaces ``path`` at the end of the block.
 
-    If the block or the system raises, the new file is removed and the file at ``path`` stays as it was.
-    The new file's name is random, and nothing of that name existed before: no other file is overwritten,
-    and no symbolic link is followed. A symbolic link at ``path`` itself is replaced. Raises OSError.
+    If the block or the system raises, the new file is removed and ``path`` stays unchanged. The new file's
+    name is random and did not exist before: no other file is overwritten, and no symbolic link is followed.
+    A symbolic link at ``path`` itself is replaced. Raises OSError.
     """
     part = _new_file(path)
     try:
         yield part
-        # A full disk may show only when the system writes what it has buffered.
+        # The error of a full disk may occur only when the system writes its buffers.
         with part.open("rb+") as file:
             os.fsync(file.fileno())
         if path.exists():
@@ -43,7 +43,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 def require_writable(path: Path) -> None:
     """Raise OSError if ``replacing`` could not write a file at ``path``."""
-    # A name that is too long shows here.
+    # Raises for a name that is too long.
     with suppress(FileNotFoundError):
         path.lstat()
     _new_file(path).unlink()
@@ -61,7 +61,7 @@ def _new_file(path: Path) -> Path:
 
 
 def reserve(path: Path, size: int) -> None:
-    """Raise OSError if the disk has no room for ``size`` bytes at ``path``. The content there is lost."""
+    """Raise OSError if the disk has no room for ``size`` bytes at ``path``, whose content is overwritten."""
     with path.open("wb") as file:
         for start in range(0, size, BLOCK):
             file.write(bytes(min(BLOCK, size - start)))
@@ -70,10 +70,10 @@ def reserve(path: Path, size: int) -> None:
 
 
 def is_whole_picture(path: Path) -> bool:
-    """Whether an image file has its beginning and its end: False for one that a full disk has cut off.
+    """Whether an image file is complete: False for one that a full disk has cut off.
 
-    The ending names the format. PNG, JPEG, TIFF and WebP are examined by their structure, at a cost of some
-    reads. Any other file must not be empty: Blender reports an EXR that it could not write. The pixels
+    The format follows from the file's suffix. PNG, JPEG, TIFF and WebP are checked by their structure, with a
+    few reads. Any other file must not be empty: Blender reports an EXR that it could not write. The pixels
     are not decoded, which would take as much memory again.
     """
     ending = path.suffix.lower()
@@ -96,7 +96,7 @@ def is_whole_picture(path: Path) -> bool:
 
 
 def _is_whole_png(file: BinaryIO) -> bool:
-    """Whether all chunks of a PNG are there with the sums that they should have (RFC 2083)."""
+    """Whether a PNG has all chunks, each with its correct checksum (RFC 2083)."""
     if file.read(8) != b"\x89PNG\r\n\x1a\n":
         return False
     while True:
@@ -111,7 +111,7 @@ def _is_whole_png(file: BinaryIO) -> bool:
 
 
 def _is_whole_tiff(file: BinaryIO, size: int, order: str) -> bool:
-    """Whether the first directory of a TIFF and the strips that it names lie inside the file."""
+    """Whether the first directory of a TIFF and its strips lie inside the file."""
 
     def numbers(form: str) -> tuple[int, ...]:
         form = order + form

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh as a regular grid of points: written with a UV map, read back in its order."""
+"""Meshes as regular grids of points: written with a UV map, and read in its order."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ import numpy as np
 from ...projection.file_values import LARGEST_LENGTH
 
 UV_LAYER = "UVMap"
-# Two vertices share a grid line when their UVs differ by less: float32 UVs of
-# a grid's line agree to about 1e-7, and no sensible grid has 10,000 lines.
+# Vertices whose UVs differ by less share a grid line: float32 UVs of a line agree to about 1e-7, and no
+# sensible grid has 10,000 lines.
 UV_LINE_GAP = 1e-4
-# How far, as a share of one cell, a vertex may be from its place in the UV
-# map: room for float32 and for subdivided UVs, far below a visible shift.
+# The largest distance of a vertex from its place in the UV map, as a share of one cell: enough for float32
+# and for subdivided UVs, far below a visible shift.
 UV_CELL_TOLERANCE = 1e-2
 
 
 class SurfaceError(ValueError):
-    """An object that cannot be read as the control surface it claims to be."""
+    """An object cannot be read as a control surface of its kind; the message has the remedy."""
 
 
 def write_grid(mesh, points) -> None:
@@ -46,7 +46,7 @@ def write_grid(mesh, points) -> None:
 def grid_points(evaluated_object):
     """The vertices of an evaluated mesh in the order of its UV map, (rows, columns, 3) float64, own space.
 
-    Raises SurfaceError when they are no regular grid that fills the UV square.
+    Raises SurfaceError unless they are a regular grid that fills the UV square.
     """
     name = evaluated_object.name
     mesh = evaluated_object.to_mesh()
@@ -67,7 +67,7 @@ def grid_points(evaluated_object):
 
 
 def require_finite(name: str, points) -> None:
-    """Raise SurfaceError for vertices, an array of any shape, that are NaN, infinite or too far out."""
+    """Raise SurfaceError if vertices, an array of any shape, are NaN, infinite or too far away."""
     if not (np.abs(points) <= LARGEST_LENGTH).all():
         raise SurfaceError(
             f"'{name}' has vertices that are not finite or farther out than {LARGEST_LENGTH:g}: "
@@ -78,8 +78,8 @@ def require_finite(name: str, points) -> None:
 def uv_layer(mesh):
     """The UV map that a mesh renders with, or None.
 
-    The first one where Geometry Nodes left none switched on; in 4.5 ``uv_layers.active``
-    then is an unnamed attribute.
+    Geometry Nodes may leave no map switched on: then the first one counts. In 4.5 ``uv_layers.active`` is an
+    unnamed attribute then.
     """
     shown = next((layer for layer in mesh.uv_layers if layer.active_render), None)
     return shown or next(iter(mesh.uv_layers), None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Builds node groups in code, laid out so that they can be read in the node editor."""
+"""Node groups built in code, with a layout that is readable in the node editor."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import bpy
 class NodeBuilder:
     """Builds a node group: each call adds one node, laid out by depth, inside the open frame.
 
-    row: height of a row, in the node editor's units; what is taller takes as many as it needs.
+    row: height of a row, in the node editor's units; a taller node takes several rows.
     """
 
     COLUMN = 190
@@ -25,7 +25,7 @@ class NodeBuilder:
         self._filled: dict[int, int] = {}
 
     def open_frame(self, label: str) -> None:
-        """What comes next stands in a new frame, right of all that there is."""
+        """Put the next nodes into a new frame, to the right of all others."""
         self.close_frame()
         self._frame = self.tree.nodes.new("NodeFrame")
         self._frame.label = self._frame.name = label
@@ -35,7 +35,7 @@ class NodeBuilder:
         self._first_column = max(self._columns.values(), default=-1) + 1
 
     def node(self, kind: str, label: str, inputs: dict, **settings):
-        """A node with its settings and inputs (values or output sockets) in place."""
+        """Add a node. inputs: values or output sockets by name. settings: attributes of the node."""
         node = self.tree.nodes.new(kind)
         node.name = node.label = label
         node.parent = self._frame
@@ -55,7 +55,7 @@ class NodeBuilder:
         return node
 
     def _rows(self, node) -> int:
-        """How many rows a node takes; Blender knows sizes of nodes only once it has drawn them."""
+        """The number of rows of a node, estimated: Blender knows sizes only after drawing."""
         visible = [socket for socket in (*node.outputs, *node.inputs) if socket.enabled]
         open_vectors = [s for s in node.inputs if s.enabled and s.type == "VECTOR" and not s.is_linked]
         height = self.TITLE + self.SOCKET * len(visible) + self.VALUES * len(open_vectors)

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Images' pixels in the .blend, as far as Blender can keep them there."""
+"""Packing of images into the .blend, within Blender's limit of size."""
 
 from __future__ import annotations
 
-# Blender counts a packed file's bytes in 31 bits and keeps the beginning of larger ones, without a word.
+# Blender counts the bytes of a packed file in 31 bits and cuts off larger files without an error.
 LARGEST_FILE = 2**31
-# What an EXR takes besides its pixels, at most: a header and 16 bytes a line.
+# The most bytes of an EXR besides its pixels: a header and 16 bytes a line.
 BESIDES_PIXELS = 2**22
 
 TOO_LARGE = (
@@ -15,15 +15,12 @@ TOO_LARGE = (
 
 
 def pack(image) -> str:
-    """Keep the pixels of a float image in the file; where they are too many what to tell the user.
-
-    '' where all is well.
-    """
+    """Pack a float image into the file. Returns a message to the user if it is too large, else ""."""
     width, height = image.size
     if width * height * image.depth // 8 + BESIDES_PIXELS < LARGEST_FILE:
         image.pack()
         return ""
-    # A file of an older picture would come back instead of this one.
+    # Otherwise an older packed image would come back instead of this one.
     if image.packed_file:
         image.unpack(method="REMOVE")
     image.filepath_raw = ""

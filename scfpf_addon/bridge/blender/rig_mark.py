@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The marks of Cycles rigs: on their own objects, which no picture shows, and on what they hide from rays."""
+"""Marks of Cycles rigs: a property of their own objects, drivers of the objects that they hide from rays."""
 
 from __future__ import annotations
 
 import bpy
 
-# The custom property of each of a rig's objects that names the flexible camera; a pointer.
+# The custom property of a rig's objects that points to the flexible camera.
 RIG_KEY = "scfpf_rig_of"
 
-# The least width of a rig's screen, and so the ortho scale of its camera: no other camera's is as large.
+# The least width of a rig's screen, which is the ortho scale of its camera; no other camera has such a scale.
 WIDTH = 200_000.0
-# By drivers of these, with this expression, objects are hidden from the rays of rigs.
+# Drivers of these properties, with this expression, hide objects from the rays of rigs.
 HIDDEN_RAYS = (
     "visible_camera",
     "visible_diffuse",
@@ -28,19 +28,19 @@ def is_rig_part(obj) -> bool:
 
 
 def camera_behind(obj):
-    """The flexible camera that a rig's camera stands for; any other object, or None, itself."""
+    """The flexible camera behind a rig's camera; for any other object, or None, the object itself."""
     camera = None if obj is None else obj.get(RIG_KEY)
     return camera if isinstance(camera, bpy.types.Object) else obj
 
 
 def is_hiding(curve) -> bool:
-    """Whether a driver is one of those that hide an object from the rays of rigs."""
+    """Whether a driver hides an object from the rays of rigs."""
     driver = curve.driver
     return driver is not None and driver.expression == HIDING and curve.data_path in HIDDEN_RAYS
 
 
 def has_other_animation(owner) -> bool:
-    """Whether a datablock has an action, drivers or NLA tracks beside the drivers that hide it from rigs."""
+    """Whether a datablock has an action, NLA tracks, or drivers other than those that hide it from rigs."""
     animation = owner.animation_data
     if animation is None:
         return False

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Follow the links of a shader node tree to what feeds a socket: a node, or a constant."""
+"""Follow the links of a shader node tree to the source of a socket's value: a node or a constant."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ import numpy as np
 
 from ...projection.colors import LUMINANCE
 
-# A socket, and the group nodes that were entered to reach it, outermost first.
+# A socket or a node, and the group nodes around it, outermost first.
 Place = tuple[object, tuple]
 
 
 def resolve(socket, groups: tuple = ()) -> Place:
-    """What feeds an input socket, through reroutes and node groups.
+    """The source of an input socket's value, through reroutes and node groups.
 
-    Returns the output socket of a node, or the unlinked input socket whose own
-    value counts. Muted and invalid links count as none; a muted node passes on what its
-    internal links say, or nothing.
+    Returns the output socket of a node, or the unlinked input socket whose own value counts. Muted and
+    invalid links are ignored; a muted node passes values on by its internal links.
     """
     while not socket.is_output:
         link = _link(socket)
@@ -28,7 +27,7 @@ def resolve(socket, groups: tuple = ()) -> Place:
         inside = _group_output(node) if node.type == "GROUP" else None
         if node.mute:
             passed = next((one.from_socket for one in node.internal_links if one.to_socket == output), None)
-            # As in Cycles an input without a link is not passed on.
+            # Cycles does not pass on an input without a link.
             if passed is None or _link(passed) is None:
                 break
             socket = passed
@@ -47,7 +46,7 @@ def resolve(socket, groups: tuple = ()) -> Place:
 
 def _link(socket):
     """The link that feeds an input, if any."""
-    # Blender goes through all links of the tree for a socket's.
+    # ``links`` searches all links of the tree.
     if not socket.is_linked:
         return None
     return next((one for one in socket.links if one.is_valid and not one.is_muted), None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What differs between Blender versions, hidden in one place.
+"""Differences between Blender versions, which no other module knows.
 
 A node modifier's inputs are ID properties of the modifier up to Blender 5.1 and
 RNA properties under ``modifier.properties.inputs`` from 5.2.
@@ -12,14 +12,14 @@ import warnings
 import bpy
 
 RNA_INPUTS_SINCE = (5, 2, 0)
-# Files whose colours are multiplied by alpha already.
+# Formats of files whose colours are multiplied by alpha.
 PREMULTIPLIED_FORMATS = {"OPEN_EXR", "OPEN_EXR_MULTILAYER"}
 
 
 def modifier_input_property(modifier, identifier: str) -> tuple[object, str]:
-    """Where a node modifier's input lives, as (owner, property).
+    """The (owner, property) of a node modifier's input.
 
-    The pair is what ``layout.prop``, ``keyframe_insert`` and ``driver_add`` take.
+    ``layout.prop``, ``keyframe_insert`` and ``driver_add`` take this pair.
     identifier: the interface socket's, such as "Socket_2".
     """
     if bpy.app.version >= RNA_INPUTS_SINCE:
@@ -43,28 +43,28 @@ def set_modifier_input(modifier, identifier: str, value) -> None:
 
 
 def uses_nodes(owner) -> bool:
-    """Whether a material, world or lamp is made of nodes; in newer versions whatever has a tree is."""
+    """Whether a material, world or lamp uses its nodes; in newer versions it does if it has a tree."""
     with warnings.catch_warnings():
-        # The switch is always on, and deprecated, since 5.0 (lamps: 5.2).
+        # From 5.0 (lamps: 5.2) the switch is always on, and deprecated.
         warnings.simplefilter("ignore", DeprecationWarning)
         return owner.node_tree is not None and owner.use_nodes
 
 
 def image_format_properties() -> tuple[str, ...]:
-    """The properties of ImageFormatSettings that choose a format, in the order to set them."""
+    """The properties of ImageFormatSettings that determine a format, in the order of setting them."""
     names = ("file_format", "color_mode", "color_depth")
-    # From 5.0 the media type decides which formats there are.
+    # From 5.0 the media type restricts the formats.
     return ("media_type", *names) if bpy.app.version >= (5, 0, 0) else names
 
 
 def index_pass_names() -> tuple[str, str]:
-    """What Blender's own engines call the passes of object and material indices."""
+    """The names of the passes of object and material indices in Blender's own engines."""
     since_5 = bpy.app.version >= (5, 0, 0)
     return ("Object Index", "Material Index") if since_5 else ("IndexOB", "IndexMA")
 
 
 def light_pass_names() -> tuple[str, str]:
-    """What Blender's own engines call the passes of emission and of the world."""
+    """The names of the passes of emission and of the world in Blender's own engines."""
     return ("Emission", "Environment") if bpy.app.version >= (5, 0, 0) else ("Emit", "Env")
 
 
@@ -80,10 +80,10 @@ def set_node_menu(node, socket: str, setting: str, value: str) -> None:
 
 
 def settle_view_layers() -> None:
-    """Call at the end of a handler of updates or frames that may have linked, unlinked or removed objects.
+    """Update all view layers, at the end of a handler that may have linked, unlinked or removed objects.
 
-    Blender then evaluates once more, and from 5.0 crashes where a driver reads another scene whose view
-    layers have not been brought in step with its objects yet. Asking for the active object does that.
+    Blender evaluates again after such a handler. From 5.0 it crashes if a driver then reads another scene
+    whose view layers lag behind its objects. Reading the active object updates them.
     """
     for scene in bpy.data.scenes:
         for layer in scene.view_layers:
@@ -91,15 +91,15 @@ def settle_view_layers() -> None:
 
 
 def lit_behind_transparent(limit: int) -> int:
-    """Behind how many transparent things Cycles lights anything, by its limit of these; one more is clear."""
+    """The most transparent surfaces in front of a hit that Cycles still lights, by its limit of bounces."""
     return max(limit, 1) - 1 if bpy.app.version >= (5, 0, 0) else limit
 
 
 def multiplies_by_alpha(image, is_file: bool) -> bool:
-    """Whether Cycles multiplies the colours of an image that has alpha by it.
+    """Whether Cycles multiplies the colours of an image by its alpha.
 
-    is_file: it reads the image's file. Compared with its pictures: by what the user says of the image, up to
-    5.1 by the kind of file.
+    is_file: Cycles reads the image's file. Found by comparing images: from 5.2 the alpha mode decides, before
+    that the file format.
     """
     if bpy.app.version >= (5, 2, 0):
         return image.alpha_mode == "STRAIGHT"
@@ -107,19 +107,19 @@ def multiplies_by_alpha(image, is_file: bool) -> bool:
 
 
 def has_portal_depth() -> bool:
-    """Whether the Light Path node knows how many portals a ray has passed: from 5.0."""
+    """Whether the Light Path node has the number of portals that a ray has passed: from 5.0."""
     return bpy.app.version >= (5, 0, 0)
 
 
 def present_compositor_tree(scene):
-    """The node tree of a scene's compositor, or None where there is none in use."""
+    """The node tree of a scene's compositor, or None if it is not used."""
     if bpy.app.version >= (5, 0, 0):
         return scene.compositing_node_group
     return scene.node_tree if scene.use_nodes else None
 
 
 def compositor_tree(scene, mark: str):
-    """The node tree of a scene's compositor; where there is none a new one that passes the picture on.
+    """The node tree of a scene's compositor, or a new one that outputs the image unchanged.
 
     mark: custom property of a new tree.
     """
@@ -130,16 +130,16 @@ def compositor_tree(scene, mark: str):
         scene.use_nodes = True
         scene.node_tree[mark] = True
         if len(scene.node_tree.nodes) == 0:
-            _pass_picture_on(scene, scene.node_tree, "CompositorNodeComposite")
+            _output_image(scene, scene.node_tree, "CompositorNodeComposite")
         return scene.node_tree
     tree = scene.compositing_node_group = bpy.data.node_groups.new("Compositing", "CompositorNodeTree")
     tree[mark] = True
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    _pass_picture_on(scene, tree, "NodeGroupOutput")
+    _output_image(scene, tree, "NodeGroupOutput")
     return tree
 
 
-def _pass_picture_on(scene, tree, output: str) -> None:
+def _output_image(scene, tree, output: str) -> None:
     source, end = tree.nodes.new("CompositorNodeRLayers"), tree.nodes.new(output)
     source.scene = scene
     end.location.x = 300.0
@@ -147,7 +147,7 @@ def _pass_picture_on(scene, tree, output: str) -> None:
 
 
 def drop_compositor_tree(scene, mark: str) -> None:
-    """Remove a tree that ``compositor_tree`` has made, unless more than passing the picture on is in it."""
+    """Remove a tree that ``compositor_tree`` has made, unless nodes were added to it."""
     tree = present_compositor_tree(scene)
     if tree is None or mark not in tree or len(tree.nodes) > 2:
         return

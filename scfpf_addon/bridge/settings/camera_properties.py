@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The properties of a flexible camera (``Object.scfpf``) and of a control surface.
+"""The properties of a flexible camera, ``Object.scfpf``, and of a control surface, ``Object.scfpf_surface``.
 
-They are on the object, not on its data: there duplicates remap the pointers and
-library overrides survive a reload.
+They belong to the object, not to its data: duplicates of objects remap pointers, and library overrides of
+objects survive a reload.
 """
 
 from __future__ import annotations
@@ -60,23 +60,23 @@ REPARAMETERISATIONS = (
 
 
 def _volume_changed(owner, context):
-    """The volume object follows an edit of a surface pointer."""
+    """Update the volume object."""
     flexible_camera.surfaces_edited(owner.id_data)
 
 
 def _enabled_changed(settings, context):
-    """The volume object follows, and Blender's own frame of the camera."""
+    """Update the volume object and the size of Blender's own frame of the camera."""
     flexible_camera.flexibility_edited(settings.id_data)
 
 
 def _edit_volume_changed(settings, context):
-    """The surfaces come to the front and can be clicked, or get out of the way."""
+    """Show the surfaces in front and selectable, or not."""
     if not settings.id_data.is_evaluated:
         edit_mode.show_by_mode(settings.id_data)
 
 
 def _kind_changed(settings, context):
-    """The object gets the node group or the mesh that its new kind needs."""
+    """Give the object the node group or the mesh of its new kind."""
     surface = settings.id_data
     if surface.type == "MESH" and surface.is_editable and not surface.is_evaluated:
         surface_object.take_kind(surface)
@@ -97,7 +97,7 @@ def _may_be_end(ends, candidate) -> bool:
 class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
     """One place in a flexible camera's ordered list of control surfaces.
 
-    Change the order through ``slot_animation``, which takes the slots' animation along.
+    Only ``slot_animation`` may change the order, together with the slots' animation.
     """
 
     object: pointer(
@@ -121,7 +121,7 @@ class SCFPF_SurfaceSlot(bpy.types.PropertyGroup):
 
 
 class SCFPF_SurfaceSettings(bpy.types.PropertyGroup):
-    """``Object.scfpf_surface``: what kind of control surface an object is."""
+    """``Object.scfpf_surface``: an object as a control surface."""
 
     kind: choice(
         "Kind",

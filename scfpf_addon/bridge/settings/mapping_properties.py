@@ -31,7 +31,7 @@ MAPPING_KINDS = (
 
 
 def _kind_changed(mapping, context):
-    """The mapping gets the curve or the mesh that its new kind needs."""
+    """Give the mapping the curve or the mesh of its new kind."""
     camera = mapping.id_data
     if not camera.is_evaluated and camera.is_editable:
         mapping_edits.take_kind(camera, mapping)
@@ -39,7 +39,7 @@ def _kind_changed(mapping, context):
 
 
 def _grid_changed(mapping, context):
-    """The volume object keeps the mesh evaluated."""
+    """Let the volume object evaluate the mesh."""
     flexible_camera.surfaces_edited(mapping.id_data)
 
 
@@ -52,7 +52,7 @@ def _may_be_curve(_mapping, candidate) -> bool:
 
 
 class SCFPF_ImageMapping(bpy.types.PropertyGroup):
-    """One mapping of the image. Change the order through ``mapping_edits``, which takes animation along."""
+    """One mapping of the image. Only ``slot_animation`` may change the order, together with the animation."""
 
     name: text("Name", "Name of the mapping in the list")
     enabled: switch("Enabled", "Let the mapping act on the picture", True)
