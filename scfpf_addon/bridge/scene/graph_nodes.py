@@ -282,7 +282,7 @@ def _sky(inputs: NodeInputs) -> Outputs:
             air=node.air_density,
             dust=dust,
             ozone=node.ozone_density,
-            again=again,
+            multiscatter=again,
         ),
         rotation=float(node.sun_rotation),
         size=node.sun_size if node.sun_disc else 0.0,

@@ -1,51 +1,50 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Bump node: normals of the surface that a height raises (Blinn 1978; Mikkelsen 2010).
+"""The Bump node: normals of a surface displaced by a height (Blinn 1978; Mikkelsen 2010).
 
-The height is a graph of its own, reckoned at the hit and a tiny step beside it, in float64: its slope, so
-that the size of a pixel does not count.
+The height is a graph of its own, evaluated in float64 at the hit and tiny steps beside it. The slope
+does not depend on the pixel footprint.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...projection.typing import Array
 from ..vectors import dot_row, unit
 from .context import ShadingContext
-from .graph import Evaluator, registers
+from .graph import Evaluator, Inputs, Settings, registers
 from .inputs import towards_viewer
 
-# The step beside a hit, as a share of the triangle's longer edge: half of float64's digits, and some.
+# The step beside a hit, as a share of the triangle's longer edge: more than half of float64's digits.
 STEP = 1e-5
 
 
 def bump(
     table: Mapping[str, Evaluator],
-    inputs: Sequence[Array],
-    settings: Mapping[str, Any],
-    place: ShadingContext,
+    inputs: Inputs,
+    settings: Settings,
+    context: ShadingContext,
 ) -> tuple[Array, ...]:
     """Strength, distance, normal → normal, on the side of the viewer. table: all operations."""
     strength, distance, normal = inputs
-    length = place.edge() * STEP
-    # Two directions in the triangle's plane: across the axis that lies flattest in it, and across both.
-    axis = np.zeros((3, place.count))
-    axis[np.abs(place.flat).argmin(axis=0), np.arange(place.count)] = 1.0
-    first = unit(np.cross(place.flat, axis, axis=0))
-    second = np.cross(place.flat, first, axis=0)
+    length = context.edge() * STEP
+    # Two directions in the triangle's plane, square to each other.
+    axis = np.zeros((3, context.count))
+    axis[np.abs(context.flat).argmin(axis=0), np.arange(context.count)] = 1.0
+    first = unit(np.cross(context.flat, axis, axis=0))
+    second = np.cross(context.flat, first, axis=0)
 
     def height(where: ShadingContext) -> Array:
-        """The height (1, n) or (1, 1) that the nodes give other places."""
+        """The height (1, n) or (1, 1) elsewhere on the surface."""
         ref = settings["output"]
         values: Array = registers(settings["height"], where, table)[ref.operation][ref.output]
         return values
 
-    here = height(place)
+    here = height(context)
     along, across = (
-        (height(place.beside(way * length)) - here) / np.where(length > 0.0, length, 1.0)
+        (height(context.beside(way * length)) - here) / np.where(length > 0.0, length, 1.0)
         for way in (first, second)
     )
     normal = np.broadcast_to(normal, first.shape)
@@ -54,4 +53,4 @@ def bump(
     slope = (along * right + across * up) * np.sign(area)
     raised = unit(np.abs(area) * normal - distance * settings["sign"] * slope)
     share = np.maximum(strength, 0.0)
-    return (towards_viewer(unit(share * raised + (1.0 - share) * normal), place),)
+    return (towards_viewer(unit(share * raised + (1.0 - share) * normal), context),)

@@ -7,8 +7,7 @@ image editors, without a limit at 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,11 +15,11 @@ from ...projection.colors import LUMINANCE
 from ...projection.typing import Array
 from ..vectors import dot_row
 from .context import ShadingContext
-from .graph import Evaluator
+from .graph import Evaluator, Inputs, Settings
 from .numbers import divided, power
 from .spectrum import observer
 
-# Temperatures in kelvin between which Blender's Blackbody changes, wavelengths in nm that are summed for it.
+# The range of Blender's Blackbody in kelvin; wavelengths in nm at which its spectrum is summed.
 COLDEST, HOTTEST = 800.0, 12000.0
 SPECTRUM = np.arange(380.0, 781.0, 5.0)[:, None]
 # The second radiation constant, nm K.
@@ -28,8 +27,6 @@ RADIATION = 1.438777e7
 # CIE XYZ to linear Rec.709, Blender's working space.
 REC709 = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 
-Settings = Mapping[str, Any]
-Inputs = Sequence[Array]
 Blend = Callable[[Array, Array, Array], Array]
 
 
@@ -74,7 +71,7 @@ def rgb_from_hsl(color: Array) -> Array:
 
 
 def _dodge(t: Array, a: Array, b: Array) -> Array:
-    """Brightened by b: a / (1 - t b), at most 1."""
+    """a / (1 - t b), at most 1."""
     left = 1.0 - t * b
     bright = np.minimum(divided(a, left), 1.0)
     return np.where(a == 0.0, a, np.where(left <= 0.0, 1.0, bright))
@@ -97,10 +94,10 @@ def _soft_light(t: Array, a: Array, b: Array) -> Array:
 
 
 def _by_hsv(keep: Callable[[Array, Array], Array]) -> Blend:
-    """A blend of parts of hue, saturation and value, left alone where b has no colour."""
+    """A blend that keeps parts of hue, saturation and value; a stays where b is grey."""
 
     def blend(t: Array, a: Array, b: Array) -> Array:
-        """Of colours a and b (3, n), by shares t (1, n) of b."""
+        """Blend colours a and b (3, n), by shares t (1, n) of b."""
         one, other = hsv_from_rgb(a), hsv_from_rgb(b)
         mixed: Array = np.where(other[1] != 0.0, a + t * (rgb_from_hsv(keep(one, other)) - a), a)
         return mixed
@@ -142,7 +139,7 @@ BLENDS: dict[str, Blend] = {
 }
 
 
-def mix(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def mix(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Mix node, of numbers, vectors or colours: factor, A, B."""
     share = inputs[0]
     if settings["clamp_factor"]:
@@ -155,8 +152,8 @@ def mix(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Arra
     return (np.clip(value, 0.0, 1.0) if settings["clamp_result"] else value,)
 
 
-def table(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
-    """A ramp: colour and alpha of a table (S, 4) over [0, 1]."""
+def table(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
+    """The Color Ramp node: colour and alpha of a table (S, 4) over [0, 1]."""
     values = settings["table"]
     at = np.clip(np.nan_to_num(inputs[0][0]), 0.0, 1.0) * (len(values) - 1)
     low = np.floor(at).astype(np.intp)
@@ -167,8 +164,8 @@ def table(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Ar
     return found[:, :3].T, found[:, 3:].T
 
 
-def curves(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
-    """RGB, Vector and Float Curves: factor, value; a table (S, C) over [low, high], straight on beyond it."""
+def curves(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
+    """RGB, Vector and Float Curves: factor, value; a table (S, C) over [low, high], extended linearly."""
     factor, value = inputs
     values, low, high = settings["table"], settings["low"], settings["high"]
     last = len(values) - 1
@@ -182,22 +179,22 @@ def curves(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[A
     return (value + factor * (np.stack(channels) - value),)
 
 
-def invert(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def invert(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Invert Color node."""
     share, color = inputs
     return (color + share * (1.0 - 2.0 * color),)
 
 
-def gamma(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
-    """The Gamma node: what is not above 0 stays."""
+def gamma(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
+    """The Gamma node: channels at or below 0 stay."""
     color, exponent = inputs
     return (np.where(color > 0.0, power(np.maximum(color, 0.0), exponent), color),)
 
 
-def blackbody(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def blackbody(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Blackbody node: Planck's spectrum at a temperature, of luminance 1, within Rec.709.
 
-    Cycles takes a fit to the same; of its channels 2 % at most differ where they are above a tenth.
+    Cycles uses a fit of it. Its channels above 0.1 differ by at most 2 %.
     """
     temperature = np.clip(inputs[0], COLDEST, HOTTEST)
     spectrum = 1.0 / (SPECTRUM**5 * np.expm1(RADIATION / (SPECTRUM * temperature)))
@@ -205,13 +202,13 @@ def blackbody(inputs: Inputs, settings: Settings, place: ShadingContext) -> tupl
     return (np.maximum(REC709 @ (seen / seen[1]), 0.0),)
 
 
-def bright_contrast(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def bright_contrast(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Brightness/Contrast node."""
     color, bright, contrast = inputs
     return (np.maximum((1.0 + contrast) * color + bright - contrast * 0.5, 0.0),)
 
 
-def hue_saturation(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def hue_saturation(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Hue/Saturation/Value node: hue, saturation, value, factor, colour."""
     hue, saturation, value, share, color = inputs
     h, s, v = hsv_from_rgb(color)
@@ -222,7 +219,7 @@ def hue_saturation(inputs: Inputs, settings: Settings, place: ShadingContext) ->
     return (np.maximum(color + share * (changed - color), 0.0),)
 
 
-def separate_color(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def separate_color(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Separate Color node."""
     (color,) = inputs
     if settings["mode"] == "HSV":
@@ -232,7 +229,7 @@ def separate_color(inputs: Inputs, settings: Settings, place: ShadingContext) ->
     return color[0:1], color[1:2], color[2:3]
 
 
-def combine_color(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def combine_color(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Combine Color node."""
     color = np.concatenate(np.broadcast_arrays(*inputs))
     if settings["mode"] == "HSV":
@@ -242,7 +239,7 @@ def combine_color(inputs: Inputs, settings: Settings, place: ShadingContext) -> 
     return (color,)
 
 
-def grey(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def grey(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The RGB to BW node."""
     return (dot_row(inputs[0], LUMINANCE[:, None]),)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where hits are: everything about the surface that a node can ask for."""
+"""The inputs of material graphs at hits: everything about the surface that a node can read."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from .image import ImageData
 
 @dataclass(frozen=True)
 class ShadingContext:
-    """n hits. triangle: (n,). barycentric: (2, n), weights of the second and third corner.
+    """The surface at n hits.
 
-    position: (3, n) world space. normal: (3, n) unit, shading normal, on the side of the viewer.
-    flat: (3, n) unit, of the triangle, on that side too. view: (3, n) unit, towards the viewer.
-    back: (1, n) 1 where the back of the triangle is seen, else 0. All float64.
-    images: what was loaded, by name; one that is not there is missing. blur: of a map's directions, radians
-    between two of them.
+    triangle: (n,). barycentric: (2, n), weights of the second and third corner. position: (3, n) world space.
+    normal: (3, n) unit, shading normal, on the side of the viewer. flat: (3, n) unit, of the triangle, on
+    that side too. view: (3, n) unit, towards the viewer. back: (1, n) 1 if the back of the triangle is
+    visible, else 0. All float64. images: by name, without missing ones. blur: angle between neighbouring
+    directions of a map, in radians.
     """
 
     geometry: Geometry
@@ -38,20 +38,20 @@ class ShadingContext:
 
     @property
     def count(self) -> int:
-        """n."""
+        """The number of hits."""
         return len(self.triangle)
 
     def layer(self, name: str, channels: int) -> tuple[Array, Array]:
-        """A layer at the hits, (channels, n), and where there is one, (1, n) 1 or 0; 0 where there is none.
+        """The values of a layer at the hits, (channels, n), and 1 or 0 whether the mesh has it, (1, n).
 
-        Interpolated in float64 by the weights of the hit.
+        Interpolated in float64 by the weights of the hit; 0 on meshes without the layer.
         """
         found = self.geometry.layers.get(name)
         if found is None:
             return np.zeros((channels, 1)), np.zeros((1, 1))
         row = found.row.take(self.triangle)
         there = row >= 0
-        # What has none takes any row, and is made 0 after.
+        # Meshes without the layer read any row, and are set to 0 below.
         corners = found.values.take(row, axis=0, mode="clip").astype(np.float64)
         first, second, third = corners.transpose(1, 2, 0)
         value = first + (second - first) * self.barycentric[0] + (third - first) * self.barycentric[1]
@@ -73,7 +73,7 @@ class ShadingContext:
         return length
 
     def beside(self, step: Array) -> ShadingContext:
-        """The places ``step`` (3, n) away in the triangles' planes, with the same normals."""
+        """The hits moved by ``step`` (3, n) in the triangles' planes, with the same normals."""
         first, second, third = self.corners()
         along, across = second - first, third - first
         aa, ab, bb = dot_row(along, along), dot_row(along, across), dot_row(across, across)
@@ -84,10 +84,10 @@ class ShadingContext:
         return replace(self, position=self.position + step, barycentric=self.barycentric + moved)
 
     def tangent(self, name: str) -> tuple[Array, Array]:
-        """Where the first texture coordinate grows, (3, n), and on which side the second does, (1, n) ±1.
+        """Direction (3, n) in which u grows, and the side (1, n), ±1, on which v does.
 
         name: of a layer of four channels: shares of the triangle's two edges from its first corner and of its
-        normal as long as the root of their product, and the side. Both 0 where there is none.
+        normal, as long as the root of their product, and the side. Both are 0 on meshes without the layer.
         """
         if name not in self.geometry.layers:
             return np.zeros((3, 1)), np.zeros((1, 1))
@@ -104,12 +104,12 @@ class ShadingContext:
         tangent = np.zeros((3, self.count))
         for shares, part in zip(corners.transpose(1, 2, 0), weight, strict=True):
             tangent += unit(along * shares[0] + across * shares[1] + up * shares[2]) * part
-        # Not made unit again: Cycles' are as short between corners.
+        # Not normalised again, as in Cycles.
         return tangent * there, np.where(corners[:, 0, 3] < 0.0, -1.0, 1.0) * there
 
 
 def fit(values: Array, channels: int) -> Array:
-    """As many channels as are asked for: what is left over goes, what is missing is 0; one is spread."""
+    """The values with a given number of channels: cut, filled with 0, or a single one repeated."""
     have = len(values)
     if have == channels:
         return values

@@ -1,24 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Daylight by an analytic model: Preetham, Shirley, Smits, A Practical Analytic Model for Daylight (1999).
 
-Luminance and chromaticities follow Perez' formula, with coefficients that are linear in the turbidity T,
-and are known at the zenith.
+Luminance and chromaticities follow Perez' formula, with coefficients linear in the turbidity T, relative to
+their values at the zenith.
 """
 
 from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from ...projection.typing import Array
 from ..vectors import unit
 from .context import ShadingContext
-from .graph import Evaluator
+from .graph import Evaluator, Inputs, Settings
 from .spectrum import XYZ_TO_RGB
 
-# The paper's appendix A.2: of Y, x and y the five coefficients, each a T + b.
+# The five coefficients of Y, x and y, each as (a, b) of a T + b (the paper's appendix A.2).
 PEREZ = np.array(
     [
         [(0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703)],
@@ -26,7 +23,7 @@ PEREZ = np.array(
         [(-0.0167, -0.2608), (-0.0950, 0.0092), (-0.0079, 0.2102), (-0.0441, -1.6537), (-0.0109, 0.0529)],
     ]
 )
-# The same of x and y at the zenith: T², T and 1 by powers 3 to 0 of the sun's angle to it.
+# x and y at the zenith: rows for T², T and 1, columns for the powers 3 to 0 of the sun's zenith angle.
 ZENITH = np.array(
     [
         [
@@ -41,15 +38,13 @@ ZENITH = np.array(
         ],
     ]
 )
-# What Cycles shows of a kilocandela per square metre.
+# Cycles' radiance of one kilocandela per square metre.
 SCALE = 0.06
-# Below the horizon the sky goes on as it is this far above it, in radians.
+# Below this elevation, in radians, the sky is constant.
 LOWEST = 1e-3
 
 
-def daylight(
-    inputs: Sequence[Array], settings: Mapping[str, Any], _place: ShadingContext
-) -> tuple[Array, ...]:
+def daylight(inputs: Inputs, settings: Settings, _context: ShadingContext) -> tuple[Array, ...]:
     """Vector → colour. settings: sun (3,) towards it, unit; turbidity; scale."""
     way, sun = unit(inputs[0]), np.asarray(settings["sun"], np.float64)
     turbidity = settings["turbidity"]
@@ -68,20 +63,20 @@ def daylight(
 
 
 def perez(coefficients: Array, cosine: Array, apart: Array) -> Array:
-    """Perez' formula of the cosine to the zenith and the angle to the sun, (n,) each."""
+    """Perez' formula by the cosine to the zenith and the angle to the sun, (n,) each."""
     a, b, c, d, e = coefficients
     value: Array = (1.0 + a * np.exp(b / cosine)) * (1.0 + c * np.exp(d * apart) + e * np.cos(apart) ** 2)
     return value
 
 
 def luminance_at_zenith(turbidity: float, zenith: float) -> float:
-    """In kcd/m². zenith: the sun's angle to it."""
+    """Luminance at the zenith in kcd/m². zenith: the sun's angle to it."""
     chi = (4.0 / 9.0 - turbidity / 120.0) * (np.pi - 2.0 * zenith)
     return float((4.0453 * turbidity - 4.9710) * np.tan(chi) - 0.2155 * turbidity + 2.4192)
 
 
 def chromaticities_at_zenith(turbidity: float, zenith: float) -> Array:
-    """CIE x and y, (2,)."""
+    """CIE x and y at the zenith, (2,)."""
     found: Array = ZENITH @ (zenith**3, zenith**2, zenith, 1.0) @ (turbidity**2, turbidity, 1.0)
     return found
 

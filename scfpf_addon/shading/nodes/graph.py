@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A material as data: operations in the order in which they are reckoned, and the shaders they feed.
+"""A material as data: operations in the order of evaluation, and the closures that they feed.
 
-A register is what one output of an operation gives: an array (1, n) of numbers or (3, n) of
-vectors and colours, float64, for the n hits of the material; n is 1 for what is the same at all
-of them, so that constants cost nothing.
+A register holds one output of an operation: an array (1, n) of numbers or (3, n) of
+vectors and colours, float64, for the n hits of the material; n is 1 if the value is the same at all
+hits, so that constants cost nothing.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from .context import ShadingContext
 
 ClosureKind = Literal["PRINCIPLED", "DIFFUSE", "GLOSSY", "EMISSION", "TRANSPARENT", "GLASS", "REFRACTION"]
 
-# What an operation does: its inputs, its settings, where the hits are → its outputs.
-Evaluator: TypeAlias = Callable[[Sequence[Array], Mapping[str, Any], ShadingContext], tuple[Array, ...]]
+Inputs: TypeAlias = Sequence[Array]
+Settings: TypeAlias = Mapping[str, Any]
+# Computes the outputs of an operation from its inputs, its settings and the hits.
+Evaluator: TypeAlias = Callable[[Inputs, Settings, ShadingContext], tuple[Array, ...]]
 
 
 class Ref(NamedTuple):
@@ -32,7 +34,7 @@ class Ref(NamedTuple):
 
 @dataclass(frozen=True)
 class Operation:
-    """kind: of ``operations.OPERATIONS``. inputs: of operations before. settings: by kind."""
+    """One step of a graph. kind: see ``operations.OPERATIONS``. inputs: outputs of earlier operations."""
 
     kind: str
     inputs: tuple[Ref, ...] = ()
@@ -41,7 +43,7 @@ class Operation:
 
 @dataclass(frozen=True)
 class Closure:
-    """One shader of the sum that a surface is. weight: its share; inputs: by name (``lobes``)."""
+    """One shader of the sum that makes a surface. weight: its share. inputs: by name, see ``lobes``."""
 
     kind: ClosureKind
     weight: Ref
@@ -50,10 +52,11 @@ class Closure:
 
 @dataclass(frozen=True)
 class MaterialGraph:
-    """operations: topologically ordered. closures: their sum is the surface.
+    """A material as data. operations: topologically ordered. closures: their sum is the surface.
 
-    images: names of the images that are looked up. layers: names of the layers of
-    ``Geometry.layers`` that are. reflects: whether light can be sent on to what the volume does not hold.
+    images: names of the images that operations read. layers: names of the layers of
+    ``Geometry.layers`` that they read. reflects: whether rays may leave the volume, off mirrors or through
+    glass.
     """
 
     operations: tuple[Operation, ...]
@@ -68,7 +71,7 @@ class MaterialGraph:
 
     @property
     def lets_through(self) -> bool:
-        """Whether light may go straight through."""
+        """Whether any closure may be transparent."""
         return any(
             each.kind == "TRANSPARENT"
             or (each.kind == "PRINCIPLED" and not self._is_always(each.inputs["alpha"], 1.0))
@@ -86,13 +89,13 @@ def finite(values: Array) -> Array:
 
 
 def registers(
-    graph: MaterialGraph, place: ShadingContext, table: Mapping[str, Evaluator]
+    graph: MaterialGraph, context: ShadingContext, table: Mapping[str, Evaluator]
 ) -> list[tuple[Array, ...]]:
     """The outputs of all operations at the hits."""
     results: list[tuple[Array, ...]] = []
-    # Numbers that are none may come of any input; what shades takes them for 0.
+    # Any input may produce NaN; shading treats it as 0.
     with np.errstate(all="ignore"):
         for operation in graph.operations:
             inputs = [results[ref.operation][ref.output] for ref in operation.inputs]
-            results.append(table[operation.kind](inputs, operation.settings, place))
+            results.append(table[operation.kind](inputs, operation.settings, context))
     return results

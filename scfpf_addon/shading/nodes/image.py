@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures as textures: texels between texels, beyond the border, in their colour space.
+"""Image textures: interpolation, extension beyond the border, and colour space.
 
-As Blender's documentation of the Image Texture node has it. A texel's centre is at
-((i + ½) / width, (j + ½) / height). There is no filter by the size of a pixel: samples are averaged.
+As in Blender's documentation of the Image Texture node. A texel's centre is at
+((i + ½) / width, (j + ½) / height). There is no filter by the pixel footprint: samples are averaged.
 """
 
 from __future__ import annotations
@@ -19,17 +19,19 @@ from ...projection.typing import Array, IndexArray
 Extension = Literal["REPEAT", "EXTEND", "CLIP", "MIRROR"]
 Interpolation = Literal["Closest", "Linear", "Cubic"]
 
-# What Blender shows in place of an image that cannot be found.
+# Blender's colour of a missing image.
 MISSING = np.array([1.0, 0.0, 1.0, 1.0])
 
-# Coordinates beyond this have lost their texels in float64; they count as 0.
+# Coordinates beyond this, which float64 cannot resolve to texels, count as 0.
 FARTHEST = 1e9
 
 
 @dataclass(frozen=True)
 class ImageData:
-    """pixels: (H, W, 4) uint8 or float32, row 0 at the bottom, alpha premultiplied where
-    ``premultiplied``. encoded: whether colours are sRGB's, else scene-linear or plain data.
+    """An image.
+
+    pixels: (H, W, 4) uint8 or float32, row 0 at the bottom. encoded: whether colours are sRGB's, otherwise
+    scene-linear or plain data. premultiplied: whether colours are multiplied by alpha.
     """
 
     pixels: NDArray[Any]
@@ -47,8 +49,7 @@ def sample(
 ) -> Array:
     """The image at (u, v), each (n,), as (4, n): scene-linear colour and alpha.
 
-    straight: colours that the image has premultiplied by alpha are divided by it. None gives what stands
-    for a missing image.
+    straight: whether premultiplied colours are divided by alpha. image: None for a missing one.
     """
     if image is None or image.pixels.size == 0:
         return np.repeat(MISSING[:, None], len(u), axis=1)
@@ -60,7 +61,7 @@ def sample(
         column, row = np.floor(u * width).astype(np.intp), np.floor(v * height).astype(np.intp)
         values = _texels(image, column, row, extension)
     else:
-        values = _between(image, u * width - 0.5, v * height - 0.5, interpolation, extension)
+        values = _interpolated(image, u * width - 0.5, v * height - 0.5, interpolation, extension)
     if image.pixels.dtype == np.uint8:
         values /= 255.0
     if straight and image.premultiplied:
@@ -72,8 +73,8 @@ def sample(
     return values
 
 
-def _between(image: ImageData, x: Array, y: Array, interpolation: str, extension: Extension) -> Array:
-    """The mean of the texels around (x, y), which count texels from the centre of the first."""
+def _interpolated(image: ImageData, x: Array, y: Array, interpolation: str, extension: Extension) -> Array:
+    """The interpolated texels (4, n) at (x, y), counted in texels from the centre of the first."""
     column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
     weigh = _cubic if interpolation == "Cubic" else _linear
     columns, rows = weigh(x - column), weigh(y - row)
@@ -91,7 +92,7 @@ def _linear(f: Array) -> list[tuple[int, Array]]:
 
 
 def _cubic(f: Array) -> list[tuple[int, Array]]:
-    """The uniform cubic B-spline: smooth, passing by its points."""
+    """The uniform cubic B-spline, which does not pass through the texels' values."""
     g = 1.0 - f
     return [
         (-1, g**3 / 6.0),
@@ -102,7 +103,7 @@ def _cubic(f: Array) -> list[tuple[int, Array]]:
 
 
 def _texels(image: ImageData, column: IndexArray, row: IndexArray, extension: Extension) -> Array:
-    """Texels (4, n) float64 as they are stored; beyond the border by ``extension``."""
+    """Stored texels (4, n), float64; beyond the border by ``extension``."""
     height, width = image.pixels.shape[:2]
     across, up = _wrap(column, width, extension), _wrap(row, height, extension)
     flat = image.pixels.reshape(-1, 4)

@@ -6,43 +6,43 @@ Perlin, Improving Noise (SIGGRAPH 2002); the hash is the last step of Bob Jenkin
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array
 from .context import ShadingContext
+from .graph import Inputs, Settings
 
 Words = NDArray[np.uint32]
 
-# What brings the noise to [-1, 1], by dimensions.
+# Factors that scale the noise to [-1, 1], by dimensions.
 RANGE = {2: 0.6616, 3: 0.9820}
-# Noise repeats after this, so that float32 has digits left.
+# The period of the noise, as in Blender, where float32 has digits left.
 PERIOD = 100000.0
 MOST_DETAIL = 15.0
 
 
-def _turned(words: Words, bits: int) -> Words:
+def _rotated(words: Words, bits: int) -> Words:
     return (words << np.uint32(bits)) | (words >> np.uint32(32 - bits))
 
 
 def hashed(*keys: Words) -> Words:
-    """A number for two or three whole numbers, each (n,) uint32."""
+    """The hash (n,) of two or three integers, each (n,) uint32."""
     start = np.uint32((0xDEADBEEF + 4 * len(keys) + 13) & 0xFFFFFFFF)
     a, b = start + keys[0], start + keys[1]
     c = start + keys[2] if len(keys) > 2 else np.full_like(keys[0], start)
     for bits in (14, 11, 25, 16, 4, 14, 24):
-        # One after the other mixes in the one before.
-        c = (c ^ b) - _turned(b, bits)
+        # Each step mixes one word with the word before.
+        c = (c ^ b) - _rotated(b, bits)
         a, b, c = b, c, a
-    # Seven turns of three: the last that was mixed is the second.
+    # After seven steps of three words the last mixed is the second.
     return b
 
 
 def _gradient(words: Words, parts: Sequence[Array]) -> Array:
-    """Scalar product with one of the directions to the middles of a cube's edges, or a square's."""
+    """Scalar product with a direction to the middle of a cube's edge, or a square's, chosen by the hash."""
     if len(parts) == 2:
         x, y = parts
         low = (words & 7) < 4
@@ -75,7 +75,7 @@ def perlin(place: Array) -> Array:
 
 
 def fractal(place: Array, detail: Array, roughness: Array, lacunarity: Array, normalise: bool) -> Array:
-    """Octaves of noise, the last by its share: (n,), in [0, 1] if normalised."""
+    """The sum of octaves of noise, (n,), in [0, 1] if normalised; fractional detail blends the last."""
     total, most, size, scale = (np.full(place.shape[1], each) for each in (0.0, 0.0, 1.0, 1.0))
     whole = np.floor(detail)
     part = detail - whole
@@ -84,7 +84,6 @@ def fractal(place: Array, detail: Array, roughness: Array, lacunarity: Array, no
         some = (octave == whole + 1) & (part > 0.0)
         if not (full | some).any():
             break
-        # The last octave counts as far as the detail goes.
         share = np.where(full, 1.0, np.where(some, part, 0.0))
         value = perlin(place * scale) * size
         if normalise:
@@ -101,12 +100,12 @@ def fractal(place: Array, detail: Array, roughness: Array, lacunarity: Array, no
 
 
 def _offset(seed: float, axis: int) -> float:
-    """Where the noise for another channel is looked up, 100 to 200 away."""
+    """The offset of another channel's noise along an axis, 100 to 200."""
     keys = (np.array([value], np.float32).view(np.uint32) for value in (seed, axis))
     return 100.0 + 100.0 * float(hashed(*keys)[0]) / 0xFFFFFFFF
 
 
-def noise(inputs: Sequence[Array], settings: Mapping[str, Any], place: ShadingContext) -> tuple[Array, ...]:
+def noise(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Noise Texture: vector, scale, detail, roughness, lacunarity, distortion → factor, colour."""
     count = settings["dimensions"]
     n = max(each.shape[1] for each in inputs)
@@ -116,7 +115,7 @@ def noise(inputs: Sequence[Array], settings: Mapping[str, Any], place: ShadingCo
     detail, roughness = np.clip(detail, 0.0, MOST_DETAIL), np.maximum(roughness, 0.0)
 
     def moved(seed: int) -> Array:
-        """Where another noise is looked up, (count, 1)."""
+        """The offset of another noise, (count, 1)."""
         return np.array([[_offset(seed, axis)] for axis in range(count)])
 
     if distortion.any():

@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operations on numbers and vectors: Math, Vector Math, Mapping, Map Range, Clamp and conversions.
 
-Definitions of Blender's manual (Shader Nodes > Converter). What has no value is 0.
+Definitions of Blender's manual (Shader Nodes > Converter). Undefined values are 0.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -15,20 +14,17 @@ from ...projection.colors import LUMINANCE
 from ...projection.typing import Array
 from ..vectors import dot_row, unit
 from .context import ShadingContext
-from .graph import Evaluator
-
-Settings = Mapping[str, Any]
-Inputs = Sequence[Array]
+from .graph import Evaluator, Inputs, Settings
 
 
 def divided(a: Array, b: Array) -> Array:
-    """a / b, 0 where b is."""
+    """a / b, 0 where b is 0."""
     a, b = np.broadcast_arrays(a, b)
     return np.divide(a, b, out=np.zeros(np.shape(a)), where=b != 0.0)
 
 
 def power(a: Array, b: Array) -> Array:
-    """a to the power of b, 0 where that is no number."""
+    """a to the power of b, 0 where that is not finite."""
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         value = np.power(*np.broadcast_arrays(a, b))
     return np.where(np.isfinite(value), value, 0.0)
@@ -49,7 +45,7 @@ def _floored_modulo(a: Array, b: Array) -> Array:
 
 
 def wrapped(value: Array, high: Array, low: Array) -> Array:
-    """value moved by multiples of high - low to between the two."""
+    """value moved by multiples of high - low into the range between the two."""
     size = high - low
     return np.where(size != 0.0, value - size * np.floor(divided(value - low, size)), low)
 
@@ -111,7 +107,7 @@ MATH: dict[str, Callable[[Array, Array, Array], Array]] = {
 }
 
 
-def math(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def math(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Math node."""
     value = MATH[settings["operation"]](*inputs)
     return (np.clip(value, 0.0, 1.0) if settings["clamp"] else value,)
@@ -135,13 +131,14 @@ def _cross(a: Array, b: Array) -> Array:
 
 VectorFunction = Callable[[Array, Array, Array, Array], Array]
 
-# Of two or three vectors and a scale: a vector.
+
+def _componentwise(function: Callable[[Array, Array, Array], Array]) -> VectorFunction:
+    """A function of numbers applied to each component of vectors; the scale has no effect."""
+    return lambda a, b, c, s: function(a, b, c)
+
+
+# Functions of three vectors and a scale that return a vector.
 VECTOR_MATH: dict[str, VectorFunction] = {
-    "ADD": lambda a, b, c, s: a + b,
-    "SUBTRACT": lambda a, b, c, s: a - b,
-    "MULTIPLY": lambda a, b, c, s: a * b,
-    "DIVIDE": lambda a, b, c, s: divided(a, b),
-    "MULTIPLY_ADD": lambda a, b, c, s: a * b + c,
     "CROSS_PRODUCT": lambda a, b, c, s: _cross(a, b),
     "PROJECT": lambda a, b, c, s: divided(dot_row(a, b), dot_row(b, b)) * b,
     "REFLECT": lambda a, b, c, s: a - 2.0 * unit(b) * dot_row(unit(b), a),
@@ -149,23 +146,17 @@ VECTOR_MATH: dict[str, VectorFunction] = {
     "FACEFORWARD": lambda a, b, c, s: np.where(dot_row(c, b) < 0.0, a, -a),
     "SCALE": lambda a, b, c, s: a * s,
     "NORMALIZE": lambda a, b, c, s: unit(a),
-    "ABSOLUTE": lambda a, b, c, s: np.abs(a),
-    "POWER": lambda a, b, c, s: power(a, b),
-    "SIGN": lambda a, b, c, s: np.sign(a),
-    "MINIMUM": lambda a, b, c, s: np.minimum(a, b),
-    "MAXIMUM": lambda a, b, c, s: np.maximum(a, b),
-    "ROUND": lambda a, b, c, s: np.floor(a + 0.5),
-    "FLOOR": lambda a, b, c, s: np.floor(a),
-    "CEIL": lambda a, b, c, s: np.ceil(a),
-    "FRACTION": lambda a, b, c, s: a - np.floor(a),
-    "MODULO": lambda a, b, c, s: _truncated_modulo(a, b),
-    "WRAP": lambda a, b, c, s: wrapped(a, b, c),
-    "SNAP": lambda a, b, c, s: np.floor(divided(a, b)) * b,
-    "SINE": lambda a, b, c, s: np.sin(a),
-    "COSINE": lambda a, b, c, s: np.cos(a),
-    "TANGENT": lambda a, b, c, s: np.tan(a),
+    "FRACTION": _componentwise(MATH["FRACT"]),
 }
-# Of two vectors: a number.
+VECTOR_MATH |= {
+    name: _componentwise(MATH[name])
+    for name in (
+        *("ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "MULTIPLY_ADD", "POWER", "ABSOLUTE", "SIGN"),
+        *("MINIMUM", "MAXIMUM", "ROUND", "FLOOR", "CEIL", "MODULO", "WRAP", "SNAP"),
+        *("SINE", "COSINE", "TANGENT"),
+    )
+}
+# Functions of two vectors that return a number.
 VECTOR_VALUE: dict[str, Callable[[Array, Array], Array]] = {
     "DOT_PRODUCT": dot_row,
     "DISTANCE": lambda a, b: _length(a - b),
@@ -173,7 +164,7 @@ VECTOR_VALUE: dict[str, Callable[[Array, Array], Array]] = {
 }
 
 
-def vector_math(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def vector_math(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Vector Math node: Vector, Value."""
     operation = settings["operation"]
     if operation in VECTOR_VALUE:
@@ -194,7 +185,7 @@ def rotation(angles: Array) -> Array:
     return matrix
 
 
-def mapping(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def mapping(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Mapping node: vector, location, rotation, scale."""
     vector, location, angles, scale = inputs
     turn, kind = rotation(angles), settings["kind"]
@@ -206,7 +197,7 @@ def mapping(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[
     return (turned + location if kind == "POINT" else turned,)
 
 
-def clamp(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def clamp(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Clamp node."""
     value, low, high = inputs
     if settings["range"]:
@@ -214,7 +205,7 @@ def clamp(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Ar
     return (np.minimum(np.maximum(value, low), high),)
 
 
-def map_range(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def map_range(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Map Range node, of numbers and of vectors: value, from min, from max, to min, to max, steps."""
     value, low, high, to_low, to_high, steps = inputs
     share = divided(value - low, high - low)
@@ -233,13 +224,13 @@ def map_range(inputs: Inputs, settings: Settings, place: ShadingContext) -> tupl
     return (result,)
 
 
-def constant(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
-    """A value that is the same everywhere: (1,) or (3,)."""
+def constant(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
+    """A constant, (1,) or (3,)."""
     return (np.asarray(settings["value"], np.float64).reshape(-1, 1),)
 
 
-def convert(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
-    """One kind of socket linked to another: GREY of a colour, MEAN of a vector, SPREAD of a number."""
+def convert(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
+    """Conversion between kinds of sockets: GREY of a colour, MEAN of a vector, SPREAD of a number."""
     (value,) = inputs
     if settings["to"] == "GREY":
         return (dot_row(value, LUMINANCE[:, None]),)
@@ -248,23 +239,23 @@ def convert(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[
     return (np.repeat(value, 3, axis=0),)
 
 
-def combine(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def combine(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """Three numbers as a vector."""
     return (np.concatenate(np.broadcast_arrays(*inputs)),)
 
 
-def separate(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def separate(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """A vector as three numbers."""
     (value,) = inputs
     return value[0:1], value[1:2], value[2:3]
 
 
-def multiply(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
-    """Products, of weights of shaders and the like."""
+def multiply(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
+    """A product, of weights of shaders for example."""
     return (inputs[0] * inputs[1],)
 
 
-def rest(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def rest(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The two shares of a mix of shaders: 1 - f and f, f in [0, 1]."""
     share = np.clip(inputs[0], 0.0, 1.0)
     return 1.0 - share, share

@@ -1,10 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Sky Texture node: the light of the sky and of the sun by direction."""
+"""The Sky Texture node: radiance of the sky and of the sun by direction."""
 
 from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,19 +9,16 @@ from ...projection.typing import Array
 from ..interpolation import bilinear
 from ..vectors import unit
 from .context import ShadingContext
-from .graph import Evaluator
+from .graph import Evaluator, Inputs, Settings
 from .sky_model import COLUMNS, ROWS, Air, sky_table, sun_color
 
-Settings = Mapping[str, Any]
-Inputs = Sequence[Array]
-
-# How much darker the sun is at its rim, and what of its light is left by that.
+# Limb darkening: how much darker the sun is at its rim, and its mean radiance relative to the middle.
 LIMB, LIMB_MEAN = 0.6, 0.8
-# What is below the horizon fades with its depth; or by how much less air is in between, a metre of altitude.
+# Fading of the light below the horizon with the depth; or by the air in between, per metre of altitude.
 FADE, NEAR_AIR = 2.5, 2e-5
 
 
-def sky(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def sky(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """Vector → colour. settings: air (``Air``), rotation of the sun about Z from +Y to +X, size (the
     sun's angle, 0 for none), scale of the sky and intensity of its disc.
     """
@@ -36,16 +30,16 @@ def sky(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Arra
     light = bilinear(sky_table(what), row, turn / np.pi * (COLUMNS - 1))
     light *= _below(way[2], what) * settings["scale"]
     if settings["size"] > 0.0:
-        _add_sun(light, way, settings, place.blur)
+        _add_sun(light, way, settings, context.blur)
     return (light,)
 
 
 def _below(up: Array, what: Air) -> Array:
-    """What is left of the horizon's light below it, 1 above."""
+    """The share of the horizon's light below it, 1 above."""
     deep = np.maximum(-up, 0.0)
     faded: Array
-    if what.again:
-        # Of the air between the eye and a black ground.
+    if what.multiscatter:
+        # The light of the air between the eye and a black ground.
         faded = np.minimum(1.0, NEAR_AIR * what.altitude / np.maximum(deep, 1e-9))
         return np.where(deep > 0.0, faded, 1.0)
     faded = np.maximum(1.0 - FADE * deep, 0.0) ** 3
@@ -53,7 +47,7 @@ def _below(up: Array, what: Air) -> Array:
 
 
 def _add_sun(light: Array, way: Array, settings: Settings, blur: float) -> None:
-    """Put the sun's disc over the light (3, n). blur: how wide it is at least, with a soft rim."""
+    """Add the sun's disc to the light (3, n), in place. blur: its least width, with a soft rim."""
     what: Air = settings["air"]
     half = settings["size"] / 2.0
     height, rotation = what.elevation, settings["rotation"]

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The light of a clear sky: sunlight that air, dust and ozone scatter once (Nishita et al. 1993).
+"""The light of a clear sky: sunlight that air and dust scatter once (Nishita et al. 1993), or several times.
 
 Air scatters by Rayleigh's law for the refractive index of air, dust by Mie's in the approximation of
-Cornette and Shanks 1992; ozone absorbs. Reckoned for wavelengths from 380 to 780 nm, seen by the colour
-matching functions of Wyman, Sloan and Shirley 2013. Heights and lengths in metres.
+Cornette and Shanks 1992; ozone absorbs. Spectra are from 380 to 780 nm. Heights and lengths in metres.
 """
 
 from __future__ import annotations
@@ -24,9 +23,9 @@ WAVELENGTHS = np.arange(380.0, 781.0, 20.0)
 # Molecules in a cubic metre of air, and its refractive index.
 AIR_NUMBER, AIR_INDEX = 2.504e25, 1.0002926
 AIR_SCATTERING = 8 * np.pi**3 * (AIR_INDEX**2 - 1) ** 2 / (3 * AIR_NUMBER * (WAVELENGTHS * 1e-9) ** 4)
-# Of dust at sea level, how much more of light is lost than scattered, and how much goes ahead.
+# Scattering of dust at sea level, its extinction by its scattering, and the asymmetry of its phase function.
 DUST_SCATTERING, DUST_LOSS, DUST_AHEAD = 2e-5, 1.11, 0.76
-# Where ozone is densest, 300 Dobson units of it in a layer, and its cross-sections (University of Bremen).
+# The layer of ozone, 300 Dobson units, and its cross-sections by wavelength (University of Bremen).
 OZONE_LOW, OZONE_PEAK, OZONE_HIGH = 10e3, 25e3, 40e3
 OZONE_NUMBER = 300 * 2.687e20 / 15e3
 OZONE_SECTION = 1e-27 * np.array(
@@ -57,17 +56,18 @@ OZONE_SECTION = 1e-27 * np.array(
 # A black body's sunlight outside of the atmosphere, W/m²/nm (Planck's law at the sun's size).
 SUN_HEAT, SUN_SOLID_ANGLE = 5778.0, 6.8e-5
 GROUND_ALBEDO = 0.3
-# What is left between this sky and Cycles' where light is scattered on, with the sun at 15° to 45°.
-AGAIN_TINT = np.array([[0.9], [1.06], [1.15]])
-# Steps along a ray of sight, and from there to the sun.
+# The ratio of Cycles' sky to this one with multiple scattering, with the sun at 15° to 45°.
+MULTISCATTER_TINT = np.array([[0.9], [1.06], [1.15]])
+# Steps along a view ray, and from each to the sun.
 STEPS, LIGHT_STEPS = 32, 24
-# Rows and columns of the table: elevations are closer near the horizon.
+# Rows and columns of the table: elevations are denser near the horizon.
 ROWS, COLUMNS = 64, 96
 
 
 class Air(NamedTuple):
-    """What a sky is made of. elevation: of the sun, radians. altitude: metres. air, dust, ozone: 1 is usual.
-    again: whether what was scattered is scattered on.
+    """The parameters of a sky. elevation: the sun's, radians. altitude: metres. air, dust, ozone: 1 is usual.
+
+    multiscatter: whether light is scattered more than once.
     """
 
     elevation: float
@@ -75,7 +75,7 @@ class Air(NamedTuple):
     air: float
     dust: float
     ozone: float
-    again: bool = False
+    multiscatter: bool = False
 
 
 def sunlight() -> Array:
@@ -94,7 +94,7 @@ def rgb_of(spectrum: Array) -> Array:
 
 
 def _densities(height: Array, what: Air) -> Array:
-    """Of air, dust and ozone at heights (...), (3, ...)."""
+    """Densities of air, dust and ozone at heights (...), (3, ...)."""
     ozone = np.interp(height, [OZONE_LOW, OZONE_PEAK, OZONE_HIGH], [0.0, 1.0, 0.0])
     height = np.maximum(height, 0.0)
     air, dust = what.air * np.exp(-height / AIR_HEIGHT), what.dust * np.exp(-height / DUST_HEIGHT)
@@ -103,7 +103,7 @@ def _densities(height: Array, what: Air) -> Array:
 
 
 def _lost(depth: Array) -> Array:
-    """Share of light of each wavelength that passes depths (3, ...) of air, dust and ozone, (..., W)."""
+    """Transmittance of depths (3, ...) of air, dust and ozone by wavelength, (..., W)."""
     extinction = np.stack(
         [
             AIR_SCATTERING,
@@ -116,13 +116,13 @@ def _lost(depth: Array) -> Array:
 
 
 def _to_top(radius: Array, cosine: Array) -> Array:
-    """Length of rays from a distance of the earth's middle to the top of the atmosphere."""
+    """Length of rays to the top of the atmosphere. radius: distance from the earth's centre."""
     length: Array = -radius * cosine + np.sqrt(np.maximum(TOP**2 - radius**2 * (1.0 - cosine**2), 0.0))
     return length
 
 
 def _depth_to_sun(radius: Array, cosine: Array, what: Air) -> Array:
-    """Depth of air, dust and ozone towards the sun, (3, ...). cosine: of the sun to straight up."""
+    """Depth of air, dust and ozone towards the sun, (3, ...). cosine: of the sun's zenith angle."""
     edges = np.linspace(0.0, 1.0, LIGHT_STEPS + 1) ** 2
     middle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
     length = _to_top(radius, cosine)[..., None]
@@ -137,8 +137,9 @@ def _depth_to_sun(radius: Array, cosine: Array, what: Air) -> Array:
 
 @lru_cache(maxsize=8)
 def sky_table(what: Air) -> Array:
-    """Radiance (3, ROWS, COLUMNS): rows from the horizon up by the square root of the elevation, columns from
-    the sun's side to the other.
+    """Radiance (3, ROWS, COLUMNS) of a sky.
+
+    Rows go from the horizon up by the square root of the elevation, columns from the sun's side to the other.
     """
     elevation = (np.linspace(0.0, 1.0, ROWS) ** 2 * (np.pi / 2))[:, None]
     turn = np.linspace(0.0, np.pi, COLUMNS)
@@ -165,38 +166,39 @@ def sky_table(what: Air) -> Array:
         density = _densities(radius - GROUND, what) * step
         depth += density
         cosine = sun @ place / radius
-        # The earth is in the way where the sun has set.
+        # After sunset the earth blocks the sun.
         lit = (cosine > 0.0) | (radius * np.sqrt(1.0 - cosine**2) > GROUND)
         passed = _lost(depth + _depth_to_sun(radius, cosine, what)) * lit[:, None]
         scattered = np.outer(air_phase * density[0], AIR_SCATTERING)
         scattered += (dust_phase * density[1] * DUST_SCATTERING)[:, None]
         spectrum += passed * scattered * light
-        if what.again:
-            every = _scattering(density) * scattered_again(what, radius, cosine)
+        if what.multiscatter:
+            every = _scattering(density) * multiscattered(what, radius, cosine)
             spectrum += _lost(depth) * every * light
     color = np.maximum(rgb_of(spectrum), 0.0)
-    return (color * AGAIN_TINT if what.again else color).reshape(3, ROWS, COLUMNS)
+    return (color * MULTISCATTER_TINT if what.multiscatter else color).reshape(3, ROWS, COLUMNS)
 
 
 def _scattering(density: Array) -> Array:
-    """Of air and dust by wavelength, (..., W), of densities (3, ...)."""
+    """Scattering of air and dust of densities (3, ...) by wavelength, (..., W)."""
     found: Array = density[0][..., None] * AIR_SCATTERING + density[1][..., None] * DUST_SCATTERING
     return found
 
 
-def scattered_again(what: Air, radius: Array, cosine: Array) -> Array:
-    """Radiance that was scattered before, per irradiance of the sun, (n, W), from everywhere alike."""
-    table = _again_table(what._replace(elevation=0.0, altitude=0.0))
+def multiscattered(what: Air, radius: Array, cosine: Array) -> Array:
+    """Isotropic radiance of light scattered before, by the sun's irradiance, (n, W)."""
+    table = _multiscatter_table(what._replace(elevation=0.0, altitude=0.0))
     row = np.sqrt(np.clip((radius - GROUND) / (TOP - GROUND), 0.0, 1.0)) * (table.shape[1] - 1)
     column = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0) * (table.shape[2] - 1)
     return bilinear(table, row, column).T
 
 
 @lru_cache(maxsize=4)
-def _again_table(what: Air) -> Array:
-    """As ``scattered_again``, by the root of the height and the sun's cosine, (W, H, C) (Hillaire 2020).
+def _multiscatter_table(what: Air) -> Array:
+    """A table of ``multiscattered`` by the root of the height and the sun's cosine, (W, H, C).
 
-    All scattering after the first is taken for even, and each as the one before.
+    After Hillaire 2020. All scattering after the first is isotropic, and each order a constant share of the
+    one before.
     """
     heights, cosines, ways = 12, 25, 48
     eye = GROUND + np.maximum(np.linspace(0.0, 1.0, heights) ** 2 * (TOP - GROUND), 1.0)
@@ -235,7 +237,7 @@ def _again_table(what: Air) -> Array:
 def sun_color(what: Air, elevation: float) -> Array:
     """Irradiance (3,) of the sun at an elevation, facing it.
 
-    Without ozone, whose layer Cycles' few steps towards the sun pass over.
+    Without ozone, whose layer the few steps of Cycles towards the sun miss.
     """
     eye = np.array([GROUND + max(what.altitude, 1.0)])
     passed = _lost(_depth_to_sun(eye, np.array([np.sin(elevation)]), what._replace(ozone=0.0)))[0]

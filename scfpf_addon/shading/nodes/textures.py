@@ -1,23 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operations that look a texture up: images, and the procedural ones whose definition is simple."""
+"""Textures: images, and the simple procedural ones."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
 from ...projection.typing import Array
 from ..vectors import unit
 from .context import ShadingContext
-from .graph import Evaluator
+from .graph import Evaluator, Inputs, Settings
 from .image import sample
 
-Settings = Mapping[str, Any]
-Inputs = Sequence[Array]
-
-# Cells of a checker end just below whole numbers, so that a face in one of its planes has one colour.
+# Checker cells end just below whole numbers, so that a face in one of their planes has one colour.
 CHECKER_SHIFT = 1e-6
 
 
@@ -26,7 +22,7 @@ def _flat(vector: Array) -> tuple[Array, Array]:
 
 
 def _sphere(vector: Array) -> tuple[Array, Array]:
-    """Longitude and latitude about z, seen from (½, ½, ½)."""
+    """Longitude and latitude about z around (½, ½, ½)."""
     x, y, z = vector * 2.0 - 1.0
     length = np.sqrt(x * x + y * y + z * z)
     around = np.where((x == 0.0) & (y == 0.0), 0.0, (1.0 - np.arctan2(x, y) / np.pi) / 2.0)
@@ -49,14 +45,14 @@ PROJECTIONS: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 }
 
 
-def image(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def image(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Image Texture node: colour and alpha.
 
-    Colours are premultiplied by alpha unless ``straight``: as Cycles has them when alpha is used.
+    Colours are premultiplied by alpha unless ``straight``, as in Cycles where alpha is used.
     """
     u, v = PROJECTIONS[settings["projection"]](inputs[0])
-    picture = place.images.get(settings["image"])
-    values = sample(picture, u, v, settings["interpolation"], settings["extension"], settings["straight"])
+    data = context.images.get(settings["image"])
+    values = sample(data, u, v, settings["interpolation"], settings["extension"], settings["straight"])
     return values[:3], values[3:]
 
 
@@ -67,7 +63,7 @@ def _equirectangular(vector: Array) -> tuple[Array, Array]:
 
 
 def _mirror_ball(vector: Array) -> tuple[Array, Array]:
-    """The place on a mirroring ball, seen from far along +Y, where the direction is mirrored."""
+    """The place on a mirror ball, seen from far along +Y, that reflects the direction."""
     x, y, z = vector
     deep = 2.0 * np.sqrt(np.maximum(0.5 * (1.0 - y), 0.0))
     deep = np.where(deep > 0.0, deep, 1.0)
@@ -80,18 +76,18 @@ PANORAMAS: dict[str, Callable[[Array], tuple[Array, Array]]] = {
 }
 
 
-def environment(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
-    """The Environment Texture node: a picture of all directions."""
+def environment(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
+    """The Environment Texture node: an image of all directions."""
     u, v = PANORAMAS[settings["projection"]](unit(inputs[0]))
-    picture = place.images.get(settings["image"])
-    return (sample(picture, u, v, settings["interpolation"], "REPEAT", False)[:3],)
+    data = context.images.get(settings["image"])
+    return (sample(data, u, v, settings["interpolation"], "REPEAT", False)[:3],)
 
 
-def checker(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def checker(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Checker Texture: vector, two colours, scale → colour, factor."""
     vector, one, other, scale = inputs
-    place_in = (vector * scale + CHECKER_SHIFT) * (1.0 - CHECKER_SHIFT)
-    cells = np.floor(np.nan_to_num(place_in)).sum(axis=0, keepdims=True)
+    shifted = (vector * scale + CHECKER_SHIFT) * (1.0 - CHECKER_SHIFT)
+    cells = np.floor(np.nan_to_num(shifted)).sum(axis=0, keepdims=True)
     factor = (cells % 2.0 == 1.0).astype(np.float64)
     return np.where(factor > 0.0, one, other), factor
 
@@ -107,7 +103,7 @@ GRADIENTS: dict[str, Callable[[Array, Array, Array], Array]] = {
 }
 
 
-def gradient(inputs: Inputs, settings: Settings, place: ShadingContext) -> tuple[Array, ...]:
+def gradient(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """The Gradient Texture: colour, factor."""
     factor = np.clip(GRADIENTS[settings["kind"]](*inputs[0]), 0.0, 1.0)[None]
     return np.repeat(factor, 3, axis=0), factor

@@ -88,7 +88,7 @@ def test_ozone_only_takes_and_scattering_on_adds():
     luminance, less = (np.tensordot((0.2126, 0.7152, 0.0722), each, 1) for each in (bare, ozone))
     assert (less < luminance).all()
     once = sky_table(USUAL)
-    again = sky_table(USUAL._replace(again=True)) / sky_model.AGAIN_TINT[:, :, None]
+    again = sky_table(USUAL._replace(multiscatter=True)) / sky_model.MULTISCATTER_TINT[:, :, None]
     assert (again > once).all() and again.mean() < 2.5 * once.mean()
     # After sunset no light comes by one scattering from low air, and some from high.
     night = sky_table(USUAL._replace(elevation=-0.1))
@@ -115,7 +115,7 @@ def test_below_the_horizon_light_fades():
     horizon, under, deep = (looked(direction(e, 1.0))[:, 0] for e in (0.0, -0.1, -0.6))
     np.testing.assert_allclose(under, horizon * (1 - 2.5 * np.sin(0.1)) ** 3, rtol=1e-9)
     assert not deep.any()
-    high = USUAL._replace(again=True, altitude=2000.0)
+    high = USUAL._replace(multiscatter=True, altitude=2000.0)
     horizon, under = (looked(direction(e, 1.0), high)[:, 0] for e in (0.0, -0.5))
     np.testing.assert_allclose(under, horizon * 2e-5 * 2000.0 / np.sin(0.5), rtol=1e-9)
 
