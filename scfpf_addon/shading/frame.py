@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from time import perf_counter
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,9 @@ from .scene.shading_scene import Scene
 from .settings.frame_settings import FrameSettings
 from .tile_rendering import TileCounts, render_tile
 from .typing import Single
+
+# Pixels (rows, W, 4) and passes (rows, W, channels) of the part of a tile that is in the border.
+Tile: TypeAlias = tuple[Single, dict[str, Single]]
 
 
 class Frame(NamedTuple):
@@ -60,7 +63,6 @@ class FrameTiles:
     settings: FrameSettings
     pixels: Single
     passes: dict[str, Single]
-    _begun: dict[int, tuple[Single, dict[str, Single]]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, settings: FrameSettings, keep: bool, pixels: Single | None) -> FrameTiles:
@@ -86,23 +88,13 @@ class FrameTiles:
         start, stop = max(rows.start, region.bottom), min(rows.stop, region.top)
         return slice(start - region.bottom, stop - region.bottom)
 
-    def begin(self, rows: slice) -> tuple[Single, dict[str, Single]]:
-        """The pixels (n, 4) and passes (n, channels) of a tile, to be filled in."""
+    def tile(self, rows: slice) -> Tile:
+        """The arrays of a tile, to be filled in."""
         own, width = self.in_border(rows), self.pixels.shape[1]
         if len(self.pixels):
-            tile = self.pixels[own], {name: values[own] for name, values in self.passes.items()}
-        else:
-            count = own.stop - own.start
-            empty = empty_passes(self.settings.passes, count, width)
-            tile = np.empty((count, width, 4), np.float32), empty
-        self._begun[rows.start] = tile
-        pixels, passes = tile
-        flat = {name: values.reshape(-1, values.shape[2]) for name, values in passes.items()}
-        return pixels.reshape(-1, 4), flat
-
-    def finish(self, rows: slice) -> tuple[slice, Single, dict[str, Single]]:
-        """The rows of a finished tile in the border, its pixels (rows, W, 4) and passes."""
-        return self.in_border(rows), *self._begun.pop(rows.start)
+            return self.pixels[own], {name: values[own] for name, values in self.passes.items()}
+        count = own.stop - own.start
+        return np.empty((count, width, 4), np.float32), empty_passes(self.settings.passes, count, width)
 
 
 def render_frame(
@@ -138,18 +130,20 @@ def render_frame(
     tiles = FrameTiles.of(settings, keep, pixels)
     counts, hits = CastCounts(), 0
 
-    def render(job: TileJob) -> TileCounts:
+    def render(job: TileJob) -> tuple[TileCounts, Tile]:
         """Render a tile, in a thread."""
-        return render_tile(pipeline, job, *tiles.begin(job.rows))
+        tile, data = tiles.tile(job.rows)
+        flat = {name: values.reshape(-1, values.shape[2]) for name, values in data.items()}
+        return render_tile(pipeline, job, tile.reshape(-1, 4), flat), (tile, data)
 
-    def finished(rows: slice, tile: TileCounts) -> None:
+    def finished(rows: slice, made: tuple[TileCounts, Tile]) -> None:
         """Add a tile's counts and deliver it, in the calling thread."""
         nonlocal hits
-        counts.add(tile.cast)
-        hits += tile.hits
-        made = tiles.finish(rows)
+        done, tile = made
+        counts.add(done.cast)
+        hits += done.hits
         if on_tile:
-            on_tile(*made)
+            on_tile(tiles.in_border(rows), *tile)
 
     if not run_tiles(render, tiles.rows, settings.threads, finished, progress, cancelled):
         return None

@@ -98,13 +98,9 @@ class SamplePositions:
         """Image positions (x, y) of a sample in each pixel of whole rows, each (n,)."""
         if self.scrambled:
             return self.of_pixels(row_pixels(rows, self.width), sample)
-        x, y = self.of_grid(rows, sample)
-        return np.tile(x, len(y)), np.repeat(y, len(x))
-
-    def of_grid(self, rows: slice, sample: int) -> tuple[Array, Array]:
-        """Image positions x of a sample in all columns and y in the rows, unless scrambled."""
         column, row = np.arange(self.width), np.arange(rows.start, rows.stop)
-        return self._in_image(column, row, *self._same[:, sample])
+        x, y = self._in_image(column, row, *self._same[:, sample])
+        return np.tile(x, len(y)), np.repeat(y, len(x))
 
     def of_pixels(self, pixel: IndexArray, sample: int) -> tuple[Array, Array]:
         """Image positions (x, y) of a sample in pixels (n,), counted row by row from the bottom left."""

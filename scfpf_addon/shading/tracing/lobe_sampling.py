@@ -17,7 +17,7 @@ from ...casting.continuation import cast_rays
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
 from ..materials.ggx_sampling import MIRROR_ROUGHNESS, R2_STEP, reflected, single_scatter_albedo
-from ..materials.lobes import RoughReflectance, ScatteredLobe
+from ..materials.lobes import ScatteredLobe
 from ..sampling.sample_positions import Bits, scramble
 from ..scene.shading_scene import Scene
 from ..vectors import dot_row, unit
@@ -101,7 +101,9 @@ class LobeSampler:
             direction[:, rough], passed[rough], cosine[rough] = reflected(
                 ahead[:, rough], lobe.normal[:, rough], flat[:, rough], roughness, place
             )
-        return direction, _reflected_share(lobe.rough, cosine, passed, once)
+        # Light that facets send to each other leaves in the same direction.
+        share = lobe.rough.reflectance(cosine) * passed
+        return direction, share * (1.0 + lobe.rough.multiscatter * (1.0 - once) / once)
 
     def _cast(self, wave: PathWave, lobe: ScatteredLobe, direction: Array) -> Hits:
         """The hits of straight rays from the wave's places."""
@@ -117,11 +119,6 @@ class LobeSampler:
             if scene and len(some):
                 met.put(some, cast_rays(scene, origin[:, some], direction[:, some]))
         return met
-
-
-def _reflected_share(surface: RoughReflectance, cosine: Array, passed: Array, once: Array) -> Array:
-    """Share (3, n) of light that rough reflections return, with that of several facets."""
-    return surface.reflectance(cosine) * passed * (1.0 + surface.multiscatter * (1.0 - once) / once)
 
 
 def mirrored(ahead: Array, normal: Array, flat: Array) -> Array:
