@@ -28,7 +28,7 @@ def _items(_operator, _context):
 
 
 class SCFPF_OT_camera_add(Action, bpy.types.Operator):
-    """Add a camera whose viewing volume is modeled with control surfaces, looking as the viewport does"""
+    """Add a camera with the viewport's view, whose viewing volume is modeled with control surfaces"""
 
     bl_idname = "scfpf.camera_add"
     bl_label = "Add Flexible Camera"
@@ -72,7 +72,7 @@ class SCFPF_OT_camera_add(Action, bpy.types.Operator):
 
 
 class SCFPF_OT_camera_from_camera(Action, bpy.types.Operator):
-    """Give the camera a viewing volume that is its own frustum, from clip start to clip end"""
+    """Make the camera's own frustum, from clip start to clip end, its viewing volume"""
 
     bl_idname = "scfpf.camera_from_camera"
     bl_label = "Flexible Camera from This Camera"

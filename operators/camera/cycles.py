@@ -90,9 +90,9 @@ class _Planned:
 
 
 class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
-    """Set the scene up so that F12 renders what the flexible camera sees with Cycles, or remove that setup.
+    """Set the scene up so that F12 renders the flexible camera's picture with Cycles, or remove this setup.
 
-    Nothing is rendered yet"""
+    It does not render by itself"""
 
     bl_idname = "scfpf.cycles_rig"
     bl_label = "Set Up Cycles"
@@ -138,7 +138,7 @@ class SCFPF_OT_cycles_rig_update(_Planned, bpy.types.Operator):
 
 
 class SCFPF_OT_cycles_passes(Action, bpy.types.Operator):
-    """Give the compositor passes of t, depth along the projectors, and (u, v, t); press again to remove
+    """Add passes of t, depth along the projectors, and (u, v, t) to the compositor. Press again to remove
     them"""
 
     bl_idname = "scfpf.cycles_passes"

@@ -100,7 +100,7 @@ class SCFPF_OT_preset_save(_SavesVolume, bpy.types.Operator):
 
 
 class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
-    """Write the camera's volume and mappings into a preset file (JSON), to be shared"""
+    """Write the camera's volume and mappings into a preset file (JSON) to share"""
 
     bl_idname = "scfpf.preset_export"
     bl_label = "Export Projection Preset"
@@ -123,7 +123,7 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
 
 
 class SCFPF_OT_preset_import(ReadsPresetFile, Action, bpy.types.Operator):
-    """Add a preset file (JSON) to your own presets. It is checked, and is data only"""
+    """Add a preset file (JSON) to your own presets. The file is checked, and cannot run code"""
 
     bl_idname = "scfpf.preset_import"
     bl_label = "Import Projection Preset"

@@ -69,10 +69,10 @@ class SCFPF_OT_preview_show(Action, bpy.types.Operator):
         camera = camera_of(context)
         source = preview_of(camera, context.scene) if camera is not None else None
         if source is None or context.window is None:
-            cls.poll_message_set("The camera has no live preview")
+            cls.poll_message_set("The camera has no live preview: press Live Preview first")
             return False
         if viewports_of(source):
-            cls.poll_message_set("A viewport shows the live preview already")
+            cls.poll_message_set("A viewport already shows the live preview")
             return False
         return True
 

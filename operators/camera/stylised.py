@@ -9,7 +9,7 @@ from ..common.target import poll_scene
 
 
 class SCFPF_OT_drawn_style(bpy.types.Operator):
-    """Switch Drawn Style on, with all of the settings of a look"""
+    """Switch Drawn Style on with all settings of a style"""
 
     bl_idname = "scfpf.drawn_style"
     bl_label = "Drawn Style"
@@ -17,7 +17,7 @@ class SCFPF_OT_drawn_style(bpy.types.Operator):
 
     style: EnumProperty(
         name="Style",
-        description="The look to set",
+        description="The style to apply",
         items=[(identifier, style.name, style.description) for identifier, style in STYLES.items()],
         default="PAPER",
     )

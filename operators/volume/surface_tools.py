@@ -78,8 +78,8 @@ class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
-    """Make the active control surface a smooth surface patch of the same shape, modifiers applied, for
-    editing by a few control points"""
+    """Make the active control surface a smooth surface patch of the same shape, for editing by a few control
+    points. Modifiers are applied"""
 
     bl_idname = "scfpf.surface_to_patch"
     bl_label = "Convert to Surface Patch"
@@ -137,8 +137,8 @@ class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
-    """Make the active control surface a grid of the same shape whose points are evenly spaced along their
-    lines, which spreads crowded parts of the picture"""
+    """Make the active control surface a grid of the same shape with evenly spaced points, which spreads
+    crowded parts of the picture"""
 
     bl_idname = "scfpf.surface_equalise"
     bl_label = "Equalize by Arc Length"
@@ -166,9 +166,9 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
-    """Put the active control surface's whole scale, its parents' included, into its sizes; it stays as it is.
+    """Put the active control surface's whole scale, including its parents', into its sizes; its shape stays.
 
-    Blender's own Apply Scale (Ctrl-A) would lose the scale, as of every shape that only a modifier makes"""
+    Blender's own Apply Scale (Ctrl-A) loses the scale of shapes that only a modifier makes"""
 
     bl_idname = "scfpf.surface_apply_scale"
     bl_label = "Apply Scale to Sizes"
@@ -179,7 +179,7 @@ class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
             return False
         surface = active_slot(flexible_camera_of(context)).object
         if surface is not None and surface.scfpf_surface.kind in PARAMETRIC_KINDS and not is_scaled(surface):
-            cls.poll_message_set("The sizes are those in the world already: there is no scale to apply")
+            cls.poll_message_set("The sizes are already those in the world: there is no scale to apply")
             return False
         return True
 

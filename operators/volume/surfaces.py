@@ -154,8 +154,8 @@ class SCFPF_OT_surface_select(Action, bpy.types.Operator):
 
 
 class SCFPF_OT_edit_volume(Tool, bpy.types.Operator):
-    """Show this camera's control surfaces in front of the scene and make them selectable; press again to
-    end that"""
+    """Show this camera's control surfaces in front of the scene and make them selectable. Press again to
+    leave the mode"""
 
     bl_idname = "scfpf.edit_volume"
     bl_label = "Edit Volume"

@@ -124,7 +124,7 @@ class SCFPF_OT_surface_snap_to_view(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
-    """Give the control surface that is active in the list the place and rotation of the active object"""
+    """Move and turn the active control surface of the list to match the active object"""
 
     bl_idname = "scfpf.surface_align"
     bl_label = "Align to Active Object"
@@ -138,7 +138,7 @@ class SCFPF_OT_surface_align(Tool, bpy.types.Operator):
             return False
         camera = flexible_camera_of(context)
         if context.object in (None, active_slot(camera).object, camera):
-            cls.poll_message_set("Make the object to align to the active one")
+            cls.poll_message_set("Select the object to align to: it must be the active one")
             return False
         return True
 
@@ -162,7 +162,7 @@ class SCFPF_OT_volume_single_user(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):
-    """Scale the volume and move the camera so that the volume just holds what is selected"""
+    """Scale the volume and move the camera so that the volume just encloses the selection"""
 
     bl_idname = "scfpf.volume_fit"
     bl_label = "Fit Volume Around Selection"

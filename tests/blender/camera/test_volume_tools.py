@@ -266,7 +266,7 @@ def test_snap_needs_a_viewport():
 def test_surface_is_aligned_to_the_active_object(addon):
     camera = camera_with(addon, ("PLANE", at(z=-1), {}, None), ("PLANE", at(z=-9), {}, None))
     bpy.context.scene.camera = camera
-    assert "Make the object to align to" in poll_message(bpy.ops.scfpf.surface_align)
+    assert "Select the object to align to" in poll_message(bpy.ops.scfpf.surface_align)
     cube = add_cube((4, 5, 6))
     cube.rotation_euler, cube.scale = (0.1, 0.2, 0.3), (7, 7, 7)
     surface = surfaces(camera)[1]
