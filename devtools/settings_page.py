@@ -153,7 +153,7 @@ def sizes() -> Iterator[Row]:
         known = texts(tree)
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == call:
-                name = value(node.args[0], known)
+                name = value(argument(node, "label", 0), known)
                 text = value(argument(node, "description", place), known)
                 if isinstance(name, str) and isinstance(text, str):
                     found.setdefault((name.replace("_", " ").title(), text), None)

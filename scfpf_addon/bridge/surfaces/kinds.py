@@ -82,11 +82,12 @@ class BlenderKind:
             return ()
         return tuple(
             Input(
-                one.label,
-                self.record.default(one.name),
-                *one.range,
-                "ANGLE" if one.is_angle else "DISTANCE",
-                one.text,
+                label=one.label,
+                default=self.record.default(one.name),
+                minimum=one.range.low,
+                maximum=one.range.high,
+                subtype="ANGLE" if one.is_angle else "DISTANCE",
+                description=one.text,
             )
             for one in self.record.parameters
         )
@@ -109,15 +110,16 @@ def _half(nodes, extent, label: str):
     return nodes.math("MULTIPLY", extent, 0.5, label)
 
 
-def _arrow(nodes, name: str, value, place, direction, color: str) -> None:
-    """A handle that is drawn at ``place`` (x, y, z: numbers or sockets) and moves along ``direction``."""
+def _arrow(nodes, name: str, value, place, direction) -> None:
+    """Add a handle that is drawn at ``place`` (x, y, z: numbers or sockets) and moves along ``direction``."""
+    color = "XYZ"[max(range(3), key=lambda axis: abs(direction[axis]))]
     position = nodes.vector(*place, f"{name} Handle Position")
     inputs = {"Value": value, "Position": position, "Direction": direction}
     nodes.node("GeometryNodeGizmoLinear", f"{name} Handle", inputs, color_id=color)
 
 
 def _dial(nodes, name: str, value, axis, radius, color: str) -> None:
-    """A ring about the origin; turning it about ``axis``, right-handed, adds to ``value``."""
+    """Add a ring about the origin; turning it about ``axis``, right-handed, adds to ``value``."""
     inputs = {"Value": value, "Up": axis, "Screen Space": False, "Radius": radius}
     nodes.node("GeometryNodeGizmoDial", f"{name} Handle", inputs, color_id=color)
 
@@ -152,8 +154,8 @@ def _plane(nodes, u, v, given):
 
 def _plane_handles(nodes, given) -> None:
     x, y = _half(nodes, given["width"], "Half Width"), _half(nodes, given["height"], "Half Height")
-    _arrow(nodes, "Width", x, (x, 0.0, 0.0), ACROSS, "X")
-    _arrow(nodes, "Height", y, (0.0, y, 0.0), UP, "Y")
+    _arrow(nodes, "Width", x, (x, 0.0, 0.0), ACROSS)
+    _arrow(nodes, "Height", y, (0.0, y, 0.0), UP)
 
 
 def _disc(nodes, u, v, given):
@@ -168,7 +170,7 @@ def _disc(nodes, u, v, given):
 
 
 def _disc_handles(nodes, given) -> None:
-    _arrow(nodes, "Radius", given["radius"], (given["radius"], 0.0, 0.0), ACROSS, "X")
+    _arrow(nodes, "Radius", given["radius"], (given["radius"], 0.0, 0.0), ACROSS)
     _dial(nodes, "Arc", given["arc"], FACING, given["radius"], "PRIMARY")
 
 
@@ -179,8 +181,8 @@ def _dish(nodes, u, v, given):
 
 
 def _dish_handles(nodes, given) -> None:
-    _arrow(nodes, "Radius", given["radius"], (given["radius"], 0.0, given["depth"]), ACROSS, "X")
-    _arrow(nodes, "Depth", given["depth"], (given["radius"], 0.0, given["depth"]), FACING, "Z")
+    _arrow(nodes, "Radius", given["radius"], (given["radius"], 0.0, given["depth"]), ACROSS)
+    _arrow(nodes, "Depth", given["depth"], (given["radius"], 0.0, given["depth"]), FACING)
     _dial(nodes, "Arc", given["arc"], FACING, given["radius"], "PRIMARY")
 
 
@@ -192,8 +194,8 @@ def _cylinder(nodes, u, v, given):
 def _cylinder_handles(nodes, given) -> None:
     z = _ahead(nodes, given["radius"], "Radius")
     y = _half(nodes, given["height"], "Half Height")
-    _arrow(nodes, "Radius", given["radius"], (0.0, 0.0, z), AHEAD, "Z")
-    _arrow(nodes, "Height", y, (0.0, y, z), UP, "Y")
+    _arrow(nodes, "Radius", given["radius"], (0.0, 0.0, z), AHEAD)
+    _arrow(nodes, "Height", y, (0.0, y, z), UP)
     _arc_about_y(nodes, given, given["radius"])
 
 
@@ -209,9 +211,9 @@ def _cone_handles(nodes, given) -> None:
     )
     y = _half(nodes, given["height"], "Half Height")
     below = nodes.math("MULTIPLY", y, -1.0, "Lower Edge")
-    _arrow(nodes, "Radius Start", given["radius_start"], (0.0, below, start), AHEAD, "Z")
-    _arrow(nodes, "Radius End", given["radius_end"], (0.0, y, end), AHEAD, "Z")
-    _arrow(nodes, "Height", y, (0.0, y, end), UP, "Y")
+    _arrow(nodes, "Radius Start", given["radius_start"], (0.0, below, start), AHEAD)
+    _arrow(nodes, "Radius End", given["radius_end"], (0.0, y, end), AHEAD)
+    _arrow(nodes, "Height", y, (0.0, y, end), UP)
     widest = nodes.math("MAXIMUM", given["radius_start"], given["radius_end"], "Widest")
     _arc_about_y(nodes, given, widest)
 
@@ -225,7 +227,7 @@ def _sphere(nodes, u, v, given):
 
 def _sphere_handles(nodes, given) -> None:
     z = _ahead(nodes, given["radius"], "Radius")
-    _arrow(nodes, "Radius", given["radius"], (0.0, 0.0, z), AHEAD, "Z")
+    _arrow(nodes, "Radius", given["radius"], (0.0, 0.0, z), AHEAD)
     _arc_about_y(nodes, given, given["radius"])
     inner = nodes.math("MULTIPLY", given["radius"], INNER_RING, "Inner Ring")
     _dial(nodes, "Latitude Start", given["latitude_start"], ACROSS, inner, "SECONDARY")
@@ -237,7 +239,12 @@ def _blender_kind(key: str, number: int, icon: str, **settings) -> BlenderKind:
 
 
 _SIZE = Input(
-    "Size", 0.1, 0.0, LARGEST_LENGTH, "DISTANCE", "Length of the drawn cross's arms; a point has no size"
+    label="Size",
+    default=0.1,
+    minimum=0.0,
+    maximum=LARGEST_LENGTH,
+    subtype="DISTANCE",
+    description="Length of the drawn cross's arms; a point has no size",
 )
 _ROUND, _BALL = _resolution(32, 8), _resolution(32, 16)
 # In the order of the records, which is that of menus.

@@ -131,12 +131,12 @@ def _read(data: object, where: str) -> ImageMapping:
         raise PresetError(f"{where}: backwards must be true or false")
     points = _points(values["points"], kind, f"{where}: points") if kind in _WITH_POINTS else None
     read = ImageMapping(
-        read_name(values["name"], f"{where}: name"),
-        kind,
-        read_parameters(values, where, limits),
-        points,
-        read_number(values.get("influence", 1.0), f"{where}: influence", INFLUENCE),
-        backwards,
+        name=read_name(values["name"], f"{where}: name"),
+        kind=kind,
+        parameters=read_parameters(values, where, limits),
+        points=points,
+        influence=read_number(values.get("influence", 1.0), f"{where}: influence", INFLUENCE),
+        backwards=backwards,
     )
     try:
         read.mapping()

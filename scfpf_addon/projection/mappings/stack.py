@@ -97,26 +97,27 @@ class Stack(Reparameterisation):
 
     def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
         """See Reparameterisation.points."""
-        mask = np.ones(len(x), bool)
-        for mapping in self.mappings:
-            image = mapping.points(x, y, aspect)
-            x, y, mask = image.u, image.v, mask & image.mask
-        x, y, inside = self._clipped(x, y)
+        place = mapped_places(self.mappings, x, y, aspect)
+        x, y, inside = self._clipped(place.u, place.v)
         image = self.base.points(x, y, aspect)
-        return ImagePoints(image.u, image.v, mask & inside & image.mask)
+        return ImagePoints(image.u, image.v, place.mask & inside & image.mask)
 
     def _clipped(self, x: Array, y: Array) -> tuple[Array, Array, BoolArray]:
         """Places clamped to the base's image, and whether they were inside."""
-        inside = (np.abs(x - 0.5) <= 0.5 + BORDER) & (np.abs(y - 0.5) <= 0.5 + BORDER)
-        return np.clip(x, 0.0, 1.0), np.clip(y, 0.0, 1.0), inside
+        return np.clip(x, 0.0, 1.0), np.clip(y, 0.0, 1.0), _in_image(x, y)
 
     def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
         """See Reparameterisation.image_positions; NaN where the image does not show (u, v)."""
         x, y = self.base.image_positions(u, v, aspect)
         for mapping in reversed(self.mappings):
             x, y = mapping.image_positions(x, y, aspect)
-        outside = ~((np.abs(x - 0.5) <= 0.5 + BORDER) & (np.abs(y - 0.5) <= 0.5 + BORDER))
-        return np.where(outside, np.nan, x), np.where(outside, np.nan, y)
+        inside = _in_image(x, y)
+        return np.where(inside, x, np.nan), np.where(inside, y, np.nan)
+
+
+def _in_image(x: Array, y: Array) -> BoolArray:
+    inside: BoolArray = (np.abs(x - 0.5) <= 0.5 + BORDER) & (np.abs(y - 0.5) <= 0.5 + BORDER)
+    return inside
 
 
 def _chained(outer: Array, inner: Array | None) -> Array:

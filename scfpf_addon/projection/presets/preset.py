@@ -347,8 +347,15 @@ def _surface(data: object, number: int) -> PresetSurface:
         points = read_points(values["points"], f"{where}: points", *kind.net)
     if problem := kind.problem(parameters, points):
         raise PresetError(f"{where}: {problem}")
-    weight = read_number(values.get("weight", 1.0), f"{where}: weight", _WEIGHT)
-    return PresetSurface(name, kind.key, _matrix(values, where), parameters, points, weight, chart)
+    return PresetSurface(
+        name=name,
+        kind=kind.key,
+        matrix=_matrix(values, where),
+        parameters=parameters,
+        points=points,
+        weight=read_number(values.get("weight", 1.0), f"{where}: weight", _WEIGHT),
+        chart=chart,
+    )
 
 
 def _matrix(values: dict[str, object], where: str) -> Array:

@@ -43,9 +43,24 @@ def stored_surface(
     if kind == "UV_MESH" and isinstance(surface, UVMesh) and len(surface.chart.uv) <= MOST_TRIANGLES:
         own = np.asarray(surface.points, np.float64)
         points = own @ surface.matrix[:3, :3].T + surface.matrix[:3, 3]
-        return PresetSurface(name, kind, np.eye(4), {}, points, weight, surface.chart)
+        return PresetSurface(
+            name=name,
+            kind=kind,
+            matrix=np.eye(4),
+            parameters={},
+            points=points,
+            weight=weight,
+            chart=surface.chart,
+        )
     if kind and matrix is not None and _is_upright(matrix):
-        described = PresetSurface(name, kind, matrix, dict(parameters or {}), points, weight)
+        described = PresetSurface(
+            name=name,
+            kind=kind,
+            matrix=matrix,
+            parameters=dict(parameters or {}),
+            points=points,
+            weight=weight,
+        )
         try:
             same = change(surface, described.surface(), COMPARED, COMPARED) <= SAME
         except ValueError:
@@ -53,7 +68,10 @@ def stored_surface(
         if same:
             return described
     columns, rows = grid_within(surface, GRID_ERROR)
-    return PresetSurface(name, "GRID", np.eye(4), {}, sampled(surface, columns + 1, rows + 1), weight)
+    points = sampled(surface, columns + 1, rows + 1)
+    return PresetSurface(
+        name=name, kind="GRID", matrix=np.eye(4), parameters={}, points=points, weight=weight
+    )
 
 
 def _is_upright(matrix: Array) -> bool:
