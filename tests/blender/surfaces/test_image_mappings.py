@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture
 def camera():
-    """A flexible camera in a 160 × 90 picture."""
+    """A flexible camera in a 160 × 90 image."""
     render = bpy.context.scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = 160, 90, 100
     assert bpy.ops.scfpf.camera_add() == {"FINISHED"}
@@ -100,7 +100,7 @@ def test_the_curve_widget_is_the_radial_curve(camera, look):
     widget = mapping.curve.nodes["Curve"].mapping
     widget.curves[0].points.new(0.5, 0.7)
     widget.update()
-    # Places at radii 0.1, 0.5 and 0.9 to the right of the centre of a 16:9 picture.
+    # Places at radii 0.1, 0.5 and 0.9 to the right of the centre of a 16:9 image.
     radii = np.array([0.1, 0.5, 0.9])
     image = look(camera, 0.5 + radii * 9 / 32, np.full(3, 0.5))
     shown = (image.u - 0.5) * 32 / 9

@@ -314,8 +314,8 @@ def test_a_preset_brings_weights_and_a_plain_one_takes_them_away(camera, bridge,
     assert camera.scfpf.basis == "BEZIER" and read(camera).weights is None
 
 
-def test_a_picture_is_rendered_through_arcs_of_circles(addon, bridge):
-    """Three planes hinged on one axis: a wall across every arc at 45° fills the picture."""
+def test_an_image_is_rendered_through_arcs_of_circles(addon, bridge):
+    """Three planes hinged on one axis: a wall across every arc at 45° fills the image."""
     casting = addon("casting.cast")
     reading = addon("bridge.camera.read_projection")
     scenes = addon("casting.scene.cast_scene")

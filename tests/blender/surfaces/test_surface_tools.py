@@ -91,7 +91,7 @@ def unwrapped(surface, cuts=5):
 
 @pytest.mark.parametrize("direction", ["U", "V", "BOTH"])
 @pytest.mark.parametrize("kind", ["PATCH", "GRID", "NURBS"])
-def test_a_subdivided_surface_makes_the_same_picture(camera_with, read, kind, direction):
+def test_a_subdivided_surface_makes_the_same_image(camera_with, read, kind, direction):
     points = {"PATCH": bumpy(2, 2), "GRID": bumpy(4, 3), "NURBS": bumpy(4, 6, 4)}[kind]
     camera = camera_with(kind, points=points)
     before = positions(read(camera))
@@ -252,7 +252,7 @@ def test_other_kinds_become_grids(camera_with, read, kind):
         ("SPHERE", SPHERE, None, FITTED),
     ],
 )
-def test_surface_to_patch_to_grid_without_changing_the_picture(
+def test_surface_to_patch_to_grid_without_changing_the_image(
     camera_with, read, kind, parameters, points, error
 ):
     camera = camera_with(kind, parameters, points)
@@ -272,7 +272,7 @@ def test_surface_to_patch_to_grid_without_changing_the_picture(
 @pytest.mark.parametrize(
     "kind", ["POINT", "PLANE", "PATCH", "DISC", "CYLINDER", "CONE", "SPHERE", "GRID", "UV_MESH", "NURBS"]
 )
-def test_as_many_points_as_keep_the_picture_if_nothing_else_is_said(camera_with, read, kind):
+def test_as_many_points_as_keep_the_image_if_nothing_else_is_said(camera_with, read, kind):
     """A full turn, as new surfaces of a round kind are, to a tenth of a pixel of 1920."""
     camera = camera_with(kind)
     before, kept = positions(read(camera)), 0.1 / 1920 + FLOAT32
@@ -283,7 +283,7 @@ def test_as_many_points_as_keep_the_picture_if_nothing_else_is_said(camera_with,
     assert len(last(camera).data.vertices) < 70_000 and last(camera).scfpf_surface.kind == "GRID"
 
 
-def test_a_coarser_picture_needs_fewer_points(camera_with):
+def test_a_coarser_image_needs_fewer_points(camera_with):
     counts = []
     for error in (0.1, 10.0):
         camera = camera_with("CYLINDER")
@@ -338,7 +338,7 @@ def test_a_converted_surface_of_two_cameras_stays_with_the_other(camera_with):
     assert last(first) == surface and last(second).type == "SURFACE" and last(second) != surface
 
 
-def test_the_cast_picture_is_the_same(addon, camera_with, read):
+def test_the_cast_image_is_the_same(addon, camera_with, read):
     """Patch, then grid, of a cylinder: the same triangles at the same t, silhouettes excepted."""
     geometry = addon("casting.scene.cast_scene")
     casting = addon("casting.cast").cast
@@ -351,12 +351,12 @@ def test_the_cast_picture_is_the_same(addon, camera_with, read):
     place = (np.arange(64) + 0.5) / 64
     x, y = (grid.ravel() for grid in np.meshgrid(place, place))
 
-    def picture():
+    def image():
         return casting(
             scene, projection(read(camera)).transformed(scene.matrix), x, y, (1 / 64, 1 / 64), 0.01
         )
 
-    before = picture()
+    before = image()
     assert (before.triangle >= 0).mean() > 0.2
     for convert in (
         lambda: bpy.ops.scfpf.surface_to_patch(columns=16, rows=4),
@@ -364,7 +364,7 @@ def test_the_cast_picture_is_the_same(addon, camera_with, read):
         lambda: bpy.ops.scfpf.surface_subdivide(),
     ):
         assert convert() == {"FINISHED"}
-        after = picture()
+        after = image()
         agree = (after.triangle == before.triangle) & (before.triangle >= 0)
         assert (after.triangle != before.triangle).mean() < 2e-3
         assert np.median(np.abs(after.t[agree] - before.t[agree])) < 1e-4

@@ -151,7 +151,7 @@ def test_frame_of_a_rectangle_is_its_closed_border():
 
 
 @pytest.mark.parametrize("aspect", [1.0, 1.7778, 0.4])
-def test_frame_of_a_polar_picture_is_its_rim(aspect):
+def test_frame_of_a_polar_image_is_its_rim(aspect):
     frame = image_frame(fisheye(aspect))
     assert np.allclose(np.hypot(frame[..., 0], frame[..., 1]), 0.1, atol=1e-7)
     assert np.array_equal(frame[1:, 0], frame[:-1, 1]) and np.allclose(frame[0, 0], frame[-1, 1], atol=1e-7)

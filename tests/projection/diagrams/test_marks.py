@@ -114,7 +114,7 @@ def test_the_picked_projector_goes_through_its_image_position():
     assert np.allclose(projector_point(projection, 0.5, 0.25, 0.5), [(0.5 * half, -0.5 * half, -2.5)])
 
 
-def test_no_projector_is_drawn_where_the_picture_shows_nothing():
+def test_no_projector_is_drawn_where_the_image_shows_nothing():
     discs = Projection(ViewingVolume((Disc(0.1), Disc(2.0, matrix=placed(-1)))), Polar())
     assert len(picked_line(discs, 0.5, 0.5)) == 1 and len(projector_point(discs, 0.5, 0.5, 0.3)) == 1
     assert len(picked_line(discs, 0.01, 0.01)) == 0 and len(projector_point(discs, 0.01, 0.01, 0.3)) == 0

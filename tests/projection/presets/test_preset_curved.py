@@ -10,7 +10,7 @@ from scfpf_addon.projection.presets.preset import read_preset
 from scfpf_addon.projection.volume.inverse import find_in_image
 
 FOLDER = Path(__file__).resolve().parents[3] / "presets"
-# Of the pictures that pixels are counted in.
+# Of the images that pixels are counted in.
 WIDTH = 1000
 
 
@@ -114,7 +114,7 @@ def test_deep_curvy_volume_goes_through_its_three_patches():
 
 
 def occluded(radius, distance):
-    """What the occlusion camera sees at a radius of its picture, in units of the depth, at this depth.
+    """What the occlusion camera sees at a radius of its image, in units of the depth, at this depth.
 
     Mei, Popescu and Sacks: radii shrink by 0.16 at depth 12 and by a share that is linear in 1/depth from
     nought at 8. Within 0.32 of the pole the shift is eased, or projectors would cross there.
@@ -130,12 +130,12 @@ def test_occlusion_camera_follows_its_distortion_function():
     volume = shown.projection(shown.aspect).volume
     for rows, columns, tolerance in ((28, 37, 2e-5), (97, 131, 8e-4)):
         x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, columns), np.linspace(0, 1, rows)))
-        picture = np.array([(x - 0.5) * 1.2, (y - 0.5) * 0.9])
-        radius = np.hypot(*picture)
+        image = np.array([(x - 0.5) * 1.2, (y - 0.5) * 0.9])
+        radius = np.hypot(*image)
         for t in (0.2, 1 / 3, 0.4, 0.5, 0.6, 2 / 3, 0.9, 1.0):
             px, py, pz = volume.evaluate(x, y, np.full_like(x, t)).position
             ratio = np.array([px, py]) / -pz
-            expected = picture * np.divide(
+            expected = image * np.divide(
                 occluded(radius, -pz), radius, out=np.ones_like(radius), where=radius > 0
             )
             away = radius > 0

@@ -31,7 +31,7 @@ def image_positions(count=400):
     return x, y
 
 
-def points_in_the_picture(name, aspect, depths=(0.0, 0.1, 0.5, 0.9, 1.0)):
+def points_in_the_image(name, aspect, depths=(0.0, 0.1, 0.5, 0.9, 1.0)):
     """Random image positions and points (3, N) that they show, at several t."""
     projection = preset(name).projection(aspect)
     x, y = image_positions()
@@ -65,7 +65,7 @@ def test_no_preset_folds_or_mirrors(name, aspect):
 
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - {"angular_fisheye"}))
-def test_u_goes_right_and_v_up_at_the_picture_s_centre(name):
+def test_u_goes_right_and_v_up_at_the_image_s_centre(name):
     volume = preset(name).projection(1.0).volume
     sample = volume.evaluate(np.array([0.5]), np.array([0.5]), np.array([0.0]))
     assert sample.du[0, 0] > 0 and abs(sample.du[1, 0]) < 1e-12
@@ -75,7 +75,7 @@ def test_u_goes_right_and_v_up_at_the_picture_s_centre(name):
 
 @pytest.mark.parametrize("aspect", ASPECTS)
 def test_perspective_is_the_pinhole_of_a_50_mm_lens(aspect):
-    x, y, t, (px, py, pz) = points_in_the_picture("perspective", aspect)
+    x, y, t, (px, py, pz) = points_in_the_image("perspective", aspect)
     # The file is made for 16:9 and WIDTH, so the vertical field is that of a 36 mm × 20.25 mm sensor.
     half = 20.25 / 2 / 50
     assert np.allclose(x, 0.5 + px / -pz / (2 * half * aspect), rtol=0, atol=1e-12)
@@ -85,15 +85,15 @@ def test_perspective_is_the_pinhole_of_a_50_mm_lens(aspect):
 
 @pytest.mark.parametrize("aspect", ASPECTS)
 def test_orthographic_drops_the_depth(aspect):
-    x, y, _, (px, py, _) = points_in_the_picture("orthographic", aspect)
+    x, y, _, (px, py, _) = points_in_the_image("orthographic", aspect)
     assert np.allclose(px, (x - 0.5) * 9 * aspect, rtol=0, atol=1e-12)
     assert np.allclose(py, (y - 0.5) * 9, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("aspect", ASPECTS)
 def test_inverted_perspective_is_a_pinhole_behind_the_scene(aspect):
-    """Projectors meet at z = -41; seen from there the picture is upside down, so x and y keep their sign."""
-    x, y, _, (px, py, pz) = points_in_the_picture("inverted_perspective", aspect)
+    """Projectors meet at z = -41; seen from there the image is upside down, so x and y keep their sign."""
+    x, y, _, (px, py, pz) = points_in_the_image("inverted_perspective", aspect)
     distance = pz + 41
     assert (distance >= 10 - 1e-9).all()
     assert np.allclose((x - 0.5) * 11.25 * aspect / 40, px / distance, rtol=0, atol=1e-12)
@@ -103,7 +103,7 @@ def test_inverted_perspective_is_a_pinhole_behind_the_scene(aspect):
 @pytest.mark.parametrize("aspect", ASPECTS)
 def test_panorama_is_the_central_cylindrical_projection(aspect):
     """x is the azimuth from -Z to the right, y the tangent of the elevation, equally scaled."""
-    x, y, _, (px, py, pz) = points_in_the_picture("cylindrical_panorama", aspect)
+    x, y, _, (px, py, pz) = points_in_the_image("cylindrical_panorama", aspect)
     azimuth = np.arctan2(px, -pz)
     assert np.allclose(azimuth, (x - 0.5) * 2 * np.pi, rtol=0, atol=1e-12)
     assert np.allclose(py / np.hypot(px, pz), (y - 0.5) * 2 * np.pi / aspect, rtol=0, atol=1e-12)
@@ -112,7 +112,7 @@ def test_panorama_is_the_central_cylindrical_projection(aspect):
 @pytest.mark.parametrize("aspect", ASPECTS)
 def test_fisheye_is_equidistant(aspect):
     """At the angle theta from -Z a direction appears at theta / 90° of the disc, in its own sense."""
-    x, y, t, position = points_in_the_picture("angular_fisheye", aspect)
+    x, y, t, position = points_in_the_image("angular_fisheye", aspect)
     px, py, pz = position
     across, up = (x - 0.5) * 2 * max(aspect, 1), (y - 0.5) * 2 * max(1 / aspect, 1)
     theta = np.arctan2(np.hypot(px, py), -pz)
@@ -132,8 +132,8 @@ def test_polar_fisheye_starts_at_the_camera_s_right_and_turns_counter_clockwise(
 
 @pytest.mark.parametrize("aspect", ASPECTS)
 def test_twist_turns_the_middle_and_leaves_the_ends(aspect):
-    x, y, t, position = points_in_the_picture("nonlinear_twist", aspect)
-    # A point of the picture as a complex number, the middle square turned by 90 degrees.
+    x, y, t, position = points_in_the_image("nonlinear_twist", aspect)
+    # A point of the image as a complex number, the middle square turned by 90 degrees.
     start = (x - 0.5) * 4 * aspect + 1j * (y - 0.5) * 4
     turned = start * ((1 - t) ** 2 + t**2 + 2 * t * (1 - t) * 1j)
     assert np.allclose(position[0] + 1j * position[1], turned, rtol=0, atol=1e-12)

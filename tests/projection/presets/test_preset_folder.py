@@ -62,7 +62,7 @@ GROUPS = {
 NAMES = sorted(name for names in GROUPS.values() for name in names)
 # A plane for a volume: its determinant is 0 throughout.
 FLAT = "epi"
-# Their poles are at the picture's centre.
+# Their poles are at the image's centre.
 POLAR = {"angular_fisheye", "equisolid_fisheye", "mirror_ball", "polynomial_fisheye"}
 # Text that fits into a tooltip.
 LONGEST_DESCRIPTION = 320
@@ -79,10 +79,10 @@ def test_the_folder_holds_these_presets_in_these_groups():
     assert found == {name: group for group, names in GROUPS.items() for name in names}
 
 
-def test_every_preset_has_a_small_picture_for_the_menus():
-    pictures = sorted((FOLDER / "thumbnails").glob("*"))
-    assert [path.name for path in pictures] == [f"{name}.png" for name in NAMES]
-    for path in pictures:
+def test_every_preset_has_a_small_image_for_the_menus():
+    images = sorted((FOLDER / "thumbnails").glob("*"))
+    assert [path.name for path in images] == [f"{name}.png" for name in NAMES]
+    for path in images:
         data = path.read_bytes()
         width, height = (int.from_bytes(data[start : start + 4], "big") for start in (16, 20))
         assert data[:8] == b"\x89PNG\r\n\x1a\n" and (width, height) == (96, 72)
@@ -170,7 +170,7 @@ def test_perspective_looks_ahead_in_the_middle_and_as_wide_as_its_planes_at_the_
 
 
 @pytest.mark.parametrize("name", sorted(set(NAMES) - POLAR))
-def test_right_is_right_and_up_is_up_at_the_picture_s_centre(name):
+def test_right_is_right_and_up_is_up_at_the_image_s_centre(name):
     volume = preset(name).volume()
     sample = volume.evaluate(np.array([0.5]), np.array([0.5]), np.array([0.45]))
     assert sample.du[0, 0] > 0 and sample.dt[2, 0] < 0

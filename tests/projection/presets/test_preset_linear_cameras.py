@@ -160,7 +160,7 @@ def test_pencil_is_a_perspective_whose_centre_is_a_level_line():
 
 
 def test_bilinear_turns_as_it_grows():
-    """As complex numbers: depth + ½ i (depth - 12), times the place in the picture."""
+    """As complex numbers: depth + ½ i (depth - 12), times the place in the image."""
     x, y, (px, py, pz) = seen("bilinear")
     expected = (4 / 9 * x + 0.25j * y) * (-pz + 0.5j * (-pz - 12))
     assert np.allclose(px + 1j * py, expected, rtol=0, atol=1e-5)
@@ -217,7 +217,7 @@ def test_round_columns_stay_slim_in_irregular_perspective():
 
 
 def test_linear_twist_turns_by_90_degrees_on_straight_projectors():
-    """Figure 7, left: depth alone turns the picture, from 0 to 90 degrees, and half-way by 45."""
+    """Figure 7, left: depth alone turns the image, from 0 to 90 degrees, and half-way by 45."""
     x, y, (px, py, pz) = seen("linear_twist")
     t = (-pz - 2) / 20
     assert np.allclose(px + 1j * py, 2 * (x + 1j * y) * (1 - t + 1j * t), rtol=0, atol=1e-12)

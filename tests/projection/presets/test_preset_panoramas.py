@@ -129,7 +129,7 @@ def test_barrel_lens_bows_lines_outwards():
 
 
 def test_magic_lens_magnifies_by_the_depth_that_is_left():
-    """Rays run to one spot: what is shown shrinks by 1 - t, so the picture grows by 1 / (1 - t)."""
+    """Rays run to one spot: what is shown shrinks by 1 - t, so the image grows by 1 / (1 - t)."""
     volume = preset("magic_lens").volume()
     u, v = (a.ravel() for a in np.meshgrid(*(np.linspace(-0.25, 0.25, 9) / side + 0.5 for side in (16, 9))))
     for t in (0.0, 0.25, 0.5, 0.75):
@@ -152,7 +152,7 @@ def test_magic_lens_leaves_what_is_around_it_parallel():
 
 
 def test_stereographic_is_twice_the_tangent_of_half_the_angle():
-    """180 degrees across the picture's width; straight projectors from one point."""
+    """180 degrees across the image's width; straight projectors from one point."""
     x, y, _, (px, py, pz) = seen("stereographic", low=0.01)
     across, up = 2 * x, 2 * 9 / 16 * y
     angle = np.arctan2(np.hypot(px, py), -pz)

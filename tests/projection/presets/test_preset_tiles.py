@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The preset of triangular tiles: each a general linear camera of its three rays, together continuous.
 
-Yu and McMillan, A Framework for Multiperspective Rendering (EGSR 2004): the picture is cut into triangles;
+Yu and McMillan, A Framework for Multiperspective Rendering (EGSR 2004): the image is cut into triangles;
 in each of them rays are the affine combinations of those of its corners, on two parallel planes.
 """
 
@@ -90,7 +90,7 @@ def test_tiles_that_meet_agree_along_their_edge_and_differ_beyond_it(shown):
     assert kinked >= 16
 
 
-def test_the_tiles_fill_the_picture_and_are_cameras_of_several_types(shown):
+def test_the_tiles_fill_the_image_and_are_cameras_of_several_types(shown):
     """Twice the area of the rays' triangle at depth λ is Aλ² + Bλ + C: its roots are slits, if there are."""
     uv, _ = tiles(shown)
     side, other = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
@@ -110,7 +110,7 @@ def test_the_tiles_fill_the_picture_and_are_cameras_of_several_types(shown):
     )
 
 
-def test_the_caster_shows_each_tile_s_own_picture_of_a_wall(shown):
+def test_the_caster_shows_each_tile_s_own_image_of_a_wall(shown):
     """A wall square to the view at depth 20, in patches: first hits are where the tiles' rays meet it."""
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(-20, 20, 21), np.linspace(-20, 20, 21)))
     corner = (np.arange(20)[:, None] * 21 + np.arange(20)).ravel()

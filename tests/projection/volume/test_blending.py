@@ -63,7 +63,7 @@ def test_ranges_and_mappings_become_part_of_the_grids():
     assert off.max() < 5e-4 * np.ptp(wanted, axis=1).max()
 
 
-def test_polar_pictures_stay_polar():
+def test_polar_images_stay_polar():
     blend = blended(Projection(DISCS, Polar()), Projection(DISCS, Polar(), (0.0, 0.5)))
     assert blend.polar and len(blend.layers) == 2
     u = np.linspace(0, 1, 50)

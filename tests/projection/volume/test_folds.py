@@ -117,7 +117,7 @@ def test_points_discs_and_thin_cylinders_are_no_folds():
     assert not nothing and nothing.orientation == 0 and nothing.positions.shape == (3, 0)
 
 
-def test_a_polar_picture_of_a_folded_volume_folds():
+def test_a_polar_image_of_a_folded_volume_folds():
     """Radii 1, -2, 1 at t = 0, ½, 1: the radius is negative in between, the area's square is not."""
     discs = tuple(Disc(1.0, arc, matrix=placed(-i)) for i, arc in enumerate((2.0, -4.0, 2.0)))
     folds = find_folds(Projection(ViewingVolume(discs), Polar()))
@@ -233,8 +233,8 @@ def test_the_determinant_in_bernstein_form_is_the_determinant(basis):
 
 @pytest.mark.parametrize("path", PRESETS, ids=lambda path: path.stem)
 @pytest.mark.parametrize("flip", [(1, 1, 1), (-1, 1, 1), (1, -1, 1), (-1, -1, 1)])
-def test_a_volume_in_a_mirror_has_a_mirrored_picture(path, flip):
-    """Polar pictures too, whose u and v have the other handedness."""
+def test_a_volume_in_a_mirror_has_a_mirrored_image(path, flip):
+    """Polar images too, whose u and v have the other handedness."""
     found = find_folds(read_preset(path).projection(1.5).transformed(np.diag([*map(float, flip), 1.0])))
     assert found.share == 0
     assert found.mirrored == (np.prod(flip) < 0)

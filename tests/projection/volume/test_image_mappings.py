@@ -63,7 +63,7 @@ MAPPINGS = {
 }
 
 
-def picture(count=400, seed=2):
+def image_places(count=400, seed=2):
     return np.random.default_rng(seed).uniform(0.01, 0.99, size=(2, count))
 
 
@@ -71,7 +71,7 @@ def picture(count=400, seed=2):
 @pytest.mark.parametrize("aspect", [0.6, 1.0, 1.9])
 def test_jacobians_are_the_derivatives(name, aspect):
     mapping, step = MAPPINGS[name], 1e-6
-    x, y = picture()
+    x, y = image_places()
     image = mapping.map(x, y, aspect)
     assert image.mask.any()
     for axis, (dx, dy) in enumerate(((step, 0.0), (0.0, step))):
@@ -87,7 +87,7 @@ def test_jacobians_are_the_derivatives(name, aspect):
 @pytest.mark.parametrize("aspect", [0.6, 1.9])
 def test_points_are_those_of_the_map_and_the_inverse_leads_back(name, aspect):
     mapping = MAPPINGS[name]
-    x, y = picture()
+    x, y = image_places()
     image, points = mapping.map(x, y, aspect), mapping.points(x, y, aspect)
     np.testing.assert_array_equal(points.mask[image.mask], True)
     np.testing.assert_allclose(points.u, image.u, rtol=0, atol=1e-15)
@@ -118,7 +118,7 @@ def test_brown_and_division_distortion_against_mpmath(x, y, aspect, k):
 def test_a_distortion_backwards_solves_the_polynomial():
     """OpenCV's direction: distorted places of undistorted ones; Newton's method by mpmath."""
     mapping = InverseMapping(Distortion((0.15, -0.02, 0.004), (0.03, 0.0, 0.0)))
-    x, y = picture(20)
+    x, y = image_places(20)
     image = mapping.map(x, y, 1.6)
     for k in range(20):
         with mpmath.workdps(30):
@@ -152,7 +152,7 @@ def test_a_lens_magnifies_as_it_says_and_leaves_the_rest(falloff):
     step = 1e-5
     seen = lens.map(0.6 + np.array([-step, step]), np.full(2, 0.45), 1.7)
     assert 2 * step / np.ptp(seen.u) == pytest.approx(3.0, rel=2e-3 if falloff == 1.0 else 1e-9)
-    x, y = picture(2000)
+    x, y = image_places(2000)
     image = lens.map(x, y, 1.7)
     r = np.hypot((x - 0.6) * 2 * 1.7, (y - 0.45) * 2)
     outside, inside = r >= 0.4, r < 0.4 * (1 - falloff)
@@ -175,14 +175,14 @@ def test_a_radial_curve_passes_through_its_points_and_is_monotone(steps):
 
 
 def test_a_straight_radial_curve_is_a_change_of_size():
-    x, y = picture()
+    x, y = image_places()
     image = RadialCurve(np.array([[0.0, 0.3], [0.4, 0.2], [1.0, 0.5]])).map(x, y, 1.3)
     np.testing.assert_allclose(image.u, 0.5 + (x - 0.5) / 2, atol=1e-15)
     np.testing.assert_allclose(image.jacobian[0, 0], 0.5)
 
 
 def test_a_radial_curve_makes_an_equidistant_fisheye_equisolid():
-    """r = sin(θ/2) / sin(45°) over a picture of r = θ / 90°, between its 257 points too."""
+    """r = sin(θ/2) / sin(45°) over an image of r = θ / 90°, between its 257 points too."""
     theta = np.linspace(0.001, np.pi / 2, 1000)
     r = np.sin(theta / 2) / np.sin(np.pi / 4)
     profile = EQUISOLID.profile(r)
@@ -191,10 +191,10 @@ def test_a_radial_curve_makes_an_equidistant_fisheye_equisolid():
 
 
 @pytest.mark.parametrize("distance", [0.6, 1.0, 2.5])
-def test_a_curved_display_shows_its_viewer_the_flat_picture(distance):
+def test_a_curved_display_shows_its_viewer_the_flat_image(distance):
     """Rays from the viewer through the screen meet the plane behind it at what the screen shows."""
     arc, aspect = 1.4, 2.2
-    x, y = picture()
+    x, y = image_places()
     image = CurvedDisplay(arc, distance).map(x, y, aspect)
     # Of a screen of radius 1: width along the arc, height, places in the viewer's space.
     angle, height = (x - 0.5) * arc, (y - 0.5) * arc / aspect
@@ -230,7 +230,7 @@ def test_an_st_map_of_a_stack_is_the_stack():
         places = mapped_places(stack, *(a.ravel() for a in grid), width / height)
         values = np.stack([places.u, places.v], axis=-1).reshape(height, width, 2)
         read = STMap(values, places.mask.reshape(height, width))
-        x, y = picture(3000)
+        x, y = image_places(3000)
         want, got = mapped_places(stack, x, y, width / height), read.points(x, y, width / height)
         off = np.abs(np.stack([got.u - want.u, got.v - want.v]))[:, got.mask & want.mask]
         errors.append(off.max() * width)
@@ -269,13 +269,13 @@ def test_a_polar_base_keeps_its_disc_if_the_rim_stays():
         assert not is_disc(Stack((rim_stays,), Rectangle()), aspect)
 
 
-def test_points_of_space_are_found_in_a_distorted_picture():
+def test_points_of_space_are_found_in_a_distorted_image():
     matrix = np.eye(4)
     matrix[2, 3] = -10.0
     volume = ViewingVolume((Plane(2.0, 1.0), Plane(20.0, 10.0, matrix=matrix)))
     stack = Stack((MagicLens(0.5, 2.0, 0.5), Distortion((0.3, 0.0, 0.0))), Rectangle())
     projection = Projection(volume, stack, (0.1, 0.9), (0.0, 1.0), aspect=2.0)
-    x, y = picture(60)
+    x, y = image_places(60)
     image = projection.parameters(x, y)
     t = np.linspace(0.1, 0.9, 60)
     found = find_in_image(projection, volume.evaluate(image.u, image.v, t).position)
@@ -297,7 +297,7 @@ def test_files_give_mappings_back():
     assert {item["kind"] for item in STORED} == set(KINDS)
     read = read_mappings(json.loads(json.dumps(STORED)))
     again = read_mappings(json.loads(json.dumps([mapping_data(one) for one in read])))
-    x, y = picture(50)
+    x, y = image_places(50)
     for one, other in zip(read, again, strict=True):
         assert one.parameters == other.parameters and one.name == other.name
         for a, b in zip(one.mapping().map(x, y, 1.4), other.mapping().map(x, y, 1.4), strict=True):
@@ -363,7 +363,7 @@ def test_whatever_a_file_holds_the_answer_is_mappings_or_one_message(data):
     except PresetError as error:
         assert str(error).startswith("mapping")
     else:
-        x, y = picture(20)
+        x, y = image_places(20)
         for one in read:
             image = one.mapping().map(x, y, 1.5)
             assert np.isfinite(image.u[image.mask]).all()

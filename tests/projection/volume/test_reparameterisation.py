@@ -55,7 +55,7 @@ def test_the_polar_jacobian_is_the_derivative(x, y, aspect):
 @pytest.mark.parametrize("offset", [0.0, 1e-13, 1e-9, 1e-4, 0.2])
 @pytest.mark.parametrize("aspect", [0.5, 1.0, 2.0])
 def test_qx_and_qy_stay_regular_at_a_polar_centre(offset, aspect):
-    # A disc seen through the polar map is the flat picture itself: Qx and Qy are constant.
+    # A disc seen through the polar map is the flat image itself: Qx and Qy are constant.
     volume = ViewingVolume((Disc(radius=3.0), Disc(radius=3.0)))
     projection = Projection(volume, Polar(), aspect=aspect)
     x, y = np.array([0.5 + offset]), np.array([0.5 + 0.3 * offset])

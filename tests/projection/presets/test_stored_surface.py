@@ -6,7 +6,7 @@ import pytest
 
 from scfpf_addon.projection.editing.resolution import change
 from scfpf_addon.projection.editing.volume_edits import EditingError
-from scfpf_addon.projection.presets import writing
+from scfpf_addon.projection.presets import stored_surface as stored
 from scfpf_addon.projection.presets.stored_surface import GRID_ERROR, stored_surface
 from scfpf_addon.projection.surfaces.surface import Cylinder
 from scfpf_addon.projection.surfaces.uv_chart import UVChart
@@ -61,6 +61,6 @@ def test_a_uv_mesh_stays_one_holes_and_all():
 
 
 def test_a_large_uv_mesh_would_be_a_grid_which_has_no_holes(monkeypatch):
-    monkeypatch.setattr(writing, "MOST_TRIANGLES", 1)
+    monkeypatch.setattr(stored, "MOST_TRIANGLES", 1)
     with pytest.raises(EditingError, match="holes"):
         stored_surface("Sheet", holed(), kind="UV_MESH")

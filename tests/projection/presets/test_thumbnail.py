@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of volumes for menus: lines on paper, in a file that others read."""
+"""Thumbnails of volumes for menus: lines on paper, in a file that others read."""
 
 import io
 
@@ -19,28 +19,28 @@ def plane(depth, width):
     return Plane(width, 0.75 * width, matrix=matrix)
 
 
-def inked(picture):
+def inked(image):
     """Pixels that are not paper."""
-    return np.abs(picture[..., :3] - PAPER).max(axis=2) > 1e-9
+    return np.abs(image[..., :3] - PAPER).max(axis=2) > 1e-9
 
 
 @pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-def test_a_volume_fills_its_picture_but_for_a_margin(scale):
-    picture = volume_thumbnail(Projection(ViewingVolume((plane(scale, scale), plane(4 * scale, 4 * scale)))))
-    assert picture.shape == (HEIGHT, WIDTH, 4) and (picture[..., 3] == 1.0).all()
-    assert picture.min() >= 0.0 and picture.max() <= 1.0
-    rows, columns = np.nonzero(inked(picture))
+def test_a_volume_fills_its_image_but_for_a_margin(scale):
+    image = volume_thumbnail(Projection(ViewingVolume((plane(scale, scale), plane(4 * scale, 4 * scale)))))
+    assert image.shape == (HEIGHT, WIDTH, 4) and (image[..., 3] == 1.0).all()
+    assert image.min() >= 0.0 and image.max() <= 1.0
+    rows, columns = np.nonzero(inked(image))
     free = [rows.min(), HEIGHT - 1 - rows.max(), columns.min(), WIDTH - 1 - columns.max()]
     margin = thumbnail.MARGIN * np.array([HEIGHT, HEIGHT, WIDTH, WIDTH])
     assert (free >= margin - 2).all() and (free <= margin + 1).sum() >= 2
-    assert 0.05 < inked(picture).mean() < 0.7
+    assert 0.05 < inked(image).mean() < 0.7
 
 
 def test_surfaces_projectors_and_borders_have_their_colours():
     """Of two planes seen askew all three kinds of lines show."""
-    picture = volume_thumbnail(Projection(ViewingVolume((plane(1, 1), plane(3, 3)))))
+    image = volume_thumbnail(Projection(ViewingVolume((plane(1, 1), plane(3, 3)))))
     for color, _ in (thumbnail.GRID, thumbnail.PROJECTOR, thumbnail.BORDER):
-        nearest = np.abs(picture[..., :3] - color).max(axis=2).min()
+        nearest = np.abs(image[..., :3] - color).max(axis=2).min()
         assert nearest < 0.12, color
 
 
@@ -53,8 +53,8 @@ def test_it_is_seen_from_the_right_and_from_above():
 
 
 def test_a_volume_without_lines_is_blank_paper():
-    picture = volume_thumbnail(Projection(ViewingVolume((Point(), Point()))))
-    assert picture.shape == (HEIGHT, WIDTH, 4) and not inked(picture).any()
+    image = volume_thumbnail(Projection(ViewingVolume((Point(), Point()))))
+    assert image.shape == (HEIGHT, WIDTH, 4) and not inked(image).any()
 
 
 def test_files_are_read_by_others():
