@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where projectors first hit the scene: NumPy and embreex, no bpy."""
+"""Casting: the first hits of projectors in a scene, with NumPy and embreex, without bpy."""

@@ -43,7 +43,7 @@ def _float32_rays(
 def _plane_shares(
     scene: CastScene, triangle: IndexArray, start: Array, way: Array
 ) -> tuple[Array, IndexArray]:
-    """Where segments from start to start + way, (3, N), meet the planes of triangles (N,): t (N,).
+    """Intersections t (N,) of segments from start to start + way, (3, N), with the planes of triangles (N,).
 
     Also the numbers of the segments that see their triangle edge-on, whose t is useless. The triangle -1
     means the last one.

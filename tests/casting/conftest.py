@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A caster to compare with: every projector against every triangle, in float64.
+"""A reference caster: every projector against every triangle, in float64.
 
 It shares nothing with the caster under test: roots are eigenvalues of companion
-matrices, insides are ratios of areas, there is no Embree and no chord.
+matrices, insides are ratios of areas, and it uses neither Embree nor chords.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where projectors meet the planes of triangles, in float64, and whether inside the triangles."""
+"""Intersections of projectors with the planes of triangles, in float64, inside the triangles or not."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ MOST_CROSSED = 4
 
 
 class Solutions(NamedTuple):
-    """Where M curves meet the planes of M triangles.
+    """Intersections of M curves with the planes of M triangles.
 
-    t: (M,), NaN where they do not. triangle: (M,). barycentric: (2, M).
+    t: (M,), NaN where there is none. triangle: (M,). barycentric: (2, M).
     inside: (M,) bool, the point is in the triangle.
     """
 
@@ -66,7 +66,7 @@ def solve(
     low: Array,
     high: Array,
 ) -> Solutions:
-    """The first meeting with the triangles' planes in [low, high], inside the triangle if one is.
+    """The first intersection with the triangles' planes in [low, high], one inside the triangle if any is.
 
     triangle, span: (N,); low, high: (N,) in t, taken within the span.
     """
@@ -95,7 +95,7 @@ def first_root(
     low: Array,
     high: Array,
 ) -> tuple[Solutions, Array]:
-    """The first meeting with the triangles' planes in [low, high] of t, in the spans; all (N,).
+    """The first intersection with the triangles' planes in [low, high] of t, in the spans; all (N,).
 
     Also its position, (3, N), undefined where there is none.
     """

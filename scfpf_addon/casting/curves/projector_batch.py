@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A batch of projectors as curves: positions, tangents, and directions where tangents vanish."""
+"""A projector batch: curves with their positions, tangents, and directions where tangents vanish."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Meshes handed to Embree.
+"""Building meshes in Embree.
 
 embreex copies a mesh number by number through Python objects, which takes longer than Embree takes to
 build its tree. Embree's own C interface, which its library exports, takes whole arrays. embreex does not

@@ -113,11 +113,6 @@ class Boxes(NamedTuple):
     block: IndexArray
     members: IndexArray
 
-    @property
-    def farthest(self) -> float:
-        """The largest coordinate; NaN if any is NaN."""
-        return max(float(self.upper.max()), -float(self.lower.min()))
-
 
 def boxes_of_blocks(points: Float32Array, columns: int | None) -> Boxes:
     """Bounds of blocks of projectors. points: (K, 3, N). columns: pixels of a row, None if not in rows."""
@@ -137,7 +132,7 @@ def stretches(occupancy: Occupancy, spans: SpanBasis, boxes: Boxes, apart: float
     boxes: finite, cast space. apart: things nearer than this count as met.
     """
     lower, upper, block, members = boxes
-    farthest = boxes.farthest
+    farthest = max(float(upper.max()), -float(lower.min()))
     weights = piece_weights(spans)
     slack = np.float32(apart + SLACK * (1.0 + farthest))
     held = np.zeros((len(weights), *lower.shape[2:]), bool)

@@ -224,9 +224,7 @@ def _measure(spans: SpanBasis, curves: Curves, breaks: Array, shifts: Array) -> 
     """Largest distance of curve and chords, in pixels."""
     largest = 0.0
     for start, end, shift, next_shift in zip(breaks[:-1], breaks[1:], shifts[:-1], shifts[1:], strict=True):
-        span = int(
-            np.clip(np.searchsorted(spans.breaks, 0.5 * (start + end)) - 1, 0, len(spans.matrices) - 1)
-        )
+        span = int(spans.locate(0.5 * (start + end))[0])
         low, high = spans.breaks[span], spans.breaks[span + 1]
         local = (np.linspace(start, end, PLACES) - low) / (high - low)
         there = pixels(curves, spans, span, local)
@@ -272,13 +270,11 @@ def _between(projection: Projection, size: tuple[int, int], breaks: Array, cells
     column, row = (a.ravel() for a in np.meshgrid(column, row))
 
     def corner(right: int, up: int) -> tuple[Array, Array]:
+        """Image positions of the cells' corners: 0 left or bottom, 1 right or top."""
         return picture_places((column + right) / cells[0], (row + up) / cells[1], *_shape(projection))
 
-    result = []
-    for a, b in (((0, 0), (1, 0)), ((0, 0), (0, 1)), ((0, 0), (1, 1))):
-        (ax, ay), (bx, by) = corner(*a), corner(*b)
-        result.append(_off(projection, size, breaks, (ax, ay), (bx, by)))
-    return np.array(result)
+    others = ((1, 0), (0, 1), (1, 1))
+    return np.array([_off(projection, size, breaks, corner(0, 0), corner(*other)) for other in others])
 
 
 def _off(

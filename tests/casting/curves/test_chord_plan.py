@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The chords that Cycles' rays follow: as near to the projectors as asked for, and the sheets between."""
+"""The chords that Cycles' rays follow keep the pixel error, as do the sheets between them."""
 
 from pathlib import Path
 
@@ -56,7 +56,7 @@ def chord_ends(projection, plan, x, y):
     ("basis", "weights"), [("BEZIER", None), ("B_SPLINE", None), ("NURBS", (1.0, 3.0, 0.5, 1.0))]
 )
 def test_points_of_chords_are_seen_where_their_pixel_is(basis, weights, pixel_error):
-    """By the inverse: a point of a chord belongs to a place in the image, which must be the chord's own."""
+    """The inverse of the projection maps points of a chord to the chord's own image position."""
     projection = bent(basis, weights)
     plan = plan_chords([projection], SIZE, pixel_error)
     assert plan.error <= pixel_error
@@ -69,7 +69,7 @@ def test_points_of_chords_are_seen_where_their_pixel_is(basis, weights, pixel_er
         u, v = found.u.reshape(-1, 40), found.v.reshape(-1, 40)
         off = np.hypot((u - x) * SIZE[0], (v - y) * SIZE[1])
         worst = max(worst, np.nanmax(off))
-    # What moves an image along the narrow side of a pixel moves it less along the wide one.
+    # An offset across the narrow side of a pixel moves the image by fewer pixels along the wide one.
     assert 0.2 * pixel_error < worst <= 1.1 * pixel_error
 
 

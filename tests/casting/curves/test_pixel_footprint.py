@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""By how many pixels a way in space moves the image: against the solution of the 2 × 2 equations."""
+"""Offsets in space in pixels, against the solution of the 2 × 2 equations."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ PLACES = np.array([0.0, 0.3, 1.0])
 
 
 def projectors(generator, squeeze):
-    """Straight projectors with two surfaces, pixels of which are squeezed along some way."""
+    """Straight projectors between two surfaces, with pixels squeezed in one direction."""
     start, end = generator.normal(size=(2, 3, 40))
     dx, dy = generator.normal(size=(2, 1, 3, 40))
     dy = dx * generator.normal(size=40) + squeeze * dy
@@ -37,7 +37,7 @@ def test_ways_across_are_counted_in_pixels(squeeze):
                 continue
             a, b = ways[:, group, number]
             offset = np.zeros_like(there.position)
-            # What is along the projector does not count.
+            # The part along the projector does not count.
             offset[:, group, number] = a * dx + b * dy + 3.0 * tangent
             assert there.moved(offset)[group, number] == pytest.approx(np.hypot(a, b), rel=1e-6)
 
@@ -53,7 +53,7 @@ def test_squeezed_pixels_count_as_less_squeezed():
 
 
 def test_where_all_pixels_are_one_point_nothing_is_not_a_number():
-    """A volume that begins in a point at the origin: no way there is any number of pixels."""
+    """A volume begins in a point at the origin, where offsets are no number of pixels."""
     curves = projectors(np.random.default_rng(4), 1.0)
     for control in curves:
         control[0] = 0.0

@@ -35,7 +35,7 @@ def turned(surface, angle):
 
 
 def telescope(near):
-    """Widths from ``near`` to 1 (DESIGN: 0.036 to 36), bent by 40°."""
+    """A volume whose width grows from ``near`` to 1, bent by 40°."""
     turn = math.radians(40)
     middle = np.array([0.0, 0.0, -0.5])
     far = middle + 0.5 * np.array([math.sin(turn), 0, -math.cos(turn)])
@@ -71,7 +71,7 @@ def schedule(projection, pixel_error):
 
 
 def displacement(projection, chords, count=80):
-    """How far, in pixels, the chords' points appear from where they should, by inverting Q."""
+    """The largest displacement of the chords' points in the image, in pixels, by inverting Q."""
     generator = np.random.default_rng(1)
     worst = 0.0
     pixels = generator.uniform(size=(2, count)) * [[WIDTH], [HEIGHT]]
@@ -243,7 +243,6 @@ def test_groups_of_equal_bend_hold_every_projector_once():
 
 
 def test_a_volume_that_telescopes_a_thousandfold_needs_a_fifteenth_of_even_chords():
-    """DESIGN's figures for another bend are 142 instead of 2310."""
     projection, width = telescope(0.001), 1920
     x, y = pixel_centres(WIDTH, HEIGHT, (0, HEIGHT))
     points, mask = projection.projectors(x, y)

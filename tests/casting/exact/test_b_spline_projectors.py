@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Projectors of cubic spans that are no Bézier curve of their surfaces: the first hit against dense sampling.
+"""Projectors of several cubic spans: the first hit against dense sampling.
 
 The reference is in float64.
 """

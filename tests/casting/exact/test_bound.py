@@ -53,7 +53,7 @@ def plane_depth(scene, inside, x, y, triangle, t):
 
 
 def farthest(scene, projection, pixel_error, width=WIDTH, height=HEIGHT):
-    """How far, in pixels, the exact image has what pixels show; their number; the bound that is reported.
+    """Distances, in pixels, at which the exact image shows what pixels show that differ; their number; the bound.
 
     inf: farther than 1.05 times that bound, or the pixel error if that is more.
     """
@@ -145,7 +145,7 @@ def test_nothing_is_farther_off_than_the_pixel_error(scenes, name):
 
 
 def test_random_volumes_keep_the_bound():
-    """Any kinds of surfaces, of degrees to 5; where float32 ends it, what is reported."""
+    """Any kinds of surfaces, degrees up to 5; the reported bound counts where float32 limits it."""
     generator = np.random.default_rng(11)
     scene, differing, curved, kept = CastScene(*boxes(2000)), 0, 0, 0
     while curved < 12:

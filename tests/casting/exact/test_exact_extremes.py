@@ -64,7 +64,7 @@ def test_vanishing_leading_coefficients(size, degree):
 @pytest.mark.parametrize("degree", [1, 2, 3])
 @pytest.mark.parametrize("where", ["0", "1", "1e-15", "1e-12", "1e-9", "1e-6", "1e-4", "1e-3"])
 def test_beginnings_and_ends_on_surfaces(where, degree):
-    """Beside a surface means inside its prism: no chord enters it there."""
+    """Projectors begin beside a surface, inside its prism, which no chord enters there."""
     figures = extremes.ends(where, degree)
     assert figures["lost"] == 0 and figures["error of t"] < 1e-14
 
@@ -77,7 +77,7 @@ def test_volumes_much_longer_than_wide(ratio, degree):
 
 
 def differing_share(reference, mesh, projection, width, height):
-    """The share of pixels whose t is not that of all triangles in float64."""
+    """The share of pixels whose t differs from that of all triangles in float64."""
     x, y = pixel_centres(width, height, (0, height))
     t, _ = reference.brute_force(*mesh, projection, x, y)
     hits = reference.cast_image(CastScene(*mesh), projection, width, height, 0.0)

@@ -58,7 +58,7 @@ def different(hits, t):
 
 
 def agree(reference, scene, name, width=WIDTH, height=HEIGHT, grid=True):
-    """Pixels that see another t than brute force does, and another triangle at another t."""
+    """The number of pixels whose t and triangle differ from those of brute force."""
     x, y = pixel_centres(width, height, (0, height))
     t, triangle = reference.brute_force(*mesh(scene), volume(name), x, y)
     hits = reference.cast_image(cast_scene(scene), volume(name), width, height, 0.0, grid)

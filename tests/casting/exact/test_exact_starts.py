@@ -33,7 +33,7 @@ def moved(surface, offset):
 
 @pytest.mark.parametrize("around", [0.0, 1e-3, 1e-2])
 def test_the_nearest_face_of_a_box_that_the_near_surface_cuts(reference, around):
-    """A hit settled over an edge once took the place of a nearer one, found where the projector begins."""
+    """A hit certified over an edge does not replace a nearer one where the projector begins."""
     vertices, triangles = SCENES["boxes"](100_000)
     triangles = triangles[BOX]
     straight = bent_projection(3, BEND)

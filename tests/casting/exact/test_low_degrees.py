@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The short ways for projectors of low degrees answer what the general ones do."""
+"""The fast paths for projectors of low degrees give the results of the general ones."""
 
 import numpy as np
 import pytest
@@ -77,7 +77,7 @@ def test_places_and_tangents_are_bernstein_s(seed, size, degree):
 
 @pytest.mark.parametrize("degree", [2, 3, 5])
 def test_a_projector_that_stops_has_no_tangent_to_the_last_bit(degree):
-    """Where control surfaces coincide at an end; the direction is then looked for elsewhere."""
+    """Control surfaces coincide at an end, where the direction comes from a higher derivative."""
     points = np.random.default_rng(2).normal(size=(degree + 1, 3, 10_000))
     for end, beside, t in ((0, 1, 0.0), (degree, degree - 1, 1.0)):
         still = points.copy()

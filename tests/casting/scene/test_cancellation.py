@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Tiles end at the next rays that they cast once they are to stop, wherever they are."""
+"""Cancelled tiles end at the next rays that they cast, wherever they are."""
 
 from threading import Event, Thread, get_ident
 
@@ -72,7 +72,7 @@ def test_a_failing_tile_ends_the_others_and_is_what_is_raised(scene):
 
 @pytest.fixture(params=[0, 1])
 def few_threads(request, monkeypatch):
-    """A system that starts none or one of the threads that are asked for, and then no more."""
+    """A system that starts no or one thread and refuses the others."""
     left, start = [request.param], Thread.start
 
     def limited(thread):

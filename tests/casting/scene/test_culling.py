@@ -93,7 +93,7 @@ def test_a_volume_or_vertices_that_are_not_finite_leave_nothing_out(count):
 
 
 def test_of_many_triangles_none_in_a_straight_volume_is_left_out():
-    """Where some of them tell which planes are asked of all."""
+    """There are so many triangles that a sample chooses the planes."""
     volume = bent_projection(1, 0.0).volume
     inside = points_in(volume, 20000, 3)
     generator = np.random.default_rng(4)

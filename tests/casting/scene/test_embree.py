@@ -24,13 +24,13 @@ def soup(generator, count=500):
 
 
 def cast(scene, generator):
-    """All that is known of rays in all directions."""
+    """Embree's output for rays in all directions."""
     origins, ways = generator.uniform(-1.0, 1.0, (2, RAYS, 3)).astype(np.float32)
     return scene.run(origins, ways, np.full(RAYS, 9.0, np.float32), output=True)
 
 
 def test_embree_takes_the_arrays_as_they_are():
-    """This embreex is one whose scenes are found; without, every image takes much longer."""
+    """The scene's handle is found in this embreex; otherwise every image takes much longer."""
     modules = load_embreex()
     _, kept, _ = embree_meshes.build_mesh(*soup(np.random.default_rng(1)))
     assert not isinstance(kept, modules[1].TriangleMesh)
@@ -68,7 +68,7 @@ def test_both_ways_meet_the_same(fault, corners, monkeypatch):
 
 
 def test_what_memory_does_not_hold_is_said(monkeypatch):
-    """Embree tells its error by a number, 4 for memory; embreex would write it to a log."""
+    """Embree reports its error by a number, 4 for memory; embreex would write it to a log."""
     modules = load_embreex()
     monkeypatch.setattr(embree_meshes._library(modules[0].__file__), "rtcGetDeviceError", lambda device: 4)
     with pytest.raises(MemoryError, match="not enough memory"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Memory free and taken. Windows is stood in for; the layout of what it fills in is as documented."""
+"""Available and peak memory, with a stand-in for Windows that fills its documented structures."""
 
 import ctypes
 import struct
@@ -13,7 +13,7 @@ from scfpf_addon.casting.common.memory import available_memory, peak_memory
 
 
 class Kernel:
-    """Of kernel32.dll what is called; writes the bytes that Windows documents for 64 bits."""
+    """The functions of kernel32.dll; they write the bytes that Windows documents for 64 bits."""
 
     def __init__(self, answers=1):
         self.answers = answers

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is called empty holds nothing, and little is called full."""
+"""Empty boxes of the grid contain nothing, and few boxes count as full."""
 
 import numpy as np
 import pytest
@@ -109,7 +109,7 @@ def test_empty_space_is_not_cast_at(reference):
 
 @pytest.mark.parametrize("columns", [75, 64, 5])
 def test_blocks_of_a_grid_are_those_of_their_pixels(columns):
-    """The table that tiles share and the sorting that others need say the same."""
+    """The cached table of tiles and the sorting for other projectors give the same blocks."""
     scene = CastScene(*SCENES["boxes"](1_000))
     projection = bent_projection(2, 0.5).transformed(scene.matrix)
     x, y = pixel_centres(columns, 43, (0, 43))
@@ -124,7 +124,7 @@ def test_blocks_of_a_grid_are_those_of_their_pixels(columns):
 
 @pytest.mark.parametrize("count", [20, 40])
 def test_parts_of_t_are_held_where_any_stretch_in_them_is(count):
-    """Fewer parts than stretches are looked at one by one, more by running sums."""
+    """Few and many intervals, against a search of every part."""
     generator = np.random.default_rng(3)
     edges = np.linspace(0.0, 1.0, 33)
     held = generator.random((32, 7)) < 0.2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Quads in Embree: rays meet the very triangles, and where, that float64 finds by looking at all of them."""
+"""Quads in Embree: rays meet the same triangles as in float64 against all of them."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ NEAR = 1e-4
 
 
 def mixed(generator, count):
-    """Quads that lie in no plane, as their halves; fans, mirrored pairs and triangles alone among them."""
+    """Halves of quads that are not flat, with fans, mirrored pairs and single triangles among them."""
     vertices, faces = [], []
     for _ in range(count):
         first = len(vertices)
@@ -91,7 +91,7 @@ def compare(vertices, faces, generator, usable=None):
 @given(st.integers(0, 2**32 - 1), st.integers(2, 40))
 @settings(deadline=None)
 def test_rays_meet_what_float64_finds(copied, seed, count):
-    """copied: where embreex, which knows no quads, hands the triangles over."""
+    """copied: embreex, which has no quads, copies the triangles."""
     generator = np.random.default_rng(seed)
     with pytest.MonkeyPatch.context() as patch:
         if copied:

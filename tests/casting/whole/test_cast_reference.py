@@ -99,7 +99,7 @@ def test_errors_shrink_with_the_pixel_error(answers, reference, scene):
 
 @pytest.mark.parametrize("scene", ["columns", "boxes"])
 def test_rows_of_pixels_see_what_loose_ones_see(reference, scene):
-    """Knowing that projectors are neighbours saves rays through empty space, and nothing else."""
+    """Blocks of neighbours save rays through empty space and change nothing else."""
     plain, rows = CastCounts(), CastCounts()
     loose, grid = (
         reference.cast_image(cast_scene(scene), volume("quadratic"), WIDTH, HEIGHT, 0.1, kind, c)

@@ -13,7 +13,7 @@ SLACK = 0.0 if SAME_MACHINE else 0.005
 
 
 def test_counts_are_those_of_the_file():
-    """After a change that is meant to alter them: `python3 dev.py bench --counts --write`."""
+    """After an intended change run `python3 dev.py bench --counts --write`."""
     assert counts.differences(counts.counted(), counts.kept(), SLACK) == []
 
 

@@ -68,7 +68,7 @@ def image(scene, projection, width, pixel_error):
 
 
 def agree(t, other):
-    """Where two images saw the same t, inf being nothing."""
+    """Whether two images have the same t, inf for none."""
     return np.isclose(t, other, rtol=0, atol=ROUNDING)
 
 
@@ -89,7 +89,7 @@ def test_two_islands_are_two_images_side_by_side(bend, wrong):
 
 @bends
 def test_a_gap_between_islands_shows_nothing(bend, wrong):
-    """And takes nothing from its neighbours: the islands are those of a volume without the other."""
+    """The islands are the same as in a volume without the others."""
     scene = shards()
     volumes = [sheets(bend, 1), sheets(bend, 2)]
     places = [(0.0, 0.45), (0.55, 1.0)]
