@@ -53,7 +53,7 @@ def plane_depth(scene, inside, x, y, triangle, t):
 
 
 def farthest(scene, projection, pixel_error, width=WIDTH, height=HEIGHT):
-    """Distances, in pixels, at which the exact image shows what pixels show that differ; their number; the bound.
+    """Distances, in pixels, where the exact image shows what differing pixels do; their number; the bound.
 
     inf: farther than 1.05 times that bound, or the pixel error if that is more.
     """
