@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs the scenarios of scenarios_*.py in a Blender with a window.
+"""Run the scenarios of scenarios_*.py in a Blender with a window.
 
     xvfb-run -s "-screen 0 1600x1000x24" blender --factory-startup --enable-event-simulate \\
         --window-geometry 0 0 1600 1000 --python tests/window/drive_blender.py -- [OPTION ...] [SCENARIO ...]
@@ -35,7 +35,7 @@ TRACEBACK = "Traceback (most recent call last)"
 
 
 class Output:
-    """What Blender, C code included, prints: kept in a file as well as shown."""
+    """The output of Blender, C code included, which is shown and kept in a file."""
 
     def __init__(self, path: pathlib.Path):
         self.path = path
@@ -45,7 +45,7 @@ class Output:
         self.read = 0
 
     def fresh(self):
-        """Generator: wait for the file, and return what was printed since the last call."""
+        """Generator: wait for the file, and return the output after the last call."""
         sys.stdout.flush()
         sys.stderr.flush()
         ctypes.CDLL(None).fflush(None)
@@ -58,7 +58,7 @@ class Output:
 
 
 def enable_extension(zip_file: str | None) -> None:
-    """Install and enable the zip, or else this checkout as an extension."""
+    """Install and enable the zip, else this checkout as an extension."""
     if zip_file:
         done = bpy.ops.extensions.package_install_files(
             filepath=zip_file, repo="user_default", enable_on_install=True
@@ -74,7 +74,7 @@ def enable_extension(zip_file: str | None) -> None:
 
 
 def collect(wanted: list[str]) -> list:
-    """The scenarios of the modules beside this file; of a name given, of a module given, or all."""
+    """The scenarios in the modules beside this file: one by name, those of a module, or all."""
     chosen = []
     for path in sorted(FOLDER.glob("scenarios_*.py")):
         for scenario in importlib.import_module(path.stem).SCENARIOS:
@@ -84,7 +84,7 @@ def collect(wanted: list[str]) -> list:
 
 
 def run(driver, scenarios, output):
-    """Generator over all scenarios; says how each went and quits Blender."""
+    """Generator: run all scenarios, report each, and quit Blender."""
     results = (driver.folder / "results.txt").open("w", buffering=1)
     print("scenarios:", *(scenario.__name__ for scenario in scenarios), file=results)
     failed = []

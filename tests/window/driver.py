@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What scenarios do to a Blender with a window: events, areas, screenshots; something to look at."""
+"""Control of a Blender with a window: events, areas, screenshots, and a scene to look at."""
 
 import pathlib
 import subprocess
@@ -17,7 +17,7 @@ DRAW = 1.0
 
 
 class Driver:
-    """What scenarios do to Blender: events, areas, screenshots."""
+    """Events, areas and screenshots of a Blender with a window."""
 
     def __init__(self, folder: pathlib.Path):
         self.folder = folder
@@ -47,13 +47,13 @@ class Driver:
         self.window.event_simulate(kind, "RELEASE", **where, **modifiers)
 
     def shot(self, name: str) -> None:
-        """Save what the screen shows. Blender's own screenshot is black in a timer under Xvfb."""
+        """Save the screen. Blender's own screenshot is black in a timer under Xvfb."""
         subprocess.run(
             ["import", "-window", "root", str(self.folder / f"{self.scenario}-{name}.png")], check=True
         )
 
     def region_pixels(self, area: str = "VIEW_3D", kind: str = "WINDOW"):
-        """What the screen shows of a region, (H, W, 3) in 0 to 255, row 0 at the bottom as regions count."""
+        """The pixels of a region on the screen, (H, W, 3) from 0 to 255, row 0 at the bottom."""
         region = self.region(area, kind)
         width, height = self.window.width, self.window.height
         command = ["import", "-window", "root", "-crop", f"{width}x{height}+0+0", "-depth", "8", "rgb:-"]
@@ -62,7 +62,7 @@ class Driver:
         return screen[region.y : region.y + region.height, region.x : region.x + region.width]
 
     def surface_lines(self):
-        """Where the 3D viewport shows the green of control surfaces, (H, W) bool."""
+        """The mask of the 3D viewport's pixels in the green of control surfaces, (H, W) bool."""
         red, green, blue = np.moveaxis(self.region_pixels(), 2, 0)
         return (green > 110) & (green > 1.4 * red) & (green > 1.4 * blue)
 
@@ -87,7 +87,7 @@ class Driver:
             bpy.context.region_data.view_distance = room * np.linalg.norm(np.ptp(found, axis=0))
 
     def show_sidebar(self):
-        """Generator: open the sidebar; its tab can be chosen once it has been drawn."""
+        """Generator: open the sidebar, wait until it is drawn, and choose its tab."""
         area = self.area("VIEW_3D")
         area.spaces.active.show_region_ui = True
         region = next(region for region in area.regions if region.type == "UI")
@@ -99,7 +99,7 @@ class Driver:
         yield DRAW
 
     def open_image_editor(self) -> None:
-        """Tiles are shown in an Image Editor while a render runs."""
+        """Show an Image Editor, in which tiles appear while a render runs."""
         self.area("DOPESHEET_EDITOR").ui_type = "IMAGE_EDITOR"
 
     def menu(self, name: str):
@@ -165,7 +165,7 @@ def world_vertices(obj) -> list:
 
 
 def differing(first, second) -> int:
-    """How many pixels of two pictures differ by more than a hint of colour."""
+    """The number of pixels in which two images differ visibly."""
     return int((np.abs(first - second).max(axis=2) > 12).sum())
 
 
@@ -175,7 +175,7 @@ def surfaces(camera) -> list:
 
 
 def volume(camera) -> tuple:
-    """What a camera's volume is made of, to compare."""
+    """The settings and surfaces of a camera's volume, to compare."""
     settings = camera.scfpf
     parts = tuple(
         (obj.name, obj.scfpf_surface.kind, tuple(round(x, 4) for row in obj.matrix_world for x in row))
@@ -187,7 +187,7 @@ def volume(camera) -> tuple:
 
 
 def build_scene(samples: int = 1, percentage: int = 50) -> None:
-    """Something to look at beside the factory cube, camera and light."""
+    """Add objects to look at beside the factory cube, camera and light."""
     for number in range(5):
         bpy.ops.mesh.primitive_monkey_add(location=(3 * number - 6, 3, 1))
         bpy.ops.object.shade_smooth()
@@ -199,6 +199,6 @@ def build_scene(samples: int = 1, percentage: int = 50) -> None:
 
 
 def set_slow() -> None:
-    """Settings that take a render some seconds at least."""
+    """Choose settings with which a render takes at least some seconds."""
     bpy.context.scene.render.resolution_percentage = 200
     bpy.context.scene.camera.scfpf.samples = 64

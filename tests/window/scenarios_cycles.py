@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Cycles rig in a window: the button, F12, a farm without the add-on; nothing seen of it nor left."""
+"""The Cycles rig in a window: the button, F12, a farm without the add-on, and no remains of the rig."""
 
 import subprocess
 import sys
@@ -18,12 +18,12 @@ FRAMES = (1, 10)
 
 
 def counts():
-    """How many datablocks of each kind there are."""
+    """The number of datablocks of each kind."""
     return {kind: len(getattr(bpy.data, kind)) for kind in KINDS}
 
 
 def prepare(driver):
-    """A bent volume that moves, and settings that take Cycles a moment."""
+    """A bent, animated volume, and settings that take Cycles a moment."""
     build_scene(percentage=8)
     driver.add_camera("nonlinear_twist")
     scene = bpy.context.scene
@@ -53,7 +53,7 @@ def f12(driver):
 
 
 def rendered(path):
-    """What a file of a picture shows, (H, W, 4)."""
+    """The pixels of an image file, (H, W, 4)."""
     image = bpy.data.images.load(str(path))
     pixels = np.array(image.pixels[:]).reshape(image.size[1], image.size[0], 4)
     bpy.data.images.remove(image)
@@ -61,7 +61,7 @@ def rendered(path):
 
 
 def steady(driver):
-    """Generator: wait until the viewport has come to rest; its pixels."""
+    """Generator: wait until the viewport stops changing; returns its pixels."""
     end = time.monotonic() + PATIENCE
     pixels = driver.region_pixels()[HUD:]
     while True:
@@ -78,7 +78,7 @@ def rig_of(scene):
 
 
 def price_module():
-    """The module that knows the price."""
+    """The extension's module of prices."""
     return next(m for name, m in sys.modules.items() if name.endswith(".cycles.prices"))
 
 
@@ -152,7 +152,7 @@ def rig(driver):
 
 
 def farm_render(blend):
-    """Start a Blender that knows nothing of the add-on on two frames of a file."""
+    """Start a Blender without the add-on on two frames of a file."""
     frames = ",".join(map(str, FRAMES))
     command = [bpy.app.binary_path, "--background", "--factory-startup", str(blend)]
     command += ["--render-output", f"{blend}.####", "--render-format", "PNG", "--render-frame", frames]

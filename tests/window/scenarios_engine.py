@@ -64,7 +64,7 @@ def f12(driver):
 
 
 def cancelled(driver):
-    """The cross beside the progress bar, which does what Esc does, ends the job; F12 works again.
+    """The cross beside the progress bar ends the job like Esc, and F12 works again.
 
     Blender notes an Esc where real keys come in, which it does not look at while events are simulated.
     """
@@ -166,7 +166,7 @@ def blurred(driver):
 
 
 def painted():
-    """Generator: wait until every viewport shows what it is to show."""
+    """Generator: wait until every viewport shows its image."""
     module = next(name for name in sys.modules if name.endswith("scfpf_addon.bridge.render.render_viewport"))
     yield DRAW
     end = time.monotonic() + PATIENCE

@@ -25,7 +25,7 @@ def green(driver):
 
 
 def until(condition):
-    """Generator: wait until something is so."""
+    """Generator: wait until a condition holds."""
     end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end, "it does not come about"

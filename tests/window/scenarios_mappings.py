@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A magic lens placed with a click in the picture: the same in the render and in the live preview; undone."""
+"""A magic lens placed with a click in the image: render and live preview agree, and undo removes it."""
 
 import bpy
 import numpy as np
@@ -37,7 +37,7 @@ def rendered(driver):
 
 
 def framed(driver, area, name):
-    """What a viewport shows inside the camera's frame, (H, W, 3)."""
+    """The pixels of a viewport inside the camera's frame, (H, W, 3)."""
     picture = look(driver, area, name)
     low, high = (np.rint(corner).astype(int) for corner in frame_of(area))
     return picture[max(low[1], 0) : high[1], max(low[0], 0) : high[0]]
@@ -53,7 +53,7 @@ def change(before, after):
 
 
 def lens_on_picture(driver):
-    """Add a lens, click where it is to be: render and preview change there, alike, and nowhere else."""
+    """Add a lens and click: render and preview change at that place in the same way, and nowhere else."""
     build_scene(percentage=25)
     driver.add_camera()
     camera = bpy.context.scene.camera

@@ -22,12 +22,12 @@ PRESETS = (
 
 
 def panels_shown(driver):
-    """What the sidebar and the Camera Data tab look like."""
+    """The pixels of the sidebar and of the Camera Data tab."""
     return driver.region_pixels("VIEW_3D", "UI"), driver.region_pixels("PROPERTIES")
 
 
 def assert_changed(driver, before):
-    """That both look different now; returns how."""
+    """Assert that both have changed; returns their pixels."""
     now = panels_shown(driver)
     for name, old, new in zip(("sidebar", "Camera Data tab"), before, now, strict=True):
         assert differing(old, new) > 1000, f"the {name} does not show the change"

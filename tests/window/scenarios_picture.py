@@ -11,7 +11,7 @@ from mathutils import Matrix, Vector
 
 
 def beside(driver, camera, turn=0.55, distance=13.0):
-    """Look at the near surface of a camera's volume from beside, above and behind it."""
+    """Look at the near surface of a camera's volume from beside, above and behind."""
     with driver.override():
         view = bpy.context.region_data
         view.view_perspective = "PERSP"
@@ -52,7 +52,7 @@ def flexible_camera(driver, preset="VIEW"):
 
 
 def pixel(driver, point):
-    """The window's pixel at which a point of the scene is seen."""
+    """The window's pixel that shows a point of the scene."""
     area = driver.area("VIEW_3D")
     region = next(region for region in area.regions if region.type == "WINDOW")
     x, y = location_3d_to_region_2d(region, area.spaces.active.region_3d, Vector(point))

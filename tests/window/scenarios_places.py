@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where the Render button shows its picture, by the preference Render In; F12 where volumes are ignored."""
+"""The place of the Render button's image by the preference Render In; F12 of engines that ignore volumes."""
 
 import sys
 import time
@@ -18,7 +18,7 @@ def areas(window):
 
 
 def until(condition, what):
-    """Generator: wait for something."""
+    """Generator: wait until a condition holds."""
     end = time.monotonic() + PATIENCE
     while not condition():
         assert time.monotonic() < end, what
@@ -35,7 +35,7 @@ def prepare(driver, display):
 
 
 def render_job():
-    """The module that knows the render that runs."""
+    """The extension's module of the running render."""
     return next(m for name, m in sys.modules.items() if name.endswith(".render_job"))
 
 

@@ -50,7 +50,7 @@ def toggle(driver, area=None):
 
 
 def look(driver, area, name):
-    """What an area shows, (H, W, 3), of a screenshot that is kept under a name."""
+    """The pixels of an area, (H, W, 3), in a screenshot that is saved under a name."""
     driver.shot(name)
     image = bpy.data.images.load(str(driver.folder / f"{driver.scenario}-{name}.png"))
     width, height = image.size
@@ -64,13 +64,13 @@ def look(driver, area, name):
 
 
 def middle(picture):
-    """The middle ninth of a picture."""
+    """The middle ninth of an image."""
     rows, columns = (slice(size // 3, 2 * size // 3) for size in picture.shape[:2])
     return picture[rows, columns]
 
 
 def until_shown(driver, count):
-    """Generator: wait until just so many viewports show a preview, and no other has been split off."""
+    """Generator: wait until a given number of viewports show a preview, and no other was split off."""
     end = time.monotonic() + PATIENCE
     while len(preview_areas(driver)) != count or len(viewports(driver)) != count + 1:
         assert time.monotonic() < end, f"{len(preview_areas(driver))} previews are shown, not {count}"
@@ -343,7 +343,7 @@ AMIDST = {"cylindrical_panorama"}
 
 
 def build_flat_scene():
-    """Objects of one flat colour each: what is where can be read from any picture."""
+    """Objects of one flat colour each, which identify them in any image."""
     bpy.data.objects.remove(bpy.data.objects["Cube"])
     bpy.ops.mesh.primitive_plane_add(size=40, location=(0, 0, -1))
     for x, y in ((-6, 3), (-3, -4), (0, 0), (3, 4), (6, -3)):
@@ -394,7 +394,7 @@ def frame_of(area, width, height, picture):
 
 
 def uniform(found):
-    """Where a pixel and all within two pixels of it have one label."""
+    """The mask of pixels whose surroundings of two pixels have one label."""
     height, width = found.shape
     padded = np.pad(found, 2, mode="edge")
     around = [padded[y : y + height, x : x + width] for y in range(5) for x in range(5)]
@@ -402,7 +402,7 @@ def uniform(found):
 
 
 def preview_against_caster(driver):
-    """What the preview's viewport shows is where the caster's picture has it, preset by preset."""
+    """Preview and caster show each object at the same place, preset by preset."""
     build_flat_scene()
     scene = bpy.context.scene
     width, height = scene.render.resolution_x, scene.render.resolution_y

@@ -29,7 +29,7 @@ def works(source):
 
 
 def preview_sleeps(driver):
-    """Where no viewport shows it, it computes nothing; seen again, it has followed. Heavy objects join in."""
+    """A preview in no viewport computes nothing, and has followed when it is visible again."""
     yield from prepare(driver)
     (shown,) = preview_areas(driver)
     source = source_of(bpy.context.scene.camera)
@@ -164,7 +164,7 @@ def stroke(driver, area):
 
 
 def preview_follows_sculpting(driver):
-    """What is sculpted shows while the brush is still down, and again as before when that is undone."""
+    """Sculpting shows while the brush is down, and undo restores the image."""
     build_scene()
     bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=6, radius=3, location=(0, -3, 2))
     ball = bpy.context.object

@@ -97,7 +97,7 @@ def picture_in_a_window(driver):
 
 
 def undo(driver):
-    """Undo and redo over adding a camera, a surface, and a render."""
+    """Undo and redo of an added camera, an added surface and a render."""
     bpy.ops.ed.undo_push(message="start")
     driver.add_camera()
     yield 0.2

@@ -90,7 +90,7 @@ def drags(driver):
 
 
 def fifty_undos(driver):
-    """Fifty steps of all sorts, undone and redone one by one: after each the volume is what it was then."""
+    """Fifty steps of all kinds, undone and redone one by one: each restores its volume."""
     build_scene()
     driver.add_camera()
     yield DRAW

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Viewing volumes drawn offscreen: the right colours at the right places, and never where they do not belong.
+"""Viewing volumes drawn offscreen: the right colours at the right places, and nowhere else.
 
 Needs OpenGL; Mesa's software renderer does (libegl1, libgl1-mesa-dri).
 """
@@ -72,7 +72,7 @@ def view(camera):
 
 
 def shoot(view, draw):
-    """What ``draw`` leaves in an offscreen buffer, (SIZE, SIZE, 4), row 0 at the bottom."""
+    """The pixels that ``draw`` renders offscreen, (SIZE, SIZE, 4), row 0 at the bottom."""
     offscreen = gpu.types.GPUOffScreen(SIZE, SIZE, format="RGBA8")
     with offscreen.bind():
         framebuffer = gpu.state.active_framebuffer_get()
@@ -193,7 +193,7 @@ def test_lines_hide_behind_what_is_nearer(gpu_context, drawing, camera, view):
 
 @pytest.mark.parametrize("seen", ["perspective", "orthographic", "far away", "orthographic from far away"])
 def test_lines_win_against_a_face_in_the_same_place(gpu_context, addon, drawing, camera, view, seen):
-    """In a town of kilometres, too, where steps of the depth buffer are larger than pixels."""
+    """The same in a town of kilometres, where steps of the depth buffer are larger than pixels."""
     if seen == "orthographic":
         view = (view[0], Matrix(((0.06, 0, 0, 0), (0, 0.06, 0, 0), (0, 0, -0.01, 0), (0, 0, 0, 1))))
     if seen.endswith("far away"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is marked in a drawn volume: folds, iso-surfaces, the picked projector; and colours by the background.
+"""Marks in a drawn volume: folds, iso-surfaces, the picked projector, and colours by the background.
 
 Needs OpenGL, as test_drawing.
 """
@@ -115,7 +115,7 @@ def test_folds_are_red_and_only_folds(drawing, addon, camera, view, background):
 
 @pytest.mark.parametrize("path", SOLID, ids=lambda path: path.stem)
 def test_no_preset_folds_as_read_back_from_blender(drawing, addon, make, path):
-    """Parameters are float32 there: a pole may lie beyond its place."""
+    """Float32 parameters may place a pole beyond its position."""
     camera = make(path.stem)
     camera.matrix_world = Matrix.Translation((30, -20, 10)) @ Matrix.Rotation(0.7, 4, (1, 2, 3))
     camera.scfpf.projector_count = 9

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Operators that make and edit flexible cameras: what they do, when they are on offer, undo and redo."""
+"""Operators that make and edit flexible cameras: their effects, their polls, undo and redo."""
 
 import contextlib
 import json
@@ -42,7 +42,7 @@ def viewport():
 
 @contextlib.contextmanager
 def seen(perspective):
-    """As ``viewport``, in another perspective, which a new file does not always take back."""
+    """``viewport`` in another perspective, which a new file may keep."""
     with viewport():
         bpy.context.region_data.view_perspective = perspective
         try:
@@ -52,7 +52,7 @@ def seen(perspective):
 
 
 def poll_message(operator, **override):
-    """What Blender says when an operator that cannot run is called."""
+    """Blender's message when an operator cannot run."""
     with bpy.context.temp_override(**override), pytest.raises(RuntimeError) as caught:
         operator()
     return str(caught.value)
@@ -128,7 +128,7 @@ def test_orthographic_view_from_inside_the_scene_is_moved_back():
 
 @pytest.mark.parametrize("size", [0.05, 30.0, 3000.0])
 def test_new_camera_inside_a_scene_reaches_through_it(size):
-    """A street of eight cubes about the viewport's eye."""
+    """A street of eight cubes around the viewport's eye."""
     with viewport():
         eye = bpy.context.region_data.view_matrix.inverted()
     for number in range(8):
@@ -151,7 +151,7 @@ def test_new_camera_that_looks_away_has_a_volume_of_the_scene_size():
 
 @pytest.mark.parametrize("size", [0.05, 2.0, 30.0, 3000.0])
 def test_presets_in_a_scene_hold_its_middle(addon, size):
-    """Whatever its size; from where a new camera sees all of it, and none is lost before the near surface."""
+    """From a new camera's place a preset's volume holds a scene of any size, also at the near surface."""
     placement = addon("operators.camera.camera_placement")
     preset_module = addon("operators.camera.presets")
     invert = addon("projection.volume.inverse").invert

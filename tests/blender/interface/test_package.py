@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The manifest, judged by the running Blender's own tool, and what belongs to it."""
+"""The manifest, validated by the running Blender's own tool, and the files that it names."""
 
 import pathlib
 import re
@@ -54,7 +54,7 @@ def test_wheels_are_the_locked_version():
 
 
 def test_no_link_to_any_host_in_what_ships():
-    """The extension asks for no network permission and needs none."""
+    """The extension neither asks for network permission nor needs it."""
     assert "network" not in MANIFEST["permissions"]
     for path in [*ROOT.glob("scfpf_addon/**/*.py"), *ROOT.glob("operators/*.py"), *ROOT.glob("panels/*.py")]:
         found = re.search(

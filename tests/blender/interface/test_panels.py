@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panels and menus, drawn into a layout that records: what they name exists, and both places agree."""
+"""The panels and menus, drawn into a recording layout: their names exist, and both places agree."""
 
 import types
 
@@ -313,7 +313,7 @@ def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):
 
 
 class Column:
-    """A layout that notes what is put into it: (item, height in rows)."""
+    """A layout that records its items: (item, height in rows)."""
 
     def __init__(self, items):
         self.items, self.scale_y = items, 1.0
@@ -332,7 +332,7 @@ class Column:
 
 
 def test_preset_menus_fit_a_small_screen(addon):
-    """All pictures stand in one column, all names in the next, as high: a menu drifts aside otherwise."""
+    """Images stand in one column and names in the next, equally high; otherwise a menu drifts aside."""
     for _group, entries in addon("operators.camera.presets").preset_groups():
         items = []
         addon("panels.thumbnails").draw_entries(
@@ -347,7 +347,7 @@ def test_preset_menus_fit_a_small_screen(addon):
 
 
 def test_blenders_panel_of_the_lens_says_what_it_is_for(addon):
-    """In that of a flexible camera alone, and not in that of other camera data that is pinned."""
+    """Only the panel of a flexible camera says it, not that of other, pinned camera data."""
     bpy.ops.object.camera_add()
     camera = bpy.context.object
     pinned = bpy.data.cameras.new("Pinned")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Node-modifier inputs through one interface on every Blender version; the properties as declared."""
+"""Node-modifier inputs through one interface on every Blender version; properties as declared."""
 
 import bpy
 import pytest
@@ -18,7 +18,7 @@ def versions(addon):
 
 @pytest.fixture
 def modifier():
-    """A node modifier with one input a type; its identifiers by name are in the group."""
+    """A node modifier with one input of each type, whose group has the identifiers by name."""
     group = bpy.data.node_groups.new("Group", "GeometryNodeTree")
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     for name, (socket_type, default, _) in SOCKETS.items():

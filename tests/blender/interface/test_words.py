@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The interface texts of our classes are spelled as Blender's own."""
+"""The interface texts of the extension's classes are spelled like Blender's."""
 
 import bpy
 
@@ -7,7 +7,7 @@ from tests.british import british
 
 
 def classes():
-    """Every class of ours that Blender knows."""
+    """Every registered class of the extension."""
     found = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("SCFPF")]
     found += [kind for kind in bpy.types.PropertyGroup.__subclasses__() if kind.__name__.startswith("SCFPF")]
     found += [getattr(bpy.ops.scfpf, name).get_rna_type() for name in dir(bpy.ops.scfpf)]
@@ -15,7 +15,7 @@ def classes():
 
 
 def texts():
-    """Name, tooltip and choices of each of them, with where they are."""
+    """The name, tooltip and choices of each class, with their places."""
     owners = [bpy.types.Object, bpy.types.Scene, bpy.types.ViewLayer, bpy.types.Collection]
     ours = [(rna, rna.properties) for rna in classes()]
     ours += [
