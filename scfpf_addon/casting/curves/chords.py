@@ -21,7 +21,7 @@ from ...projection.typing import BoolArray, IndexArray
 from ..common.hits import CastCounts, Hits
 from ..scene.cast_scene import CastScene
 from ..scene.stretches import Stretches, everywhere
-from .march import OVERLAP, Records, Traced, march
+from .march import OVERLAP, Records, Traced, first_hits, march
 from .plane_hits import Solutions, move_to_neighbours, solve
 from .projector_batch import ProjectorBatch
 from .schedule import Schedule
@@ -143,13 +143,8 @@ def _at_once(
         way.astype(np.float32, copy=False),
         np.full(len(chord), 1.0 + OVERLAP, np.float32),
     )
-    # The chords come in order: of several hits of a projector the last to be written is the first.
-    hit = np.flatnonzero(found >= 0)[::-1]
-    first = np.full(len(projectors), -1)
-    first[which[hit]] = hit
-    of = np.flatnonzero(first >= 0)
-    first = first[of]
-    return Records(projectors[of], chord[first], found[first])
+    first = first_hits(found, which, len(projectors))
+    return Records(projectors[which[first]], chord[first], found[first])
 
 
 def _chord_hits(work: Work, records: Records) -> Solutions:

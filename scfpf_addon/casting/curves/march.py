@@ -86,3 +86,16 @@ def march(
     hit = np.flatnonzero(triangle >= 0)
     records = Records(members.ravel().take(hit), chords.take(hit), triangle.take(hit))
     return records, shares.take(hit), cast
+
+
+def first_hits(found: NDArray[np.int32], which: IndexArray, count: int) -> IndexArray:
+    """The first ray of each of ``count`` projectors that hits, as indices (m,) of the rays.
+
+    found: (M,) triangles, -1 for none. which: (M,) the projector of each ray; rays of one projector come
+    in order.
+    """
+    # Of several hits written to a place the last is the first of the rays.
+    hit = np.flatnonzero(found >= 0)[::-1]
+    first = np.full(count, -1)
+    first[which[hit]] = hit
+    return first[first >= 0]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..curves.plane_hits import Solutions, first_root
 from ..scene.cast_scene import CastScene
-from .traversal import RESTART, SHORTEST, Rays, Traversal
+from .traversal import RESTART, Rays, Traversal, length_of, time_of
 
 # The straight way from a prism's face to a hit strays at most this far from the curve: a few
 # roundings (2⁻²⁴) of a coordinate of 1.
@@ -51,7 +51,7 @@ def _straight(traversal: Traversal, rays: Rays) -> tuple[Array, Array]:
     """The t of the rays, and the t up to which curves are straight from there, (M,) each."""
     breaks = traversal.chords.breaks
     steps = np.diff(breaks)
-    met_t = breaks.take(rays.chord) + rays.share * steps.take(rays.chord)
+    met_t = time_of(traversal, rays)
     # A chord of step h is ‖q''‖ h²/16 ≤ ε from its curve, a straight line over a
     # share of it ‖q''‖ (share h)²/8; that may end on the next chord.
     length = np.minimum(steps, np.append(steps[1:], steps[-1])).take(rays.chord)
@@ -78,7 +78,7 @@ def _seen(traversal: Traversal, start: Array, way: Array, after: float) -> NDArr
     """The first triangles on straight ways (3, M), -1 for none, from a little before to ``after`` times as
     much past the end.
     """
-    slack = way * (RESTART / np.maximum(np.sqrt(np.einsum("cn,cn->n", way, way)), SHORTEST))
+    slack = way * (RESTART / length_of(way))
     traversal.counts.rays += way.shape[1]
     return traversal.scene.mesh.trace(
         (start - slack).astype(np.float32),
@@ -178,6 +178,5 @@ def _apart(traversal: Traversal, start: Array, way: Array, triangle: IndexArray)
         zip(corners[1:] + corners[:1], corners[2:] + corners[:2], strict=True)
     ):
         across = np.cross(way, second - first, axis=0)
-        length = np.sqrt(np.einsum("cn,cn->n", across, across))
-        apart[k] = np.abs(np.einsum("cn,cn->n", start - first, across)) / np.maximum(length, SHORTEST)
+        apart[k] = np.abs(np.einsum("cn,cn->n", start - first, across)) / length_of(across)
     return apart

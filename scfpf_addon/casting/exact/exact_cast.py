@@ -29,12 +29,12 @@ from .chord_bounds import certain_chords
 from .direct_hits import certify
 from .traversal import (
     RESTART,
-    SHORTEST,
     Rays,
     Traversal,
     advance,
     chord_ends,
     crossing_time,
+    length_of,
     meet,
     meet_prisms,
     next_chords,
@@ -177,7 +177,7 @@ def _meet_at_start(traversal: Traversal, alive: NDArray[np.intp]) -> None:
     # Among many small triangles a way out of one prism skips others.
     first = traversal.batch.points.take(alive, 2)
     way = np.einsum("k,kcn->cn", traversal.chords.ends[1] - traversal.chords.ends[0], first)
-    share = np.minimum(length / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST), 1.0) / FIRST_LOOKS
+    share = np.minimum(length / length_of(way), 1.0) / FIRST_LOOKS
     none, zero = np.full((2, len(alive)), -1, np.int32), np.zeros(len(alive), np.intp)
     for step in range(FIRST_LOOKS):
         _meet_passed_over(
@@ -209,7 +209,7 @@ def _skipped_prisms(
     start, end = chord_ends(traversal, rays)
     way = end - start
     start += way * rays.share
-    way *= step / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST)
+    way *= step / length_of(way)
     start += way
     limits = np.full(len(triangle), 1.5, np.float32)
     numbers, triangles, ray = [], [], np.arange(len(triangle))
@@ -251,7 +251,7 @@ def _meet_passed_over(traversal: Traversal, rays: Rays, triangle: NDArray[np.int
     span = traversal.chords.span[rays.chord]
     for _ in range(LAYERS):
         way = curves.place(np.minimum(traversal.hits.t.take(projector), end_t)) - start
-        slack = way * (RESTART / np.maximum(np.sqrt((way**2).sum(axis=0)), SHORTEST))
+        slack = way * (RESTART / length_of(way))
         origins, ways = (start - slack).astype(np.float32), (way + 2.0 * slack).astype(np.float32)
         traversal.counts.rays += len(projector)
         found = traversal.scene.mesh.trace(origins, ways, np.ones(len(projector), np.float32))

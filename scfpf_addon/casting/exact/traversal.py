@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 from ..common.hits import CastCounts, Hits
 from ..curves.chord_rules import Chords
-from ..curves.march import OVERLAP
+from ..curves.march import OVERLAP, first_hits
 from ..curves.plane_hits import T_ROUNDING, Solutions, solve
 from ..curves.projector_batch import ProjectorBatch
 from ..scene.cast_scene import CastScene
@@ -104,6 +104,12 @@ def next_chords(held: BoolArray) -> NDArray[np.intp]:
     return after
 
 
+def length_of(vectors: Array) -> Array:
+    """Lengths (M,) of vectors (3, M), at least SHORTEST."""
+    length: Array = np.maximum(np.sqrt((vectors**2).sum(axis=0)), SHORTEST)
+    return length
+
+
 def time_of(traversal: Traversal, rays: Rays) -> Array:
     """The t of the rays, (M,)."""
     low, high = traversal.chords.breaks[rays.chord], traversal.chords.breaks[rays.chord + 1]
@@ -122,10 +128,7 @@ def advance(traversal: Traversal, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
                 parts.append(some)
                 triangles.append(found)
                 break
-        low, high = chords.breaks[rays.chord], chords.breaks[rays.chord + 1]
-        limit = (traversal.hits.t[rays.projector] - low) / (high - low)
-        start, end = chord_ends(traversal, rays)
-        found, share = _cast(traversal, start, end - start, rays.share, limit)
+        found, share = _cast(traversal, rays)
         met = np.flatnonzero(found >= 0)
         if len(met):
             parts.append(rays.take(met)._replace(share=share[met]))
@@ -164,28 +167,21 @@ def _advance_at_once(traversal: Traversal, rays: Rays, along: BoolArray) -> tupl
         np.where(here, rays.share[which], 0.0),
         np.where(here, rays.last[:, which], np.int32(-1)),
     )
-    low, high = traversal.chords.breaks[chord], traversal.chords.breaks[chord + 1]
-    limit = (traversal.hits.t[fresh.projector] - low) / (high - low)
-    start, end = chord_ends(traversal, fresh)
-    found, share = _cast(traversal, start, end - start, fresh.share, limit)
-    # In order of the chords: of several written to a place the last is the first met.
-    hit = np.flatnonzero(found >= 0)[::-1]
-    first = np.full(len(along), -1)
-    first[which[hit]] = hit
-    first = first[first >= 0]
+    found, share = _cast(traversal, fresh)
+    first = first_hits(found, which, len(along))
     return fresh.take(first)._replace(share=share[first]), found[first]
 
 
-def _cast(
-    traversal: Traversal, start: Array, way: Array, share: Array, limit: Array
-) -> tuple[NDArray[np.int32], Array]:
-    """The prisms met on chords between shares ``share`` and ``limit``, -1 for none, and where."""
-    left = 1.0 - share
-    limit = np.where(limit < 1.0, (limit - share) / left, 1.0) + OVERLAP
-    traversal.counts.chords += len(share)
-    origin = start + way * share
-    found, far = traversal.trace(origin, way * left, limit.astype(np.float32))
-    where: Array = np.minimum(share + far * left, 1.0)
+def _cast(traversal: Traversal, rays: Rays) -> tuple[NDArray[np.int32], Array]:
+    """The prisms that rays meet on the rest of their chords, or up to a known hit, -1 for none, and where."""
+    low, high = traversal.chords.breaks[rays.chord], traversal.chords.breaks[rays.chord + 1]
+    limit = (traversal.hits.t[rays.projector] - low) / (high - low)
+    start, end = chord_ends(traversal, rays)
+    way, left = end - start, 1.0 - rays.share
+    limit = np.where(limit < 1.0, (limit - rays.share) / left, 1.0) + OVERLAP
+    traversal.counts.chords += len(left)
+    found, far = traversal.trace(start + way * rays.share, way * left, limit.astype(np.float32))
+    where: Array = np.minimum(rays.share + far * left, 1.0)
     return found, where
 
 
@@ -241,8 +237,7 @@ def past_faces(traversal: Traversal, rays: Rays, step: float) -> Rays:
     """The rays ``step`` past the faces they have met, without those that have passed their hit."""
     chords = traversal.chords
     start, end = chord_ends(traversal, rays)
-    length = np.sqrt(((end - start) ** 2).sum(axis=0))
-    share = rays.share + step / np.maximum(length, SHORTEST)
+    share = rays.share + step / length_of(end - start)
     over = share >= 1.0
     beyond = traversal.following[rays.chord + 1, traversal.block[rays.projector]]
     chord = np.where(over, beyond, rays.chord)
