@@ -138,7 +138,7 @@ class Lamp:
         """Share of a spot's intensity that leaves it against direction (3, N), (N,).
 
         A smoothstep of the cosine to the axis, from the edge of the cone inwards over
-        the share ``spot_blend`` of the way to the axis. Compared with Cycles' pictures.
+        the share ``spot_blend`` of the way to the axis. Compared with images of Cycles.
         """
         local = np.einsum("ij,jn->in", self.local, direction)
         cosine = local[2] / np.maximum(np.sqrt(dot(local, local)), TINY)

@@ -123,13 +123,13 @@ class ThroughLens(Projection):
 def through(projection: Projection, lens: DepthOfField, share: Array) -> ThroughLens:
     """The projection through a lens, in the same space; share: see ``ThroughLens``."""
     return ThroughLens(
-        projection.volume,
-        projection.reparameterisation,
-        projection.u_range,
-        projection.v_range,
-        projection.aspect,
-        lens,
-        share,
+        volume=projection.volume,
+        reparameterisation=projection.reparameterisation,
+        u_range=projection.u_range,
+        v_range=projection.v_range,
+        aspect=projection.aspect,
+        lens=lens,
+        share=share,
     )
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -59,9 +59,9 @@ class _Making:
         count = self.flat.shape[1]
         smooth = np.empty((9, count), np.float32)
         if not shadows:
-            return type(self)(self.geometry, self.cast_scene, self.flat, smooth)
+            return replace(self, smooth=smooth)
         bulge, vertices = np.empty((6, count), np.float32), self.cast_scene.vertices.astype(np.float32)
-        return type(self)(self.geometry, self.cast_scene, self.flat, smooth, bulge, vertices)
+        return replace(self, smooth=smooth, bulge=bulge, vertices=vertices)
 
     def flat_shaded(self, some: slice) -> bool:
         """Write unit normals of triangles; return whether all their corners have these."""

@@ -66,7 +66,7 @@ class Light:
 class Scene:
     """A scene.
 
-    world_color: (3,) radiance of the uniform environment. warnings: a line about each thing that the reader
+    world_color: (3,) radiance of the uniform environment. warnings: a line about each feature that the reader
     left out. object_index, material_index: the number that the user gave
     each object of ``geometry.object_names`` and each of the materials. material_names: of these.
     images: those that materials read, by name, without missing ones. bounces: of light.

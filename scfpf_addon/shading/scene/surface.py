@@ -60,12 +60,12 @@ class SurfacePoints(NamedTuple):
             height = None if shadow.height is None else shadow.height.take(index)
             shadow = ShadowStart(shadow.origin.take(index, 1), shadow.flat.take(index, 1), height)
         return SurfacePoints(
-            self.position.take(index, 1),
-            self.normal.take(index, 1),
-            self.view.take(index, 1),
-            self.material.take(index),
-            shadow,
-            None if self.linked is None else self.linked.take(index),
+            position=self.position.take(index, 1),
+            normal=self.normal.take(index, 1),
+            view=self.view.take(index, 1),
+            material=self.material.take(index),
+            shadow=shadow,
+            linked=None if self.linked is None else self.linked.take(index),
         )
 
 
@@ -108,7 +108,15 @@ class SurfaceTable:
         material = (
             np.broadcast_to(number[0].astype(np.intp), number.shape) if alike else number.astype(np.intp)
         )
-        return cls(cast_scene, flat, smooth, bulge, shadows, material, geometry.linked)
+        return cls(
+            cast_scene=cast_scene,
+            flat=flat,
+            smooth=smooth,
+            bulge=bulge,
+            shadows=shadows,
+            material=material,
+            linked=geometry.linked,
+        )
 
     def points(
         self,
@@ -147,7 +155,9 @@ class SurfaceTable:
         else:
             material = self.material.take(triangle, mode="wrap")
         linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
-        return SurfacePoints(place, normal, view, material, shadow, linked)
+        return SurfacePoints(
+            position=place, normal=normal, view=view, material=material, shadow=shadow, linked=linked
+        )
 
 
 def smooth_normal(

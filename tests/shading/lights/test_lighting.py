@@ -28,7 +28,7 @@ def test_a_sun_from_below_the_visible_side_lights_nothing(build):
     assert not build.shade(build.scene(lights=[sun]), 0, [0, 0, 0]).any()
 
 
-def test_faces_are_lit_on_the_side_that_is_seen(build):
+def test_faces_are_lit_on_the_visible_side(build):
     scene = build.scene(lights=[Light("SUN", np.ones(3), build.placed((0, 0, 0), (0, 0, 1)))])
     seen_from_below = build.shade(scene, 0, [0, 0, 0], tangent=(0, 0, 1))
     assert np.allclose(seen_from_below, 1 / np.pi)
@@ -63,7 +63,7 @@ def test_soft_point_lamp_is_a_disc_that_faces_the_point(build):
 
 
 def mean_light(build, light, where=(0, 0, 0), samples=256):
-    """Light that leaves a place of a white matt square, over all samples."""
+    """Radiance of a point on a white diffuse square, over all samples."""
     scene = build.scene(lights=[light])
     return np.mean([build.shade(scene, 0, where, sample=s, samples=samples)[0, 0] for s in range(samples)])
 
@@ -79,7 +79,7 @@ def test_a_sphere_lights_as_a_point_in_its_middle(build, distance):
 
 
 def test_a_soft_lamp_nearby_is_a_disc_that_faces_the_point(build):
-    """Closed form of the disc, at half its radius; places in a ball look like an even disc to 1 %."""
+    """Closed form of the disc, at half its radius; places in a ball approximate an even disc to 1 %."""
     lamp = point(build, (0, 0, 0.5), radius=1.0)
     assert mean_light(build, lamp) == pytest.approx(100 / (4 * np.pi) / (0.5**2 + 1) / np.pi, rel=0.01)
 
@@ -87,7 +87,7 @@ def test_a_soft_lamp_nearby_is_a_disc_that_faces_the_point(build):
 @pytest.mark.parametrize("ellipse", [False, True])
 @pytest.mark.parametrize("degrees", [0, 1, 20, 60, 120])
 def test_below_a_large_lamp_light_is_that_of_parallel_beams(build, degrees, ellipse):
-    """If a spread lets through only what is on the lamp, irradiance is power by area for any spread."""
+    """If all light within the spread is from the lamp, irradiance is power by area for any spread."""
     size, height = (4.0, 5.0), 0.7
     lamp = area(
         build,
@@ -144,7 +144,7 @@ def test_spot_blends_as_a_smoothstep_of_the_cosine(build):
 
 
 def test_spot_cone_follows_the_lamp_s_scale(build):
-    """Twice as wide along X: the edge lies at twice the tangent there and where it was along Y."""
+    """Twice as wide along X: the edge lies at twice the tangent there, and at the same along Y."""
     wide = build.placed((0, 0, 2)) @ np.diag([2.0, 1, 1, 1])
     scene = build.scene([build.square(8)], [spot(build, 1.0, 0.0, wide)])
     x, y = wide[:3, 0] / 2, wide[:3, 1]
@@ -215,8 +215,8 @@ def hemisphere(rings=1000, around=80):
 
 @pytest.mark.parametrize("roughness", [0.3, 0.5, 0.8, 1.0])
 @pytest.mark.parametrize("degrees", [0, 50])
-def test_the_lobe_reflects_what_arrives(build, roughness, degrees):
-    """A white metal: what facets drawn by lot reflect at once, brighter by what they do not at each angle."""
+def test_the_lobe_reflects_the_light_that_arrives(build, roughness, degrees):
+    """A white metal: single scattering off random facets, with energy compensation at each angle."""
     angle = np.radians(degrees)
     sun = Light("SUN", np.ones(3), build.placed((0, 0, 0), (np.sin(angle), 0, -np.cos(angle))), False)
     metal = build.scene(lights=[sun], metallic=1.0, roughness=roughness, f0=0.04)
@@ -243,7 +243,7 @@ def test_the_highlight_lies_where_the_tangent_mirrors_the_lamp(build, roughness)
     mirrored = np.array([[-0.6], [0], [0.8]])
     towards = np.concatenate([mirrored, towards], axis=1)
     leaving = build.shade(metal, 0, np.zeros_like(towards), tangent=-3.7 * towards)[0]
-    # The brightest places of rough surfaces lie nearer to their horizon.
+    # The brightest points of rough surfaces lie nearer to their horizon.
     assert leaving.argmax() == 0 or roughness > 0.5
     rough = max(roughness, 0.08)
     squared = rough**4
@@ -313,7 +313,7 @@ def test_a_lamp_without_shadow_shines_through(build):
 
 @pytest.mark.parametrize("kind", ["AREA", "POINT"])
 def test_half_of_a_soft_shadow(build, kind):
-    """Where the middle of the lamp is just at the occluder's edge, half of it is seen."""
+    """Where the occluder's edge covers the lamp's middle, half of the lamp is visible."""
     size = {"size": (0.4, 0.4)} if kind == "AREA" else {"radius": 0.2}
     scene = blocked(build, Light(kind, np.ones(3), build.placed((0.25, 0, 3)), **size))
     open_floor = build.scene([build.square(3)], scene.lights)
@@ -326,7 +326,7 @@ def test_half_of_a_soft_shadow(build, kind):
 
 @pytest.mark.parametrize("shift", [0.0, 1e5])
 def test_a_lit_facet_does_not_shadow_itself(build, shift):
-    """At every slant, down to a light that grazes by a degree."""
+    """At every angle, down to light that grazes by a degree."""
     vertices, faces, _ = build.sphere(24, centre=(shift, shift, 0))
     weights = np.random.default_rng(3).dirichlet(np.ones(3), len(faces))
     where = np.einsum("tk,tkc->ct", weights, vertices[faces])
@@ -342,7 +342,7 @@ def test_a_lit_facet_does_not_shadow_itself(build, shift):
 
 
 def test_smooth_shading_hides_the_facets_where_light_grazes(build):
-    """A coarse smooth sphere is lit to where the pretended surface turns away, not facet by facet."""
+    """A coarse smooth sphere is lit up to the terminator of the pretended surface, not facet by facet."""
     vertices, faces, normals = build.sphere(8)
     rng = np.random.default_rng(5)
     chosen = rng.integers(0, len(faces), 4000)
@@ -357,7 +357,7 @@ def test_smooth_shading_hides_the_facets_where_light_grazes(build):
 
 
 def test_smooth_shading_keeps_shadows_at_their_place(build):
-    """A box shaded smooth pretends to bulge far out; light that does not graze its faces ignores that."""
+    """A box shaded smooth pretends to bulge far out; light that does not graze its faces is not affected."""
     corners = np.array(np.meshgrid([-1.0, 1], [-1.0, 1], [-1.0, 1], indexing="ij")).reshape(3, -1).T
     top = [[1, 5, 7], [1, 7, 3]]
     box = corners, top, (corners / np.sqrt(3))[np.array(top)]

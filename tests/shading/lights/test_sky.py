@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Worlds of nodes without Blender: directions, light that is taken apart, rough reflections."""
+"""Worlds of nodes without Blender: directions, lamps and soft light, rough reflections."""
 
 from dataclasses import replace
 
@@ -35,7 +35,7 @@ def constant(*value):
 
 
 def by_direction():
-    """A world whose colour is the direction, half as bright, about grey."""
+    """A world whose colour is half the direction plus grey."""
     operations = (
         constant(1.0),
         Operation("POSITION"),
@@ -46,7 +46,7 @@ def by_direction():
 
 
 def of_image(pixels):
-    """A world of an equirectangular picture (H, W, 3)."""
+    """A world of an equirectangular image (H, W, 3)."""
     data = np.ones((*pixels.shape[:2], 4), np.float32)
     data[..., :3] = pixels
     settings = {"image": "Sky", "projection": "EQUIRECTANGULAR", "interpolation": "Linear"}
@@ -56,7 +56,7 @@ def of_image(pixels):
 
 
 def sunny(sun=5000.0):
-    """A gradient with a sun of a few texels, and where that is."""
+    """A gradient with a sun of a few texels, and the sun's texels."""
     directions = map_directions(COLUMNS, ROWS)
     pixels = 0.5 + 0.4 * directions[2] * np.array([[0.2], [0.6], [1.0]])
     towards = np.array([0.48, -0.6, 0.64])
@@ -65,7 +65,7 @@ def sunny(sun=5000.0):
 
 
 def bent():
-    """Projectors that end sideways."""
+    """Projectors that leave the volume sideways."""
     surfaces = []
     for height, shift, size in ((3.0, 0.0, 1.0), (1.0, 0.3, 1.5), (-1.0, 2.0, 2.5)):
         matrix = np.eye(4)
@@ -95,7 +95,7 @@ def test_the_world_is_seen_where_projectors_leave_the_volume(build, with_things)
     assert (pixels[..., 3] == 1.0).all()
 
 
-def test_light_is_taken_apart_without_losing_any():
+def test_lamps_and_soft_light_add_up_to_the_world():
     world, towards = sunny()
     light = world.light
     areas = map_areas(COLUMNS, ROWS)
@@ -118,8 +118,8 @@ def test_light_is_taken_apart_without_losing_any():
     assert found == pytest.approx(expected, rel=0.005)
 
 
-def test_a_wide_lamp_in_a_picture_is_no_sun():
-    """What is as large as a window is seen whole in mirrors."""
+def test_a_large_bright_area_becomes_no_lamp():
+    """An area as large as a window is whole in mirrors."""
     pixels = np.full((ROWS, COLUMNS, 3), 0.1)
     pixels[300:380, 200:300] = 20.0
     assert of_image(pixels).light.lamps == ()
@@ -142,7 +142,7 @@ def test_the_curve_goes_from_neighbour_to_neighbour():
 
 
 def mirror(roughness):
-    """A metal of all the light."""
+    """A metal that reflects all light."""
     operations = (constant(1.0), constant(1.0, 1.0, 1.0), constant(roughness), Operation("NORMAL"))
     inputs = {"color": Ref(1), "roughness": Ref(2), "normal": Ref(3), "multiscatter": Ref(0)}
     return MaterialGraph(operations, (Closure("GLOSSY", Ref(0), inputs),), reflects=True)
@@ -155,7 +155,7 @@ def mirrored_scene(build, roughness, world):
 
 
 def test_mirrors_show_the_world_along_the_straight_ray(build):
-    """And in a furnace a rough one sends on all that comes, whatever the angle."""
+    """In a furnace a rough mirror reflects all light at any angle."""
     scene = mirrored_scene(build, 0.0, by_direction())
     settings = FrameSettings(4, 4, samples=1)
     pixels = render_frame(build.looking_down(3.0, -3.0, shifts=(0.0, 3.0)), scene, settings).pixels
@@ -170,7 +170,7 @@ def test_mirrors_show_the_world_along_the_straight_ray(build):
 
 
 def test_threads_and_borders_change_nothing(build):
-    """Rough reflections and the sky's shadows are the pixel's and the place's own."""
+    """Random numbers of rough reflections depend on the pixel, those of the sky's shadows on the position."""
     world, _ = sunny()
     parts = [build.square(5.0), build.sphere(8, (0.2, 0.1, 0.6), 0.4)]
     scene = build.scene(parts)
@@ -185,8 +185,8 @@ def test_threads_and_borders_change_nothing(build):
 
 
 @pytest.mark.parametrize("adaptive", [None, Adaptive(0.02, 2)])
-def test_passes_of_light_are_the_picture(build, adaptive):
-    """The sky's light on things is diffuse or specular, the sky that is seen the environment."""
+def test_light_passes_add_up_to_the_image(build, adaptive):
+    """The sky's light on surfaces is diffuse or specular, the visible sky is the environment."""
     world, _ = sunny(500.0)
     scene = build.scene([build.square(0.6), build.sphere(8, (0.1, 0.1, 0.4), 0.3)])
     scene = replace(scene, materials=replace(scene.materials, graphs={0: mirror(0.3)}), world=world)
@@ -203,7 +203,7 @@ def test_passes_of_light_are_the_picture(build, adaptive):
 @pytest.mark.parametrize("roughness", [0.3, 0.8])
 @pytest.mark.parametrize("cosine", [0.25, 0.9])
 def test_facets_reflect_as_their_distribution_says(roughness, cosine):
-    """Mean of what is drawn against the GGX reflectance summed over all directions."""
+    """The mean of random samples against the GGX reflectance summed over all directions."""
     alpha = roughness**2
     view = np.array([np.sqrt(1 - cosine**2), 0.0, cosine])
     directions = map_directions(COLUMNS, ROWS)
@@ -218,7 +218,7 @@ def test_facets_reflect_as_their_distribution_says(roughness, cosine):
     many = np.repeat(view[:, None], 4096, axis=1)
     up = np.repeat([[0.0], [0.0], [1.0]], 4096, axis=1)
     way_drawn, passed, _ = ggx_sampling.reflected(-many, up, up, np.full(4096, roughness), share)
-    # ``reflected`` has axes of its own: what counts is the height.
+    # ``reflected`` has axes of its own, so only heights are compared.
     for power in (0, 1, 3):
         expected = (value * way[2] ** power * area).sum()
         assert (passed * np.maximum(way_drawn[2], 0) ** power).mean() == pytest.approx(expected, rel=0.01)
@@ -226,8 +226,8 @@ def test_facets_reflect_as_their_distribution_says(roughness, cosine):
     assert once == pytest.approx((value * area).sum(), rel=0.02)
 
 
-def test_rays_off_small_things_in_a_large_scene_leave_them(build):
-    """Faces of a thing a thousandth of the scene's size: none is met by the rays that leave it."""
+def test_rays_off_small_objects_in_a_large_scene_leave_them(build):
+    """An object a thousandth of the scene's size: rays that leave a face meet none of its faces."""
     scene = build.geometry(build.square(40.0, -1.0), build.sphere(16, (1.3, -1.1, -0.3), 0.04))
     cast_scene = CastScene(scene.vertices, scene.triangles)
     small = np.flatnonzero(scene.material == 1).astype(np.int32)
@@ -253,7 +253,7 @@ def canyon(build, world, **more):
 
 
 def hidden_floor(world, places):
-    """Irradiance (3, n) on the floor of the canyon, summed over all directions and what the walls hide."""
+    """Irradiance (3, n) on the canyon's floor, summed over all directions that the walls do not occlude."""
     directions = map_directions(256, 128)
     light = world.light.without_lamps(directions, world.radiance(directions))
     light = light * (np.repeat(map_areas(256, 128), 256) * np.maximum(directions[2], 0.0))
@@ -270,10 +270,10 @@ def hidden_floor(world, places):
 
 
 @pytest.mark.parametrize("samples", [1, 64])
-def test_what_hides_the_sky_is_counted_as_much_as_it_hides(build, samples):
-    """Against a sum over all directions. In the sun fewer rays look for it, and the mean is the same."""
+def test_occlusion_of_the_sky_is_unbiased(build, samples):
+    """Against a sum over all directions. In the sun there are fewer rays, and the mean is the same."""
     world, _ = sunny(0.4)
-    # There are few pixels, in the sun with few rays each.
+    # The image has few pixels, in the sun with few rays each.
     means, each = {1: 0.1, 64: 0.02}, {1: 0.1, 64: 0.07}
     settings = FrameSettings(24, 6, samples=samples)
     view = build.looking_down(3.0, -3.0, size=2.0)
@@ -294,7 +294,7 @@ def test_what_hides_the_sky_is_counted_as_much_as_it_hides(build, samples):
 
 @pytest.mark.parametrize("sun, most", [(0.0, 30), (8.0, 12)])
 def test_shadow_rays_of_the_sky_are_a_pixels_not_a_samples(build, monkeypatch, sun, most):
-    """About as many whatever the samples; in the sun, where their noise is less seen, fewer."""
+    """About the same number for any number of samples; fewer in the sun, which hides their noise."""
     world, _ = sunny(0.4)
     rays, cast = [0], CastScene.occluded
 

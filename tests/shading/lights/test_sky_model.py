@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The clear sky: what is known of sunlight and air, in closed form where there is one."""
+"""The clear sky against known values of sunlight and air, in closed form where possible."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def looked(way, air=USUAL, blur=0.0, **settings):
 
 
 def test_sunlight_is_that_of_a_black_body():
-    """Of the sun's 1361 W/m² some 46 % are between 380 and 780 nm; it is brightest at 2898 µm K / 5778 K."""
+    """Of the sun's 1361 W/m² some 46 % are between 380 and 780 nm; the peak is at 2898 µm K / 5778 K."""
     light = sky_model.sunlight()
     step = np.diff(sky_model.WAVELENGTHS)
     assert ((light[1:] + light[:-1]) / 2 * step).sum() == pytest.approx(0.46 * 1361, rel=0.05)
@@ -51,7 +51,7 @@ def test_rays_end_at_the_top_of_the_air(cosine):
 
 
 def test_depths_straight_up_are_the_columns_of_air():
-    """Of densities exp(-h / H) the column is H (1 - exp(-top / H)), of a triangle half its base."""
+    """Of densities exp(-h / H) the column is H (1 - exp(-top / H)), of a triangular density half its base."""
     depth = sky_model._depth_to_sun(np.array([GROUND]), np.ones(1), USUAL)[:, 0]
     top = TOP - GROUND
     for found, height in zip(depth[:2], (sky_model.AIR_HEIGHT, sky_model.DUST_HEIGHT), strict=True):
@@ -73,9 +73,9 @@ def test_a_sky_is_blue_above_bright_below_and_thin_air_shines_by_its_amount():
     table = sky_table(USUAL)
     zenith, horizon = table[:, -1, 0], table[:, 0, -1]
     assert zenith[2] > 2 * zenith[0] and horizon.sum() > 2 * zenith.sum()
-    # The zenith is one place, whatever side one looks from.
+    # The zenith is the same point for all azimuths.
     np.testing.assert_allclose(table[:, -1], np.repeat(zenith[:, None], sky_model.COLUMNS, axis=1), rtol=1e-6)
-    # Light scattered once is in proportion to what scatters, where that is little.
+    # Single scattering by thin air is in proportion to its amount.
     little, less = (sky_table(Air(0.6, 0.0, amount, 0.0, 0.0))[:, -1, 0] for amount in (2e-3, 1e-3))
     np.testing.assert_allclose(little, 2 * less, rtol=2e-3)
     # By Rayleigh's phase function, 1 + cos² of the angle to the sun: at the zenith, for two suns.
@@ -83,14 +83,14 @@ def test_a_sky_is_blue_above_bright_below_and_thin_air_shines_by_its_amount():
     np.testing.assert_allclose(high / low, (1 + 1.0) / (1 + 0.25), rtol=0.01)
 
 
-def test_ozone_only_takes_and_scattering_on_adds():
+def test_ozone_absorbs_and_multiple_scattering_adds():
     bare, ozone = sky_table(USUAL._replace(ozone=0.0)), sky_table(USUAL)
     luminance, less = (np.tensordot((0.2126, 0.7152, 0.0722), each, 1) for each in (bare, ozone))
     assert (less < luminance).all()
     once = sky_table(USUAL)
     again = sky_table(USUAL._replace(multiscatter=True)) / sky_model.MULTISCATTER_TINT[:, :, None]
     assert (again > once).all() and again.mean() < 2.5 * once.mean()
-    # After sunset no light comes by one scattering from low air, and some from high.
+    # After sunset low air scatters no light in one step, and high air some.
     night = sky_table(USUAL._replace(elevation=-0.1))
     assert 0.0 < night.max() < 0.05 * once.max()
 
@@ -103,7 +103,7 @@ def test_the_node_turns_the_sky_with_its_sun():
             np.testing.assert_allclose(
                 seen, looked(direction(0.4, rotation - turn), rotation=rotation, scale=2.0)
             )
-    # At the table's own places it is the table.
+    # At the table's entries the node returns the table.
     row, column = 20, 30
     elevation, turn = (row / (sky_model.ROWS - 1)) ** 2 * np.pi / 2, column / (sky_model.COLUMNS - 1) * np.pi
     np.testing.assert_allclose(
@@ -122,7 +122,7 @@ def test_below_the_horizon_light_fades():
 
 @pytest.mark.parametrize("blur", [0.0, 0.02])
 def test_the_suns_disc_holds_the_suns_light(blur):
-    """All of the disc together is the sun's irradiance times its intensity, less what its rim lacks."""
+    """All of the disc together is the sun's irradiance times its intensity, less the limb darkening."""
     size, intensity = 0.03, 3.0
     line = (np.arange(161) + 0.5) / 161 - 0.5
     reach = 0.12
@@ -131,7 +131,7 @@ def test_the_suns_disc_holds_the_suns_light(blur):
     ways = unit(middle[:, None] + right[:, None] * x + np.cross(right, middle)[:, None] * y)
     without = looked(ways, blur=blur)
     disc = looked(ways, blur=blur, size=size, intensity=intensity)
-    # A sharp disc stands before the sky, a blurred one is added to it.
+    # A sharp disc replaces the sky, a blurred one is added to it.
     sky_behind = np.where(disc > 2 * without, 0.0, disc) if blur == 0.0 else without
     whole = (disc - sky_behind).sum(axis=1) * (reach / 161) ** 2
     np.testing.assert_allclose(whole, sky.LIMB_MEAN * intensity * sun_color(USUAL, 0.6), rtol=0.05)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What shaders do with light: shares that are bodies, mirrors, glass and holes, no more than all together."""
+"""Lobes of shaders: bodies, reflections, glass and transparency, at most 1 in total."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ PRINCIPLED = {
 
 
 def at_surface(cosine, back=0.0):
-    """Hits on a level face, looked at from an angle to it."""
+    """Hits on a level face, seen at an angle."""
     one = np.zeros(1, np.int32)
     geometry = Geometry(np.eye(3), np.array([[0, 1, 2]], np.int32), np.zeros((1, 3, 3), np.float32), one, one)
     up = np.repeat([[0.0], [0.0], [1.0]], COUNT, axis=1)
@@ -39,7 +39,7 @@ def at_surface(cosine, back=0.0):
 
 
 def shader(kind, weight=1.0, cosine=0.8, back=0.0, **inputs):
-    """The lobes of one closure of constants: its bodies, and what it sends on."""
+    """The bodies and the scattered lobes of one closure of constants."""
     operations = [Operation("CONSTANT", (), {"value": weight}), Operation("NORMAL")]
     refs = {"normal": Ref(1)}
     for name, value in inputs.items():
@@ -58,7 +58,7 @@ def schlick(r0, cosine):
 
 
 def fresnel(cosine, ior):
-    """By Snell's law and Fresnel's equations for both polarisations."""
+    """Reflectance by Snell's law and Fresnel's equations for both polarisations."""
     other = np.sqrt(1 - (1 - cosine**2) / ior**2)
     s, p = (cosine - ior * other) / (cosine + ior * other), (ior * cosine - other) / (ior * cosine + other)
     return (s * s + p * p) / 2
@@ -74,7 +74,7 @@ def test_diffuse_and_emission_are_bodies():
     np.testing.assert_allclose(glow.materials.emission, np.tile(3 * COLOR, (COUNT, 1)))
 
 
-def test_what_weighs_nothing_or_is_no_number_is_left_out():
+def test_weights_of_zero_or_nan_make_no_lobe():
     assert shader("DIFFUSE", 0.0, color=COLOR) == ([], [])
     assert shader("DIFFUSE", -1.0, color=COLOR) == ([], [])
     assert shader("DIFFUSE", np.nan, color=COLOR) == ([], [])
@@ -82,7 +82,7 @@ def test_what_weighs_nothing_or_is_no_number_is_left_out():
     np.testing.assert_array_equal(body.materials.base_color, 0.0)
 
 
-def test_transparency_lets_its_colour_through():
+def test_a_transparent_lobe_has_the_closures_colour():
     bodies, (through,) = shader("TRANSPARENT", 0.5, color=COLOR)
     assert not bodies and through.kind == "TRANSPARENT"
     np.testing.assert_allclose(through.tint, np.tile(0.5 * COLOR[:, None], COUNT))
@@ -90,7 +90,7 @@ def test_transparency_lets_its_colour_through():
 
 @pytest.mark.parametrize("back", [0.0, 1.0])
 @pytest.mark.parametrize("cosine", [1.0, 0.8])
-def test_glass_mirrors_fresnels_share_and_refracts_the_rest(cosine, back):
+def test_glass_reflects_fresnels_share_and_refracts_the_rest(cosine, back):
     white = np.ones(3)
     _, sent = shader("GLASS", cosine=cosine, back=back, color=white, roughness=0.0, ior=1.3)
     mirror, refracted = sent
@@ -129,7 +129,7 @@ def test_a_rough_metal_reflects_by_schlick():
     assert some.tint.shape == (3, 1) and some.rough.f0.shape == (3, 1)
 
 
-def test_a_coat_takes_fresnels_share_from_what_lies_under_it():
+def test_a_dielectric_layer_takes_fresnels_share_from_the_diffuse_light():
     (body,), (coat,) = shader("PRINCIPLED", cosine=0.5, **PRINCIPLED | {"roughness": 0.1})
     lost = fresnel(0.5, 1.5)
     table, every = MaterialCoefficients.of(body.materials, np.zeros(3)), np.arange(COUNT)
@@ -146,7 +146,7 @@ def test_alpha_and_transmission_share_a_surface():
     through, mirror, refracted = sent
     assert [one.kind for one in sent] == ["TRANSPARENT", "GLOSSY", "TRANSMISSION"]
     np.testing.assert_allclose(through.tint, 0.75)
-    # What goes in and out again is the base's colour, so that each way it is its root.
+    # Light that enters and leaves has the base colour, so each way the root of it.
     share = fresnel(0.8, 1.5)
     np.testing.assert_allclose(mirror.tint, 0.25 * share)
     np.testing.assert_allclose(refracted.tint[:, 0], 0.25 * (1 - share) * np.sqrt(COLOR))
@@ -154,6 +154,6 @@ def test_alpha_and_transmission_share_a_surface():
 
 
 @pytest.mark.parametrize("ior", [1.0, 1.5, 2.4])
-def test_indices_of_refraction_come_back_from_what_they_reflect(ior):
+def test_indices_of_refraction_are_recovered_from_f0(ior):
     f0 = np.array([[((ior - 1) / (ior + 1)) ** 2]])
     assert ior_of(f0) == pytest.approx(ior)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Material graphs without Blender: images, layers, what a graph costs, what goes on behind a hit."""
+"""Material graphs without Blender: images, layers, transparency and refraction."""
 
 from dataclasses import replace
 
@@ -58,7 +58,7 @@ def constant(*value):
 
 
 def clear(color, glow=(0.0, 0.0, 0.0)):
-    """A surface that lets ``color`` of the light through and adds a glow."""
+    """A transparent surface of a colour that also emits."""
     operations = (constant(1.0), constant(*color), constant(*glow), Operation("NORMAL"))
     through = Closure("TRANSPARENT", Ref(0), {"color": Ref(1), "normal": Ref(3)})
     return MaterialGraph(
@@ -78,8 +78,8 @@ def constants(count, emission=(0.0, 0.0, 0.0), graphs=None):
 
 
 @pytest.mark.parametrize("degree, pixel_error", [(1, 0.1), (2, 0.1), (3, 0.1), (1, 0.0), (3, 0.0)])
-def test_what_follows_on_a_projector_is_where_its_height_says(degree, pixel_error):
-    """Control surfaces at even heights make z linear in t: sheet after sheet is met at a known t."""
+def test_next_hits_on_a_projector_lie_at_the_known_heights(degree, pixel_error):
+    """Control surfaces at even heights make z linear in t: each sheet is hit at a known t."""
     heights = [1.7, 0.4, 0.3, -1.0, -2.6]
     geometry, projection = sheets(*heights), bent(degree)
     scene = CastScene(geometry.vertices, geometry.triangles)
@@ -98,8 +98,8 @@ def test_what_follows_on_a_projector_is_where_its_height_says(degree, pixel_erro
 
 @pytest.mark.parametrize("degree", [1, 3])
 @pytest.mark.parametrize("transparent", [False, True])
-def test_light_through_sheets_is_the_sum_of_what_each_adds(degree, transparent):
-    """Three panes before a glowing ground, which ends half way across the picture."""
+def test_light_through_sheets_is_the_sum_of_their_emission(degree, transparent):
+    """Three panes before a glowing ground, which ends half way across the image."""
     geometry = sheets(1.5, 1.0, 0.5, -1.0)
     middle = {1: 0.6, 3: 0.0}[degree]
     geometry.vertices[12:, 0] = np.where(geometry.vertices[12:, 0] > 0, 2.0, middle)
@@ -179,8 +179,8 @@ def test_texel_centres_are_the_texels_by_any_extension(column, row):
 
 
 @given(st.floats(-3, 3), st.floats(-3, 3))
-def test_between_texels_a_plane_is_a_plane(u, v):
-    """Linear and cubic interpolation both keep what is linear."""
+def test_interpolation_reproduces_a_plane(u, v):
+    """Linear and cubic interpolation both reproduce linear functions."""
     y, x = np.mgrid[:60, :60]
     ramp = np.stack([x, y, x + y, x - y], -1).astype(np.float32)
     at = np.array([20 + 5 * u]), np.array([30 + 5 * v])

@@ -125,7 +125,7 @@ def test_vector_math_is_geometry():
         np.testing.assert_allclose(vectors(operation, a, b)[0][:, 0], expected, atol=1e-15, err_msg=operation)
     np.testing.assert_allclose(vectors("SCALE", a, scale=2.5)[0][:, 0], (2.5, 5.0, -5.0))
     np.testing.assert_allclose(vectors("MULTIPLY_ADD", a, b, (1, 1, 1))[0][:, 0], (1, 1, -5))
-    # Kept where the light comes against the reference, turned where it comes along it.
+    # Kept where the vector opposes the reference, flipped where it follows it.
     for incident, side in ((b, -1.0), ((0, 0, -3.0), 1.0)):
         turned = vectors("FACEFORWARD", a, incident, (0, 0, 1))[0][:, 0]
         np.testing.assert_array_equal(turned, side * np.array(a))
@@ -152,7 +152,7 @@ def test_vector_math_is_geometry():
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.2])
 def test_vectors_are_refracted_by_snells_law(angle):
-    """Sines have the ratio of the indices; beyond the critical angle nothing goes on."""
+    """Sines have the ratio of the indices; beyond the critical angle the result is 0."""
     incident = (math.sin(angle), 0.0, -math.cos(angle))
     for ratio in (0.7, 1.4):
         bent = vectors("REFRACT", incident, (0, 0, 2.0), scale=ratio)[0][:, 0]
@@ -173,7 +173,7 @@ def test_mapping_scales_turns_and_moves():
     np.testing.assert_allclose(mapped("POINT", vector), turn @ (vector * scale) + location)
     np.testing.assert_allclose(mapped("VECTOR", vector), turn @ (vector * scale))
     np.testing.assert_allclose(mapped("TEXTURE", mapped("POINT", vector)), vector)
-    # A normal stays at right angles to what lies in the surface.
+    # A normal stays perpendicular to directions in the surface.
     along = np.cross(vector[:, 0], (1.0, 2.0, 3.0))[:, None]
     assert abs(mapped("NORMAL", vector)[:, 0] @ mapped("VECTOR", along)[:, 0]) < 1e-12
     assert np.linalg.norm(mapped("NORMAL", vector)) == pytest.approx(1.0)

@@ -36,8 +36,8 @@ def test_normals_of_a_sphere_are_interpolated(build):
 
 
 @pytest.mark.parametrize("smooth", [False, True])
-def test_portions_and_threads_change_no_table(build, monkeypatch, smooth):
-    """The smooth thing is the last, so that the first portions are flat."""
+def test_chunks_and_threads_change_no_table(build, monkeypatch, smooth):
+    """The smooth object is the last, so that the first chunks are flat."""
     parts = [build.square(0.5, k / 40) for k in range(30)] + [build.sphere(4)] * smooth
     geometry = build.geometry(*parts)
     whole, _ = table_of(geometry, True)
@@ -58,7 +58,7 @@ def test_normals_and_view_face_against_the_tangent(build, direction, length):
 
 
 def test_the_side_is_the_triangle_s_not_the_interpolated_normal_s(build):
-    """Near a silhouette the interpolated normal may look away from a viewer who sees the front."""
+    """Near a silhouette the interpolated normal may face away from a viewer who sees the front."""
     vertices, faces, _ = build.square()
     leaning = np.tile([0.8, 0, 0.6], (2, 3, 1))
     table, _ = table_of(build.geometry((vertices, faces, leaning)))
@@ -103,7 +103,7 @@ def test_materials_are_looked_up_by_triangle(build):
 
 @pytest.mark.parametrize("seen_from", [1, -1])
 def test_a_smooth_bump_has_a_height_over_its_facets_on_its_outside_only(build, seen_from):
-    """Outside the height leads to the sphere that the normals pretend; the hollow inside has none."""
+    """Outside the height reaches the sphere that the normals pretend; inside, in the hollow, it is 0."""
     vertices, faces, normals = build.sphere(16)
     table, cast_scene = table_of(build.geometry((vertices, faces, normals)), shadows=True)
     middle = vertices[faces].mean(axis=1).T
@@ -114,7 +114,7 @@ def test_a_smooth_bump_has_a_height_over_its_facets_on_its_outside_only(build, s
     facet = np.linalg.norm(middle, axis=0)
     height = points.shadow.height / cast_scene.scale
     if seen_from > 0:
-        # Tangent planes meet above the sphere, by at most its own height over the facet.
+        # Tangent planes meet above the sphere, at most as high as the sphere over the facet.
         assert (height > 0.9 * (1 - facet)).all()
         assert (height < 2.1 * (1 - facet)).all()
     else:
@@ -127,7 +127,7 @@ def test_a_smooth_bump_has_a_height_over_its_facets_on_its_outside_only(build, s
 
 
 def rows(base, metallic, roughness, f0, emission=(0, 0, 0)):
-    """Materials of several values each."""
+    """Materials of all given values."""
     shape = np.broadcast_shapes(np.shape(metallic), np.shape(roughness), np.shape(f0))
     count = int(np.prod(shape))
     each = (np.broadcast_to(value, shape).ravel().astype(float) for value in (metallic, roughness, f0))
@@ -153,8 +153,8 @@ def mean_diffuse(table):
     return table.diffuse * np.pi * shares
 
 
-def test_white_things_send_all_light_back():
-    """In even light nothing is lost in white metals and dielectrics of any roughness, nor is anything won."""
+def test_white_materials_reflect_all_light():
+    """White metals and dielectrics of any roughness conserve the energy of a uniform environment."""
     grid = np.meshgrid([0.0, 0.25, 1.0], [0.0, 0.3, 0.6, 1.0], [0.0, 0.04, 0.3])
     table = MaterialCoefficients.of(rows((1, 1, 1), *grid), np.array([0.5, 0.5, 1]))
     cosines = (np.arange(4000, dtype=np.float32) + 0.5) / 4000
@@ -163,26 +163,26 @@ def test_white_things_send_all_light_back():
         light = table.unlit(material, table.view_terms(material, cosines))
         mean = 2 * np.mean(cosines * np.broadcast_to(light, (3, 4000)), axis=1)
         assert np.allclose(mean, [0.5, 0.5, 1], rtol=2e-3)
-        # Metals, which have nothing below them, in all directions to the viewer.
+        # Metals, which have no diffuse light, in all directions to the viewer.
         if table.metal_f0[0, number] == 1:
             assert np.allclose(light, [[0.5], [0.5], [1]], rtol=1e-5)
-    # The layer of a dielectric keeps from what is below what it reflects itself.
+    # The layer of a dielectric takes from the diffuse light the share that it reflects.
     dull, polished = mean_diffuse(
         MaterialCoefficients.of(rows((1, 1, 1), 0.0, 0.5, [0.0, 0.3]), np.zeros(3))
     )[0]
     assert dull == pytest.approx(1.0) and 0.65 < polished < 0.75
 
 
-def test_what_light_makes_of_materials():
+def test_coefficients_are_known_for_simple_materials():
     table = MaterialCoefficients.of(
         rows((0.2, 0.4, 0.6), [0.0, 1.0], 0.08, 0.04, (1, 2, 3)), np.array([0.5, 0.5, 1])
     )
     assert np.allclose(table.emission.T, [1, 2, 3])
-    # Facets of polished things send nothing to each other; head-on it is f0, or the base colour of a metal.
+    # Polished surfaces have no multiple scattering; head-on it is f0, or the base colour of a metal.
     head_on = np.concatenate([shine(table, number, 1.0) for number in (0, 1)], axis=1)
     assert np.allclose(head_on.T, [[0.04] * 3, [0.2, 0.4, 0.6]], rtol=1e-3) and table.glossy
     assert np.allclose(shine(table, 0, 0.0), 1, rtol=1e-3) and np.allclose(shine(table, 1, 0.0), 1, rtol=1e-3)
-    # What a boundary of glass reflects of even light (Walsh's formula for an index of 1.5).
+    # Diffuse reflectance of a boundary of glass (Walsh's formula for an index of 1.5).
     layer = 0.0918
     assert np.allclose(mean_diffuse(table).T, [(1 - layer) * np.array([0.2, 0.4, 0.6]), [0] * 3], atol=2e-3)
     # Schlick's mean is 1/21 of the way to white.
@@ -191,7 +191,7 @@ def test_what_light_makes_of_materials():
     cosines, second = (np.arange(4000, dtype=np.float32) + 0.5) / 4000, np.ones(4000, np.intp)
     reflected = 2 * np.mean(cosines * even.unlit(second, even.view_terms(second, cosines)), axis=1)
     assert np.allclose(reflected, metal, rtol=2e-2)
-    # A glossy shader is as bright everywhere, and what lacks f0 has no highlight at any angle.
+    # A glossy shader has F90 = F0, and without f0 there is no highlight at any angle.
     flat = MaterialCoefficients.of(
         replace(rows((0.5,) * 3, 1.0, 0.08, 0.04), grazing=np.zeros(1)), np.zeros(3)
     )
@@ -205,7 +205,7 @@ def test_what_light_makes_of_materials():
     )
 
 
-def test_what_a_hit_is_coloured_by_does_not_depend_on_the_others():
+def test_coefficients_of_a_hit_do_not_depend_on_other_hits():
     """Rows of single hits give the same bits alone, a few at a time, and all at once."""
     generator = np.random.default_rng(3)
     count = 300
@@ -241,8 +241,8 @@ def test_what_a_hit_is_coloured_by_does_not_depend_on_the_others():
         assert np.concatenate(parts, axis=1).tobytes() == whole.tobytes()
 
 
-def test_black_plastic_shows_of_an_even_world_what_its_layer_reflects():
-    """Walsh's formula for an index of 1.5, as a mean over where it is view from; alone, and beside white."""
+def test_black_plastic_reflects_a_uniform_environment_by_its_layer():
+    """Walsh's formula for an index of 1.5, as a mean over the views; alone and beside white."""
     for base in ([0.0], [0.0, 1.0]):
         number = np.repeat(np.reshape(base, (-1, 1)), 3, axis=1)
         each = [np.full(len(base), value) for value in (0.0, 0.08, 0.04)]

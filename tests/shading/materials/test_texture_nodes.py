@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Nodes that ask for a place or look a texture up: noise as published, the rest by closed forms."""
+"""Input and texture nodes: noise as published, the rest by closed forms."""
 
 import math
 
@@ -24,7 +24,7 @@ def column(*values):
 
 
 def at_triangle(view=(0.0, 0.0, 1.0), back=0.0, layers=None, images=None, count=3):
-    """Places on a triangle in the plane z = 0 whose corners are CORNERS."""
+    """Hits on a triangle in the plane z = 0 whose corners are CORNERS."""
     shares = np.random.default_rng(2).uniform(0.1, 0.4, (2, count))
     one = np.zeros((1, 3, 3), np.float32)
     one[..., 2] = 1.0
@@ -45,7 +45,7 @@ def at_triangle(view=(0.0, 0.0, 1.0), back=0.0, layers=None, images=None, count=
 
 
 def jenkins(*keys):
-    """The final mix of Bob Jenkins' lookup3, in whole numbers of Python."""
+    """The final mix of Bob Jenkins' lookup3, in Python integers."""
     start = (0xDEADBEEF + (len(keys) << 2) + 13) & MASK
     a, b, c = (start + key & MASK for key in (*keys, 0)[:3])
 
@@ -87,13 +87,13 @@ def test_noise_is_the_published_one():
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_noise_is_nought_on_the_lattice_smooth_and_bounded(count):
+def test_noise_is_zero_on_the_lattice_smooth_and_bounded(count):
     whole = np.random.default_rng(7).integers(-50, 50, (count, 100)).astype(float)
     np.testing.assert_array_equal(noise.perlin(whole), 0.0)
     some = np.random.default_rng(8).uniform(-50, 50, (count, 20000))
     values = noise.perlin(some)
     assert 0.7 < np.abs(values).max() <= 1.0 and abs(values.mean()) < 0.02
-    # Its slope is one and the same on either side of a lattice plane.
+    # Its slope is the same on either side of a lattice plane.
     edge = some[:, :200].copy()
     edge[0] = np.round(edge[0])
     step = np.zeros((count, 1))
@@ -172,7 +172,7 @@ def test_gradients(kind, expected):
 
 
 def coded(width=64, height=32):
-    """A picture whose red and green say where in it one is."""
+    """An image whose red and green are its coordinates."""
     x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     pixels = np.stack([x, y, np.zeros_like(x), np.ones_like(x)], axis=-1).astype(np.float32)
     return ImageData(pixels, False)
@@ -219,7 +219,7 @@ def test_environments_are_panoramas_and_mirror_balls():
         )
 
 
-def test_layers_are_interpolated_and_what_is_not_there_is_nought():
+def test_layers_are_interpolated_and_missing_ones_are_zero():
     generator = np.random.default_rng(1)
     values = generator.uniform(size=(1, 3, 4)).astype(np.float32)
     layers = {"here": Layer(np.zeros(1, np.int32), values), "not": Layer(np.full(1, -1, np.int32), values)}
@@ -238,7 +238,7 @@ def test_layers_are_interpolated_and_what_is_not_there_is_nought():
     np.testing.assert_allclose(one[1][0], expected[0])
 
 
-def test_what_is_at_a_hit():
+def test_inputs_at_a_hit():
     place = at_triangle((0.6, 0.0, 0.8))
     (here,) = inputs.position((), {}, place)
     np.testing.assert_array_equal(here, place.position)
@@ -280,7 +280,7 @@ def test_fresnel_and_layer_weight(angle):
 
 
 def test_normal_maps_turn_normals():
-    # Texture coordinates grow along x and y: shares of the edges, and of what stands on them.
+    # Texture coordinates grow along x and y: shares of the edges, and of their normal.
     values = np.zeros((1, 3, 4), np.float32)
     values[..., 0] = values[..., 3] = 1.0
     place = at_triangle(layers={"tangent": Layer(np.zeros(1, np.int32), values)})
@@ -318,7 +318,7 @@ def test_a_bump_tilts_by_the_slope_of_its_height(strength, sign):
     np.testing.assert_allclose(found, np.repeat(expected, 3, axis=1), atol=1e-9)
 
 
-def test_directions_answer_as_places():
+def test_directions_are_the_inputs_of_worlds():
     way = unit(np.random.default_rng(1).normal(size=(3, 5)))
     place = Surroundings.of(way, {}, 0.0)
     for name in ("GENERATED", "OBJECT"):
@@ -330,8 +330,8 @@ def test_directions_answer_as_places():
 
 
 @pytest.mark.parametrize("asks", [False, True])
-def test_a_world_is_uniform_if_nothing_in_its_light_asks_for_a_place(asks):
-    """A colour of a constant, or of the direction itself; what no shader uses does not count."""
+def test_a_world_is_uniform_if_its_emission_depends_on_no_input(asks):
+    """A constant colour, or the direction itself; operations without a closure have no effect."""
     operations = (
         Operation("CONSTANT", settings={"value": 2.0}),
         Operation("CONSTANT", settings={"value": (0.1, 0.2, 0.3)}),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Lights that reach nothing are not made into lamps, and none that reaches something is left out."""
+"""Light culling leaves out lights that reach nothing, and no light that reaches something."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ WHITE = np.ones(3)
 
 
 def random_lights(build, kind, count):
-    """Lights all round that shine anywhere."""
+    """Lights around the scene that shine in random directions."""
     generator = np.random.default_rng(7)
     for _ in range(count):
         place, shines = generator.normal(size=(2, 3))
@@ -35,7 +35,7 @@ def random_lights(build, kind, count):
 
 
 @pytest.mark.parametrize("kind", ["AREA", "SPOT"])
-def test_no_light_that_reaches_something_is_left_out(build, monkeypatch, kind):
+def test_no_light_that_reaches_something_is_culled(build, monkeypatch, kind):
     lights = list(random_lights(build, kind, 60))
     scene = build.scene([build.sphere(8, (0.2, 0.1, 0.0), 0.6), build.square(1.0, -0.5)], lights, f0=0.04)
     view = build.looking_down(2, -1)
@@ -48,7 +48,7 @@ def test_no_light_that_reaches_something_is_left_out(build, monkeypatch, kind):
     assert 0.3 * len(lights) < len(made) < 0.95 * len(lights)
 
 
-def test_what_surely_reaches_nothing_is_left_out(build):
+def test_lights_that_reach_nothing_are_culled(build):
     corners = np.array([[-1, -1, -1], [1, 1, 1.0]])
     away, towards = (build.placed((0, 0, 5), (0, 0, way)) for way in (1, -1))
     dark = Light("SUN", 0 * WHITE, towards)

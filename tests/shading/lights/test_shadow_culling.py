@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is left out of shadows casts none: pictures are those of the whole scene."""
+"""Shadow culling changes no image: culled triangles cast no visible shadow."""
 
 from dataclasses import replace
 from itertools import combinations
@@ -35,7 +35,7 @@ LAMPS = {
 
 
 def scattered(build, lights, smooth):
-    """Balls all around a ground that goes on beyond the picture."""
+    """Balls all around a ground that continues beyond the image."""
     generator = np.random.default_rng(4)
     places = generator.uniform((-6, -6, -0.5), (6, 6, 3.5), (150, 3))
     balls = [build.sphere(5, place, 0.35) for place in places]
@@ -48,14 +48,14 @@ def scattered(build, lights, smooth):
     ("lamp", "heights", "smooth"),
     [(lamp, (3, -1), smooth) for lamp in LAMPS for smooth in (False, True)] + [("sun", (3, 1, -1), True)],
 )
-def test_pictures_are_those_of_the_whole_scene(build, lamp, heights, smooth):
+def test_images_are_those_of_the_whole_scene(build, lamp, heights, smooth):
     scene = scattered(build, [LAMPS[lamp](build)], smooth)
     view = build.looking_down(*heights, size=1.8, shifts=np.linspace(0.0, 1.0, len(heights)).tolist())
     settings = FrameSettings(32, 32, samples=2)
     geometry = scene.geometry
     shown = within_volume(geometry.vertices, geometry.triangles, view.volume)
     shading = cull_shadow_casters(scene, geometry.part(shown), view.volume) & ~shown
-    # Less than what is not shown; more than nothing.
+    # Fewer than the invisible triangles, but some.
     assert 0.005 < shading.mean() < 0.6 * (1 - shown.mean())
     made = render_frame(view, scene, settings).pixels
     whole = render_frame(view, scene, settings, CastScene(geometry.vertices, geometry.triangles)).pixels
@@ -64,8 +64,8 @@ def test_pictures_are_those_of_the_whole_scene(build, lamp, heights, smooth):
     assert np.abs(render_frame(view, alone, settings).pixels - whole).max() > 0.1
 
 
-def test_a_sun_of_half_a_turn_is_hidden_by_all_that_is_above(build):
-    """The largest angle that Blender has; as float32 it is larger than half a turn."""
+def test_everything_above_may_shadow_a_sun_of_half_a_turn(build):
+    """Blender's largest angle, as float32 larger than half a turn."""
     for angle in (3.0, np.pi, float(np.float32(np.pi))):
         sun = Light("SUN", POWER, build.placed(), angle=angle)
         scene = build.scene([build.square(1), build.square(1, 5.0, (9, 0))], [sun])
@@ -75,7 +75,7 @@ def test_a_sun_of_half_a_turn_is_hidden_by_all_that_is_above(build):
 
 @pytest.mark.parametrize("length", [1 - 4e-4, 1.0, 1 + 4e-4])
 def test_axes_of_a_sun_may_be_a_little_too_long(build, length):
-    """Far from the origin, where a height by such an axis is not that by another."""
+    """Far from the origin, where heights along a longer axis differ."""
     matrix = np.diag([length, length, length, 1.0])
     scene = build.scene(
         [build.square(1, 1e5), build.square(1, 1e5 + 50.0, (20, 0))], [Light("SUN", POWER, matrix, angle=1.2)]
@@ -84,8 +84,8 @@ def test_axes_of_a_sun_may_be_a_little_too_long(build, length):
     assert cull_shadow_casters(scene, shown, build.looking_down(1e5 + 2, 1e5 - 1).volume)[2:].all()
 
 
-def test_round_lamps_light_from_where_they_are_thought_to(build):
-    """A speck just before the place that is farthest, on the way into a volume that begins amid the lamp."""
+def test_all_places_of_round_lamps_are_in_the_hull(build):
+    """A speck just before the lamp's farthest place, towards a volume that begins inside the lamp."""
     for samples in range(1, 200):
         assert np.linalg.norm(lamp_positions(samples, "BALL"), axis=0).max() < BALL_REACH
     farthest = max(lamp_positions(159, "BALL").T, key=lambda place: place @ place)
@@ -98,14 +98,14 @@ def test_round_lamps_light_from_where_they_are_thought_to(build):
     assert cull_shadow_casters(scene, scene.geometry.part(np.array([True, True, False])), volume)[2]
 
 
-def test_a_sky_is_hidden_by_everything(build):
+def test_everything_may_shadow_the_sky(build):
     scene = replace(scattered(build, [], False), world=object())
     shown = scene.geometry.part(np.arange(len(scene.geometry.triangles)) == 0)
     assert cull_shadow_casters(scene, shown, build.looking_down(2, -1).volume).all()
 
 
-def test_all_may_shade_a_catcher_in_even_light(build):
-    """Alone there does a world of one colour cast shadows."""
+def test_everything_may_shadow_a_catcher_under_a_uniform_environment(build):
+    """A uniform environment casts shadows on catchers alone."""
     scene = build.scene([build.square(), build.square(0.2, 9.0, (5, 5))], world=(0.1, 0.1, 0.1))
     shown, volume = np.array([True, True, False, False]), build.looking_down(1, -1).volume
     assert not cull_shadow_casters(scene, scene.geometry.part(shown), volume)[2:].any()
@@ -115,7 +115,7 @@ def test_all_may_shade_a_catcher_in_even_light(build):
 
 
 def frustum(generator):
-    """A volume between two level rectangles, turned any way, and its eight corners, (8, 3)."""
+    """A volume between two level rectangles, turned at random, and its eight corners, (8, 3)."""
     turn = np.eye(4)
     turn[:3, :3] = np.linalg.qr(generator.normal(size=(3, 3)))[0]
     sizes, far = generator.uniform(0.2, 3.0, (2, 2)), np.eye(4)
@@ -127,7 +127,7 @@ def frustum(generator):
 
 
 def planes_round(corners):
-    """Normals (K, 3) and limits (K,) of all planes through three of the points that the others lie behind."""
+    """Normals (K, 3) and limits (K,) of the planes through three points with the others behind them."""
     normals, limits = [], []
     for a, b, c in combinations(corners, 3):
         normal = np.cross(b - a, c - a)
@@ -141,7 +141,7 @@ def planes_round(corners):
 
 
 def towards_it(places, corners, towards, apart):
-    """Whether the way back from a sun meets the hull of the corners, which is ``apart`` larger, (N,)."""
+    """Whether a ray away from a sun meets the hull of the corners, widened by ``apart``, (N,)."""
     normals, limits = planes_round(corners)
     along = normals @ towards
     # normal · (place - t towards) <= limit, for a t that is not negative.
@@ -156,8 +156,8 @@ def towards_it(places, corners, towards, apart):
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([500, 3 * SAMPLES + 7]))
 @settings(deadline=None, max_examples=60)
-def test_what_stands_between_a_sun_and_a_volume(build, seed, count):
-    """Against the planes of the volume's hull and the way that light takes, of specks all about."""
+def test_triangles_between_a_sun_and_a_volume_are_kept(build, seed, count):
+    """Specks all around, compared with rays of light against the planes of the volume's hull."""
     generator = np.random.default_rng(seed)
     volume, corners = frustum(generator)
     shines = generator.normal(size=3)
@@ -166,10 +166,10 @@ def test_what_stands_between_a_sun_and_a_volume(build, seed, count):
     vertices = (places[:, None] + 1e-7 * generator.normal(size=(3, 3))).reshape(-1, 3)
     specks = vertices, np.arange(3 * count).reshape(-1, 3), None
     scene = build.scene([specks], [Light("SUN", POWER, build.placed(shines=shines))])
-    # What is shown reaches beyond the volume.
+    # The visible geometry reaches beyond the volume.
     shown = build.scene([build.square(30.0, height) for height in (-30.0, 30.0)]).geometry
     found = cull_shadow_casters(scene, shown, volume)
     assert found[towards_it(places, corners, towards, -1e-6)].all()
     extra = found & ~towards_it(places, corners, towards, 0.02)
-    # Of many, planes that leave out next to nothing are not asked.
+    # Of many triangles, planes that cull almost none are not tested.
     assert extra.sum() <= (0 if count < SAMPLES else MOST_PLANES * WORTH * count)

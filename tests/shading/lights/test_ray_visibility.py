@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Scenes of which some rays meet a part only: what is built, and that the rest is as if it were not there."""
+"""Ray visibility: the parts of a scene that are built, and images as if the rest did not exist."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ from scfpf_addon.shading.tracing.hit_colors import Shading
 
 
 def ball_over_ground(build, rays, lights=()):
-    """A ball that meets the rays ``rays`` over a ground that meets all."""
+    """A ball visible to ``rays`` over a ground visible to all."""
     scene = build.scene([build.square(1.5, -0.8), build.sphere(8, radius=0.5)], lights, (0.2, 0.3, 0.4))
     ball = scene.geometry.object_index == 1
     seen = np.where(ball, rays, EVERYWHERE).astype(np.uint8)
@@ -30,7 +30,7 @@ def curved(build):
 
 @pytest.mark.parametrize("pixel_error", [0.1, 0.0])
 @pytest.mark.parametrize("kept", [False, True])
-def test_projectors_pass_through_what_is_not_visible_to_them(build, pixel_error, kept):
+def test_projectors_pass_through_objects_invisible_to_them(build, pixel_error, kept):
     """kept: all of the scene was built before, as with persistent data."""
     scene, ball = ball_over_ground(build, EVERYWHERE & ~CAMERA)
     settings = FrameSettings(20, 20, samples=1, pixel_error=pixel_error)
@@ -45,7 +45,7 @@ def test_projectors_pass_through_what_is_not_visible_to_them(build, pixel_error,
     assert pick(curved(build), scene, 0.5, 0.5, (0.1, 0.1)).position[2] == pytest.approx(-0.8, abs=1e-6)
 
 
-def test_what_casts_shadows_only_is_built_for_shadows_only(build):
+def test_shadow_casters_outside_the_view_are_built_for_shadows_only(build):
     lamp = Light("SUN", np.full(3, 2.0), build.placed(shines=(0.5, 0, -1)))
     scene, ball = ball_over_ground(build, EVERYWHERE & ~CAMERA, [lamp])
     part, cast_scene = cull_scene(scene, build.looking_down(2, -1, size=1.8))
@@ -62,7 +62,7 @@ def test_what_casts_shadows_only_is_built_for_shadows_only(build):
     assert 0.7 < ground.mean() < 0.9 and made[ground, 0].min() < 0.5 * made.max()
 
 
-def test_parts_are_built_once_and_only_where_they_are_parts(build):
+def test_parts_are_built_once_and_only_if_they_are_parts(build):
     scene, ball = ball_over_ground(build, EVERYWHERE & ~SHADOW)
     cast_scene = CastScene(scene.geometry.vertices, scene.geometry.triangles)
     assert cast_scene.only(None) is cast_scene.only(np.ones_like(ball)) is cast_scene
