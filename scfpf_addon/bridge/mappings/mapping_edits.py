@@ -8,13 +8,20 @@ import math
 import bpy
 import numpy as np
 
-from ...projection.mappings.kinds import COEFFICIENTS, MAXIMUM_MAPPINGS
+from ...projection.mappings.kinds import COEFFICIENTS, KINDS, MAXIMUM_MAPPINGS
 from ..blender.mesh_grid import write_grid
 from ..blender.scene_objects import delete_with_data, link_beside
 from ..blender.slot_animation import MAPPINGS, clear_slots, remove_slot
 from ..volume.camera_members import all_cameras, cameras_with, grids_of
 from ..volume.volume_object import sync_volume_object
 
+# The numbers in each property of a mapping, by their names in projections and presets.
+NUMBERS = {
+    "centre": ("centre_x", "centre_y"),
+    "numerator": COEFFICIENTS[:3],
+    "denominator": COEFFICIENTS[3:],
+    **{name: (name,) for name in ("radius", "magnification", "falloff", "arc", "distance")},
+}
 # Hidden from Blender's own lists of node groups by the dot.
 CURVE_NAME, CURVE_NODE = ".SCFPF Radial Curve", "Curve"
 # Points of a new grid, up and across.
@@ -142,21 +149,28 @@ def write_mappings(camera, mappings) -> None:
     for stored in mappings:
         mapping = camera.scfpf.mappings.add()
         mapping.name = stored.name
-        given = stored.parameters
         if stored.kind == "RADIAL_CURVE":
             mapping.curve = new_curve(stored.points)
         elif stored.kind == "GRID":
             mapping.grid = new_grid(camera, stored.points)
         mapping.kind = stored.kind
-        mapping.centre = given.get("centre_x", 0.5), given.get("centre_y", 0.5)
-        for name in ("radius", "magnification", "falloff", "arc", "distance"):
-            if name in given:
-                setattr(mapping, name, given[name])
-        if stored.kind == "DISTORTION":
-            mapping.numerator = [given[name] for name in COEFFICIENTS[:3]]
-            mapping.denominator = [given[name] for name in COEFFICIENTS[3:]]
+        for key, names in NUMBERS.items():
+            if names[0] in stored.parameters:
+                values = [stored.parameters[name] for name in names]
+                setattr(mapping, key, values if len(values) > 1 else values[0])
         mapping.influence, mapping.backwards = stored.influence, stored.backwards
     sync_volume_object(camera)
+
+
+def read_numbers(mapping) -> dict[str, float]:
+    """The numbers of a mapping's kind, by their names in projections and presets."""
+    used = {name.removesuffix("_degrees") for name in KINDS.get(mapping.kind, ())}
+    numbers: dict[str, float] = {}
+    for key, names in NUMBERS.items():
+        if names[0] in used:
+            value = getattr(mapping, key)
+            numbers |= zip(names, value if len(names) > 1 else [value], strict=True)
+    return numbers
 
 
 def own_mapping_data(camera) -> int:

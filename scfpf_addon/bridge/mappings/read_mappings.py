@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...projection.mappings.kinds import COEFFICIENTS, KINDS, ImageMapping, changed, simple_mapping
+from ...projection.mappings.kinds import KINDS, ImageMapping, changed, simple_mapping
 from ...projection.volume.reparameterisation import Reparameterisation
 from ..blender.mesh_grid import SurfaceError, grid_points
 from ..blender.scene_objects import absent_text, is_absent
 from ..volume.volume_object import is_evaluated
-from .mapping_edits import MappingError, curve_node
+from .mapping_edits import MappingError, curve_node, read_numbers
 from .st_map_image import st_map, st_map_number
 
 # Steps of the table of a curve widget, whose entries are exact.
@@ -93,18 +93,7 @@ def _describe(camera, depsgraph) -> tuple[_Described, ...]:
 def _describe_one(mapping, original, camera, depsgraph) -> _Described:
     """mapping: as evaluated. original: the same one in the file, which has the pointers."""
     kind, array, shape = mapping.kind, np.zeros(0), ()
-    numbers: dict[str, float] = {}
-    if kind in {"RADIAL_CURVE", "LENS", "DISTORTION"}:
-        numbers["centre_x"], numbers["centre_y"] = mapping.centre
-    if kind in {"LENS", "DISTORTION"}:
-        numbers["radius"] = mapping.radius
-    if kind == "LENS":
-        numbers |= {"magnification": mapping.magnification, "falloff": mapping.falloff}
-    elif kind == "DISTORTION":
-        numbers |= dict(zip(COEFFICIENTS, (*mapping.numerator, *mapping.denominator), strict=True))
-    elif kind == "DISPLAY":
-        numbers |= {"arc": mapping.arc, "distance": mapping.distance}
-    elif kind == "RADIAL_CURVE":
+    if kind == "RADIAL_CURVE":
         array = _curve_points(original)
     elif kind == "GRID":
         array = _grid_places(original, camera, depsgraph)
@@ -112,7 +101,7 @@ def _describe_one(mapping, original, camera, depsgraph) -> _Described:
         shape = (st_map_number(original, depsgraph),)
     return _Described(
         kind=kind,
-        numbers=tuple(numbers.items()),
+        numbers=tuple(read_numbers(mapping).items()),
         points=array.tobytes(),
         shape=shape or array.shape,
         influence=float(mapping.influence),
