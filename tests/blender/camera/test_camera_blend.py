@@ -20,7 +20,7 @@ def camera():
 
 @pytest.fixture
 def seen(addon):
-    """Q at places of the picture and t, in world space: (3, N), and which are shown."""
+    """Return Q at random image positions and t, (3, N) in world space, and which of them the image shows."""
     read = addon("bridge.camera.read_projection").read_projection
 
     def sample(camera, seed=5):

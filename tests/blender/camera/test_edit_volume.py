@@ -228,7 +228,7 @@ def test_surfaces_of_a_deleted_camera_stay_free_when_later_steps_are_undone():
 
 
 def test_a_dense_mesh_stays_a_box_which_can_be_clicked():
-    """Its wires would be a black sheet before the scene; an ordinary object again, it is a wire as ever."""
+    """A dense mesh stays a box in the mode, as its wires would cover the scene; released, it is a wire."""
     camera = add_camera()
     camera.scfpf.active_surface = 1
     assert bpy.ops.scfpf.surface_to_grid(columns=64, rows=64) == {"FINISHED"}

@@ -387,7 +387,7 @@ def test_the_ordinary_lens_approximates_the_volume(bridge, presets, camera):
 
 
 def test_a_mirror_ball_has_a_wide_lens(bridge, presets, camera):
-    """Beside the round picture, which is as high as this one, projectors are not counted."""
+    """Projectors outside of the round image, which is as high as the render, do not count."""
     (path,) = (path for path in shipped(presets) if path.stem == "mirror_ball")
     bridge.apply_preset(camera, presets.load_preset(path.read_text(encoding="utf-8")), 16 / 9)
     assert camera.data.type == "PERSP" and np.degrees(camera.data.angle_x) == pytest.approx(150, rel=1e-4)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Framing by the mouse: what a movement does, seen from where; safe areas follow their settings.
+"""Framing by the mouse: effects of movements in several views; safe areas follow their settings.
 
 The keys, and that Esc restores everything, are tested in a window: ``tests/window/picture_scenarios.py``.
 """

@@ -15,7 +15,7 @@ def handlers(addon):
 
 @pytest.fixture
 def cameras(addon):
-    """Flexible cameras of two planes each, and a cube that is none of theirs."""
+    """Flexible cameras of two planes each, and a cube that belongs to none."""
     flexible = addon("bridge.camera.flexible_camera")
     made = []
     for number in range(CAMERAS):
@@ -29,20 +29,20 @@ def cameras(addon):
         made.append(camera)
     bpy.ops.mesh.primitive_cube_add()
     bpy.context.object.name = "Cube"
-    settle()
+    evaluate()
     return made
 
 
 @pytest.fixture
 def checked(handlers, monkeypatch):
-    """Which cameras' facts the handler has looked at, by name, since the list was cleared."""
+    """Names of the cameras that the handler has checked since the list was cleared."""
     names, look = [], handlers.volume_facts
     monkeypatch.setattr(handlers, "volume_facts", lambda camera: (names.append(camera.name), look(camera))[1])
     return names
 
 
-def settle():
-    """What was done is evaluated, and what the handlers did about it."""
+def evaluate():
+    """Evaluate the changes, and then those of the handlers."""
     bpy.context.view_layer.update()
     bpy.context.view_layer.update()
 
@@ -58,7 +58,7 @@ def surface(camera, index=0):
 def assert_consistent(handlers):
     """The handler knows all cameras as they are, and each has a volume object of its own."""
     next(obj for obj in bpy.context.scene.objects if obj.name.startswith("Cube")).update_tag()
-    settle()
+    evaluate()
     objects = [obj for obj in bpy.data.objects if obj.type == "CAMERA"]
     assert handlers._state.facts == {obj.session_uid: handlers.volume_facts(obj) for obj in objects}
     for camera in objects:
@@ -105,7 +105,7 @@ def test_the_edit_of_a_surface_looks_at_its_camera(cameras, checked):
         assert camera.name in checked and len(checked) <= 2
 
 
-def test_what_scripts_do_to_a_list_without_a_word_is_found_in_turn(cameras, handlers, addon):
+def test_edits_of_a_list_by_scripts_are_found_in_turn(cameras, handlers, addon):
     taken = addon("bridge.volume.volume_object")
     camera = cameras[7]
     lost = surface(camera)
@@ -162,7 +162,7 @@ def test_the_table_stays_right(cameras, handlers, act):
     volumes = [o.scfpf.volume_object for o in bpy.context.scene.objects if o.type == "CAMERA"]
     for volume in volumes:
         volume.modifiers[0].show_viewport = False
-    settle()
+    evaluate()
     assert all(volume.modifiers[0].show_viewport for volume in volumes)
     assert_consistent(handlers)
 
@@ -173,7 +173,7 @@ def test_undo_and_redo_leave_the_table_right(cameras, handlers, addon):
         bpy.ops.ed.undo_push(message="whole")
         flexible.remove_surface(cameras[4], 1)
         exchange_names(cameras)
-        settle()
+        evaluate()
         bpy.ops.ed.undo_push(message="less")
         for act, count in ((bpy.ops.ed.undo, 2), (bpy.ops.ed.redo, 1)):
             act()
@@ -184,11 +184,11 @@ def test_undo_and_redo_leave_the_table_right(cameras, handlers, addon):
 
 def test_who_shares_surfaces_is_known_after_renaming(cameras, handlers):
     duplicate(cameras)
-    settle()
+    evaluate()
     copy = bpy.context.object
     assert handlers.sharers(copy) == [cameras[5].name]
     cameras[5].name = "Owl"
-    settle()
+    evaluate()
     assert handlers.sharers(copy) == ["Owl"] and handlers.sharers(cameras[5]) == [copy.name]
 
 

@@ -193,7 +193,7 @@ def test_a_view_that_fails_leaves_no_file(stereo_scene, tmp_path):
 
 
 def test_render_button_says_that_it_makes_one_view(stereo_scene, capfd):
-    """The picture is the camera's own, between the eyes, and a warning names F12."""
+    """The image is that of the camera between the eyes, and a warning names F12."""
     scene = stereo_scene
     make_flexible(scene)
     alike = button()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An artist's own presets: saved, listed, applied, shared as files, removed; and files that are none."""
+"""An artist's own presets: saved, listed, applied, shared as files, removed; and invalid files."""
 
 import errno
 import json
@@ -38,7 +38,7 @@ def folder(addon):
 
 @pytest.fixture
 def sampled(addon):
-    """Q at some places of the picture, in the camera's space."""
+    """Return Q at some image positions, in camera space."""
     read = addon("bridge.camera.read_projection").read_projection
 
     def sample(camera):
@@ -284,7 +284,7 @@ ANYTHING = st.recursive(
     st.sampled_from(["name", "basis", "surfaces", "mappings", "u_range", "aspect", "fit", "extra"]), ANYTHING,
     min_size=1, max_size=2))  # fmt: skip
 def test_no_file_does_more_than_be_refused(addon, camera, folder, change):
-    """Whatever stands in a file, it is imported as a preset or refused in one line; the camera stays."""
+    """Any file is imported as a preset or refused in one line; the camera stays unchanged."""
     presets = addon("operators.camera.presets").FOLDER
     data = json.loads((presets / "sample_rate_lens.json").read_text(encoding="utf-8")) | change
     path = folder / "fuzzed.json"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The volume's tools as operators: what stays the same in the picture, what changes, undo, errors."""
+"""The volume's tools as operators: unchanged images, intended changes, undo, errors."""
 
 import bpy
 import numpy as np

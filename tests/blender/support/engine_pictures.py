@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures by F12 and by the Render button, as arrays: what the engine's tests compare."""
+"""Images by F12 and by the Render button, as arrays."""
 
 import os
 import struct
@@ -106,7 +106,7 @@ def f12(scene, **options):
 
 
 def button(**options):
-    """The Render button's picture, (H, W, 4)."""
+    """Return the Render button's image, (H, W, 4)."""
     assert bpy.ops.scfpf.render(**options) == {"FINISHED"}
     image = bpy.data.images["SCFPF Render"]
     values = np.empty(len(image.pixels), np.float32)

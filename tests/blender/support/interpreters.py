@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How a test runs a script in another process that has bpy."""
+"""Commands that run a script in another process that has bpy."""
 
 import sys
 
@@ -21,5 +21,5 @@ def interpreter():
 
 
 def after():
-    """What separates a Blender's arguments from the script's."""
+    """Return the arguments that separate Blender's arguments from the script's."""
     return ["--"] if bpy.app.binary_path else []

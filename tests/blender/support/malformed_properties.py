@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ways in which what a .blend holds of ours can be nonsense, each a function of a small scene.
+"""Invalid values that a .blend may hold of the extension's properties, each a function of a small scene.
 
-What Blender's interface would not let in comes from other versions, scripts, damaged or missing files.
+They come from other versions, scripts, and damaged or missing files, not from Blender's interface.
 """
 
 import contextlib
@@ -48,7 +48,7 @@ def put(owner, name: str, value) -> None:
 
 
 def put_inputs(obj, socket_type: str | None, value) -> None:
-    """Set those inputs of an object's node modifiers that are of a type, all if none is given."""
+    """Set the inputs of one type in an object's node modifiers, or all inputs without a type."""
     for modifier in obj.modifiers:
         for item in modifier.node_group.interface.items_tree if modifier.type == "NODES" else ():
             if item.item_type != "SOCKET" or item.in_out != "INPUT":

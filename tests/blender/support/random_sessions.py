@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A session of an artist who does anything at all: random steps by a seed, and what must hold after each.
+"""A session of random steps by a seed, and the conditions that must hold after each step.
 
 Operators of ours are found by introspection, with random values of their properties; what artists do beside
 them is in ``random_steps``. Everything is looked up again in each step, as undo
@@ -31,7 +31,7 @@ class Fault(AssertionError):
 
 
 class Errors:
-    """What is written to the standard error output, by Python or by C, from one look to the next."""
+    """The standard error output of Python and of C between two readings."""
 
     def __enter__(self):
         self._file = tempfile.TemporaryFile()

@@ -133,7 +133,7 @@ class EditSteps:
         bpy.context.scene.frame_set(frame)
 
     def do_edit_set_a_property(self):
-        """Any property of ours that the interface shows, of any object or of the scene."""
+        """Set a random property of the extension that the interface shows, of an object or of the scene."""
         owners = [obj.scfpf for obj in self.cameras()]
         owners += [obj.scfpf_surface for obj in bpy.data.objects if obj.scfpf_surface.kind != "NONE"]
         owners += [item for camera in self.cameras() for item in camera.scfpf.mappings]

@@ -74,7 +74,7 @@ class FakePanel:
 
 
 def drawn(cls, context=None):
-    """What a panel or a menu draws."""
+    """Return the record of a panel's or a menu's drawing."""
     panel = FakePanel(cls)
     panel.draw(context or bpy.context)
     return panel.layout.record

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Volumes with things in them, and the pictures that Cycles makes of them, for tests of the rig."""
+"""Volumes with objects in them, and their images by Cycles, for tests of the rig."""
 
 import importlib.util
 import pathlib
@@ -131,7 +131,7 @@ def clear_scene():
 
 
 def exact_passes(addon, camera, pixel_error=0.0):
-    """What the exact caster sees: data passes by name, (H, W, channels)."""
+    """Return the data passes of the exact caster by name, (H, W, channels)."""
     shading = addon("shading.passes.data_passes")
     frames = addon("shading.frame")
     settings = addon("shading.settings.frame_settings")
@@ -147,7 +147,7 @@ def exact_passes(addon, camera, pixel_error=0.0):
 
 
 def compose_passes():
-    """Let the compositor's picture be (u, v, t) and, in alpha, depth."""
+    """Let the compositor's image be (u, v, t) and, in alpha, depth."""
     scene = bpy.context.scene
     tree = getattr(scene, "compositing_node_group", None) or scene.node_tree
     end = next(node for node in tree.nodes if node.type in {"COMPOSITE", "GROUP_OUTPUT"})
@@ -197,7 +197,7 @@ def add_box(name, location, color):
 
 
 def render(path):
-    """A picture with one sample a pixel, in the middle of it; (H, W, 4), row 0 at the bottom."""
+    """Render with one sample per pixel, in its middle; (H, W, 4), row 0 at the bottom."""
     scene = bpy.context.scene
     scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)

@@ -92,7 +92,7 @@ class SCFPF_OT_test_edit(bpy.types.Operator):
 
 
 def _facts(name: str):
-    """What follows a camera, by names: its tables, the previews' members and the rigs' parts."""
+    """Names of objects that handlers make for cameras: tables, members of previews and parts of rigs."""
     camera = bpy.data.objects.get(name)
     tables = {}
     for obj in bpy.data.objects:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What random sessions have crashed Blender with, each in a process that may crash."""
+"""Steps by which random sessions have crashed Blender, each in a process that may crash."""
 
 import os
 import subprocess

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The demo's street: what is in it, the car's measures, the room round it, and a small picture of it."""
+"""The demo's street: its objects, the measures of the car, the space around it, and a small image."""
 
 import bpy
 import numpy as np

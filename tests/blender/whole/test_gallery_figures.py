@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be measured in the gallery's figures and animation, by the cameras and scenes of these."""
+"""Measurements in the gallery's figures and animation, with their cameras and scenes."""
 
 import bpy
 import numpy as np
@@ -39,7 +39,7 @@ def set_up(empty_file, addon, monkeypatch):
 
 
 def parts_of(mask):
-    """How many connected parts the True pixels of (H, W) make, by their sides."""
+    """Return the number of connected parts of the True pixels of (H, W), connected by their sides."""
     count, left = 0, mask.copy()
     while left.any():
         part = np.zeros_like(left)
@@ -85,7 +85,7 @@ def test_figure_1_shows_front_sides_and_back_in_one_silhouette(set_up, addon):
 
 
 def test_figure_9_bends_what_runs_straight_away(set_up, addon):
-    """Boards' edges on the floor, in the gallery's picture: over 5 px off the line between their ends."""
+    """Boards' edges on the floor deviate by more than 5 px from a straight line in the gallery's image."""
     _, projection, _ = set_up("figure-9")
     find = addon("projection.volume.inverse").find_in_image
     width, height = (75 * size // 100 for size in panel_of("figure-9").shot.size)

@@ -12,7 +12,7 @@ FLOAT32 = 1e-5
 
 @pytest.fixture
 def shown(addon):
-    """What a camera shows now: 40 points of its volume, as the depsgraph has it after one update."""
+    """Return 40 points of a camera's volume, as the depsgraph has it after one update."""
     read_projection = addon("bridge.camera.read_projection").read_projection
 
     def positions(camera):
@@ -110,7 +110,7 @@ def test_scene_copy(shown, kind):
 
 
 def test_camera_alone_shares_the_surfaces_until_made_single_user(shown):
-    """The copy shows the same picture wherever it is moved; both follow an edit of a shared surface."""
+    """The copy shows the same image after moving; both follow an edit of a shared surface."""
     camera = add_camera()
     before = shown(camera)
     select(camera)

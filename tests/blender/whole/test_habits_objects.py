@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What artists do to objects, done to cameras and control surfaces: the volume goes where the objects go.
+"""Common edits of objects, applied to cameras and control surfaces: the volume follows the objects.
 
 Expected positions come from Blender's own evaluated meshes or from closed forms.
 """

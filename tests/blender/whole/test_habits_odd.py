@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What artists do that nobody expects: each is done or refused in words, and nothing is left behind."""
+"""Unexpected actions of artists: each succeeds or is refused with a message, and leaves nothing behind."""
 
 import bpy
 import numpy as np

@@ -47,7 +47,7 @@ def two():
 
 
 def coverage(image=None):
-    """Share of the picture that shows something."""
+    """Return the share of the image that shows something."""
     image = image or bpy.data.images["SCFPF Render"]
     values = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(values)
@@ -55,7 +55,7 @@ def coverage(image=None):
 
 
 def bind(scene, frame, camera):
-    """What Marker > Bind Camera to Markers does for a marker at a frame."""
+    """Do what Marker > Bind Camera to Markers does, for a marker at a frame."""
     scene.timeline_markers.new(camera.name, frame=frame).camera = camera
 
 
@@ -155,7 +155,7 @@ SWITCHES = ("hide_viewport", "exclude", "hide_render", "eye", "holdout", "indire
 
 @pytest.mark.parametrize("switch", SWITCHES)
 def test_collection_of_camera_and_surfaces_switched_off(two, shown, switch):
-    """The volume stays current however its collection is hidden, and the picture is the same."""
+    """The volume stays current and the image the same, in whichever way its collection is hidden."""
     down, _ = two
     scene = bpy.context.scene
     rig = bpy.data.collections.new("Rig")
@@ -208,7 +208,7 @@ def test_view_layers(two, shown):
 
 
 def test_local_view(two, shown, addon):
-    """Local view of one surface hides the others from it; volume and picture stay."""
+    """Local view of one surface hides the others; volume and image stay unchanged."""
     down, _ = two
     window = bpy.context.window_manager.windows[0]
     area = next(area for area in window.screen.areas if area.type == "VIEW_3D")

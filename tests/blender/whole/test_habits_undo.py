@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Undo and redo as an artist uses them: every operator of ours, and fifty steps mixed with Blender's own."""
+"""Undo and redo as artists use them: all operators of the extension, and fifty steps mixed with Blender's."""
 
 import bpy
 import numpy as np
@@ -23,7 +23,7 @@ def windowed():
 
 @pytest.fixture
 def volumes(addon):
-    """What all flexible cameras show, by name: 40 points each of their volumes, or why there are none."""
+    """Return 40 points of the volume of each flexible camera by name, or the error of reading it."""
     read = addon("bridge.camera.read_projection")
 
     def all_volumes():
@@ -122,7 +122,7 @@ def snap():
 
 
 def single_user():
-    """Of a second camera that shares the surfaces of the first."""
+    """Edits of a second camera that shares the surfaces of the first."""
     select("Flexible Camera")
     run(bpy.ops.object.duplicate)
     copy = bpy.context.object
@@ -136,7 +136,7 @@ def single_user():
 
 
 def test_undo_and_redo_of_the_operators_that_place_share_and_look(state):
-    """Those that the tests of the edits and tools leave out."""
+    """Operators that the tests of edits and tools leave out."""
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 16
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=3, y_subdivisions=3)
     bpy.context.object.name = "Sheet"
