@@ -29,7 +29,8 @@ from scfpf_addon.bridge.camera import flexible_camera
 from scfpf_addon.scanline.nodes.field_nodes import FieldBuilder, node_group
 from scfpf_addon.scanline.preview import preview, preview_properties
 from scfpf_addon.scanline.remap import place_nodes
-from scfpf_addon.scanline.remap.remap_nodes import remap_group, table_object
+from scfpf_addon.scanline.remap.remap_nodes import remap_group
+from scfpf_addon.scanline.table.table_object import table_object
 
 # The goals, in times of the Lattice modifier.
 REMAP_GOAL, WHOLE_GOAL = 3.0, 6.0

@@ -110,7 +110,7 @@ def _passes(nodes: FieldBuilder, given: dict[str, Value]) -> dict[str, Value]:
         return values if share is None else tuple(value * share for value in values)
 
     u, v, cover = parts(AOV_PLACE)
-    share = 1.0 / cover.most(MET)
+    share = 1.0 / cover.max(MET)
     met = nodes.combine("GREATER_THAN", cover, MET)
     start, rate, (t, length, _) = (parts(name, share) for name in (AOV_START, AOV_RATE, AOV_ALONG))
     nodes.open_frame("How far along the chord the position is")
@@ -120,9 +120,9 @@ def _passes(nodes: FieldBuilder, given: dict[str, Value]) -> dict[str, Value]:
         x, y, z = (a * b for a, b in zip(one, other, strict=True))
         return x + y + z
 
-    squared = dot(rate, rate).most(TINY)
+    squared = dot(rate, rate).max(TINY)
     step = dot(away, rate) / squared
-    depth = length + step * nodes.combine("SQRT", squared)
+    depth = length + step * squared.root()
     nodes.open_frame("Where something is met")
     t = (t + step) * met
     return {

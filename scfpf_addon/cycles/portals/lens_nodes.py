@@ -49,7 +49,7 @@ def store_lens(nodes: FieldBuilder, geometry: Value, given: dict[str, Value], ma
     centre = nodes.point((0.0, 0.0, 0.0), matrix, "Its Place")
 
     def axis(direction, label: str) -> Value:
-        turned = nodes.out("FunctionNodeTransformDirection", label, {0: direction, 1: matrix})
+        turned = nodes.direction(direction, matrix, label)
         return _unit(nodes, turned)
 
     across, up, view = axis((1, 0, 0), "Right"), axis((0, 1, 0), "Up"), axis((0, 0, -1), "View")
@@ -64,7 +64,7 @@ def store_lens(nodes: FieldBuilder, geometry: Value, given: dict[str, Value], ma
     )
     to_object = (info - centre).dot(view).absolute()
     focus = nodes.switch(given["Has Focus Object"], given["Focus Distance"], to_object, "FLOAT", "Focus")
-    focus = focus.most(NEAREST)
+    focus = focus.max(NEAREST)
     nodes.open_frame("Do all projectors go ahead?")
     along = _unit(nodes, chord)
     ahead = nodes.statistic(geometry, along.dot(view), "Min", "Least") > AHEAD

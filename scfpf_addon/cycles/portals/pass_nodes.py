@@ -30,7 +30,7 @@ def store_added(nodes: FieldBuilder, geometry: Value, given: dict[str, Value]) -
     """
     nodes.open_frame("The sheet before")
     number, far = given["Number"], given["Far"]
-    index = nodes.out("GeometryNodeInputIndex", "Index", {})
+    index = nodes.index()
     before = index - given["Sheet"]
     behind = nodes.switch(number > 0.5, 0.0, 1.0, "FLOAT", "Is There One?")
     counts = nodes.switch(number < -0.5, 1.0 - far, 0.0, "FLOAT", "Begins a Chord")
@@ -89,7 +89,7 @@ def _parameters(nodes: FieldBuilder, place: Value, follow) -> tuple[Value, Value
     nodes.open_frame("A polar picture's angle and distance from the center")
     a, b = x * 2.0 - 1.0, y * 2.0 - 1.0
     turn = nodes.combine("ARCTAN2", b, a) * (1.0 / TURN)
-    radius = nodes.combine("SQRT", a * a + b * b)
+    radius = (a * a + b * b).root()
     nodes.open_frame("u and v")
     result = []
     for part, name in ((nodes.mix(polar, x, turn - turn.floor()), "u"), (nodes.mix(polar, y, radius), "v")):

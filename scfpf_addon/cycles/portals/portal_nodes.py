@@ -11,8 +11,8 @@ import bpy
 
 from ...bridge.blender import versions
 from ...bridge.blender.rig_mark import WIDTH
-from ...scanline.nodes.field_nodes import FieldBuilder, Value, node_group
-from ...scanline.nodes.solve_nodes import PROJECTOR, TABLE_INPUTS
+from ...scanline.nodes.field_nodes import FieldBuilder, Value, defines_group
+from ...scanline.nodes.solve_nodes import TABLE_INPUTS, corner_projectors, find_cell
 from ...scanline.remap.place_nodes import view_inputs
 from . import lens_nodes, pass_nodes
 
@@ -37,106 +37,94 @@ SAME_PLACE = 1e-3
 DEPTH_SLACK = 0.4
 
 
-def chord_end_group():
-    """Where a chord ends: Q - shift · Q'' at (x, y, t), in the table's space."""
-
-    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        nodes.open_frame("Cell, and place in the cell")
-        size, place = given["Size"], given["Position"]
-        wrapped = place - place.floor() * given["Wrap"]
-        in_cells = wrapped * (size - (1.0, 1.0, 0.0))
-        cell = in_cells.floor().most((0.0, 0.0, 0.0)).least(size - (2.0, 2.0, 1.0))
-        a, b, t = (in_cells - cell).parts()
-        columns, rows, spans = size.parts()
-        first = cell.dot(nodes.xyz(1.0, columns, columns * rows, "Index Steps"))
-        nodes.open_frame("The four projectors there")
-        t2 = t * t
-        bend = nodes.xyz(0.0, 2.0, t * 6.0, "Second derivatives") * (spans * spans * given["Shift"])
-        powers = nodes.xyz(t, t2, t2 * t, "t, t², t³") - bend
-        projector = nodes.attribute(PROJECTOR, "FLOAT4X4")
-        points = []
-        for label, index in (
-            ("lower left", first),
-            ("lower right", first + 1.0),
-            ("upper left", first + columns),
-            ("upper right", first + columns + 1.0),
-        ):
-            matrix = nodes.sample(given["Table"], projector, index, "FLOAT4X4", f"Projector {label}")
-            points.append(nodes.point(powers, matrix, f"Point {label}"))
-        nodes.open_frame("Blended")
-        low, high = (points[i] + (points[i + 1] - points[i]) * a for i in (0, 2))
-        return {"Position": low + (high - low) * b}
-
-    inputs = TABLE_INPUTS | {
+@defines_group(
+    "SCFPF Chord End",
+    TABLE_INPUTS
+    | {
         "Position": ("Vector", None, "x, y and t"),
-        "Shift": ("Float", 0.0, "What the bend is multiplied with"),
-    }
-    text = "Where a chord of a projector ends, from the table of projectors"
-    return node_group("SCFPF Chord End", text, inputs, {"Position": "Vector"}, build)
+        "Shift": ("Float", 0.0, "Factor of the bend"),
+    },
+    {"Position": "Vector"},
+)
+def chord_end_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    """The end of a projector's chord, Q - shift · Q'' at (x, y, t), in the table's space."""
+    first, place = find_cell(nodes, given)
+    a, b, t = place.parts()
+    spans = given["Size"].parts()[2]
+    nodes.open_frame("The four projectors there")
+    t2 = t * t
+    bend = nodes.xyz(0.0, 2.0, t * 6.0, "Second derivatives") * (spans * spans * given["Shift"])
+    powers = nodes.xyz(t, t2, t2 * t, "t, t², t³") - bend
+    corners = corner_projectors(nodes, given, first)
+    points = [nodes.point(powers, matrix, f"Point {label}") for label, matrix in corners]
+    nodes.open_frame("Blended")
+    low, high = (nodes.mix(a, *points[i : i + 2]) for i in (0, 2))
+    return {"Position": nodes.mix(b, low, high)}
 
 
-def portal_group():
-    """The node group "SCFPF Portals": the sheets' mesh as ``sheets.portals`` makes it → portals in place."""
-
-    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        nodes.open_frame("The camera's table")
-        info = {"Object": given["Table"]}
-        table = nodes.out("GeometryNodeObjectInfo", "Table", info, "Geometry")
-        matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
-        view = view_inputs(nodes, table, given["Aspect"])
-        x, y, number = nodes.out("GeometryNodeInputPosition", "Place", {}).parts()
-        nodes.open_frame("Ends of the chord")
-        (t, shift, far), (next_t, next_shift, sheet) = (
-            nodes.attribute(name, "FLOAT_VECTOR").parts() for name in (START, END)
-        )
-        ends = []
-        for label, end_t, end_shift in (("Start", t, shift), ("End", next_t, next_shift)):
-            inputs = {key: view[key] for key in TABLE_INPUTS}
-            inputs |= {"Position": nodes.xyz(x, y, end_t, "x, y, t"), "Shift": end_shift}
-            end = nodes.call(chord_end_group(), f"Chord {label}", inputs)["Position"]
-            ends.append(nodes.point(end, matrix, "In the World"))
-        start, end = ends
-        nodes.open_frame("The screen, and what surrounds it")
-        aspect, (_, _, polar) = given["Aspect"], view["Numbers"].parts()
-        wide = aspect.most(1.0)
-        width = given["Width"]
-        across = nodes.mix(polar, width, width / wide)
-        up = nodes.mix(polar, width / aspect, width / wide)
-        behind = nodes.switch(
-            number < -0.5, -AWAY - TO_SCREEN, -AWAY - TO_SURROUND, "FLOAT", "Screen or Surround"
-        )
-        screen = nodes.xyz((x - 0.5) * across, (y - 0.5) * up, behind, "Screen")
-        nodes.open_frame("Where rays go on")
-        geometry = given["Geometry"]
-        for name, value in ((POSITION, nodes.mix(far, start, end)), (DIRECTION, end - start)):
-            geometry = nodes.store(geometry, name, value, "FLOAT_VECTOR")
-        geometry = nodes.store(geometry, DEPTH, number, "FLOAT")
-        here, chord = (nodes.attribute(name, "FLOAT_VECTOR") for name in (POSITION, DIRECTION))
-        of_lens = {name: given[name] for name in lens_nodes.INPUTS} | {"Start": here, "Chord": chord}
-        with_lens = lens_nodes.store_lens(nodes, geometry, of_lens, matrix)
-        nodes.open_frame("Only where they are asked for")
-        open_lens = nodes.both(given["Straight"], given["Lens Radius"] > 0.0)
-        geometry = nodes.switch(open_lens, geometry, with_lens, "GEOMETRY", "Depth of Field?")
-        of_passes = {"t": t, "Step": next_t - t, "Far": far, "Number": number, "Sheet": sheet}
-        of_passes |= {"Start": here, "Chord": chord, "Place": nodes.xyz(x, y, polar, "x, y, polar")}
-        with_passes = pass_nodes.store_added(nodes, geometry, of_passes)
-        geometry = nodes.switch(given["Passes"], geometry, with_passes, "GEOMETRY", "Passes?")
-        place = nodes.switch(number < 0.5, here, screen, "VECTOR", "Sheet or Screen")
-        return {
-            "Geometry": nodes.out(
-                "GeometryNodeSetPosition", "In Place", {"Geometry": geometry, "Position": place}
-            )
-        }
-
-    inputs = {
+@defines_group(
+    "SCFPF Portals",
+    {
         "Geometry": ("Geometry", None, "Sheets: x, y and the number of the sheet as positions"),
         "Table": ("Object", None, "The table object of a flexible camera"),
         "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
         "Width": ("Float", WIDTH, "Width of the screen: the ortho scale of the camera that looks at it"),
         "Passes": ("Bool", False, "Does the picture have passes of t, depth, u and v?"),
-    } | lens_nodes.INPUTS
-    text = "The sheets that turn Cycles' rays from one chord of a projector into the next"
-    return node_group("SCFPF Portals", text, inputs, {"Geometry": "Geometry"}, build, modifier=True)
+    }
+    | lens_nodes.INPUTS,
+    {"Geometry": "Geometry"},
+    modifier=True,
+)
+def portal_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    """The sheets that turn Cycles' rays from one chord of a projector into the next.
+
+    Geometry: as ``sheets.portals`` makes it.
+    """
+    nodes.open_frame("The camera's table")
+    table, matrix = nodes.object_info(given["Table"])
+    view = view_inputs(nodes, table, given["Aspect"])
+    x, y, number = nodes.position().parts()
+    nodes.open_frame("Ends of the chord")
+    (t, shift, far), (next_t, next_shift, sheet) = (
+        nodes.attribute(name, "FLOAT_VECTOR").parts() for name in (START, END)
+    )
+    ends = []
+    for label, end_t, end_shift in (("Start", t, shift), ("End", next_t, next_shift)):
+        inputs = {"Position": nodes.xyz(x, y, end_t, "x, y, t"), "Shift": end_shift}
+        end = nodes.call(chord_end_group(), f"Chord {label}", inputs, view)["Position"]
+        ends.append(nodes.point(end, matrix, "In the World"))
+    start, end = ends
+    polar = view["Numbers"].parts()[2]
+    screen = _screen(nodes, given, polar)
+    nodes.open_frame("Where rays go on")
+    geometry = given["Geometry"]
+    for name, value in ((POSITION, nodes.mix(far, start, end)), (DIRECTION, end - start)):
+        geometry = nodes.store(geometry, name, value, "FLOAT_VECTOR")
+    geometry = nodes.store(geometry, DEPTH, number, "FLOAT")
+    here, chord = (nodes.attribute(name, "FLOAT_VECTOR") for name in (POSITION, DIRECTION))
+    with_lens = lens_nodes.store_lens(nodes, geometry, given | {"Start": here, "Chord": chord}, matrix)
+    nodes.open_frame("Only where they are asked for")
+    open_lens = given["Straight"] & (given["Lens Radius"] > 0.0)
+    geometry = nodes.switch(open_lens, geometry, with_lens, "GEOMETRY", "Depth of Field?")
+    of_passes = {"t": t, "Step": next_t - t, "Far": far, "Number": number, "Sheet": sheet}
+    of_passes |= {"Start": here, "Chord": chord, "Place": nodes.xyz(x, y, polar, "x, y, polar")}
+    with_passes = pass_nodes.store_added(nodes, geometry, of_passes)
+    geometry = nodes.switch(given["Passes"], geometry, with_passes, "GEOMETRY", "Passes?")
+    place = nodes.switch(number < 0.5, here, screen, "VECTOR", "Sheet or Screen")
+    return {"Geometry": nodes.set_position(geometry, place, "In Place")}
+
+
+def _screen(nodes: FieldBuilder, given: dict[str, Value], polar: Value) -> Value:
+    """The positions of the screen's vertices, and of the surround's."""
+    x, y, number = nodes.position().parts()
+    nodes.open_frame("The screen, and what surrounds it")
+    aspect, width = given["Aspect"], given["Width"]
+    wide = aspect.max(1.0)
+    across = nodes.mix(polar, width, width / wide)
+    up = nodes.mix(polar, width / aspect, width / wide)
+    depths = (-AWAY - TO_SCREEN, -AWAY - TO_SURROUND)
+    depth = nodes.switch(number < -0.5, *depths, "FLOAT", "Screen or Surround")
+    return nodes.xyz((x - 0.5) * across, (y - 0.5) * up, depth, "Screen")
 
 
 # Slots of the materials on the sheets' mesh.

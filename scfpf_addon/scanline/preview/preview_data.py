@@ -95,7 +95,7 @@ def make_preview(scene, view_layer, camera):
         raise PreviewError(lost)
     _check_surfaces(camera)
     sync_volume_object(camera)
-    table = remap_nodes.table_object(camera, scene=scene)
+    table = table_object.table_object(camera, scene=scene)
     source = bpy.data.collections.new(f"{camera.name} Preview Source")
     shelf = bpy.data.collections.new(f"{camera.name} Preview")
     view_camera = _new_view_camera(camera)
@@ -137,7 +137,7 @@ def add_parts(source, count: int) -> list:
         _shelve(settings.shelf, picture, camera)
         part = settings.parts.add()
         part.members, part.picture = members, picture
-        _set_modifier(source, part, remap_nodes.preview_group(camera))
+        _set_modifier(source, part, remap_nodes.preview_group())
         new.append(picture)
     return new
 
@@ -187,9 +187,9 @@ def update_pictures(source) -> None:
         # Library overrides lose custom properties when a file is loaded.
         camera[TABLE_KEY] = settings.table
     before = [modifier.node_group for modifier in settings.table.modifiers]
-    settings.table = remap_nodes.table_object(camera, scene=settings.scene)
+    settings.table = table_object.table_object(camera, scene=settings.scene)
     _keep_size(settings.table)
-    group = remap_nodes.preview_group(camera)
+    group = remap_nodes.preview_group()
     before += [_set_modifier(source, part, group) for part in settings.parts]
     remove_unused_groups([old for old in before if old is not None])
 

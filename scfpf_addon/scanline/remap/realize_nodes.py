@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The node group that makes one mesh of a scene's instances, with the shading that they have in the scene.
 
-Blender shades an instance with its mesh' own normals, moved by the inverse transpose of its
-transform. Realize Instances computes them anew instead, from the mesh as it was scaled, and turns what
-is mirrored inside out. So instances that are scaled unevenly, sheared or mirrored are realized apart.
+Blender shades an instance with its mesh' own normals, moved by the inverse transpose of its transform.
+Realize Instances recomputes them from the scaled mesh, and turns mirrored instances inside out. So instances
+that are scaled unevenly, sheared or mirrored are realized apart.
 """
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, node_group
+from ..nodes.field_nodes import FieldBuilder, Value, defines_group
 
 NORMAL = "scfpf_normal"
-# Which of a level's instances a vertex comes from.
+# The number of the instance that a vertex comes from, within its level.
 INSTANCE = "scfpf_instance"
 # Levels of instances within instances that are looked at one by one; each nested collection is two.
 LEVELS = 24
@@ -20,14 +20,16 @@ LEVELS = 24
 UNEVEN = 1e-4
 
 
-def realize_group():
-    """One mesh of all geometry and instances; its shading normals are the corners' attribute ``NORMAL``."""
-    inputs = {"Geometry": ("Geometry", None, "Meshes, and instances of meshes within instances")}
-    text = "One mesh of all instances, with the shading that they have in the scene"
-    return node_group("SCFPF Realize", text, inputs, {"Mesh": "Geometry"}, _build)
+@defines_group(
+    "SCFPF Realize",
+    {"Geometry": ("Geometry", None, "Meshes, and instances of meshes within instances")},
+    {"Mesh": "Geometry"},
+)
+def realize_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    """One mesh of all instances, with the shading that they have in the scene.
 
-
-def _build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    The shading normals are the corners' attribute ``NORMAL``.
+    """
     geometry = given["Geometry"]
     nodes.open_frame("Is any instance scaled unevenly, sheared or mirrored? Asked without the meshes")
     empty = nodes.out(
@@ -36,23 +38,20 @@ def _build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 
     def look(state: dict[str, Value]) -> dict[str, Value]:
         odd = nodes.statistic(state["Rest"], _is_odd(nodes) + 0.0, "Sum", "Odd Ones", domain="INSTANCE")
-        after = {"Rest": _level(nodes, state["Rest"]), "Odd": state["Odd"] + odd}
-        return _while_any(nodes, state, after, {"Rest": "GEOMETRY", "Odd": "FLOAT"})
+        return {"Rest": _level(nodes, state["Rest"]), "Odd": state["Odd"] + odd}
 
-    seen = nodes.repeat(LEVELS, {"Rest": ("GEOMETRY", empty), "Odd": ("FLOAT", 0.0)}, "Look", look)
+    def any_left(state: dict[str, Value]) -> Value:
+        return nodes.domain_size(state["Rest"], "Instance Count", "INSTANCES") > 0.5
+
+    state = {"Rest": ("GEOMETRY", empty), "Odd": ("FLOAT", 0.0)}
+    seen = nodes.repeat(LEVELS, state, "Look", look, any_left)
     nodes.open_frame("None is: all at once")
-    plain = _with_normals(nodes, _mesh_of(nodes, _level(nodes, geometry, every=True)))
+    plain, _ = _parts(nodes, _level(nodes, geometry, every=True), "Mesh")
+    plain = _with_normals(nodes, plain)
     nodes.open_frame("Some are: level by level")
-    first = nodes.node("GeometryNodeSeparateComponents", "What Is No Instance", {"Geometry": geometry})
-    state = {
-        "Rest": ("GEOMETRY", Value(nodes, first.outputs["Instances"])),
-        "Done": ("GEOMETRY", _with_normals(nodes, Value(nodes, first.outputs["Mesh"]))),
-    }
-
-    def realize(state: dict[str, Value]) -> dict[str, Value]:
-        return _while_any(nodes, state, _one_level(nodes, state), {"Rest": "GEOMETRY", "Done": "GEOMETRY"})
-
-    made = nodes.repeat(LEVELS, state, "Realize", realize)
+    mesh, instances = _parts(nodes, geometry, "What Is No Instance")
+    state = {"Rest": ("GEOMETRY", instances), "Done": ("GEOMETRY", _with_normals(nodes, mesh))}
+    made = nodes.repeat(LEVELS, state, "Realize", lambda state: _one_level(nodes, state), any_left)
     return {"Mesh": nodes.switch(seen["Odd"] > 0.5, plain, made["Done"], "GEOMETRY", "Any Odd?")}
 
 
@@ -60,15 +59,14 @@ def _is_odd(nodes: FieldBuilder) -> Value:
     """Whether an instance's transform is more than a turn, a move and an even scale."""
     own = nodes.out("GeometryNodeInstanceTransform", "Of the Instance", {})
     a, b, c = (
-        nodes.out("FunctionNodeTransformDirection", "Column", {0: axis, 1: own})
-        for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+        nodes.direction(axis, own, "Column") for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     )
     size = a.dot(a)
-    off = (size - b.dot(b)).absolute().most((size - c.dot(c)).absolute())
+    off = (size - b.dot(b)).absolute().max((size - c.dot(c)).absolute())
     for product in (a.dot(b), b.dot(c), c.dot(a)):
-        off = off.most(product.absolute())
+        off = off.max(product.absolute())
     mirrored = a.cross(b).dot(c) < 0.0
-    return nodes.either(mirrored, off > size * UNEVEN)
+    return mirrored | (off > size * UNEVEN)
 
 
 def _level(nodes: FieldBuilder, geometry: Value, every: bool = False) -> Value:
@@ -77,42 +75,31 @@ def _level(nodes: FieldBuilder, geometry: Value, every: bool = False) -> Value:
     return nodes.out("GeometryNodeRealizeInstances", "Realize", inputs)
 
 
-def _while_any(nodes: FieldBuilder, state, after, kinds: dict[str, str]) -> dict[str, Value]:
-    """The next state as long as there are instances; a Switch evaluates only the side that is asked for."""
-    size = nodes.node("GeometryNodeAttributeDomainSize", "Size", {0: state["Rest"]}, component="INSTANCES")
-    count = Value(nodes, size.outputs["Instance Count"])
-    return {
-        name: nodes.switch(count > 0.5, state[name], after[name], kind, "Any Left?")
-        for name, kind in kinds.items()
-    }
-
-
-def _mesh_of(nodes: FieldBuilder, geometry: Value) -> Value:
-    return nodes.out("GeometryNodeSeparateComponents", "Mesh", {"Geometry": geometry}, "Mesh")
+def _parts(nodes: FieldBuilder, geometry: Value, label: str) -> tuple[Value, ...]:
+    """The mesh and the instances of a geometry."""
+    inputs = {"Geometry": geometry}
+    return nodes.outs("GeometryNodeSeparateComponents", label, inputs, "Mesh", "Instances")
 
 
 def _with_normals(nodes: FieldBuilder, geometry: Value) -> Value:
     """A mesh whose corners know their shading normals; without faces it has no corners: nothing is left."""
-    faces = nodes.out(
-        "GeometryNodeAttributeDomainSize", "Faces", {0: geometry}, "Face Count", component="MESH"
-    )
+    faces = nodes.domain_size(geometry, "Face Count")
     geometry = nodes.switch(faces > 0.5, None, geometry, "GEOMETRY", "Nothing without Faces")
     normal = nodes.out("GeometryNodeInputNormal", "Normal", {})
     return nodes.store(geometry, NORMAL, normal, "FLOAT_VECTOR", "CORNER")
 
 
 def _one_level(nodes: FieldBuilder, state: dict[str, Value]) -> dict[str, Value]:
+    """Realize the outermost instances. Rest: the instances within them. Done: the mesh so far."""
     odd, even = nodes.separate(state["Rest"], _is_odd(nodes), "Odd Ones", "INSTANCE")
-    even = nodes.node("GeometryNodeSeparateComponents", "Even Ones", {"Geometry": _level(nodes, even)})
+    plain, below = _parts(nodes, _level(nodes, even), "Even Ones")
     # Within instances too, each mesh once.
     normal = nodes.out("GeometryNodeInputNormal", "Normal", {})
     odd = nodes.store(odd, NORMAL, normal, "FLOAT_VECTOR", "CORNER")
-    odd = nodes.store(odd, INSTANCE, nodes.out("GeometryNodeInputIndex", "Index", {}), "INT", "INSTANCE")
-    parts = nodes.node("GeometryNodeSeparateComponents", "Odd Ones, Real", {"Geometry": _level(nodes, odd)})
-    mesh = _shaded(nodes, Value(nodes, parts.outputs["Mesh"]), odd)
-    plain = _with_normals(nodes, Value(nodes, even.outputs["Mesh"]))
-    rest = nodes.join(*(Value(nodes, each.outputs["Instances"]) for each in (even, parts)))
-    return {"Rest": rest, "Done": nodes.join(state["Done"], plain, mesh)}
+    odd = nodes.store(odd, INSTANCE, nodes.index(), "INT", "INSTANCE")
+    mesh, below_odd = _parts(nodes, _level(nodes, odd), "Odd Ones, Real")
+    done = nodes.join(state["Done"], _with_normals(nodes, plain), _shaded(nodes, mesh, odd))
+    return {"Rest": nodes.join(below, below_odd), "Done": done}
 
 
 def _shaded(nodes: FieldBuilder, mesh: Value, instances: Value) -> Value:
@@ -123,7 +110,7 @@ def _shaded(nodes: FieldBuilder, mesh: Value, instances: Value) -> Value:
     turned = nodes.out("FunctionNodeTransposeMatrix", "Transpose", {0: inverse})
     turned = nodes.sample(instances, turned, number, "FLOAT4X4", "Of Its Instance", "INSTANCE")
     normal = nodes.attribute(NORMAL, "FLOAT_VECTOR")
-    normal = nodes.out("FunctionNodeTransformDirection", "Turned", {0: normal, 1: turned})
+    normal = nodes.direction(normal, turned, "Turned")
     normal = nodes.combine("NORMALIZE", normal)
     mesh = nodes.store(mesh, NORMAL, normal, "FLOAT_VECTOR", "CORNER")
     mirrored = nodes.out("FunctionNodeMatrixDeterminant", "Determinant", {0: own}) < 0.0

@@ -1,25 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node groups of the live preview: what a flexible camera sees, as geometry in its viewbox.
+"""The node groups of the live preview: the view of a flexible camera, as geometry in its viewbox.
 
-The viewbox stands in the camera's space: x from -½ to ½ across the picture, y
-from -½/aspect to ½/aspect up it, z from -1 (near surface) to -2 (far surface). An
-orthographic camera that is a child of the flexible one with the identity as
-its local matrix, sensor fit HORIZONTAL, ortho scale 1 and clip range 1 to 2 frames it exactly.
+The viewbox stands in the camera's space: x from -½ to ½ across the image, y from -½/aspect to ½/aspect up it,
+z from -1 (near surface) to -2 (far surface). A child camera of the flexible one frames it exactly if it is
+orthographic and has the identity as local matrix, sensor fit HORIZONTAL, ortho scale 1 and clip range 1 to 2.
 """
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, node_group, remove_attributes
-from ..table.table_object import table_object
+from ..nodes.field_nodes import FieldBuilder, Value, defines_group, remove_attributes
 from ..table.table_sheets import BRANCHES
 from .branch_nodes import with_branches
-from .place_nodes import BOX, store_places, view_inputs
+from .place_nodes import BOX, own_point, store_places, view_inputs
 from .realize_nodes import NORMAL, realize_group
 from .refine_nodes import refine_group
 
-__all__ = ["COUNTS", "is_flat", "preview_group", "remap_counts", "remap_group", "table_object"]
-
-# The attribute of the finished mesh that says what was left out: faces without a place, folded samples.
+# Attribute of the finished mesh: the numbers of faces without a place, and of folded samples.
 COUNTS = "SCFPF Left Out"
 
 REMAP_INPUTS = {
@@ -31,44 +27,36 @@ REMAP_INPUTS = {
 }
 
 
-def remap_group():
-    """The node group "SCFPF Remap": geometry → what the camera of a table sees of it, in the viewbox.
+@defines_group(
+    "SCFPF Remap",
+    {"Geometry": ("Geometry", None, "What the camera looks at")} | REMAP_INPUTS,
+    {"Geometry": "Geometry"},
+    modifier=True,
+)
+def remap_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    """The view of a flexible camera: a mesh as the camera sees it, in the camera's viewbox.
 
-    Inputs: Geometry, Table (Object, of ``table_object``), Aspect (width / height of the picture),
-    Pixel Error, Picture Width (pixels). Usable in any modifier stack: positions are
-    taken from the modified object's space, the viewbox stands in the table's. Found in the file or built.
+    Table: of ``table_object``. Aspect: width / height of the image. Picture Width: pixels. Usable in any
+    modifier stack: positions are in the modified object's space, the viewbox stands in the table's.
     """
-    inputs = {"Geometry": ("Geometry", None, "What the camera looks at")} | REMAP_INPUTS
-    text = "What a flexible camera sees of a mesh, in the camera's viewbox"
-    return node_group("SCFPF Remap", text, inputs, {"Geometry": "Geometry"}, _build_remap, modifier=True)
-
-
-def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     nodes.open_frame("The camera's table")
-    info = {"Object": given["Table"]}
-    table = nodes.out("GeometryNodeObjectInfo", "Table", info, "Geometry")
-    matrix = nodes.out("GeometryNodeObjectInfo", "Camera", info, "Transform", transform_space="RELATIVE")
+    table, matrix = nodes.object_info(given["Table"])
     view = view_inputs(nodes, table, given["Aspect"])
     nodes.open_frame("The scene's mesh, with its shading")
-    mesh = nodes.call(realize_group(), "Realize", {"Geometry": given["Geometry"]})["Mesh"]
+    mesh = nodes.call(realize_group(), "Realize", {}, given)["Mesh"]
     # Where all projectors lie in one surface there is no inverse.
-    branches = nodes.attribute(BRANCHES, "FLOAT_VECTOR")
-    flat = nodes.sample(view["Cloud"], branches, 0, "FLOAT_VECTOR", "Branches").parts()[2]
+    flat = nodes.sample_attribute(view["Cloud"], BRANCHES, 0, "Branches").parts()[2]
     mesh = nodes.switch(flat > 0.5, mesh, None, "GEOMETRY", "Nothing if Flat")
     nodes.open_frame("Where its vertices are in the viewbox")
-    position = nodes.out("GeometryNodeInputPosition", "Position", {})
     inverse = nodes.out("FunctionNodeInvertMatrix", "Into Camera's Space", {0: matrix})
-    point = {"Point": nodes.point(position, inverse, "In Camera's Space")}
-    options = {key: given[key] for key in ("Pixel Error", "Picture Width", "Rounds")} | {"Inverse": inverse}
-    placed = store_places(nodes, mesh, view | point)
+    options = given | {"Inverse": inverse}
+    placed = store_places(nodes, mesh, view | {"Point": own_point(nodes, options)})
     nodes.open_frame("Large faces are divided, what has no place goes")
-    single = nodes.call(refine_group(), "Refine", view | options | {"Mesh": placed})
-    refined = with_branches(nodes, view, options | {"Mesh": mesh}, single)
+    single = nodes.call(refine_group(), "Refine", {"Mesh": placed}, options | view)
+    refined = with_branches(nodes, options | view | {"Mesh": mesh}, single)
     nodes.open_frame("Into the viewbox, with the shading of the scene")
     place = nodes.point(nodes.attribute(BOX, "FLOAT_VECTOR"), matrix, "In Own Space")
-    mesh = nodes.out(
-        "GeometryNodeSetPosition", "Into the Viewbox", {"Geometry": refined["Mesh"], "Position": place}
-    )
+    mesh = nodes.set_position(refined["Mesh"], place, "Into the Viewbox")
     mesh = nodes.out(
         "GeometryNodeSetMeshNormal",
         "Shading Normals",
@@ -80,36 +68,33 @@ def _build_remap(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Geometry": remove_attributes(nodes, mesh, "scfpf_*")}
 
 
-def preview_group(camera):
-    """The node group of the camera's whole preview: Collection → viewbox geometry.
+@defines_group(
+    "SCFPF Preview",
+    {"Collection": ("Collection", None, "What the camera looks at")} | REMAP_INPUTS,
+    {"Geometry": "Geometry"},
+    modifier=True,
+)
+def preview_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    """The view of a flexible camera: a collection as the camera sees it, in the camera's viewbox.
 
-    Inputs: Collection, Table (Object), Aspect, Pixel Error, Picture Width. The object that carries it must
-    be a child of the camera with the identity as its local matrix, and in none of the collections that
-    it shows.
+    The object that carries it must be a child of the camera with the identity as its local matrix, and must
+    not be in the collection.
     """
-    inputs = {"Collection": ("Collection", None, "What the camera looks at")} | REMAP_INPUTS
-
-    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
-        seen = nodes.out(
-            "GeometryNodeCollectionInfo",
-            "Scene",
-            {"Collection": given["Collection"], "Separate Children": True},
-            transform_space="RELATIVE",
-        )
-        options = {key: given[key] for key in REMAP_INPUTS}
-        return nodes.call(remap_group(), "Remap", options | {"Geometry": seen})
-
-    text = "What a flexible camera sees of a collection, in the camera's viewbox"
-    return node_group("SCFPF Preview", text, inputs, {"Geometry": "Geometry"}, build, modifier=True)
+    seen = nodes.out(
+        "GeometryNodeCollectionInfo",
+        "Scene",
+        {"Collection": given["Collection"], "Separate Children": True},
+        transform_space="RELATIVE",
+    )
+    return nodes.call(remap_group(), "Remap", {"Geometry": seen}, given)
 
 
 def remap_counts(evaluated_object) -> dict[str, int]:
-    """What an evaluated object's remap left out.
+    """The numbers of faces and samples that an evaluated object's remap left out; zero without a remap.
 
-    Keys: ``unreachable`` (faces without a place though their surroundings have one; of a volume with folds
-    the faces with a corner in the picture and another one that no ray reaches, since the volume ends
-    in a fold before it; not counted where it is in pieces), ``folded`` (samples of the volume, of 2,304,
-    or of 4,608 if it is in pieces, where it is turned inside out). Zero where there is no remap.
+    ``unreachable``: faces without a place, though their surroundings have one. In a folded volume, faces with
+    a corner in the image and another one beyond the fold, which no ray reaches; 0 in a volume in pieces.
+    ``folded``: samples where the volume is turned inside out, of 2,304, or of 4,608 in a volume in pieces.
     """
     attribute = evaluated_object.data.attributes.get(COUNTS)
     if attribute is None or not len(attribute.data):

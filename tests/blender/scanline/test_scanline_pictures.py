@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pictures of the live preview, drawn by Workbench, against the exact caster."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -19,7 +21,9 @@ CHECKS = 40
 
 @pytest.fixture
 def scanline(addon):
-    return addon("scanline.remap.remap_nodes")
+    """The preview's node groups, and the object with the table."""
+    table_object = addon("scanline.table.table_object").table_object
+    return SimpleNamespace(**vars(addon("scanline.remap.remap_nodes")), table_object=table_object)
 
 
 @pytest.fixture
@@ -86,7 +90,7 @@ def drawn(addon, scanline, tmp_path):
             each.parent = camera
             bpy.context.scene.collection.objects.link(each)
         modifier = preview.modifiers.new("Preview", "NODES")
-        group = modifier.node_group = scanline.preview_group(camera)
+        group = modifier.node_group = scanline.preview_group()
         values = {
             "Collection": collection,
             "Table": scanline.table_object(camera),

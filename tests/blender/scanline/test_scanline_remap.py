@@ -2,6 +2,7 @@
 """The node groups of the live preview against the viewing volume in float64."""
 
 import json
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -21,7 +22,9 @@ DEPTH_FLOAT = 2.5e-7
 
 @pytest.fixture
 def scanline(addon):
-    return addon("scanline.remap.remap_nodes")
+    """The preview's node groups, and the object with the table."""
+    table_object = addon("scanline.table.table_object").table_object
+    return SimpleNamespace(**vars(addon("scanline.remap.remap_nodes")), table_object=table_object)
 
 
 @pytest.fixture
@@ -58,12 +61,12 @@ def remapped(addon, scanline):
         preview.parent = camera
         bpy.context.scene.collection.objects.link(preview)
         modifier = preview.modifiers.new("Preview", "NODES")
-        modifier.node_group = scanline.preview_group(camera)
+        modifier.node_group = scanline.preview_group()
         values = {"Collection": seen, "Table": scanline.table_object(camera), "Aspect": ASPECT}
         for item in modifier.node_group.interface.items_tree:
             if item.in_out == "INPUT" and item.name in values:
                 versions.set_modifier_input(modifier, item.identifier, values[item.name])
-        modifier.node_group = scanline.preview_group(camera)
+        modifier.node_group = scanline.preview_group()
         return preview
 
     return make
@@ -347,7 +350,7 @@ def test_node_groups_can_be_read(scanline, flexible, camera):
     flexible.add_surface(camera, "PLANE", parameters={"width": 1.5, "height": 1.0})
     flexible.add_surface(camera, "PLANE", matrix=np.diag([1.0, 1.0, 1.0, 1.0]))
     scanline.table_object(camera)
-    scanline.preview_group(camera)
+    scanline.preview_group()
     groups = [tree for tree in bpy.data.node_groups if tree.name.startswith("SCFPF")]
     assert len(groups) > 20
     for tree in groups:
