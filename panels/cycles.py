@@ -5,9 +5,9 @@ import textwrap
 
 import bpy
 
+from ..scfpf_addon.cycles.cautions import cautions
 from ..scfpf_addon.cycles.chord_planning import Price, price_of_rig
 from ..scfpf_addon.cycles.prices import price
-from ..scfpf_addon.cycles.rig import cautions
 from ..scfpf_addon.cycles.rig_data import rig_of
 from .base import LINE, Subsection, draw_lines, draw_text, section_panels
 

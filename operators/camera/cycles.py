@@ -4,6 +4,7 @@
 import bpy
 
 from ...scfpf_addon.cycles import rig as rigs
+from ...scfpf_addon.cycles.cautions import cautions
 from ...scfpf_addon.cycles.chord_planning import Planning, planned
 from ...scfpf_addon.cycles.rig_data import rig_of
 from ..common.errors import BAD_INPUT, refused
@@ -109,7 +110,7 @@ class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
             rigs.switch_off(rig_of(context.scene))
             return {"FINISHED"}
         rig = rigs.switch_on(context, camera, plan)
-        for caution in rigs.cautions(context.scene, context.view_layer, rig):
+        for caution in cautions(context.scene, context.view_layer, rig):
             self.report({"WARNING"}, caution)
         self.report({"INFO"}, "Press F12: Cycles follows the projectors of " + camera.name)
         return {"FINISHED"}

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Path-traced projectors: a rig of Ray Portal sheets along which Cycles' camera rays follow them.
 
-Imports stand inside the functions: what is pure in here is used, and tested, without bpy.
+Imports stand inside the functions: the pure modules are used and tested without bpy.
 """
 
 
 def types():
-    """Return the types that files and Blender's render job need: see ``bridge.switching``."""
+    """Return the types that files and Blender's render job need: see ``bridge.render.type_registration``."""
     from . import rig_properties
 
     return (rig_properties,)

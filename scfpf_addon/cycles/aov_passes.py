@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Passes of t, depth and (u, v, t) in Cycles: AOVs that the portals write, and a group for the compositor.
 
-The group meets Cycles' Position pass with the chord of the pixel: what is left of a point along its chord
-is what only the surface that was met knows, and its material should not have to be changed.
+The AOVs describe the chord of the pixel. The place along it is known only to the surface that was met, whose
+material should not have to change: the group finds it from Cycles' Position pass.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from __future__ import annotations
 import bpy
 
 from ..bridge.blender import versions
-from ..scanline.nodes.field_nodes import BUILD, BUILD_KEY, FieldBuilder, Value
+from ..scanline.nodes.field_nodes import BUILD, BUILD_KEY, FieldBuilder, Value, is_current
 from .portals.pass_nodes import AOV_ALONG, AOV_PLACE, AOV_RATE, AOV_START, AOVS
 
 GROUP = "SCFPF Passes"
 LAYER = "SCFPF Render Layer"
 # Marks nodes and compositor trees as made here.
 MADE_KEY = "scfpf_passes"
-# Depth where nothing is met, as in Blender's own engines.
+# Depth of an empty pixel, as in Blender's own engines.
 FARTHEST = 1e10
-# Where a smaller share of a pixel's samples meets anything the pixel counts as empty.
+# A pixel is empty if a smaller share of its samples meets anything.
 MET = 0.5
-# Least of what is divided by.
+# Least divisor.
 TINY = 1e-30
 POSITION = "Position"
 
@@ -55,7 +55,7 @@ def add(scene) -> None:
 
 
 def remove(scene) -> None:
-    """Take back what ``add`` has made; links to it are lost."""
+    """Remove everything that ``add`` has made, and links to it."""
     for layer in scene.view_layers:
         for name in AOVS:
             aov = layer.aovs.get(name)
@@ -76,11 +76,7 @@ def remove(scene) -> None:
 
 def _group():
     existing = bpy.data.node_groups.get((GROUP, None))
-    if (
-        existing is not None
-        and existing.bl_idname == "CompositorNodeTree"
-        and existing.get(BUILD_KEY) == BUILD
-    ):
+    if is_current(existing) and existing.bl_idname == "CompositorNodeTree":
         return existing
     tree = bpy.data.node_groups.new(GROUP, "CompositorNodeTree")
     tree.description = "t, depth, u and v of what each pixel shows through the Cycles rig"
@@ -105,8 +101,7 @@ def _passes(nodes: FieldBuilder, given: dict[str, Value]) -> dict[str, Value]:
     nodes.open_frame("The mean of those samples that meet something")
 
     def parts(name: str, share=None) -> tuple[Value, ...]:
-        found = nodes.node("ShaderNodeSeparateXYZ", name, {0: given[name]})
-        values = tuple(Value(nodes, socket) for socket in found.outputs)
+        values = given[name].parts()
         return values if share is None else tuple(value * share for value in values)
 
     u, v, cover = parts(AOV_PLACE)

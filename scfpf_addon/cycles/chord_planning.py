@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The projections that the chords of a rig are planned for, read one frame after the other; a rig's price."""
+"""The planning of a rig's chords for all frames of its volume, and the price of a rig."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..bridge.camera.read_projection import read_projection
 from ..bridge.render.image_size import image_aspect, image_size
 from ..bridge.volume.volume_object import sync_volume_object
 from ..projection.volume.viewing_volume import Projection
-from ..scanline.table.mapping_table import picture_signature
+from ..scanline.table.mapping_table import image_signature
 from ..scanline.table.table_object import grid_cells
 from .chords.chord_plan import ChordPlan, PlanError, plan_chords, rendering_cost
 from .portals.sheets import vertex_count
@@ -21,22 +21,22 @@ from .rig_data import RigError, build_groups, check, check_surfaces, remove_grou
 
 # Frames of an animated volume that its chords are planned for.
 FRAMES = 9
-# Places across and up the picture at which a change of the volume is noticed.
+# Image positions across and up at which changes of the volume are noticed.
 NOTICED = 7
 # Memory of the sheets in Blender and in Cycles: 520 bytes a vertex, measured with 500,000.
 BYTES_PER_VERTEX = 520
-# How much of the progress is left when the frames are read, and when the node groups are built.
+# Progress once the frames are read, and once the node groups are built.
 AFTER_FRAMES, AFTER_GROUPS = 0.4, 0.7
 
 
 class Planning:
-    """The way to a plan, a step at a time, so that it can be given up; the scene is as it was until the end.
+    """The planning of chords, step by step, so that it can be cancelled. It leaves the scene as it was.
 
-    Keeps names, numbers and arrays only.
+    It keeps names, numbers and arrays only.
     """
 
     def __init__(self, context, camera) -> None:
-        """Raises RigError, or as the projection's reader does."""
+        """Raises RigError, or an error of ``read_projection``."""
         scene = context.scene
         check(scene, camera)
         check_surfaces(camera)
@@ -65,7 +65,7 @@ class Planning:
         return "nodes" if self._groups is None else "sheets"
 
     def step(self, context) -> bool:
-        """Take a step; returns whether more are to be taken. Raises as ``__init__`` does."""
+        """Take a step; return whether there are more. Raises as ``__init__`` does."""
         camera = self.camera(context)
         if self._frames:
             self._has_moved = True
@@ -118,7 +118,7 @@ def _read(context, camera) -> Projection:
 
 
 def chords_of(camera, scene, projections: list[Projection]) -> ChordPlan:
-    """Plan the chords of projections as a camera's settings ask for it. Raises RigError."""
+    """Plan the chords of projections for a camera's settings. Raises RigError."""
     lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
     try:
         return plan_chords(projections, image_size(scene), camera.scfpf.pixel_error, lines)
@@ -146,7 +146,7 @@ def may_move(camera) -> bool:
 
 
 def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
-    """The projection as it is, and what tells it from another: what nodes do not follow, and the rest."""
+    """The present projection and its signature: its structure, which nodes cannot follow, and the rest."""
     own = camera.scfpf
     check_surfaces(camera)
     projection = read_projection(camera, depsgraph, image_aspect(scene))
@@ -154,7 +154,7 @@ def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
         (slot.object.session_uid, slot.object.scfpf_surface.kind, slot.weight) for slot in own.surfaces
     )
     focus = camera.data.dof.focus_object
-    picture = picture_signature(camera, scene)
+    picture = image_signature(camera, scene)
     structure = (surfaces, own.basis, own.reparameterisation, picture, focus and focus.session_uid)
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, NOTICED),) * 2))
     points = projection.projectors(x, y).points.astype(np.float32).tobytes()
@@ -170,7 +170,7 @@ class Price(NamedTuple):
 
     @property
     def portals(self) -> int:
-        """Portals that a ray passes at most: the screen, a sheet between two chords, the far sheet."""
+        """The most portals that a ray passes: the screen, the sheets between chords, and the far sheet."""
         return self.chords + 1
 
     @property
@@ -180,16 +180,16 @@ class Price(NamedTuple):
 
     @property
     def memory(self) -> int:
-        """Bytes, about."""
+        """In bytes, approximately."""
         return self.vertices * BYTES_PER_VERTEX
 
 
 def price_of_plan(plan: ChordPlan) -> Price:
-    """The price of a rig that would be made by a plan."""
+    """The price of a planned rig."""
     return Price(plan.count, plan.error, vertex_count(plan.count, plan.cells, plan.disc))
 
 
 def price_of_rig(rig) -> Price:
-    """The price of a rig that is there."""
+    """The price of an existing rig."""
     settings = rig.scfpf_rig
     return Price(settings.chords, settings.error, len(settings.portals.data.vertices))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Materials that the rig disturbs: their Raycast nodes meet its sheets, or they depend on camera or ray.
 
-Rays of Cycles' Raycast node meet whatever any kind of ray sees (svm_raycast in its kernel/svm/raycast.h), and
-camera rays have to see the sheets. With Only Local they meet the material's own object alone.
+Rays of Cycles' Raycast node meet everything that any kind of ray sees (svm_raycast in kernel/svm/raycast.h),
+and camera rays have to see the sheets. With Only Local they meet the material's own object alone.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import bpy
 
 from ..bridge.blender.rig_mark import is_rig_part
 
-# Outputs that depend on the place of the camera, on the length of the ray, or on what it has passed.
+# Outputs that depend on the camera's position, or on the ray's length or history.
 OUTPUTS = {
     "ShaderNodeCameraData": ("View Vector", "View Z Depth", "View Distance"),
     "ShaderNodeTexCoord": ("Camera", "Window"),
@@ -22,12 +22,12 @@ OUTPUTS = {
 
 
 def raycasting(rig) -> str:
-    """The name of a material whose Raycast node meets a rig's sheets; empty if its scene has none."""
+    """The name of a material whose Raycast node meets a rig's sheets; empty if the scene has none."""
     return _first(rig, lambda node: node.bl_idname == "ShaderNodeRaycast" and not node.only_local)
 
 
 def asking_camera(rig) -> str:
-    """The name of a material that depends on the camera or on the ray; empty if a rig's scene has none."""
+    """The name of a material that depends on the camera or on the ray; empty if the rig's scene has none."""
     return _first(rig, _asks_camera)
 
 
@@ -53,7 +53,7 @@ def _first(rig, is_meant: Callable[[bpy.types.Node], bool]) -> str:
 
 
 def _has(tree, is_meant: Callable[[bpy.types.Node], bool], known: dict[int, bool]) -> bool:
-    """Whether a node of a tree, or of a group in it, is meant. known: the trees that were looked at."""
+    """Whether a tree, or a group in it, has a node that is meant. known: results by its session id."""
     key = tree.session_uid
     if key not in known:
         groups = [

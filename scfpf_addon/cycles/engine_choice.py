@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether F12 shows what the scene's flexible camera sees: by SCFPF, or by Cycles through the rig."""
+"""The choice of the render engine: whether F12 renders the volume, by SCFPF, or by Cycles through the rig."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..bridge.blender.rig_mark import camera_behind
 from ..bridge.render.render_engine import ENGINE
 from .rig_data import CYCLES, rig_of
 
-# What F12 through a rig makes of a stereoscopic scene.
+# The warning about F12 through a rig in a stereoscopic scene.
 ALIKE = "Cycles renders all views alike: render with SCFPF, or switch off Stereoscopy"
 
 
@@ -26,7 +26,7 @@ def _is_rigged(scene) -> bool:
 
 
 def ignored_camera(scene):
-    """The flexible camera that is a scene's camera while its render engine ignores the volume; else None."""
+    """The scene's flexible camera if the render engine ignores its volume, else None."""
     camera = camera_behind(scene.camera)
     if camera is None or not camera.scfpf.enabled or scene.render.engine == ENGINE:
         return None
@@ -34,7 +34,7 @@ def ignored_camera(scene):
 
 
 def f12_warning(scene) -> str:
-    """The message about what F12 leaves out of a scene's flexible camera: its volume, or its eyes; or ""."""
+    """The message about what F12 ignores of a scene's flexible camera, its volume or its eyes; or empty."""
     camera = ignored_camera(scene)
     if camera is None:
         return ALIKE if scene.render.use_multiview and _is_rigged(scene) else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Control surfaces hidden from the rays of Cycles rigs, for as long as the file has a rig.
+"""Control surfaces are hidden from the rays of Cycles rigs as long as the file has a rig.
 
 Drivers of the objects' own ray visibility hide them, with or without the add-on, while the rendered scene's
 camera is a rig's. All other cameras see them as before. A ray visibility that the artist has switched off
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import bpy
 
+from ..bridge.blender.drivers import add_scene_property, new_driver
 from ..bridge.blender.rig_mark import HIDDEN_RAYS, HIDING, has_other_animation, is_hiding
 from ..bridge.blender.scene_objects import holds
 from ..bridge.blender.slot_animation import curve_collections
@@ -20,7 +21,7 @@ from ..bridge.volume.camera_members import grids_of, surfaces_of
 # Lattices are not rendered.
 RENDERED = {"MESH", "SURFACE"}
 
-# What the last look found, numbers only: the number of objects, and surfaces with their switch for renders.
+# Found at the last look, numbers only: how many objects there are, and surfaces with their visibility.
 _known: list[tuple] = []
 
 
@@ -30,9 +31,9 @@ def forget() -> None:
 
 
 def hide_surfaces(is_wanted: bool) -> None:
-    """Hide the control surfaces of all cameras from the rays of rigs, and show what is one no longer.
+    """Hide the control surfaces of all cameras from the rays of rigs, and show objects that are no longer one.
 
-    is_wanted: whether the file has a rig. Quick where nothing has changed.
+    is_wanted: whether the file has a rig. Quick if nothing has changed.
     """
     surfaces = _surfaces(camera_objects() if _known else bpy.data.objects) if is_wanted else {}
     now = len(bpy.data.objects), tuple((uid, surface.hide_render) for uid, surface in surfaces.items())
@@ -59,7 +60,7 @@ def seen_surfaces(scene) -> list[str]:
 
 
 def _surfaces(candidates) -> dict[int, bpy.types.Object]:
-    """Surfaces and grids of mappings of cameras among ``candidates``, by session id; no picture has them."""
+    """Surfaces and mapping grids of the cameras among ``candidates``, by session id; no render shows them."""
     found = {}
     for camera in candidates:
         if camera.type != "CAMERA":
@@ -91,20 +92,14 @@ def _hide(surface) -> None:
         has_driver = curve is not None and curve.driver is not None
         if has_driver or (curve is None and not getattr(surface, ray)):
             continue
-        made = surface.driver_add(ray)
-        for generator in list(made.modifiers):
-            made.modifiers.remove(generator)
-        made.driver.expression = HIDING
-        variable = made.driver.variables.new()
-        variable.name, variable.type = "width", "CONTEXT_PROP"
-        target = variable.targets[0]
-        target.context_property, target.data_path = "ACTIVE_SCENE", "camera.data.ortho_scale"
+        driver = new_driver(surface, ray, HIDING)
+        target = add_scene_property(driver, "camera.data.ortho_scale", "width")
         # A scene may have no camera, or an object that has no lens.
         target.use_fallback_value, target.fallback_value = True, 0.0
 
 
 def _show(obj) -> None:
-    """Take the drivers from an object; the ray visibilities that have one were on."""
+    """Remove the drivers from an object; the ray visibilities that have one were on."""
     hidden = [curve.data_path for curve in obj.animation_data.drivers if is_hiding(curve)]
     for ray in hidden:
         obj.driver_remove(ray)

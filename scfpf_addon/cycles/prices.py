@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The price of a rig before it is made: asked for by a panel that is drawn, worked out between two events.
+"""The price of a rig before it is made: requested by a panel while it is drawn, computed by a timer.
 
-A timer does it when nothing has changed for a moment, for the present frame; it takes a fraction of a second.
+The timer computes it for the present frame, in a fraction of a second, when nothing has changed for a moment.
 """
 
 from __future__ import annotations
@@ -13,15 +13,15 @@ from ..bridge.render.render_errors import RenderError
 from .chord_planning import Price, chords_of, look, price_of_plan
 from .rig_data import RigError
 
-# Seconds without a change, after which a price is worked out.
+# Seconds without a change before a price is computed.
 PATIENCE = 0.4
 
 
-class _Asked:
-    """Names, numbers and bytes only.
+class _Requests:
+    """Prices that panels have requested: names, numbers and bytes only.
 
     changes: counted. asked: names of camera and scene. seen: changes when the timer last looked. answers: by
-    session ids of camera and scene: changes then, what tells the volume from another, and the answer.
+    session ids of camera and scene: changes then, a signature of the volume, and the answer.
     """
 
     def __init__(self) -> None:
@@ -30,37 +30,37 @@ class _Asked:
         self.answers: dict[tuple[int, int], tuple[int, tuple, Price | str]] = {}
 
 
-_asked = _Asked()
+_requests = _Requests()
 
 
 def changed() -> None:
-    """Something in the file has changed: call it from handlers."""
-    _asked.changes += 1
+    """Count a change of the file; called by handlers."""
+    _requests.changes += 1
 
 
 def forget() -> None:
-    """Another file is open."""
-    _asked.answers.clear()
+    """Forget all prices, when another file is opened."""
+    _requests.answers.clear()
     changed()
 
 
 def price(camera, scene) -> Price | str | None:
-    """The price of a camera's rig in a scene, why there can be none, or None until it is worked out.
+    """The price of a camera's rig in a scene, or why it can have none; None until it is computed.
 
-    Quick, for panels. An older price is returned while a newer one is worked out.
+    Quick, for panels. It is the previous price while a new one is computed.
     """
-    changes, _, answer = _asked.answers.get((camera.session_uid, scene.session_uid), (-1, (), None))
-    if changes != _asked.changes:
-        _asked.asked = camera.name, scene.name
+    changes, _, answer = _requests.answers.get((camera.session_uid, scene.session_uid), (-1, (), None))
+    if changes != _requests.changes:
+        _requests.asked = camera.name, scene.name
         if not bpy.app.background and not bpy.app.timers.is_registered(_answer):
             bpy.app.timers.register(_answer, first_interval=PATIENCE)
     return answer
 
 
-def work_out(camera, scene, depsgraph) -> Price | str:
-    """As ``price``, at once; depsgraph: evaluated, of the scene."""
+def compute(camera, scene, depsgraph) -> Price | str:
+    """Compute a ``price`` at once. depsgraph: evaluated, of the scene."""
     key = camera.session_uid, scene.session_uid
-    _, known, answer = _asked.answers.get(key, (-1, (), ""))
+    _, known, answer = _requests.answers.get(key, (-1, (), ""))
     signature: tuple = ()
     try:
         projection, signature = look(camera, scene, depsgraph)
@@ -68,20 +68,20 @@ def work_out(camera, scene, depsgraph) -> Price | str:
             answer = price_of_plan(chords_of(camera, scene, [projection]))
     except (ProjectionError, RenderError, RigError) as error:
         answer = str(error)
-    _asked.answers[key] = _asked.changes, signature, answer
+    _requests.answers[key] = _requests.changes, signature, answer
     return answer
 
 
 def _answer() -> float | None:
-    """The timer: waits while things change, then works out what was asked for and has the panels drawn."""
-    if _asked.changes != _asked.seen or bpy.app.is_job_running("RENDER"):
-        _asked.seen = _asked.changes
+    """Compute the requested price and redraw the panels, once nothing changes; a timer's function."""
+    if _requests.changes != _requests.seen or bpy.app.is_job_running("RENDER"):
+        _requests.seen = _requests.changes
         return PATIENCE
-    camera_name, scene_name = _asked.asked or ("", "")
+    camera_name, scene_name = _requests.asked or ("", "")
     for window in bpy.context.window_manager.windows:
         camera = window.scene.objects.get(camera_name)
         if window.scene.name == scene_name and camera is not None and camera.type == "CAMERA":
-            work_out(camera, window.scene, window.view_layer.depsgraph)
+            compute(camera, window.scene, window.view_layer.depsgraph)
             break
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The Cycles rig of a flexible camera: switched on, kept in step with the volume, switched off.
 
-Nodes place the sheets, so that they follow surfaces and frames by themselves. Python only says
-where chords end and how many there are, and looks again when the volume has changed.
+Nodes place the sheets, which follow surfaces and frames by themselves. Python only sets the number and the
+ends of the chords, and checks them when the volume has changed.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..bridge.blender import versions
-from ..bridge.blender.slot_animation import curve_collections
+from ..bridge.blender.app_handlers import add_handlers, remove_handlers
 from ..bridge.camera.read_projection import ProjectionError
 from ..bridge.render.image_size import image_size
 from ..bridge.render.render_errors import RenderError
@@ -22,16 +22,13 @@ from ..scanline.table.table_object import is_made
 from . import aov_passes, disturbed_materials, hidden_surfaces, prices
 from .chord_planning import chords_of, look, planned
 from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
-from .engine_choice import ALIKE
 from .portals import portal_nodes
-from .portals.sheets import crosses_itself, has_no_area, picture_places
+from .portals.sheets import crosses_itself, has_no_area, image_places
 from .rig_data import (
     CYCLES,
-    NO_CYCLES,
     RigError,
     adopt,
     check_surfaces,
-    has_cycles,
     has_old_nodes,
     is_whole,
     make_rig,
@@ -48,27 +45,23 @@ from .rig_data import (
 )
 from .smoke import smoke_around
 
-# Places at which a volume is looked at for crossing itself.
+# Sampled image positions across and up for a volume that crosses itself.
 CROSSING = 9
-# The rig of a volume that stands still is made smaller again when this share of its chords is enough.
+# The rig of a volume without animation is made smaller again if this share of its chords is enough.
 ENOUGH = 0.7
-# Where F-curves and drivers of image mappings lead.
-MAPPINGS_PATH = "scfpf.mappings["
-CROSSES = "The volume crosses itself: use Blender 5.0 or later, or render with SCFPF"
-NO_AREA = "Projectors meet in a line, and what is behind it shows too: widen that control surface"
 STALE = "The animated volume has changed: press Update Chords"
 
-# What was seen at the last look, by session_uid of the rig: numbers and bytes only.
+# Signature of the volume that each rig was last brought in step with, by session id of the rig.
 _seen: dict[int, tuple] = {}
-# The tables that rigs were relieved of, while Blender goes to another step of undo: session ids by rig.
+# Session ids of the tables that ``release_pointers`` returned during undo and redo, by that of the rig.
 _released: dict[int, int] = {}
 
 
 def switch_on(context, camera, plan: tuple[ChordPlan, bool] | None = None):
-    """Make the rig of a camera in the context's scene; returns its collection.
+    """Make the rig of a camera in the context's scene; return its collection.
 
-    A rig that the scene has of another camera goes. plan: of ``Planning``, made here if not given.
-    Raises RigError, or what the projection's reader raises; nothing is left behind then.
+    It replaces the scene's rig of another camera. plan: of ``Planning``, None to make it. Raises RigError, or
+    an error of ``read_projection``; nothing is left behind then.
     """
     scene = context.scene
     chords, animated = planned(context, camera) if plan is None else plan
@@ -84,7 +77,7 @@ def switch_on(context, camera, plan: tuple[ChordPlan, bool] | None = None):
 
 
 def update(context, rig, plan: tuple[ChordPlan, bool] | None = None) -> None:
-    """Plan a rig anew, for all frames. Takes and raises as switch_on; the rig stays then."""
+    """Plan a rig again, for all frames. plan, errors: as of ``switch_on``; the rig stays after an error."""
     chords, animated = planned(context, rig.scfpf_rig.camera) if plan is None else plan
     update_nodes(rig)
     renew_materials(rig)
@@ -95,7 +88,7 @@ def update(context, rig, plan: tuple[ChordPlan, bool] | None = None) -> None:
 
 
 def set_passes(rig, on: bool) -> None:
-    """Let a rig's scene have passes of t, depth, u and v, or no longer. Raises RigError."""
+    """Switch the passes of t, depth, u and v of a rig's scene on or off. Raises RigError."""
     if on and rig.scfpf_rig.scene.render.engine != CYCLES:
         raise RigError("Choose Cycles as the render engine: only it has these passes")
     check_surfaces(rig.scfpf_rig.camera)
@@ -117,13 +110,13 @@ def switch_off(rig) -> None:
 
 
 def _hide_surfaces() -> None:
-    """Hide all control surfaces from rays if there is a rig, whatever the last look at the file found."""
+    """Hide all control surfaces from rays if the file has a rig, regardless of the last look at it."""
     hidden_surfaces.forget()
     hidden_surfaces.hide_surfaces(bool(rigs()))
 
 
 def _look_through(scene, camera, on: bool) -> None:
-    """Viewports keep looking through the flexible camera, not at the rig's screen."""
+    """Keep viewports looking through the flexible camera, not at the rig's screen; or undo that."""
     for window in bpy.context.window_manager.windows if bpy.context.window_manager else ():
         if window.scene != scene:
             continue
@@ -138,72 +131,10 @@ def _look_through(scene, camera, on: bool) -> None:
                 space.use_local_camera = False
 
 
-def cautions(scene, view_layer, rig) -> list[str]:
-    """What keeps the rig's picture from being right, in a few words each."""
-    if not has_cycles(scene):
-        return [NO_CYCLES]
-    settings, cycles = rig.scfpf_rig, scene.cycles
-    found = []
-    if settings.problem:
-        found.append(settings.problem)
-    if scene.render.engine != CYCLES:
-        found.append("The rig works only in Cycles: choose it as the Render Engine")
-    if scene.camera != settings.view_camera:
-        found.append("The scene has another camera: make the rig's the scene camera again")
-    if scene.render.use_multiview:
-        found.append(ALIKE)
-    if view_layer.material_override is not None:
-        found.append("The material override stops the rays: clear it in View Layer Properties")
-    if cycles.transparent_max_bounces < settings.chords + 2:
-        found.append(f"Too few transparent bounces: raise Light Paths > Transparent to {settings.chords + 2}")
-    if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
-        found.append("Culling would leave all objects out: switch it off in Simplify > Culling")
-    if settings.camera.data.dof.use_dof and settings.chords > 1:
-        found.append("No depth of field, as the projectors are bent: switch it off, or make them straight")
-    if settings.smoke:
-        found.append(
-            f"The near surface is in the smoke of '{settings.smoke}', which Cycles misses: move it out"
-        )
-    if settings.raycast:
-        found.append(f"The Raycast node of '{settings.raycast}' meets the rig's sheets: switch on Only Local")
-    if settings.asks_camera:
-        found.append(
-            f"The material '{settings.asks_camera}' uses the camera or the ray, and gets the rig's: "
-            "replace those nodes"
-        )
-    if settings.crosses:
-        gated = portal_nodes.can_gate()
-        found.append(
-            "The volume folds, and rays turn too early there: pull the control surfaces apart"
-            if gated
-            else CROSSES
-        )
-    if settings.flat:
-        found.append(NO_AREA)
-    if settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):
-        found.append(f"Off by up to {settings.error:.2g} px, the best possible: bend the volume less")
-    if settings.missing > 0.0:
-        found.append("Empty parts of the image are filled in: render with SCFPF to keep them empty")
-    found += [
-        f"Cycles shows the control surface '{name}': make it local, or remove its Ray Visibility drivers"
-        for name in hidden_surfaces.seen_surfaces(scene)
-    ]
-    if _mappings_move(settings.camera):
-        found.append("Image mappings stand still in an animation by Cycles: render it with SCFPF")
-    return found
-
-
-def _mappings_move(camera) -> bool:
-    """Whether an F-curve or a driver acts on an image mapping: their places are worked out beforehand."""
-    if not any(mapping.enabled for mapping in camera.scfpf.mappings):
-        return False
-    return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)
-
-
 def sync(scene, depsgraph, may_remove: bool = True) -> None:
     """Bring a scene's rig in step with its volume; remove rigs that have lost their camera or a part.
 
-    may_remove: not while Blender goes from frame to frame or to another scene, where it would crash.
+    may_remove: False while Blender goes to another frame or another scene, where removal would crash.
     """
     for rig in rigs():
         if may_remove:
@@ -225,7 +156,7 @@ def _follow(rig, depsgraph) -> None:
     seen = _seen.get(rig.session_uid)
     try:
         require_cycles(settings.scene)
-        if not is_made(settings.table):  # the camera had too few surfaces after a step of undo
+        if not is_made(settings.table):  # the camera had too few surfaces after undo
             update_nodes(rig)
         projection, now = look(settings.camera, settings.scene, depsgraph)
         if seen == now and not settings.problem:
@@ -233,7 +164,7 @@ def _follow(rig, depsgraph) -> None:
         structure_changed = (seen is not None and seen[0] != now[0]) or has_old_nodes(rig)
         if structure_changed:
             update_nodes(rig)
-        problem = _settle(rig, projection, structure_changed)
+        problem = _fit_chords(rig, projection, structure_changed)
         _note_smoke(rig, depsgraph, projection)
         _note_materials(rig)
         _seen[rig.session_uid] = now
@@ -243,8 +174,8 @@ def _follow(rig, depsgraph) -> None:
         settings.problem = problem
 
 
-def _settle(rig, projection: Projection, structure_changed: bool) -> str:
-    """Make the chords of a rig enough for a volume, and not far too many; returns what cannot be done."""
+def _fit_chords(rig, projection: Projection, structure_changed: bool) -> str:
+    """Give a rig enough chords for a volume, and not far too many; return the problem if that fails."""
     settings = rig.scfpf_rig
     chords = chords_of(settings.camera, settings.scene, [projection])
     _note_crossing(rig, projection, chords)
@@ -270,14 +201,14 @@ def _note(rig, depsgraph, chords: ChordPlan) -> None:
 
 
 def _note_smoke(rig, depsgraph, projection: Projection) -> None:
-    """Note whether rays begin inside of something that is a volume."""
+    """Note whether rays begin inside the volume of an object."""
     smoke = smoke_around(depsgraph, projection)
     if rig.scfpf_rig.smoke != smoke:
         rig.scfpf_rig.smoke = smoke
 
 
 def _note_materials(rig) -> None:
-    """Note the materials that look otherwise through the rig."""
+    """Note the materials that the rig disturbs."""
     settings = rig.scfpf_rig
     for name, find in (
         ("raycast", disturbed_materials.raycasting),
@@ -289,9 +220,9 @@ def _note_materials(rig) -> None:
 
 
 def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
-    """Note whether rays would be turned by sheets that are not theirs."""
+    """Note whether rays would be turned by sheets of other chords."""
     x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, CROSSING),) * 2))
-    x, y = picture_places(x, y, chords.disc, projection.aspect)
+    x, y = image_places(x, y, chords.disc, projection.aspect)
     points = projection.projectors(x, y).points
     weights, _ = projection.volume.spans.weights(chords.breaks)
     layers = np.einsum("kn,kcs->ncs", weights, points)
@@ -321,14 +252,14 @@ def _frame_changed(scene, depsgraph) -> None:
 
 
 @persistent
-def _history_changes(*_) -> None:
+def _before_history(*_) -> None:
     _released.clear()
     for rig in rigs():
         _released[rig.session_uid] = release_pointers(rig)
 
 
 @persistent
-def _history_changed(*_) -> None:
+def _after_history(*_) -> None:
     _seen.clear()
     for rig in rigs():
         restore_pointers(rig, _released.get(rig.session_uid, 0))
@@ -339,7 +270,7 @@ def _history_changed(*_) -> None:
 
 
 def _renew_table(rig) -> None:
-    """Make again what ``release_pointers`` took from a rig's table, in scenes that nothing evaluates too."""
+    """Set the pointers of a rig's table again after ``release_pointers``, in unevaluated scenes too."""
     if is_whole(rig) and not is_made(rig.scfpf_rig.table):
         try:
             update_nodes(rig)
@@ -356,8 +287,8 @@ def _file_loaded(*_) -> None:
 
 @persistent
 def _render_begins(*_) -> None:
-    # A script may make a surface and render before anything was evaluated. In a window the render is a job,
-    # and what precedes it was evaluated.
+    # A script may add a surface and render before anything was evaluated. In a window the render is a job, and
+    # everything before it was evaluated.
     if not bpy.app.is_job_running("RENDER"):
         _hide_surfaces()
 
@@ -365,10 +296,10 @@ def _render_begins(*_) -> None:
 HANDLERS = {
     "depsgraph_update_post": _scene_updated,
     "frame_change_post": _frame_changed,
-    "undo_pre": _history_changes,
-    "redo_pre": _history_changes,
-    "undo_post": _history_changed,
-    "redo_post": _history_changed,
+    "undo_pre": _before_history,
+    "redo_pre": _before_history,
+    "undo_post": _after_history,
+    "redo_post": _after_history,
     "load_post": _file_loaded,
     "render_init": _render_begins,
 }
@@ -376,11 +307,9 @@ HANDLERS = {
 
 def register():
     hidden_surfaces.forget()
-    for name, function in HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(function)
+    add_handlers(HANDLERS)
 
 
 def unregister():
     prices.unregister()
-    for name, function in HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(function)
+    remove_handlers(HANDLERS)

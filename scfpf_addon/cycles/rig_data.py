@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The datablocks of a Cycles rig: made when it is switched on, all removed when it is switched off.
 
-They live in the scene itself, in a collection of their own that viewports do not show. A driver
-hides the sheets from the renders of all cameras but the rig's own, with or without the add-on.
+They live in the scene itself, in a collection of their own that viewports do not show. A driver hides the
+sheets from the renders of all cameras except the rig's own, with or without the add-on.
 """
 
 from __future__ import annotations
@@ -11,28 +11,36 @@ import bpy
 import numpy as np
 
 from ..bridge.blender import versions
+from ..bridge.blender.drivers import add_scene_property, follow_property, new_driver
+from ..bridge.blender.modifier_inputs import renew_relations, set_inputs
 from ..bridge.blender.rig_mark import RIG_KEY, WIDTH
-from ..bridge.blender.scene_objects import absent_text, holds
 from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
 from ..projection.presets.preset import MAXIMUM_SURFACES
 from ..projection.typing import Array
+from ..scanline.generated_collection import (
+    follow_image_size,
+    is_complete,
+    linked_text,
+    new_orthographic_camera,
+    remove_generated,
+    remove_unused_groups,
+)
 from ..scanline.nodes.field_nodes import is_current
-from ..scanline.preview.preview_data import FOLLOWED, follow_scene, group_input, remove_unused_groups
-from ..scanline.table.table_object import follow_property, table_group_of, table_object
 from ..scanline.table.table_object import release_pointers as release_table_pointers
+from ..scanline.table.table_object import table_group_of, table_object
 from . import aov_passes
 from .chords.chord_plan import ChordPlan
 from .portals import lens_nodes, pass_nodes, portal_nodes
-from .portals.mapped_places import seen_places
+from .portals.mapped_positions import mapped_positions
 from .portals.portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN
 from .portals.sheets import SURROUND_CORNERS, Portals, portals
 
 MODIFIER = "SCFPF Portals"
-# The camera's custom property that names the rig's table; the live preview has one of its own.
+# The camera's custom property that points to the rig's table; the live preview has a table of its own.
 RIG_TABLE_KEY = "scfpf_rig_table"
-# All other rays pass the rig by, at no cost: told by the object, not by its material.
+# Ray visibilities that are off: by the object, not by its material, at no cost.
 UNSEEN_BY = (
     "visible_diffuse",
     "visible_glossy",
@@ -40,7 +48,7 @@ UNSEEN_BY = (
     "visible_volume_scatter",
     "visible_shadow",
 )
-# Transparent bounces beside the chords: the screen, the far sheet, and one to spare.
+# Transparent bounces in addition to the chords: the screen, the far sheet, and one to spare.
 MORE_BOUNCES = 3
 MOST_BOUNCES = 1024
 CYCLES = "CYCLES"
@@ -48,7 +56,7 @@ NO_CYCLES = "Cycles is switched off: enable its add-on in the Preferences"
 
 
 class RigError(ValueError):
-    """The rig cannot be made; the message says what to do."""
+    """The rig cannot be made. The message says what to do."""
 
 
 def rigs() -> list:
@@ -62,45 +70,33 @@ def rig_of(scene):
 
 
 def is_whole(rig) -> bool:
-    """Whether all parts of a rig are there and its camera is a flexible one of its scene."""
+    """Whether a rig has all its parts, and its camera is a flexible one of its scene."""
     settings = rig.scfpf_rig
-    scene, camera = settings.scene, settings.camera
-    if None in (scene, camera, settings.table) or camera.type != "CAMERA" or not camera.scfpf.enabled:
-        return False
     if settings.portals is None or settings.portals.modifiers.get(MODIFIER) is None:
         return False
-    for part in (settings.portals, settings.view_camera):
-        if part is None or rig.objects.get(part.name) != part:
-            return False
-    if rig not in scene.collection.children_recursive:
-        return False
-    return holds(scene.objects, camera)
+    return is_complete(settings, rig, (settings.portals, settings.view_camera))
 
 
 def check(scene, camera) -> None:
-    """Raises RigError where a rig cannot be made."""
-    if not scene.is_editable:
-        raise RigError("The scene is linked from another file: render it there")
-    if not camera.is_editable:
-        raise RigError(f"'{camera.name}' is linked from another file: make a library override of it first")
-    if lost := absent_text(camera, scene, "choose another camera"):
-        raise RigError(lost)
+    """Raise RigError if a camera cannot have a rig in a scene."""
+    if problem := linked_text(scene, camera, "render it there"):
+        raise RigError(problem)
     require_cycles(scene)
 
 
 def has_cycles(scene) -> bool:
-    """Whether the add-on Cycles is switched on, without which its settings are out of reach."""
+    """Whether the add-on Cycles is switched on, and its settings exist."""
     return hasattr(scene, "cycles")
 
 
 def require_cycles(scene) -> None:
-    """Raises RigError while Cycles is switched off, as it may be where a file is opened."""
+    """Raise RigError if Cycles is switched off."""
     if not has_cycles(scene):
         raise RigError(NO_CYCLES)
 
 
 def check_surfaces(camera) -> None:
-    """Raises RigError where no table of projectors can be made of the control surfaces."""
+    """Raise RigError if the control surfaces have no table of projectors."""
     for slot in camera.scfpf.surfaces:
         if slot.object is not None and slot.object.scfpf_surface.kind == lattice_object.KIND:
             raise RigError(
@@ -116,7 +112,7 @@ def check_surfaces(camera) -> None:
 
 
 def build_groups(camera) -> list[str]:
-    """Build the node groups of a camera's rig, which takes long; returns the names of those that are new."""
+    """Build the node groups of a camera's rig, which takes long; return the names of the new ones."""
     before = {group.name for group in bpy.data.node_groups}
     table_group_of(camera)
     portal_nodes.portal_group()
@@ -124,13 +120,13 @@ def build_groups(camera) -> list[str]:
 
 
 def remove_groups(names: list[str]) -> None:
-    """Remove those of ``build_groups`` that nothing uses."""
+    """Remove groups that ``build_groups`` has made and nothing uses."""
     groups = (bpy.data.node_groups.get(name) for name in names)
     remove_unused_groups([group for group in groups if group is not None])
 
 
 def make_rig(scene, camera, chords: ChordPlan):
-    """All datablocks of a camera's rig; returns its collection. The scene then renders through it."""
+    """Make all datablocks of a camera's rig; return its collection. The scene then renders through it."""
     sync_volume_object(camera)
     rig = bpy.data.collections.new(f"{camera.name} Cycles Rig")
     width = _own_width()
@@ -155,24 +151,19 @@ def make_rig(scene, camera, chords: ChordPlan):
 
 
 def _own_width() -> float:
-    """A width of the screen that no other rig has: by it the sheets know their camera."""
+    """A screen width that no other rig has: the sheets recognise their camera by it."""
     taken = {rig.scfpf_rig.view_camera.data.ortho_scale for rig in rigs() if rig.scfpf_rig.view_camera}
     return next(WIDTH + number for number in range(len(taken) + 1) if WIDTH + number not in taken)
 
 
 def _new_view_camera(camera, width: float):
-    name = f"{camera.name} Cycles"
-    lens = bpy.data.cameras.new(name)
-    lens.type = "ORTHO"
-    lens.sensor_fit = "HORIZONTAL"
-    lens.ortho_scale = width
-    view_camera = bpy.data.objects.new(name, lens)
+    view_camera = new_orthographic_camera(f"{camera.name} Cycles", width)
     _place(view_camera)
     return view_camera
 
 
 def _place(view_camera) -> None:
-    """Where the nodes have the screen before a rig's camera; other versions had it elsewhere."""
+    """Put a rig's camera where the nodes expect it before the screen; other versions put it elsewhere."""
     view_camera.location.z = -AWAY
     lens = view_camera.data
     lens.clip_start, lens.clip_end = TO_SCREEN - BEFORE_SCREEN, 2.0 * TO_SCREEN
@@ -188,20 +179,16 @@ def _new_portals(camera, scene, width: float):
     made.modifiers.new(MODIFIER, "NODES")
     for name in UNSEEN_BY:
         setattr(made, name, False)
-    # Its sheets stand where they are in the middle of the frame; directions would not be blurred along.
+    # Sheets stay where they are in the middle of the frame: their directions would not be blurred with them.
     made.cycles.use_motion_blur = False
-    driver = made.driver_add("hide_render").driver
-    # Such simple expressions need no Python. The scene is the one that is rendered: others may share the rig.
-    driver.expression = f"width != {width:.0f}"
-    variable = driver.variables.new()
-    variable.name, variable.type = "width", "CONTEXT_PROP"
-    target = variable.targets[0]
-    target.context_property, target.data_path = "ACTIVE_SCENE", "camera.data.ortho_scale"
+    # The scene is the rendered one: several may share the rig.
+    driver = new_driver(made, "hide_render", f"width != {width:.0f}")
+    add_scene_property(driver, "camera.data.ortho_scale", "width")
     return made
 
 
 def _give_materials(mesh, scene, camera) -> None:
-    """Let a rig's mesh have new materials."""
+    """Give a rig's mesh new materials."""
 
     def follow(socket, path: str) -> None:
         follow_property(socket, "default_value", camera, path)
@@ -212,7 +199,7 @@ def _give_materials(mesh, scene, camera) -> None:
 
 
 def renew_materials(rig) -> None:
-    """Make a rig's materials anew: another version of the add-on may have made them otherwise."""
+    """Replace a rig's materials: another version of the add-on may have made them."""
     settings = rig.scfpf_rig
     mesh = settings.portals.data
     before = set(mesh.materials) - {None}
@@ -221,7 +208,7 @@ def renew_materials(rig) -> None:
 
 
 def _take_over(rig) -> None:
-    """Let the scene render through the rig with Cycles; what was before is noted."""
+    """Have the scene rendered through the rig with Cycles; the rig's settings keep the previous state."""
     settings = rig.scfpf_rig
     scene, camera, view_camera = settings.scene, settings.camera, settings.view_camera
     settings.camera_before, settings.engine_before = scene.camera, scene.render.engine
@@ -237,7 +224,7 @@ def _take_over(rig) -> None:
 
 
 def _give_back(rig) -> None:
-    """What ``_take_over`` has changed becomes as it was, unless the artist has changed it since."""
+    """Restore the state before ``_take_over``, unless the artist has changed it."""
     settings = rig.scfpf_rig
     scene, camera, view_camera = settings.scene, settings.camera, settings.view_camera
     if scene is None:
@@ -260,7 +247,7 @@ def _give_back(rig) -> None:
 
 
 def adopt(rig) -> None:
-    """Let a rig that came with a full copy of its scene be that scene's, with a table of its own."""
+    """Assign a rig that was copied with its scene to the copy, with a table of its own."""
     settings = rig.scfpf_rig
     holders = [scene for scene in bpy.data.scenes if rig in scene.collection.children_recursive]
     if holders and settings.scene not in holders:
@@ -282,15 +269,12 @@ def adopt(rig) -> None:
 
 
 def has_old_nodes(rig) -> bool:
-    """Whether another version of the add-on has made what a rig is computed by."""
+    """Whether another version of the add-on has made a rig's node group."""
     return not is_current(rig.scfpf_rig.portals.modifiers[MODIFIER].node_group)
 
 
 def update_nodes(rig) -> None:
-    """The table and the modifier as the camera's list of surfaces and its settings now ask for.
-
-    Raises RigError.
-    """
+    """Bring the table and the modifier in step with the camera's surfaces and settings. Raises RigError."""
     settings = rig.scfpf_rig
     check_surfaces(settings.camera)
     settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
@@ -298,30 +282,26 @@ def update_nodes(rig) -> None:
     _place(settings.view_camera)
     modifier = settings.portals.modifiers[MODIFIER]
     before = modifier.node_group
-    # The present one, whatever the artist calls it.
+    # The present group if it is current, whatever its name.
     group = before if is_current(before) else portal_nodes.portal_group()
     if before != group:
         modifier.node_group = group
-        follow_scene(modifier, group_input(group, "Aspect"), FOLLOWED["Aspect"], settings.scene)
-        lens_nodes.follow_lens(modifier, group, settings.camera, settings.view_camera.data, TO_SCREEN)
+        follow_image_size(modifier, ("Aspect",), settings.scene)
+        lens_nodes.follow_lens(modifier, settings.camera, settings.view_camera.data, TO_SCREEN)
         if before is not None:
             remove_unused_groups([before])
-    identifier = group_input(group, "Table")
-    if versions.modifier_input(modifier, identifier) != settings.table:
-        versions.set_modifier_input(modifier, identifier, settings.table)
-    width = settings.view_camera.data.ortho_scale
-    versions.set_modifier_input(modifier, group_input(group, "Width"), width)
-    versions.set_modifier_input(modifier, group_input(group, "Passes"), settings.passes)
-    lens_nodes.set_focus(modifier, group, settings.camera)
-    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
-    modifier.node_group = group
+    focus = settings.camera.data.dof.focus_object
+    values = {"Table": settings.table, "Focus Object": focus, "Has Focus Object": focus is not None}
+    values |= {"Width": settings.view_camera.data.ortho_scale, "Passes": settings.passes}
+    set_inputs(modifier, values)
+    renew_relations(modifier)
     settings.portals.update_tag()
 
 
 def release_pointers(rig) -> int:
-    """Take from a rig what handlers have it point to, before another step of undo; see ``table_object``.
+    """Clear the pointers that handlers set, as is necessary before undo and redo; see ``table_object``.
 
-    Returns the session id of its table, 0 if it has none that can be taken; for ``restore_pointers``.
+    Returns the session id of the table for ``restore_pointers``, 0 if no pointer to one was cleared.
     """
     settings = rig.scfpf_rig
     table, camera, taken = settings.table, settings.camera, 0
@@ -341,7 +321,7 @@ def release_pointers(rig) -> int:
 
 
 def restore_pointers(rig, table: int) -> None:
-    """Give a rig and its camera back the table that ``release_pointers`` took, a session id, if it exists.
+    """Set the pointers of a rig and its camera to their table again, a session id, if it exists.
 
     A rig that undo has brought back has its table; its camera may have lost the pointer to it.
     """
@@ -356,18 +336,19 @@ def restore_pointers(rig, table: int) -> None:
 
 
 def write_sheets(rig, chords: ChordPlan) -> None:
-    """Make the rig's mesh that of a plan, and note what the plan promises. Raises RigError without Cycles."""
+    """Write a plan's sheets into the rig's mesh, and the plan's figures into its settings.
+
+    Raises RigError without Cycles.
+    """
     settings = rig.scfpf_rig
     require_cycles(settings.scene)
     size = image_size(settings.scene)
     arrays = portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc)
-    seen = seen_places(settings.camera, settings.scene, arrays.places, chords.disc)
-    _fill(settings.portals.data, arrays, seen)
+    mapped = mapped_positions(settings.camera, settings.scene, arrays.places, chords.disc)
+    _fill(settings.portals.data, arrays, mapped)
     settings.error, settings.cost, settings.missing = chords.error, chords.cost, chords.missing
     settings.cells = chords.cells
-    modifier = settings.portals.modifiers[MODIFIER]
-    straight = group_input(modifier.node_group, "Straight")
-    versions.set_modifier_input(modifier, straight, chords.count == 1)
+    set_inputs(settings.portals.modifiers[MODIFIER], {"Straight": chords.count == 1})
     cycles = settings.scene.cycles
     if cycles.transparent_max_bounces != settings.bounces:
         settings.bounces_before = cycles.transparent_max_bounces  # the artist has chosen another
@@ -377,7 +358,7 @@ def write_sheets(rig, chords: ChordPlan) -> None:
 
 
 def present_chords(rig):
-    """Breaks and shifts of the chords as a rig's mesh has them, (n+1,) each."""
+    """The breaks and shifts of the chords in a rig's mesh, (n+1,) each."""
     settings = rig.scfpf_rig
     mesh = settings.portals.data
     sheet = (len(mesh.vertices) - SURROUND_CORNERS) // (settings.chords + 1)
@@ -391,7 +372,8 @@ def present_chords(rig):
     return chords[:, 0], chords[:, 1]
 
 
-def _fill(mesh, arrays: Portals, seen: Array) -> None:
+def _fill(mesh, arrays: Portals, mapped: Array) -> None:
+    """Replace a mesh' geometry and attributes by those of a rig's sheets."""
     mesh.clear_geometry()
     count = len(arrays.triangles)
     mesh.vertices.add(arrays.places.shape[1])
@@ -405,7 +387,7 @@ def _fill(mesh, arrays: Portals, seen: Array) -> None:
     owners[portal_nodes.SURROUND] = arrays.surround
     values = np.select([*owners.values()], [*owners], portal_nodes.SHEET)
     slots.data.foreach_set("value", values.astype(np.int32))
-    for name, values in ((START, arrays.start), (END, arrays.end), (pass_nodes.SEEN, seen)):
+    for name, values in ((START, arrays.start), (END, arrays.end), (pass_nodes.MAPPED, mapped)):
         attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
         attribute.data.foreach_set("vector", values.T.astype(np.float32).ravel())
     mesh.update(calc_edges=True)
@@ -413,33 +395,12 @@ def _fill(mesh, arrays: Portals, seen: Array) -> None:
 
 
 def remove_rig(rig) -> None:
-    """Remove a rig and every datablock that was made for it, whatever is missing of it."""
+    """Remove a rig and every datablock that was made for it, even if some are lost."""
     settings = rig.scfpf_rig
     _give_back(rig)
     if settings.scene is not None:
         aov_passes.remove(settings.scene)
     parts = [p for p in (settings.portals, settings.view_camera, settings.table) if p is not None]
-    for guest in set(rig.objects) - set(parts):
-        # What the artist has put here stays.
-        if len(guest.users_collection) == 1 and settings.scene is not None:
-            settings.scene.collection.objects.link(guest)
-    if settings.camera is not None:
-        settings.camera.pop(RIG_TABLE_KEY, None)
-    _remove_parts(rig, parts)
-
-
-def _remove_parts(rig, parts) -> None:
-    """Remove objects of a rig, what only they use, and the collection."""
-    groups = [
-        modifier.node_group
-        for part in parts
-        for modifier in part.modifiers
-        if modifier.type == "NODES" and modifier.node_group is not None
-    ]
-    data = {part.data for part in parts} - {None}
-    materials = {m for one in data if isinstance(one, bpy.types.Mesh) for m in one.materials} - {None}
-    bpy.data.batch_remove(parts)
-    bpy.data.batch_remove([one for one in data if one.users == 0])
-    bpy.data.batch_remove([one for one in materials if one.users == 0])
-    bpy.data.collections.remove(rig)
-    remove_unused_groups(groups)
+    meshes = {part.data for part in parts if part.type == "MESH"}
+    materials = {material for mesh in meshes for material in mesh.materials} - {None}
+    remove_generated(settings, rig, parts, RIG_TABLE_KEY, materials)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Volumes of the scene that rays through the rig do not know of: those that they begin in.
+"""Volumes in which rays begin, which Cycles does not notice through the rig.
 
-Cycles finds what its camera is inside of where the camera is, and the rig's is far below the scene. The
-world's own volume is everywhere, and so there as well.
+Cycles looks for volumes around its camera, and the rig's camera is far below the scene. The world's own
+volume is everywhere, and so there as well.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from mathutils.bvhtree import BVHTree
 from ..projection.typing import Array
 from ..projection.volume.viewing_volume import Projection
 
-# Places across and up the near surface that are looked at.
+# Sampled positions across and up the near surface.
 PLACES = 3
-# Faces of one object that a point's ray is followed through, at most.
+# Most faces of an object that a point's ray is followed through.
 MOST_FACES = 64
-# A ray goes on this far behind a face that it has met, as a share of the object's size.
+# A ray goes on this far behind a face, as a share of the object's size.
 BEHIND = 1e-5
 UP = Vector((0.0, 0.0, 1.0))
 
 
 def smoke_around(depsgraph, projection: Projection) -> str:
-    """The name of an object in whose volume the near surface, or a part of it, is; empty if there is none.
+    """The name of an object whose volume holds a part of the near surface; empty if there is none.
 
-    depsgraph: evaluated; what its view layer excludes does not count, what viewports do not show does.
+    depsgraph: evaluated. Objects that viewports hide count, those that its view layer excludes do not.
     """
     objects = depsgraph.view_layer.objects
     candidates = [obj for obj in objects if not obj.hide_render and _is_smoke(obj)]
@@ -58,9 +58,9 @@ def _is_volume(material) -> bool:
 
 
 def _is_inside(obj, point: Array, depsgraph) -> bool:
-    """Whether a point is inside an evaluated object: of a mesh by the faces above it, else of its box.
+    """Whether a point is inside an evaluated object: by the faces above it, or else by the object's box.
 
-    Else is a volume, and what viewports do not show, of which the faces are not known.
+    A volume, or an object that viewports hide, has no known faces.
     """
     place = obj.matrix_world.inverted_safe() @ Vector(point)
     low, high = (
@@ -85,7 +85,7 @@ def _is_inside(obj, point: Array, depsgraph) -> bool:
 
 
 def _faces_in_edit_mode(obj, depsgraph) -> BVHTree:
-    """The faces of an evaluated object that is edited, which has none before to_mesh() makes them."""
+    """The faces of an evaluated object in Edit Mode, which to_mesh() makes."""
     try:
         obj.to_mesh()
         return BVHTree.FromObject(obj.original, depsgraph)

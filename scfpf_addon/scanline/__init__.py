@@ -3,7 +3,7 @@
 
 from .preview import preview, preview_properties
 
-# What files and Blender's render job need: see ``bridge.switching``.
+# Types that files and Blender's render job need: see ``bridge.render.type_registration``.
 TYPES = (preview_properties,)
 
 

@@ -19,7 +19,7 @@ from ...projection.mappings.stack import is_disc
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.basis import SpanBasis
 from ...projection.volume.viewing_volume import Projection
-from ..portals.sheets import picture_places
+from ..portals.sheets import image_places
 from .pixel_footprint import SMALLEST_ERROR, pixels
 
 # Projectors that are sampled, across and up the image.
@@ -138,7 +138,7 @@ def _sample(projection: Projection, size: tuple[int, int]) -> tuple[Curves, Bool
     # Borders too, a little inside: derivatives are one-sided there.
     x, y = (np.linspace(1e-6, 1.0 - 1e-6, count) for count in SAMPLES)
     across, up = np.meshgrid(x, y)
-    x, y = picture_places(across.ravel(), up.ravel(), *_shape(projection))
+    x, y = image_places(across.ravel(), up.ravel(), *_shape(projection))
     curves, valid, mask = _curves(projection, size, x, y)
     present = valid & curves.finite()
     if not _shape(projection)[0]:
@@ -271,7 +271,7 @@ def _between(projection: Projection, size: tuple[int, int], breaks: Array, cells
 
     def corner(right: int, up: int) -> tuple[Array, Array]:
         """Image positions of the cells' corners: 0 left or bottom, 1 right or top."""
-        return picture_places((column + right) / cells[0], (row + up) / cells[1], *_shape(projection))
+        return image_places((column + right) / cells[0], (row + up) / cells[1], *_shape(projection))
 
     others = ((1, 0), (0, 1), (1, 1))
     return np.array([_off(projection, size, breaks, corner(0, 0), corner(*other)) for other in others])

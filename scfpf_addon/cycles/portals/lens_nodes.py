@@ -1,38 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Depth of field of straight projectors: the rig's camera draws a place on its lens, the screen aims.
+"""Depth of field of straight projectors: the rig's camera draws a place on its lens, the screen aims the ray.
 
-The rig's camera is in focus at the screen, which stays sharp; what is left of the place on the lens is the
-tilt of the ray there. Rays then go on through the point of their projector that is in focus: as in
-Blender's ordinary cameras at a distance along the view, as in its panoramas, where projectors go all
-around, along the ray, with the lens across it.
+The rig's camera is in focus at the screen, which stays sharp; only the tilt of the ray there tells its place
+on the lens. Rays then go on through the point of their projector that is in focus. As in Blender's ordinary
+cameras, this is at a distance along the view. If projectors go all around, as in Blender's panoramas, it is
+at a distance along the ray, with the lens across it.
 """
 
 from __future__ import annotations
 
-import bpy
-
-from ...bridge.blender import versions
+from ...bridge.blender.drivers import add_property, new_driver
+from ...bridge.blender.modifier_inputs import input_property
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
-from ...scanline.preview.preview_data import group_input
 
-# The rig's lens: as wide as Blender lets it be, since places on it are told by tilts of 1 in 2000.
+# The rig's lens: as wide as Blender allows, since places on it are tilts of 1 in 2000.
 STOP = 0.1
 RADIUS = 0.5 / STOP
-# On the screen's vertices: directions across the lens, and what they are multiplied with where rays begin and
-# in what they go along.
+# Attributes of the screen's vertices: directions across the lens, and their factors for a ray's origin and
+# direction.
 LENS_X, LENS_Y, LENS = "scfpf_lens_x", "scfpf_lens_y", "scfpf_lens"
-# Least share of a projector's direction that goes along the view, for a lens that looks ahead.
+# A lens looks ahead if all projectors go along the view by at least this share.
 AHEAD = 0.05
 # Blender's own least distance of a focused object.
 NEAREST = 1e-5
-# The camera's settings that the expression below is made of.
+# Variables of the expression below: the camera's settings.
 _LENS = {
     "on": "data.dof.use_dof",
     "stop": "data.dof.aperture_fstop",
     "lens": "data.lens",
     "kind": "data.type",
 }
-# As Cycles has it: an orthographic camera's lens is measured in scene units; 1 is its number.
+# As in Cycles: an orthographic camera (kind 1) has its lens in scene units.
 RADIUS_EXPRESSION = "on * (0.5 if kind == 1 else 0.0005 * lens) / max(stop, 0.00001)"
 INPUTS = {
     "Lens Radius": ("Float", 0.0, "Half the width of the lens; 0 without depth of field"),
@@ -44,13 +42,15 @@ INPUTS = {
 
 
 def store_lens(nodes: FieldBuilder, geometry: Value, given: dict[str, Value], matrix: Value) -> Value:
-    """Store the lens of each vertex. given: INPUTS, and Start and Chord in world space."""
+    """Store the lens of each vertex.
+
+    given: INPUTS, and Start and Chord in world space. matrix: from the camera's space into the world.
+    """
     nodes.open_frame("The camera")
     centre = nodes.point((0.0, 0.0, 0.0), matrix, "Its Place")
 
     def axis(direction, label: str) -> Value:
-        turned = nodes.direction(direction, matrix, label)
-        return _unit(nodes, turned)
+        return _unit(nodes, nodes.direction(direction, matrix, label))
 
     across, up, view = axis((1, 0, 0), "Right"), axis((0, 1, 0), "Up"), axis((0, 0, -1), "View")
     start, chord = given["Start"], given["Chord"]
@@ -105,44 +105,14 @@ def aimed(nodes: FieldBuilder, position: Value, direction: Value, distance: floa
     return position + offset * begins, direction - offset * goes
 
 
-def follow_lens(modifier, group, camera, lens, distance: float) -> None:
+def follow_lens(modifier, camera, lens, distance: float) -> None:
     """Drive a rig by a camera's depth of field. lens: the rig camera's data; distance: to the screen."""
-    owner, name = versions.modifier_input_property(modifier, group_input(group, "Lens Radius"))
-    driver = owner.driver_add(name).driver
-    driver.expression = RADIUS_EXPRESSION
-    _clear(driver)
-    for variable_name, path in _LENS.items():
-        _variable(driver, camera, path, variable_name)
-    owner, name = versions.modifier_input_property(modifier, group_input(group, "Focus Distance"))
-    _follow(owner, name, camera, "data.dof.focus_distance")
-    dof = lens.dof
-    dof.aperture_fstop, dof.focus_distance = STOP, distance
+    driver = new_driver(*input_property(modifier, "Lens Radius"), RADIUS_EXPRESSION)
+    for name, path in _LENS.items():
+        add_property(driver, camera, path, name)
+    followed = [(*input_property(modifier, "Focus Distance"), "focus_distance")]
     for setting in ("use_dof", "aperture_blades", "aperture_rotation", "aperture_ratio"):
-        _follow(dof, setting, camera, f"data.dof.{setting}")
-
-
-def set_focus(modifier, group, camera) -> None:
-    """Let a rig focus on what its camera focuses on; what nodes do not follow by themselves."""
-    focus = camera.data.dof.focus_object
-    for label, value in (("Focus Object", focus), ("Has Focus Object", focus is not None)):
-        identifier = group_input(group, label)
-        if versions.modifier_input(modifier, identifier) != value:
-            versions.set_modifier_input(modifier, identifier, value)
-
-
-def _clear(driver) -> None:
-    for old in list(driver.variables):
-        driver.variables.remove(old)
-
-
-def _variable(driver, camera, path: str, name: str = "value") -> None:
-    variable = driver.variables.new()
-    variable.name, variable.type = name, "SINGLE_PROP"
-    variable.targets[0].id, variable.targets[0].data_path = camera, path
-
-
-def _follow(owner: bpy.types.bpy_struct, name: str, camera, path: str) -> None:
-    driver = owner.driver_add(name).driver
-    driver.type = "AVERAGE"
-    _clear(driver)
-    _variable(driver, camera, path)
+        followed.append((lens.dof, setting, setting))
+    for owner, name, setting in followed:
+        add_property(new_driver(owner, name), camera, f"data.dof.{setting}")
+    lens.dof.aperture_fstop, lens.dof.focus_distance = STOP, distance

@@ -1,29 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the portals write into AOVs, from which the compositor makes t, depth and (u, v, t).
+"""AOVs that the portals write, from which the compositor makes t, depth and (u, v, t).
 
-Each portal that a ray passes adds to an AOV what has changed since the last one, so that the sum is what
-is true of the chord on which the ray meets something. The far sheet takes everything away again.
+Each portal that a ray passes adds to an AOV the change since the previous one. The sum then describes the
+chord on which the ray meets something. The far sheet takes everything away again.
 """
 
 from __future__ import annotations
 
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
-from .mapped_places import OWN, RECTANGLE
+from .mapped_positions import OWN, RECTANGLE
 
-# AOVs, all colours: where the chord begins; Q's change along it, by t; t there and the length so far;
-# u, v, and 1 where anything is met.
+# AOVs, all colours: the start of the chord; Q's change along it, by t; t at the start and the length so far;
+# u, v, and 1 where the ray meets something.
 AOV_START, AOV_RATE, AOV_ALONG, AOV_PLACE = "SCFPF Start", "SCFPF Rate", "SCFPF Along", "SCFPF UV"
 AOVS = (AOV_START, AOV_RATE, AOV_ALONG, AOV_PLACE)
 # Attributes of the sheets: what each adds to the first three; x, y in the table and whether it is polar.
 ADDED = {AOV_START: "scfpf_add_start", AOV_RATE: "scfpf_add_rate", AOV_ALONG: "scfpf_add_along"}
 PLACE = "scfpf_place"
-# Before the nodes: x and y as seen through image mappings, and what kind of place that is (``seen_places``).
-SEEN = "scfpf_seen"
+# Attribute before the nodes: the result of ``mapped_positions``.
+MAPPED = "scfpf_seen"
 TURN = 6.283185307179586
 
 
 def store_added(nodes: FieldBuilder, geometry: Value, given: dict[str, Value]) -> Value:
-    """Store what each vertex' portal adds.
+    """Store each portal's additions on its vertices.
 
     given: Start and Chord, attributes already stored; t, Step (of the chord, in t), Far, Number (of the
     sheet), Sheet (vertices of one), Place (x, y, polar).
@@ -44,13 +44,12 @@ def store_added(nodes: FieldBuilder, geometry: Value, given: dict[str, Value]) -
     rate = chord * (1.0 / given["Step"])
     t = nodes.xyz(given["t"], 0.0, 0.0, "t")
     nodes.open_frame("The place that is seen, through image mappings if there are any")
-    seen_x, seen_y, kind = nodes.attribute(SEEN, "FLOAT_VECTOR").parts()
-    through = nodes.xyz(seen_x, seen_y, kind - float(RECTANGLE), "x, y, polar")
+    x, y, kind = nodes.attribute(MAPPED, "FLOAT_VECTOR").parts()
+    through = nodes.xyz(x, y, kind - float(RECTANGLE), "x, y, polar")
     place = nodes.switch(kind > OWN + 0.5, given["Place"], through, "VECTOR", "Mapped?")
     nodes.open_frame("Length of the chords so far")
     length = nodes.xyz(0.0, chord.length() * counts, 0.0, "Length")
-    whole = ((index + 0.5) / given["Sheet"]).floor()
-    same = index - whole * given["Sheet"]
+    _, same = divmod(index, given["Sheet"])
     inputs = {0: length.parts()[1], 1: same + 0.25}
     so_far = nodes.out("GeometryNodeAccumulateField", "So Far", inputs, "Trailing", data_type="FLOAT")
     last = nodes.at_index(length, before, "POINT", "FLOAT_VECTOR") * behind
@@ -84,7 +83,7 @@ def add_to_aovs(nodes: FieldBuilder, due, place: float, follow) -> None:
 
 
 def _parameters(nodes: FieldBuilder, place: Value, follow) -> tuple[Value, Value]:
-    """u and v of a place in the table, exact within a cell too."""
+    """u and v of a place in the table, also exact within a cell."""
     x, y, polar = place.parts()
     nodes.open_frame("A polar picture's angle and distance from the center")
     a, b = x * 2.0 - 1.0, y * 2.0 - 1.0

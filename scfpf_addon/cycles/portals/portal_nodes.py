@@ -10,30 +10,31 @@ from __future__ import annotations
 import bpy
 
 from ...bridge.blender import versions
+from ...bridge.blender.drivers import add_property, new_driver
 from ...bridge.blender.rig_mark import WIDTH
 from ...scanline.nodes.field_nodes import FieldBuilder, Value, defines_group
 from ...scanline.nodes.solve_nodes import TABLE_INPUTS, corner_projectors, find_cell
 from ...scanline.remap.place_nodes import view_inputs
 from . import lens_nodes, pass_nodes
 
-# Attributes of the sheets. Before the nodes: t and shift of the ends of a vertex' chord, then 1 on the far
-# sheet, and how many vertices a sheet has.
+# Attributes of the sheets before the nodes: t and shift at the start and at the end of a vertex' chord. The
+# third value of START is 1 on the far sheet, that of END the number of vertices of a sheet.
 START, END = "scfpf_start", "scfpf_end"
-# After them: where rays go on and along what, world space; how many portals they have passed before.
+# After the nodes: where a ray continues and its direction, world space; how many portals it has passed.
 POSITION, DIRECTION, DEPTH = "scfpf_position", "scfpf_direction", "scfpf_depth"
 
-# The rig's camera looks at a screen this far below the scene, WIDTH wide or little more. float32 tells
-# 16 million places across it, wherever it is.
+# The screen is this far below the scene, and WIDTH wide or a little more. float32 resolves 16 million places
+# across it at any distance.
 AWAY = 2.5e5
 TO_SCREEN = 1e4
-# Rays begin so far before the screen, since the fog of a world is there too: twice float32's step at AWAY.
+# Rays begin this far before the screen, since the fog of a world is there too: twice float32's step at AWAY.
 BEFORE_SCREEN = 0.03125
 TO_SURROUND = 1.1e4
-# Rays that have left the volume go on from so far away that only the world is left to see.
+# Rays that have left the volume go on from this far away, where they meet only the world.
 TELEPORT = 1e8
-# A ray that has come less far, in chords, is still where it was turned.
+# A ray shorter than this share of its chord is still at the portal that it came from.
 SAME_PLACE = 1e-3
-# How far a portal's depth may be off what its attribute says: half of one, but for rounding.
+# Tolerance of a portal's depth against its attribute: less than half.
 DEPTH_SLACK = 0.4
 
 
@@ -132,11 +133,11 @@ SHEET, SCREEN, SURROUND, FAR = range(4)
 
 
 def new_materials(gated: bool, scene, follow) -> list:
-    """Materials of sheets, screen, surround and far sheet, in the order of their slots.
+    """The new materials of sheets, screen, surround and far sheet, in the order of their slots.
 
-    gated: a sheet turns only rays that have passed as many portals as its chord begins with. scene: its
-    film, transparent or not, is what stands around a round picture. follow: (socket, property) drives a
-    socket by the flexible camera.
+    gated: a sheet turns only rays that have passed as many portals as its chord begins with. scene: its film,
+    transparent or not, surrounds a round image. follow: (socket, property) drives a socket by the flexible
+    camera.
     """
     return [
         _portal("SCFPF Sheet", gated, SHEET, follow),
@@ -169,7 +170,7 @@ def _portal(name: str, gated: bool, slot: int, follow):
         inputs = {"Position": Value(nodes, ray["Position"]) + onward * TELEPORT, "Direction": onward}
     else:
         inputs = {"Direction": attribute(DIRECTION)}
-    # Up to 5.1 Cycles takes it as it is: rays not of length 1 see no smoke and reflect too little.
+    # Up to 5.1 Cycles does not normalise it: rays of another length see no smoke and reflect too little.
     unit = {0: inputs["Direction"]}
     inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
     nodes.open_frame("The portal")
@@ -182,7 +183,7 @@ def _portal(name: str, gated: bool, slot: int, follow):
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
     if due is None and slot != SCREEN:
-        # On an edge a ray may be turned by both triangles: no harm, but it must not count twice.
+        # On an edge both triangles may turn a ray: that does no harm, but must not count twice.
         way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
         due = nodes.combine("GREATER_THAN", way, attribute(DIRECTION).length() * SAME_PLACE).socket
     pass_nodes.add_to_aovs(nodes, due, {SCREEN: 1.0, FAR: -1.0}.get(slot, 0.0), follow)
@@ -194,12 +195,10 @@ def _surround(scene):
     holdout = nodes.node("ShaderNodeHoldout", "Nothing", {}).outputs[0]
     black = nodes.node("ShaderNodeEmission", "Black", {"Strength": 0.0}).outputs[0]
     transparent = nodes.node("ShaderNodeValue", "Is Film Transparent", {}).outputs[0]
-    driver = transparent.driver_add("default_value").driver
-    driver.type = "AVERAGE"
-    target = driver.variables.new().targets[0]
-    target.id_type, target.id, target.data_path = "SCENE", scene, "render.film_transparent"
+    driver = new_driver(transparent, "default_value")
+    add_property(driver, scene, "render.film_transparent", id_type="SCENE")
     shader = nodes.node("ShaderNodeMixShader", "Around", {0: transparent, 1: black, 2: holdout}).outputs[0]
-    # Rays of a lens may pass the far sheet by, and come here from the scene.
+    # Rays of a lens may miss the far sheet, and come here from the scene.
     way = nodes.node("ShaderNodeLightPath", "Light Path", {}).outputs["Ray Length"]
     inputs = {0: way, 1: 2.0 * TO_SURROUND}
     stray = nodes.node("ShaderNodeMath", "From the Scene", inputs, operation="GREATER_THAN").outputs[0]

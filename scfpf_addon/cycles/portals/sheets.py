@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The mesh of the portals: a screen, a sheet where each chord ends, the far sheet, as arrays.
+"""The mesh of the portals as arrays: a screen, a sheet where each chord ends, and the far sheet.
 
-A sheet is a picture's grid of projectors cut at one t. All sheets have the same triangles, and a ray
-leaves a point of one along the mean of the chords at the corners of its triangle:
-that is the same point of the same triangle of the next, so that nothing adds up from sheet to sheet.
+A sheet is the image's grid of projectors cut at one t. All sheets have the same triangles. A ray leaves a
+point of a triangle along the mean of the chords at its corners, and so meets the same point of the same
+triangle of the next sheet: no error adds up from sheet to sheet.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ import numpy as np
 
 from ...projection.typing import Array, BoolArray, IndexArray
 
-# Pixels that sheets reach beyond a rectangular picture: Cycles' filter looks over its borders.
+# Pixels by which sheets extend beyond a rectangular image, for Cycles' filter.
 PADDING = 2.0
 
-# Ends of chords, as a share of them, that may touch a sheet without being turned too early.
+# Within this share of a chord at its ends, a sheet does not turn a ray too early.
 TOUCHED = 1e-3
 
-# A sheet is a line when it is broad by this share of the volume's size, or less: what float32 leaves.
+# A sheet is a line if its breadth is at most this share of the volume's size: float32's error.
 LINE = 1e-6
 
-# The surround covers pictures this many times as wide as high, and the other way round.
+# The surround covers images up to this many times as wide as high, or as high as wide.
 SURROUND = 60.0
 # Its vertices are the last ones.
 SURROUND_CORNERS = 4
@@ -32,10 +32,10 @@ SURROUND_CORNERS = 4
 class Portals(NamedTuple):
     """Vertices of all sheets and their triangles.
 
-    places: (3, N): x and y in the table of projectors, and the number of the sheet: 0 the screen, n
-    the far sheet, -1 the surround. start, end: (3, N): t and shift of the chord that begins at the
-    vertex (on the far sheet: ends), and on start 1 for the far sheet, on end how many vertices a sheet has.
-    triangles: (T, 3). screen, far, surround: (T,) bool, the others are of sheets.
+    places: (3, N): x and y in the table of projectors, and the number of the sheet: 0 the screen, n the far
+    sheet, -1 the surround. start, end: (3, N): t and shift at the start and the end of the vertex' chord, which
+    on the far sheet ends at the vertex. The third value of start is 1 on the far sheet, that of end the number
+    of vertices of a sheet. triangles: (T, 3). screen, far, surround: (T,) bool; the others are of sheets.
     """
 
     places: Array
@@ -47,13 +47,13 @@ class Portals(NamedTuple):
     surround: BoolArray
 
 
-def picture_places(x: Array, y: Array, polar: bool, aspect: float) -> tuple[Array, Array]:
-    """Image positions of places (x, y) in a sheet, each (N,): a square's are pressed into a polar disc."""
+def image_places(x: Array, y: Array, polar: bool, aspect: float) -> tuple[Array, Array]:
+    """The image positions of places (x, y) in a sheet, each (N,); a polar image's square becomes its disc."""
     return disc_places(*pressed(x, y), aspect) if polar else (x, y)
 
 
 def disc_places(x: Array, y: Array, aspect: float) -> tuple[Array, Array]:
-    """Image positions of places in the square about a polar disc, each (N,)."""
+    """The image positions of places in the square around a polar disc, each (N,)."""
     return 0.5 + (x - 0.5) / max(aspect, 1.0), 0.5 + (y - 0.5) / max(1.0 / aspect, 1.0)
 
 
@@ -63,7 +63,7 @@ def disc_square(x: Array, y: Array, aspect: float) -> tuple[Array, Array]:
 
 
 def pressed(x: Array, y: Array) -> tuple[Array, Array]:
-    """Places of the unit square moved towards its centre, into the disc that it holds."""
+    """Places of the unit square moved towards its centre, into its inscribed disc."""
     a, b = 2.0 * np.asarray(x, np.float64) - 1.0, 2.0 * np.asarray(y, np.float64) - 1.0
     radius = np.hypot(a, b)
     largest = np.maximum(np.abs(a), np.abs(b))
@@ -76,7 +76,7 @@ def portals(
 ) -> Portals:
     """The arrays of n+1 sheets, screen and far sheet included, and of the surround.
 
-    breaks, shifts: (n+1,), as in ChordPlan. cells: of each sheet, across and up. size: of the picture.
+    breaks, shifts: (n+1,), as in ChordPlan. cells: of each sheet, across and up. size: of the image, pixels.
     """
     x, y, triangles = _grid(cells, size, polar)
     count, many = len(breaks) - 1, len(x)
@@ -124,7 +124,7 @@ def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[A
     rising = np.stack([[first, right, far], [first, far, up]]).transpose(2, 0, 1)
     if not polar:
         return x, y, rising.reshape(-1, 3)
-    # Diagonals through the centre: along them the square's pressed sides have their corners.
+    # Diagonals through the centre: the square's corners lie on them.
     falling = np.stack([[first, right, up], [right, far, up]]).transpose(2, 0, 1)
     middle = x[first] + x[far] - 1.0, y[first] + y[far] - 1.0
     rises = (middle[0] * middle[1] >= 0.0)[:, None, None]
@@ -133,7 +133,10 @@ def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[A
 
 
 def has_no_area(layers: Array) -> bool:
-    """Whether a sheet behind the screen is a line or a point, which no ray meets; layers: as below."""
+    """Whether a sheet behind the screen is a line or a point, which no ray meets.
+
+    layers: as of ``crosses_itself``.
+    """
     for layer in layers[1:]:
         points = layer.reshape(3, -1)
         _, breadth, _ = np.linalg.svd(points - points.mean(axis=1, keepdims=True), compute_uv=False)
@@ -145,14 +148,14 @@ def has_no_area(layers: Array) -> bool:
 def crosses_itself(layers: Array, gated: bool) -> bool:
     """Whether chords between consecutive layers of a volume meet sheets elsewhere than at their own ends.
 
-    layers: (n+1, 3, R, C) ends of the chords of R × C projectors. gated: a sheet lets rays through that do
-    not come from the one before, so that only a fold between two sheets does harm. Sampled, not certain.
+    layers: (n+1, 3, R, C) ends of the chords of R × C projectors. gated: a sheet turns only rays from the
+    sheet before, so that only a fold between two sheets does harm. Sampled, not certain.
     """
     count = len(layers) - 1
     a, b = layers[:, :, :-1, :-1], layers[:, :, :-1, 1:]
     c, d = layers[:, :, 1:, 1:], layers[:, :, 1:, :-1]
     corners = [np.stack(pair, axis=-1).reshape(count + 1, 3, -1) for pair in ((a, a), (b, c), (c, d))]
-    # Chords of the cells' middles: those of the vertices would run along edges.
+    # The chords of the cells' middles: those of the vertices would run along edges.
     middle = 0.25 * (a + b + c + d)
     middle = middle.reshape(count + 1, 3, -1)
     cells = np.arange(middle.shape[2])
@@ -168,7 +171,7 @@ def crosses_itself(layers: Array, gated: bool) -> bool:
 
 
 def _hits(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> BoolArray:
-    """Which of N segments meet which of M triangles, (N, M) (Möller and Trumbore 1997)."""
+    """Whether N segments meet M triangles, (N, M) (Möller and Trumbore 1997)."""
     first, second = b - a, c - a
     normal = np.cross(direction[:, :, None], second[:, None], axis=0)
     determinant = np.einsum("cnm,cm->nm", normal, first)
@@ -179,6 +182,6 @@ def _hits(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> Bool
         turned = np.cross(offset, first[:, None], axis=0)
         v = np.einsum("cn,cnm->nm", direction, turned) * inverse
         t = np.einsum("cm,cnm->nm", second, turned) * inverse
-        # A little less than to its end: neighbours of the own cell may be no more than touched.
+        # A little less than to the end: a chord may touch the neighbours of its own cell.
         met: BoolArray = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= TOUCHED) & (t <= 1.0 - TOUCHED)
     return met

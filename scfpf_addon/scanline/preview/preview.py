@@ -1,25 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview of a flexible camera: switched on, kept in step with the scene, switched off.
 
-Nodes do all computation. Python only keeps the source's membership, notices a camera's new list of
-surfaces and strokes of brushes, lets a preview sleep that no viewport shows, and removes one whose
-camera is gone.
+Nodes do all computation. Python only keeps the members of the source's collections, and notices a camera's
+new list of surfaces and strokes of brushes. A preview that no viewport shows sleeps; one that has lost its
+camera is removed.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass, field
 
 import bpy
 from bpy.app.handlers import persistent
 
 from ...bridge.blender import versions
+from ...bridge.blender.app_handlers import DrawHandler, add_handlers, remove_handlers
 from ...bridge.blender.mesh_grid import uv_layer
 from ...bridge.sync.handlers import sync as sync_volumes
-from ..table.mapping_table import picture_signature
+from ..table.mapping_table import image_signature
 from . import preview_viewports
 from .preview_data import (
     PreviewError,
     add_parts,
     copied_shelves,
+    hide_in_layers,
     is_asleep,
     is_whole,
     make_preview,
@@ -28,39 +32,50 @@ from .preview_data import (
     remove_copy,
     remove_preview,
     set_asleep,
-    settle_in_layers,
     update_pictures,
 )
 from .preview_members import places_of, shown_objects, take_members, visibility_signature
 from .preview_parts import OVERFULL, SHARED_FACES, face_count, share_out
 
-# What decides, of a surface patch, which points of it Blender draws.
+# Properties of a surface patch that decide which of its points Blender draws.
 NET = ("point_count_u", "point_count_v", "resolution_u", "resolution_v", "use_cyclic_u", "use_cyclic_v")
 
-# What was seen at the last look, by session_uid of the preview's collection: numbers and bytes only.
-_seen_objects: dict[int, bytes] = {}
-_seen_cameras: dict[int, tuple] = {}
-# Faces by session_uid of the object, of what each preview shows.
-_faces: dict[int, dict[int, int]] = {}
-# The names of those objects, by which Blender's updates are told apart.
-_names: dict[int, dict[str, int]] = {}
-# Previews that were on at the last look. Undo and redo make others appear.
+
+@dataclass
+class _State:
+    """The state of the scene that a preview was last brought in step with; no Blender data.
+
+    objects, camera: signatures. faces: of each object that is shown, by session id. ids: session ids by name,
+    by which Blender's updates are told apart.
+    """
+
+    objects: bytes | None = None
+    camera: tuple | None = None
+    faces: dict[int, int] = field(default_factory=dict)
+    ids: dict[str, int] = field(default_factory=dict)
+
+
+# By session id of the preview's source.
+_states: dict[int, _State] = {}
+# Sources of the previews that were on at the last look. Undo and redo make others appear.
 _known: set[int] = set()
-# Blender's handle of the function that is told of redraws while a preview sleeps.
-_watch: list = []
+
+
+def _state(source) -> _State:
+    return _states.setdefault(source.session_uid, _State())
 
 
 def switch_on(context, camera):
-    """Preview a camera, in a viewport of its own unless Blender has no window; returns its source collection.
+    """Preview a camera, in a viewport of its own unless Blender has no window; return the source collection.
 
-    Raises PreviewError or ViewportError; nothing is left behind.
+    Raises PreviewError or ViewportError; nothing is left behind then.
     """
     scene, view_layer = context.scene, context.view_layer
     source = make_preview(scene, view_layer, camera)
     try:
         view_layer.update()
         _follow_members(source, view_layer, view_layer.depsgraph)
-        _seen_cameras[source.session_uid] = _camera_signature(camera, source.scfpf_preview.scene)
+        _state(source).camera = _camera_signature(camera, source.scfpf_preview.scene)
         _known.add(source.session_uid)
         if context.window is not None and not bpy.app.background:
             preview_viewports.hide_from_others(source)
@@ -74,11 +89,11 @@ def switch_on(context, camera):
 def show(context, source) -> None:
     """Open a viewport of a preview; raises ViewportError."""
     preview_viewports.open_viewport(context, source)
-    _settle_sleep()
+    _sync_sleep()
 
 
 def switch_off(source) -> None:
-    """Close a preview's viewports and remove all that was made for it."""
+    """Close a preview's viewports, and remove all that was made for it."""
     for window, area in preview_viewports.viewports_of(source):
         preview_viewports.close_viewport(window, area)
     _remove(source)
@@ -87,23 +102,20 @@ def switch_off(source) -> None:
 def _remove(source) -> None:
     uid = source.session_uid
     remove_preview(source)
-    _seen_objects.pop(uid, None)
-    _seen_cameras.pop(uid, None)
-    _faces.pop(uid, None)
-    _names.pop(uid, None)
+    _states.pop(uid, None)
     _known.discard(uid)
     # The viewport's camera may have been made flexible.
     sync_volumes()
 
 
 def _camera_signature(camera, scene) -> tuple:
-    """What the table and the node group depend on, beyond what nodes follow by themselves."""
+    """All that the table and the node groups depend on, and nodes cannot follow."""
     settings = camera.scfpf
     surfaces = (_surface_signature(slot, settings.basis == "NURBS") for slot in settings.surfaces)
-    # Nodes follow the ranges; only whether they are whole says how fine the table must be.
+    # Nodes follow the ranges. The table's size depends on whether they are whole.
     whole = tuple(settings.u_range) == tuple(settings.v_range) == (0.0, 1.0)
-    picture = picture_signature(camera, scene)
-    return (*surfaces, settings.basis, settings.reparameterisation, whole, settings.pixel_error, picture)
+    mappings = image_signature(camera, scene)
+    return (*surfaces, settings.basis, settings.reparameterisation, whole, settings.pixel_error, mappings)
 
 
 def _surface_signature(slot, weighted: bool) -> tuple | None:
@@ -121,18 +133,17 @@ def _surface_signature(slot, weighted: bool) -> tuple | None:
 
 
 def sync(scene, structure_changed: bool, depsgraph=None, may_remove: bool = True) -> None:
-    """Bring the previews of a scene in step with it; remove any that has lost its camera or a part.
+    """Bring the previews of a scene in step with it; remove previews that have lost their camera or a part.
 
-    structure_changed: the depsgraph has told of an edit of the scene or a collection. depsgraph:
-    None or evaluated, with its updates. may_remove: not while Blender goes from frame to frame or to
-    another scene, where it would crash.
-    Costs next to nothing while there is no preview. Not to be called from a render's thread.
+    structure_changed: whether the scene or a collection was edited. depsgraph: None, or evaluated, with its
+    updates. may_remove: False while Blender goes to another frame or another scene, where removal would
+    crash. Takes next to no time without a preview. Not to be called from a render's thread.
     """
     for source in previews():
         if not is_whole(source):
             if may_remove:
                 _remove(source)
-                _settle_viewports_soon()
+                _sync_viewports_soon()
         elif source.scfpf_preview.scene == scene:
             _follow(source, structure_changed, depsgraph)
     if structure_changed:
@@ -147,69 +158,65 @@ def _follow(source, structure_changed: bool, depsgraph) -> None:
         view_layer = settings.scene.view_layers[0]
         settings.view_layer = view_layer.name
     if structure_changed:
-        settle_in_layers(source)
-    uid, camera = source.session_uid, _camera_signature(settings.camera, settings.scene)
-    camera_changed = _seen_cameras.get(uid) != camera
+        hide_in_layers(source)
+    state, camera = _state(source), _camera_signature(settings.camera, settings.scene)
+    camera_changed = state.camera != camera
     if (
         structure_changed
         or camera_changed
-        or _seen_objects.get(uid) != visibility_signature(view_layer)
-        or _has_grown(uid, depsgraph)
+        or state.objects != visibility_signature(view_layer)
+        or _has_grown(state, depsgraph)
     ):
         _follow_members(source, view_layer, depsgraph)
     if camera_changed:
-        _seen_cameras[uid] = camera
+        state.camera = camera
         try:
             update_pictures(source)
             settings.problem = ""
         except PreviewError as error:
             settings.problem = str(error)
     if not bpy.app.background:
-        _settle_sleep()
+        _sync_sleep()
 
 
 def _follow_strokes(depsgraph) -> None:
-    """Have what is sculpted evaluated, as strokes go on.
+    """Have sculpted objects evaluated while strokes go on.
 
-    Where a viewport draws the mesh straight from the brush, Blender tells only that it shades anew, and the
-    evaluated mesh, which all else sees, stays as it was until the mode is left.
+    If a viewport draws the mesh straight from the brush, Blender's updates only tell of new shading. The
+    evaluated mesh, which everything else sees, does not change until the mode is left.
     """
-    if not _faces:
+    if not _states:
         return  # no preview: where anything is linked, Blender's updates name every object
     for update in depsgraph.updates:
         if not isinstance(update.id, bpy.types.Object) or update.id.mode != "SCULPT":
             continue
         if update.is_updated_shading and not update.is_updated_geometry:
             sculpted = bpy.data.objects.get(update.id.name)
-            shown = [
-                source for source in previews() if sculpted.session_uid in _faces.get(source.session_uid, ())
-            ]
+            shown = [source for source in previews() if sculpted.session_uid in _state(source).faces]
             if any(not is_asleep(source) for source in shown):
                 sculpted.update_tag(refresh={"DATA"})
 
 
-def _has_grown(uid: int, depsgraph) -> bool:
-    """Whether something that a preview shows has become so heavy that it may need a picture of its own."""
-    faces, names = _faces.get(uid, {}), _names.get(uid, {})
+def _has_grown(state: _State, depsgraph) -> bool:
+    """Whether a shown object has become so heavy that it may need a picture object of its own."""
     for update in depsgraph.updates if depsgraph is not None else ():
         if update.is_updated_geometry and isinstance(update.id, bpy.types.Object):
-            # By name: `.original` of what is not shown may be freed memory after an undo (5.2).
-            before = faces.get(names.get(update.id.name))
+            # By name: `.original` of an object that is not shown may be freed memory after an undo (5.2).
+            before = state.faces.get(state.ids.get(update.id.name))
             if before is not None and face_count(update.id, depsgraph) > OVERFULL * max(before, SHARED_FACES):
                 return True
     return False
 
 
 def _follow_members(source, view_layer, depsgraph) -> None:
-    uid = source.session_uid
-    _seen_objects[uid] = visibility_signature(view_layer)
+    state = _state(source)
+    state.objects = visibility_signature(view_layer)
     wanted = shown_objects(view_layer)
-    before = _faces.get(uid, {}) if depsgraph is None else {}
-    faces = {key: before.get(key) or face_count(member, depsgraph) for key, member in wanted.items()}
-    _faces[uid] = faces
-    _names[uid] = {member.name: key for key, member in wanted.items()}
+    before = state.faces if depsgraph is None else {}
+    state.faces = {key: before.get(key) or face_count(member, depsgraph) for key, member in wanted.items()}
+    state.ids = {member.name: key for key, member in wanted.items()}
     parts = source.scfpf_preview.parts
-    places = share_out(faces, places_of([part.members for part in parts]))
+    places = share_out(state.faces, places_of([part.members for part in parts]))
     pictures = add_parts(source, max(places.values(), default=0) + 1)
     new = take_members([part.members for part in parts], wanted, places)
     if not bpy.app.background:
@@ -217,40 +224,43 @@ def _follow_members(source, view_layer, depsgraph) -> None:
         preview_viewports.show_more(pictures, source)
 
 
-def _settle_sleep() -> None:
-    """Let the previews sleep that no viewport shows, and the others not."""
+def _sync_sleep() -> None:
+    """Let the previews sleep that no viewport shows, and wake the others."""
     asleep = False
     for source in previews():
         shown = bool(preview_viewports.viewports_of(source))
         set_asleep(source, not shown)
         asleep = asleep or not shown
-    if asleep and not _watch:
-        # No handler tells of another workspace, but what it shows is drawn.
-        space = bpy.types.SpaceView3D
-        _watch.append(space.draw_handler_add(_drawn, (), "WINDOW", "POST_PIXEL"))
+    # No handler tells of another workspace, but Blender draws its viewports.
+    if asleep and not _watch.is_registered:
+        _watch.register()
     elif not asleep:
         _stop_watch()
 
 
 def _stop_watch() -> None:
-    while _watch:
-        bpy.types.SpaceView3D.draw_handler_remove(_watch.pop(), "WINDOW")
+    if _watch.is_registered:
+        _watch.unregister()
 
 
-def _drawn() -> None:
+def _viewport_drawn() -> None:
     shown = bpy.context.space_data.camera
     if any(source.scfpf_preview.view_camera == shown and is_asleep(source) for source in previews()):
-        _settle_viewports_soon()
+        _sync_viewports_soon()
 
 
-def _settle_viewports_soon() -> None:
-    """Areas cannot be closed or opened while Blender goes through them to call a handler."""
-    if not bpy.app.background and not bpy.app.timers.is_registered(_settle_viewports):
-        bpy.app.timers.register(_settle_viewports, first_interval=0.0)
+# Told of redraws while a preview sleeps.
+_watch = DrawHandler(bpy.types.SpaceView3D, _viewport_drawn, "POST_PIXEL")
 
 
-def _settle_viewports() -> None:
-    """Close the viewports whose preview is gone; show the previews that undo or redo brought back."""
+def _sync_viewports_soon() -> None:
+    """Update viewports as soon as areas can be opened and closed: not while Blender calls their handlers."""
+    if not bpy.app.background and not bpy.app.timers.is_registered(_sync_viewports):
+        bpy.app.timers.register(_sync_viewports, first_interval=0.0)
+
+
+def _sync_viewports() -> None:
+    """Close viewports of previews that are gone; show previews that undo or redo brought back."""
     preview_viewports.close_orphans()
     _known.intersection_update(source.session_uid for source in previews())
     for window in bpy.context.window_manager.windows:
@@ -264,7 +274,7 @@ def _settle_viewports() -> None:
                         preview_viewports.open_viewport(bpy.context, source)
                 except preview_viewports.ViewportError as error:
                     source.scfpf_preview.problem = str(error)
-    _settle_sleep()
+    _sync_sleep()
 
 
 @persistent
@@ -284,35 +294,31 @@ def _frame_changed(scene, depsgraph) -> None:
 
 
 @persistent
-def _history_changes(*_) -> None:
-    """Before undo and redo."""
+def _before_history(*_) -> None:
     for source in previews():
         release_pointers(source)
 
 
 @persistent
-def _history_changed(*_) -> None:
-    """After undo and redo."""
-    _seen_cameras.clear()
-    _tend_all()
-    _settle_viewports_soon()
+def _after_history(*_) -> None:
+    for state in _states.values():
+        state.camera = None
+    _sync_all()
+    _sync_viewports_soon()
 
 
 @persistent
 def _file_loaded(*_) -> None:
-    _seen_objects.clear()
-    _seen_cameras.clear()
-    _faces.clear()
-    _names.clear()
+    _states.clear()
     _known.clear()
     _known.update(source.session_uid for source in previews())
     preview_viewports.note_viewports()
-    _tend_all()
+    _sync_all()
 
 
 @persistent
 def _saving(*_) -> None:
-    """Files are to work without the add-on, which would not wake the preview there."""
+    """Wake all previews: files must work without the add-on, which could not wake them there."""
     for source in previews():
         set_asleep(source, False)
 
@@ -320,10 +326,10 @@ def _saving(*_) -> None:
 @persistent
 def _saved(*_) -> None:
     if not bpy.app.background:
-        _settle_sleep()
+        _sync_sleep()
 
 
-def _tend_all() -> None:
+def _sync_all() -> None:
     for scene in bpy.data.scenes:
         if scene.is_editable:
             sync(scene, True)
@@ -332,10 +338,10 @@ def _tend_all() -> None:
 HANDLERS = {
     "depsgraph_update_post": _scene_updated,
     "frame_change_post": _frame_changed,
-    "undo_pre": _history_changes,
-    "redo_pre": _history_changes,
-    "undo_post": _history_changed,
-    "redo_post": _history_changed,
+    "undo_pre": _before_history,
+    "redo_pre": _before_history,
+    "undo_post": _after_history,
+    "redo_post": _after_history,
     "load_post": _file_loaded,
     "save_pre": _saving,
     "save_post": _saved,
@@ -344,13 +350,11 @@ HANDLERS = {
 
 
 def register():
-    for name, function in HANDLERS.items():
-        getattr(bpy.app.handlers, name).append(function)
+    add_handlers(HANDLERS)
 
 
 def unregister():
-    for name, function in HANDLERS.items():
-        getattr(bpy.app.handlers, name).remove(function)
+    remove_handlers(HANDLERS)
     _stop_watch()
-    if bpy.app.timers.is_registered(_settle_viewports):
-        bpy.app.timers.unregister(_settle_viewports)
+    if bpy.app.timers.is_registered(_sync_viewports):
+        bpy.app.timers.unregister(_sync_viewports)

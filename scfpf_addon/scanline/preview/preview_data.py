@@ -1,47 +1,44 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The datablocks of a live preview: made when it is switched on, all removed when it is switched off.
 
-They live in the artist's own scene: only there do they follow its frame changes. A collection
-that the view layer hides holds picture objects, whose node modifiers turn what is in the source's
-collections, one each, into the picture, and the orthographic camera that frames them.
+They live in the artist's own scene: only there do they follow its frame changes. A collection that the view
+layer hides, the shelf, holds picture objects and the orthographic camera that frames them. The node modifier
+of each picture object turns one of the source's collections into a picture.
 """
 
 from __future__ import annotations
 
 import bpy
 
-from ...bridge.blender import versions
-from ...bridge.blender.scene_objects import absent_text, delete_with_data, holds
+from ...bridge.blender.modifier_inputs import renew_relations, set_inputs
+from ...bridge.blender.scene_objects import delete_with_data
 from ...bridge.camera.flexible_camera import sync_volume_object
 from ...bridge.surfaces.lattice_object import KIND as LATTICE_KIND
 from ...projection.presets.preset import MAXIMUM_SURFACES
+from ..generated_collection import (
+    follow_image_size,
+    is_complete,
+    linked_text,
+    new_orthographic_camera,
+    remove_generated,
+    remove_parts,
+    remove_unused_groups,
+)
 from ..remap import remap_nodes
 from ..table import table_object
 from ..table.table_object import TABLE_KEY
 
 MODIFIER = "SCFPF Preview"
-# The constraint that takes a scaled camera's scale away.
+# The constraint that removes a scaled camera's scale.
 UNSCALED = "SCFPF Unscaled"
 # The viewbox of remap_nodes: one wide, between these distances of the camera that frames it.
 FRAME_WIDTH, FRAME_NEAR, FRAME_FAR = 1.0, 1.0, 2.0
 # The clip range is wider than the viewbox by this share of its depth: float32 must not clip its ends.
-CLIP_MARGIN = 1e-3
-# What the modifier's inputs follow, by name of the input: an expression and its variables.
-_SIZE = {
-    "width": "render.resolution_x",
-    "height": "render.resolution_y",
-    "across": "render.pixel_aspect_x",
-    "up": "render.pixel_aspect_y",
-    "percentage": "render.resolution_percentage",
-}
-FOLLOWED = {
-    "Aspect": "width * across / (height * up)",
-    "Picture Width": "width * percentage / 100",
-}
+CLIP_MARGIN = 1e-4
 
 
 class PreviewError(ValueError):
-    """The preview cannot be switched on; the message says what to do."""
+    """The preview cannot be made. The message says what to do."""
 
 
 def previews() -> list:
@@ -58,41 +55,25 @@ def preview_of(camera, scene):
 
 
 def is_whole(source) -> bool:
-    """Whether all parts of a preview are there and its camera is a flexible one of its scene."""
+    """Whether a preview has all its parts, and its camera is a flexible one of its scene."""
     settings = source.scfpf_preview
-    scene, shelf, camera = settings.scene, settings.shelf, settings.camera
-    if None in (scene, shelf, camera, settings.table) or camera.type != "CAMERA":
-        return False
-    if not camera.scfpf.enabled:
-        return False
     if not settings.parts or any(part.members is None for part in settings.parts):
         return False
-    for thing in (*pictures_of(source), settings.view_camera):
-        if thing is None or shelf.objects.get(thing.name) != thing:
-            return False
-    if shelf not in scene.collection.children_recursive:
-        return False
-    return holds(scene.objects, camera)
+    return is_complete(settings, settings.shelf, (*pictures_of(source), settings.view_camera))
 
 
 def pictures_of(source) -> list:
-    """The objects that make up a preview's picture; None for one that is lost."""
+    """The picture objects of a preview; None for one that is lost."""
     return [part.picture for part in source.scfpf_preview.parts]
 
 
 def make_preview(scene, view_layer, camera):
-    """All datablocks of a camera's preview; returns its source collection, which is still empty.
+    """Make all datablocks of a camera's preview; return its source collection, which is still empty.
 
-    Raises PreviewError; nothing is left behind.
+    Raises PreviewError; nothing is left behind then.
     """
-    if not scene.is_editable:
-        raise PreviewError("The scene is linked from another file: preview it there")
-    if not camera.is_editable:
-        raise PreviewError(
-            f"'{camera.name}' is linked from another file: make a library override of it first"
-        )
-    if lost := absent_text(camera, scene, "choose another camera"):
-        raise PreviewError(lost)
+    if problem := linked_text(scene, camera, "preview it there"):
+        raise PreviewError(problem)
     _check_surfaces(camera)
     sync_volume_object(camera)
     table = table_object.table_object(camera, scene=scene)
@@ -109,7 +90,7 @@ def make_preview(scene, view_layer, camera):
     add_parts(source, 1)
     _keep_size(table)
     scene.collection.children.link(shelf)
-    settle_in_layers(source)
+    hide_in_layers(source)
     return source
 
 
@@ -126,7 +107,7 @@ def _check_surfaces(camera) -> None:
 
 
 def add_parts(source, count: int) -> list:
-    """Make pictures, and the collections that they show, until a preview has so many; the new ones."""
+    """Make picture objects, and their collections, up to a number; return the new objects."""
     settings = source.scfpf_preview
     camera, new = settings.camera, []
     while len(settings.parts) < count:
@@ -143,7 +124,7 @@ def add_parts(source, count: int) -> list:
 
 
 def _shelve(shelf, thing, camera) -> None:
-    """Put a part of the preview where it belongs."""
+    """Put a generated object into the shelf, as a child of the camera."""
     shelf.objects.link(thing)
     thing.parent = camera
     thing.hide_render = True
@@ -151,7 +132,7 @@ def _shelve(shelf, thing, camera) -> None:
 
 
 def _keep_size(part) -> None:
-    """Let an object not take its parent's scale: a view camera cannot, so the picture must not."""
+    """Keep an object from taking its parent's scale: a camera cannot, so the pictures must not."""
     if part.constraints.get(UNSCALED) is not None:
         return
     limit = part.constraints.new("LIMIT_SCALE")
@@ -164,21 +145,19 @@ def _keep_size(part) -> None:
 
 def _new_view_camera(camera):
     name = f"{camera.name} Preview View"
-    lens = bpy.data.cameras.new(name)
-    lens.type = "ORTHO"
-    lens.sensor_fit = "HORIZONTAL"
-    lens.ortho_scale = FRAME_WIDTH
+    view_camera = new_orthographic_camera(name, FRAME_WIDTH)
+    lens = view_camera.data
     lens.clip_start = FRAME_NEAR - CLIP_MARGIN
     lens.clip_end = FRAME_FAR + CLIP_MARGIN
     lens.show_passepartout = True
     lens.passepartout_alpha = 1.0
-    return bpy.data.objects.new(name, lens)
+    return view_camera
 
 
 def update_pictures(source) -> None:
-    """The table and the modifiers as the camera's list of surfaces and settings now ask for.
+    """Bring the table and the modifiers in step with the camera's surfaces and settings.
 
-    Raises PreviewError; the picture is then as it was.
+    Raises PreviewError; nothing is changed then.
     """
     settings = source.scfpf_preview
     camera = settings.camera
@@ -195,33 +174,25 @@ def update_pictures(source) -> None:
 
 
 def _set_modifier(source, part, group):
-    """Let a part's picture be made by a node group; returns the group that made it before, if another."""
+    """Give a picture object a node group; return the group that it had before, if it was another."""
     settings, picture = source.scfpf_preview, part.picture
     modifier = picture.modifiers.get(MODIFIER) or picture.modifiers.new(MODIFIER, "NODES")
     before = modifier.node_group if modifier.node_group != group else None
     if modifier.node_group != group:
         picture.animation_data_clear()
         modifier.node_group = group
-        for name, expression in FOLLOWED.items():
-            follow_scene(modifier, group_input(group, name), expression, settings.scene)
-    for name, value in (
-        ("Collection", part.members),
-        ("Table", settings.table),
-        ("Pixel Error", settings.camera.scfpf.pixel_error),
-    ):
-        identifier = group_input(group, name)
-        if versions.modifier_input(modifier, identifier) != value:
-            versions.set_modifier_input(modifier, identifier, value)
-    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
-    modifier.node_group = group
+        follow_image_size(modifier, ("Aspect", "Picture Width"), settings.scene)
+    error = settings.camera.scfpf.pixel_error
+    set_inputs(modifier, {"Collection": part.members, "Table": settings.table, "Pixel Error": error})
+    renew_relations(modifier)
     picture.update_tag()
     return before
 
 
 def release_pointers(source) -> None:
-    """Take from a preview what handlers have it point to, before another step of undo; see ``table_object``.
+    """Clear the pointers that handlers set, as is necessary before undo and redo; see ``table_object``.
 
-    Following the scene afterwards brings all of it back.
+    ``sync`` sets them again afterwards.
     """
     settings = source.scfpf_preview
     if settings.table is not None:
@@ -244,9 +215,9 @@ def release_pointers(source) -> None:
 
 
 def left_out(source, depsgraph) -> dict[str, int]:
-    """The counts of the faces and samples that a preview has left out, as in ``remap_counts``."""
+    """The numbers of faces and samples that a preview leaves out, as in ``remap_counts``."""
     counts = [remap_nodes.remap_counts(picture.evaluated_get(depsgraph)) for picture in pictures_of(source)]
-    # Faces are each picture's own, the volume's folds are the same in all of them.
+    # Each picture object has its own faces; the folds of the volume are the same for all.
     return {
         "unreachable": sum(count["unreachable"] for count in counts),
         "folded": max(count["folded"] for count in counts),
@@ -260,52 +231,24 @@ def is_flat(source, depsgraph) -> bool:
 
 def is_asleep(source) -> bool:
     """Whether a preview computes nothing, since no viewport shows it."""
-    return not all(_works(picture) for picture in pictures_of(source))
-
-
-def _works(thing) -> bool:
-    return all(modifier.show_viewport for modifier in thing.modifiers)
+    return not all(
+        modifier.show_viewport for picture in pictures_of(source) for modifier in picture.modifiers
+    )
 
 
 def set_asleep(source, asleep: bool) -> None:
-    """Stop a preview's computing, or let it go on."""
+    """Make a preview sleep, which computes nothing, or wake it."""
     table, pictures = source.scfpf_preview.table, pictures_of(source)
-    # The preview itself, the camera and each picture use it; others may be the artist's own modifiers.
-    others = table.users > len(pictures) + 2
-    for thing in pictures if others and asleep else (*pictures, table):
-        for modifier in thing.modifiers:
+    # The preview itself, the camera and each picture object use the table; the artist's modifiers may, too.
+    has_other_users = table.users > len(pictures) + 2
+    for obj in pictures if has_other_users and asleep else (*pictures, table):
+        for modifier in obj.modifiers:
             if modifier.show_viewport == asleep:
                 modifier.show_viewport = not asleep
 
 
-def group_input(group, name: str) -> str:
-    """The identifier of a group's input."""
-    return next(
-        item.identifier
-        for item in group.interface.items_tree
-        if item.item_type == "SOCKET" and item.in_out == "INPUT" and item.name == name
-    )
-
-
-def follow_scene(modifier, identifier: str, expression: str, scene) -> None:
-    """Drive an input by the size of a scene's picture. Such simple expressions need no Python."""
-    owner, name = versions.modifier_input_property(modifier, identifier)
-    driver = owner.driver_add(name).driver
-    driver.expression = expression
-    for old in list(driver.variables):
-        driver.variables.remove(old)
-    for variable_name, path in _SIZE.items():
-        if variable_name in expression:
-            variable = driver.variables.new()
-            variable.name = variable_name
-            target = variable.targets[0]
-            target.id_type = "SCENE"
-            target.id = scene
-            target.data_path = path
-
-
 def layer_of(view_layer, collection):
-    """Where a collection stands in a view layer, or None."""
+    """The layer collection of a collection in a view layer, or None."""
     pending = [view_layer.layer_collection]
     while pending:
         layer = pending.pop()
@@ -315,10 +258,10 @@ def layer_of(view_layer, collection):
     return None
 
 
-def settle_in_layers(source) -> None:
-    """Hide a preview in its own view layer; exclude it from all others, and from other scenes.
+def hide_in_layers(source) -> None:
+    """Hide a preview in its own view layer, and exclude it from all others.
 
-    There it would only cost. A linked copy of its scene, for one, has it too.
+    Unlink it from other scenes, such as linked copies of its own, where it would take time for nothing.
     """
     settings = source.scfpf_preview
     for view_layer in settings.scene.view_layers:
@@ -338,7 +281,7 @@ def settle_in_layers(source) -> None:
 
 
 def copied_shelves() -> list:
-    """Shelves that came into the file with a full copy of their scene; they show another preview's source."""
+    """The shelves that were copied with their scene: their source has another shelf."""
     return [
         c
         for c in bpy.data.collections
@@ -349,49 +292,14 @@ def copied_shelves() -> list:
 
 
 def remove_copy(shelf) -> None:
-    """Remove a copied shelf and what was copied with it."""
-    _remove_parts(shelf, list(shelf.objects))
+    """Remove a copied shelf and the objects that were copied with it."""
+    remove_parts(shelf, list(shelf.objects))
 
 
 def remove_preview(source) -> None:
-    """Remove a preview and every datablock that was made for it, whatever is missing of it."""
+    """Remove a preview and every datablock that was made for it, even if some are lost."""
     settings = source.scfpf_preview
     parts = [p for p in (*pictures_of(source), settings.view_camera, settings.table) if p is not None]
     members = [part.members for part in settings.parts if part.members is not None]
-    shelf = settings.shelf
-    for guest in set(shelf.objects) - set(parts) if shelf is not None else ():
-        # What the artist has put here stays.
-        if len(guest.users_collection) == 1 and settings.scene is not None:
-            settings.scene.collection.objects.link(guest)
-    if settings.camera is not None:
-        settings.camera.pop(TABLE_KEY, None)
-    _remove_parts(shelf, parts)
+    remove_generated(settings, settings.shelf, parts, TABLE_KEY)
     bpy.data.batch_remove([source, *members])
-
-
-def _remove_parts(shelf, parts) -> None:
-    groups = [
-        modifier.node_group
-        for part in parts
-        for modifier in part.modifiers
-        if modifier.type == "NODES" and modifier.node_group is not None
-    ]
-    data = {part.data for part in parts} - {None}
-    bpy.data.batch_remove(parts)
-    bpy.data.batch_remove([one for one in data if one.users == 0])
-    if shelf is not None:
-        bpy.data.collections.remove(shelf)
-    remove_unused_groups(groups)
-
-
-def remove_unused_groups(groups) -> None:
-    """Remove node groups that nothing uses, and then those that only they used."""
-    pending = list(dict.fromkeys(groups))
-    while pending:
-        group = pending.pop()
-        if group.users > 0:
-            continue
-        inner = {node.node_tree for node in group.nodes if getattr(node, "node_tree", None) is not None}
-        bpy.data.node_groups.remove(group)
-        # One that is still used by another in the list is met again when that one goes.
-        pending = [other for other in pending if other not in inner] + list(inner)

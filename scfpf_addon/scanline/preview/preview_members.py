@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which objects the live preview shows, and keeping its source collections in step with them.
+"""The objects that the live preview shows, and the members of its source collections.
 
-Collection Info shows whatever is in a collection, hidden or not, so what is hidden in
-renders, control surfaces and the like must not be in it.
+Collection Info shows everything in a collection, hidden or not. So objects that are hidden in renders,
+control surfaces and the like must not be in it.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ import numpy as np
 
 from ...bridge.camera.flexible_camera import control_objects
 
-# What has faces, or instances a collection of things that have.
+# Types of objects that have faces, or instance a collection whose objects have some.
 SHAPES = {"MESH", "CURVE", "SURFACE", "FONT", "META", "EMPTY"}
 # Instancers of this type hide the children that they instance.
 PARENTS = {"VERTS", "FACES"}
 
 
 def shown_objects(view_layer) -> dict[int, object]:
-    """The objects that a render of a view layer shows and nodes can take, by session_uid.
+    """The objects, by session_uid, that a render of a view layer shows and nodes can take.
 
-    As in renders, being hidden in viewports only does not count.
+    As in renders, hiding in viewports does not count.
     """
     left_out = control_objects()
     shown: dict[int, object] = {}
@@ -52,10 +52,10 @@ def _is_shown(candidate, left_out: set[str]) -> bool:
 
 
 def take_members(collections, wanted: dict[int, object], places: dict[int, int]) -> list:
-    """Make collections hold just the wanted objects, each in its place; returns those that are new in them.
+    """Make collections hold exactly the wanted objects; return the objects that are new in them.
 
-    places: the number of each object's collection. Touches collections only where they differ: every
-    change rebuilds the depsgraph's relations.
+    places: the number of each object's collection. Changes collections only where they differ: every change
+    rebuilds the depsgraph's relations.
     """
     present = places_of(collections)
     for number, collection in enumerate(collections):
@@ -78,9 +78,9 @@ def places_of(collections) -> dict[int, int]:
 
 
 def visibility_signature(view_layer) -> bytes:
-    """A cheap summary of what decides, per object, whether a render shows it.
+    """A summary of the visibility of objects in renders, quick to make.
 
-    Membership and visibility of collections are not in it: edits of those are told by the depsgraph.
+    Members and visibility of collections are not in it: the depsgraph's updates tell of their edits.
     """
     objects = view_layer.objects
     count = len(objects)

@@ -1,28 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How the live preview is split: heavy objects have a picture each, light ones share one.
+"""The distribution of objects among the parts of a live preview: a heavy object has a part of its own.
 
-An edit makes the picture anew that shows what was edited, not the others. Pictures have a price of
-their own, so that there are few.
+An edit has Blender recompute the part that shows the edited object, and no other. Each part has a cost of its
+own, so there are few.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-# Faces that light objects of one picture have together, at most.
+# Most faces that the objects of a shared part have together.
 SHARED_FACES = 50_000
 MOST_PARTS = 16
-# A part is left as it is until it holds this many times what it should: moving objects has its price too.
+# A part stays as it is until it holds this many times as much: moving objects takes time too.
 OVERFULL = 2
 
 
 def share_out(weights: dict[int, int], present: dict[int, int]) -> dict[int, int]:
     """The number of the part that each object belongs to, below MOST_PARTS.
 
-    weights: faces by object. present: the part that objects are in now. Objects
-    stay where they are unless a part has become much too heavy to be shared.
+    weights: faces by object. present: each object's present part. Objects stay where they are unless a part
+    has become much too heavy to be shared.
     """
-    # Two parts that are filled one after the other hold more than one part may: there are no more of them.
+    # Two parts filled one after the other hold more than this together: that bounds the number of parts.
     capacity = max(SHARED_FACES, -(-2 * sum(weights.values()) // (MOST_PARTS - 1)))
     loads: dict[int, int] = {}
     counts: dict[int, int] = {}
@@ -39,7 +39,7 @@ def share_out(weights: dict[int, int], present: dict[int, int]) -> dict[int, int
 
 
 def _fill(weights: dict[int, int], loads: dict[int, int], result: dict[int, int], capacity: int) -> bool:
-    """Give every object that has none a part, the heaviest first; False if there are not enough parts."""
+    """Give every object without a part one, the heaviest first; return whether there were enough parts."""
     for uid in sorted(weights.keys() - result.keys(), key=lambda uid: (-weights[uid], uid)):
         fits = (
             part for part in range(MOST_PARTS) if part not in loads or loads[part] + weights[uid] <= capacity
@@ -53,9 +53,9 @@ def _fill(weights: dict[int, int], loads: dict[int, int], result: dict[int, int]
 
 
 def face_count(candidate, depsgraph=None) -> int:
-    """The faces of an object and of what it instances: as evaluated, where it is.
+    """The number of faces of an object and its instances: evaluated ones, if the depsgraph has any.
 
-    depsgraph: None or evaluated; one that has not been evaluated yet has no geometry.
+    depsgraph: None, or evaluated; without an evaluation it has no geometry.
     """
     if candidate.type == "EMPTY":
         held = candidate.instance_collection

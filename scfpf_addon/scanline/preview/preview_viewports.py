@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The 3D viewport that shows a live preview: split off the artist's own, or in a window of its own.
 
-Local collections show there what the view layer hides, the local view shows nothing else.
+Its local collections show what the view layer hides; its local view shows nothing else.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from .preview_data import pictures_of
 
 # A viewport narrower than twice this, in pixels at interface scale 1, is not split.
 NARROWEST = 250
-# Above a half, so that the new viewport is the right one.
+# Above a half: the new viewport is then the right one.
 SPLIT_FACTOR = 0.501
-# What the preview can be shaded with: EEVEE's and Cycles' lamps would stand in warped space.
+# Shadings of the preview: in EEVEE and Cycles, lights would stand in warped space.
 SHADINGS = {"SOLID", "MATERIAL"}
-# What Solid shading can be coloured by: the objects of a picture are one.
+# Colours of Solid shading: those by object would show one object only.
 COLORS = {"MATERIAL", "SINGLE", "TEXTURE", "VERTEX"}
 
-# The areas that showed a preview, by address: what is left to know them by once its camera is gone.
+# Addresses of the areas that showed a preview: nothing else tells them once its camera is gone.
 _shown_in: set[int] = set()
 
 
 class ViewportError(ValueError):
-    """No viewport can show the preview; the message says why."""
+    """No viewport can show the preview. The message says why."""
 
 
 def _viewports():
@@ -35,6 +35,12 @@ def _viewports():
                 yield window, area
 
 
+def _shows_one_of(area, cameras: set) -> bool:
+    """Whether a viewport has a local camera that is one of some."""
+    space = area.spaces.active
+    return space.use_local_camera and space.camera in cameras
+
+
 def preview_cameras() -> set:
     """The cameras that viewports of previews look through."""
     return {c.scfpf_preview.view_camera for c in bpy.data.collections} - {None}
@@ -42,27 +48,19 @@ def preview_cameras() -> set:
 
 def viewports_of(source) -> list:
     """(window, area) of every 3D viewport in a window that shows a preview."""
-    camera = source.scfpf_preview.view_camera
-    return [
-        (window, area)
-        for window, area in _viewports()
-        if camera is not None and area.spaces.active.use_local_camera and area.spaces.active.camera == camera
-    ]
+    cameras = {source.scfpf_preview.view_camera} - {None}
+    return [(window, area) for window, area in _viewports() if _shows_one_of(area, cameras)]
 
 
 def note_viewports() -> None:
     """Remember the viewports that show previews, after a file was loaded."""
     cameras = preview_cameras()
     _shown_in.clear()
-    _shown_in.update(
-        area.as_pointer()
-        for _window, area in _viewports()
-        if area.spaces.active.use_local_camera and area.spaces.active.camera in cameras
-    )
+    _shown_in.update(area.as_pointer() for _, area in _viewports() if _shows_one_of(area, cameras))
 
 
 def close_orphans() -> None:
-    """Close the viewports that showed a preview which is gone; they look through no or another camera."""
+    """Close the viewports whose preview is gone: they look through another camera, or none."""
     cameras = preview_cameras()
     orphans = [
         (window, area)
@@ -76,9 +74,9 @@ def close_orphans() -> None:
 
 
 def open_viewport(context, source) -> None:
-    """Show a preview beside the viewport at hand, if there is room, or else in a window of its own.
+    """Show a preview beside the present viewport if there is room, else in a window of its own.
 
-    Raises ViewportError; nothing is left open.
+    Raises ViewportError; nothing is left open then.
     """
     if bpy.app.background:
         raise ViewportError("Blender runs in the background: there is no window to show the preview in")
@@ -90,7 +88,7 @@ def open_viewport(context, source) -> None:
         if area is None:
             window, area = _open_window(window, beside)
         show_preview(window, area, source)
-    except Exception as error:  # Whatever it is, the artist's screen becomes as it was.
+    except Exception as error:  # The artist's screen becomes as it was after any error.
         if area is not None:
             close_viewport(window, area)
         if isinstance(error, RuntimeError):
@@ -99,13 +97,12 @@ def open_viewport(context, source) -> None:
 
 
 def _roomiest(context, scene) -> tuple:
-    """The viewport to split: the one at hand, else the widest; (window, None) if there is none."""
+    """The viewport to split: the present one, else the widest; (window, None) without a viewport."""
     taken = preview_cameras()
     free = [
         (window, area)
         for window, area in _viewports()
-        if window.scene == scene
-        and not (area.spaces.active.use_local_camera and area.spaces.active.camera in taken)
+        if window.scene == scene and not _shows_one_of(area, taken)
     ]
     if (context.window, context.area) in free:
         return context.window, context.area
@@ -161,8 +158,8 @@ def _set_look(space) -> None:
     space.show_gizmo = False
     bars = ("show_region_ui", "show_region_toolbar", "show_region_tool_header", "show_region_asset_shelf")
     for name in bars:
-        # Blender would animate the vanishing of what is hidden already, and might leave it open. What the
-        # mode does not have is read-only: the asset shelf, once Sculpt Mode was left.
+        # Hiding a hidden bar again would animate it, and might leave it open. A bar that the mode does not
+        # have is read-only: the asset shelf after Sculpt Mode.
         if getattr(space, name) and not space.is_property_readonly(name):
             setattr(space, name, False)
     space.show_object_viewport_mesh = True
@@ -176,15 +173,18 @@ def _set_look(space) -> None:
 
 
 def _show_shelf(window, space, source) -> None:
-    """Switch a collection on in a viewport's local collections."""
-    picture = source.scfpf_preview.parts[0].picture
-    if not _sees_shelf(window.view_layer, space, picture):
-        number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
-        bpy.ops.object.hide_collection(collection_index=number, toggle=True)
+    """Switch a preview's shelf on in a viewport's local collections."""
+    if not _sees_shelf(window.view_layer, space, source.scfpf_preview.parts[0].picture):
+        _toggle_shelf(window, source)
+
+
+def _toggle_shelf(window, source) -> None:
+    number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
+    bpy.ops.object.hide_collection(collection_index=number, toggle=True)
 
 
 def _sees_shelf(view_layer, space, picture) -> bool:
-    """Whether a viewport's local collections show an object, whatever its local view shows."""
+    """Whether a viewport's local collections show an object, regardless of its local view."""
     view_layer.update()
     evaluated = picture.evaluated_get(view_layer.depsgraph)
     if space.local_view is None:
@@ -198,7 +198,7 @@ def _sees_shelf(view_layer, space, picture) -> bool:
 
 
 def _layer_index(view_layer, collection) -> int:
-    """The number by which operators know a collection of a view layer."""
+    """The index of a view layer's collection, as operators take it."""
     order = []
 
     def walk(layer):
@@ -211,7 +211,7 @@ def _layer_index(view_layer, collection) -> int:
 
 
 def _enter_local_view(view_layer, source) -> None:
-    """Enter the local view; Blender does so for a selection only."""
+    """Enter the local view, for which Blender needs a selection."""
     picture, shelf = source.scfpf_preview.parts[0].picture, source.scfpf_preview.shelf
     shelf.hide_select = False
     view_layer.update()
@@ -233,14 +233,14 @@ def show_alone(view_layer, space, pictures) -> None:
 
 
 def show_more(pictures, source) -> None:
-    """Let the viewports of a preview show new pictures of it too."""
+    """Let the viewports of a preview show its new picture objects too."""
     for _window, area in viewports_of(source):
         for picture in pictures:
             picture.local_view_set(area.spaces.active, True)
 
 
 def keep_out(members, source) -> None:
-    """Objects added in a preview's viewport are in its local view: take them out, they are in the picture."""
+    """Take new objects out of the local view of a preview's viewports: its pictures show them."""
     for _window, area in viewports_of(source):
         space = area.spaces.active
         if space.local_view is not None:
@@ -250,7 +250,7 @@ def keep_out(members, source) -> None:
 
 
 def hide_from_others(source) -> None:
-    """Viewports that already have local collections show new ones: switch the preview's off there."""
+    """Switch a new preview off in other viewports with local collections, which show new collections."""
     picture = source.scfpf_preview.parts[0].picture
     for window, area in _viewports():
         space = area.spaces.active
@@ -260,19 +260,18 @@ def hide_from_others(source) -> None:
             window.view_layer, space, picture
         ):
             with bpy.context.temp_override(window=window, area=area, region=_region(area)):
-                number = _layer_index(window.view_layer, source.scfpf_preview.shelf)
-                bpy.ops.object.hide_collection(collection_index=number, toggle=True)
+                _toggle_shelf(window, source)
 
 
 def close_viewport(window, area) -> None:
-    """Give a preview's viewport back: close its window, or let the viewport beside it take its room."""
+    """Close a preview's viewport: its window, or its area, which the viewport beside it takes."""
     _shown_in.discard(area.as_pointer())
     windows = bpy.context.window_manager.windows
     if len(window.screen.areas) == 1 and len(windows) > 1:
         with bpy.context.temp_override(window=window):
             bpy.ops.wm.window_close()
         return
-    # In the background areas have no places that agree: joining two may never end (5.2).
+    # In the background the positions of areas do not agree: joining two may never end (5.2).
     stays = bpy.app.background or len(window.screen.areas) == 1
     sibling = None if stays else _sibling(window, area)
     with bpy.context.temp_override(window=window, area=area, region=_region(area)):
@@ -287,11 +286,10 @@ def _centre(area) -> tuple[int, int]:
 
 
 def _sibling(window, area):
-    """A 3D viewport left of a preview's and as high, so that it can take its room; or None."""
+    """The 3D viewport left of a preview's and of the same height, so that the two can be joined; or None."""
     taken = preview_cameras()
     for other in window.screen.areas:
-        space = other.spaces.active
-        if other.type != "VIEW_3D" or other == area or (space.use_local_camera and space.camera in taken):
+        if other.type != "VIEW_3D" or other == area or _shows_one_of(other, taken):
             continue
         gap = area.x - (other.x + other.width)
         if (other.y, other.height) == (area.y, area.height) and 0 <= gap < NARROWEST // 10:
@@ -300,7 +298,7 @@ def _sibling(window, area):
 
 
 def _restore(space) -> None:
-    """Make an ordinary viewport of the one at hand, where it cannot be closed."""
+    """Make a preview's viewport an ordinary one, if it cannot be closed."""
     if space.local_view is not None:
         bpy.ops.view3d.localview(frame_selected=False)
     space.use_local_collections = False

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Image mappings in a camera's table: u and v at its corners, worked out here and kept on its mesh.
+"""Image mappings in a camera's table: u and v at the table's corners, computed in Python, kept on its mesh.
 
-Between corners the table is linear. Its cells are made so small that what is seen half way between them is
-off by no more than TABLE_ERROR of the picture, or as small as MOST_CELLS allows.
+The table is linear between corners. Its cells are so small that the mapped positions half way between corners
+are off by at most TABLE_ERROR of the image, or as small as MOST_CELLS allows.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from ...projection.volume.reparameterisation import Polar, reparameterisation
 # A twentieth of a pixel of a thousand.
 TABLE_ERROR = 5e-5
 FEWEST_CELLS, MOST_CELLS = (256, 128), (512, 256)
-# What a corner of the table shows: nothing, something, something beyond the seam of a polar picture.
+# A corner of the table shows nothing, something, or something beyond the seam of a polar image.
 HOLE, SHOWN, BEYOND_SEAM = 0.0, 1.0, 1.5
-# How a table takes its mesh: not at all, as u and v, and with holes or a seam.
+# A table ignores its mesh, takes u and v from it, or also takes holes or a seam.
 UNUSED, WHOLE, IN_PIECES = 0, 1, 2
-# The rim of a disc is trimmed by its radius; corners farther out than this are not looked at for holes.
+# Corners farther out than this are no holes: a disc is trimmed at its rim.
 INSIDE_RIM = 0.98
-# An arc that is shorter than a full turn by more than this has a seam, radians.
+# An arc shorter than a full turn by more than this has a seam, in radians.
 FULL_TURN = 1e-5
 
 
-def picture_signature(camera, scene) -> tuple | str:
-    """What the mesh of a camera's table depends on; empty without image mappings."""
+def image_signature(camera, scene) -> tuple:
+    """All that the mesh of a camera's table depends on; empty without image mappings."""
     mappings = mapping_signature(camera, _depsgraph(scene))
     if not mappings:
         return ()
@@ -43,41 +43,62 @@ def picture_signature(camera, scene) -> tuple | str:
     return mappings, image_aspect(scene), tuple(settings.u_range), tuple(settings.v_range)
 
 
-def picture_mappings(camera, scene) -> tuple:
-    """The mappings that act on a camera's picture in a scene. Raises MappingError."""
+def image_mappings(camera, scene) -> tuple:
+    """The image mappings of a camera in a scene. Raises MappingError."""
     return read_mappings(camera, _depsgraph(scene))
 
 
 def _depsgraph(scene):
-    """The evaluated state of a scene as its window has it; not evaluated anew, which handlers must not do."""
+    """The scene's depsgraph as last evaluated: handlers must not evaluate it again."""
     if scene == bpy.context.scene:
         return bpy.context.view_layer.depsgraph or bpy.context.evaluated_depsgraph_get()
     return scene.view_layers[0].depsgraph or bpy.context.evaluated_depsgraph_get()
 
 
-def store_picture(table, camera, scene, least_cells: tuple[int, int]) -> dict[str, int]:
-    """Put u and v into a table's mesh if the camera has mappings; the table's inputs that follow from it.
+def store_parameters(table, camera, scene, least_cells: tuple[int, int]) -> dict[str, int]:
+    """Put u and v into a table's mesh if the camera has mappings; return the inputs that depend on it.
 
-    least_cells: across and up, that the surfaces ask for. A stack that cannot be read counts as none.
+    least_cells: across and up, for the surfaces. A stack that cannot be read counts as none.
     """
     if not any(mapping.enabled for mapping in camera.scfpf.mappings):
         if len(table.data.vertices):
             table.data.clear_geometry()
         return {"Pictured": UNUSED, "Disc": 1}
     try:
-        mappings = picture_mappings(camera, scene)
+        mappings = image_mappings(camera, scene)
     except MappingError:
         return {"Pictured": UNUSED, "Disc": 1}
     aspect, settings = image_aspect(scene), camera.scfpf
-    base = reparameterisation(settings.reparameterisation)
-    disc = is_disc(seen_through(mappings, base), aspect)
+    disc = is_disc(seen_through(mappings, reparameterisation(settings.reparameterisation)), aspect)
     cells = tuple(max(pair) for pair in zip(least_cells, FEWEST_CELLS, strict=True))
     if _bend(mappings, cells, aspect) > TABLE_ERROR:
         cells = tuple(max(pair) for pair in zip(cells, MOST_CELLS, strict=True))
+    u, v, kind = _corners(camera, mappings, aspect, cells, disc)
+    (u0, u1), (v0, v1) = settings.u_range, settings.v_range
+    places = np.stack([u0 + u * (u1 - u0), v0 + v * (v1 - v0), kind], axis=1)
+    mesh = table.data
+    mesh.clear_geometry()
+    mesh.vertices.add(len(places))
+    mesh.vertices.foreach_set("co", np.nan_to_num(places).astype(np.float32).ravel())
+    mesh.update()
+    mesh.update_tag()
+    return {
+        "Pictured": WHOLE if (kind == SHOWN).all() else IN_PIECES,
+        "Disc": int(disc),
+        "Columns": cells[0] + 1,
+        "Rows": cells[1] + 1,
+    }
+
+
+def _corners(camera, mappings, aspect: float, cells: tuple[int, ...], disc: bool):
+    """u and v, as shares of their ranges, and HOLE, SHOWN or BEYOND_SEAM at each corner, (N,) each.
+
+    disc: whether the image is one; its table is over the square around it.
+    """
+    base = reparameterisation(camera.scfpf.reparameterisation)
     x, y = (axis.ravel() for axis in np.meshgrid(*(np.linspace(0.0, 1.0, count + 1) for count in cells)))
     radius = np.hypot(2 * x - 1, 2 * y - 1)
     if disc:
-        # The table of a disc is over the square about it.
         x, y = 0.5 + (x - 0.5) / max(aspect, 1.0), 0.5 + (y - 0.5) / max(1 / aspect, 1.0)
     seen = mapped_places(mappings, x, y, aspect)
     shown, polar = seen.mask.copy(), isinstance(base, Polar)
@@ -93,24 +114,11 @@ def store_picture(table, camera, scene, least_cells: tuple[int, int]) -> dict[st
     kind = np.where(shown, SHOWN, HOLE)
     if polar and _has_seam(camera):
         kind = np.where(shown & (seen.v < 0.5), BEYOND_SEAM, kind)
-    (u0, u1), (v0, v1) = settings.u_range, settings.v_range
-    places = np.stack([u0 + image.u * (u1 - u0), v0 + image.v * (v1 - v0), kind], axis=1)
-    mesh = table.data
-    mesh.clear_geometry()
-    mesh.vertices.add(len(places))
-    mesh.vertices.foreach_set("co", np.nan_to_num(places).astype(np.float32).ravel())
-    mesh.update()
-    mesh.update_tag()
-    return {
-        "Pictured": WHOLE if (kind == SHOWN).all() else IN_PIECES,
-        "Disc": int(disc),
-        "Columns": cells[0] + 1,
-        "Rows": cells[1] + 1,
-    }
+    return image.u, image.v, kind
 
 
 def _bend(mappings, cells: tuple[int, ...], aspect: float) -> float:
-    """How far what is seen half way along cells' sides is from the mean of their ends, at most."""
+    """The greatest distance of a mapped position half way along a cell's side from the mean of its ends."""
     worst = 0.0
     x, y = (axis.ravel() for axis in np.meshgrid(*(np.linspace(0.0, 1.0, n + 1) for n in FEWEST_CELLS)))
     for dx, dy in ((0.5 / cells[0], 0.0), (0.0, 0.5 / cells[1])):
@@ -126,7 +134,7 @@ def _bend(mappings, cells: tuple[int, ...], aspect: float) -> float:
 
 
 def _has_seam(camera) -> bool:
-    """Whether a polar picture may leap where its turn begins and ends: all but whole turns may."""
+    """Whether a polar image may leap where its turn begins and ends: it may unless the turn is whole."""
     if tuple(camera.scfpf.u_range) != (0.0, 1.0):
         return True
     for slot in camera.scfpf.surfaces:

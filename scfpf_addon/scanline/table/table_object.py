@@ -1,43 +1,46 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A camera's table as an object: its modifier takes the surfaces, drivers its other settings."""
+"""The object that holds a camera's table: its modifier takes the surfaces, drivers the camera's settings."""
 
 from __future__ import annotations
 
 import bpy
 
-from ...bridge.blender import versions
+from ...bridge.blender.drivers import follow_property
 from ...bridge.blender.mesh_grid import UV_LAYER, SurfaceError, grid_points, uv_layer
+from ...bridge.blender.modifier_inputs import input_property, renew_relations, set_inputs
 from ...projection.surfaces.kinds import PARAMETRIC_KINDS, SURFACE_KINDS
-from .mapping_table import store_picture
+from .mapping_table import store_parameters
 from .table_nodes import table_group
 
-# The camera's custom property that names its table; a pointer, so that renaming does no harm.
+# The camera's custom property that points to its table.
 TABLE_KEY = "scfpf_table"
 MODIFIER = "SCFPF Table"
-# Cells of the table across and up where surfaces are curved; flat ones are exact with one cell.
+# Cells of the table across and up for curved surfaces; for flat ones a single cell is exact.
 CURVED_CELLS = (256, 128)
-# Cells where a surface is a mesh: the multiple of its own that comes to this many, at most.
+# The table's cells for a mesh are a multiple of the mesh' own, at most this many.
 MOST_CELLS = 512
 
 
-def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
-    """The camera's table of projectors, made or brought up to date; a child of the camera.
+# Inputs of the modifier that follow a property of the camera.
+_FOLLOWED = {
+    "U Start": "u_range[0]",
+    "U End": "u_range[1]",
+    "V Start": "v_range[0]",
+    "V End": "v_range[1]",
+    "Polar": "reparameterisation",
+}
 
-    key: the camera's custom property that names it. label: what comes after the camera's name in its own.
-    scene: whose picture it is for, the context's if not given; it matters to image mappings alone.
-    Call it when the list of surfaces, a kind, a weight, the basis, the re-parameterisation
-    or ``picture_table.picture_signature`` has changed; shapes, transforms and
-    animation it follows by itself, without Python.
-    It is linked to no collection: the modifier that reads it keeps it evaluated.
+
+def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
+    """Return the camera's table of projectors, a child of the camera, made or brought up to date.
+
+    key: the camera's custom property that points to it. label: the end of its name. scene: the scene whose
+    image it is for, None for the context's; only image mappings depend on it.
+    Call it when the list of surfaces, a kind, a weight, the basis, the re-parameterisation or
+    ``mapping_table.image_signature`` has changed. The table follows shapes, transforms and animation by
+    itself, without Python. It is linked to no collection: the modifier that reads it keeps it evaluated.
     """
-    table = camera.get(key)
-    if not isinstance(table, bpy.types.Object) or _is_another_s(table, camera, key):
-        name = f"{camera.name} {label}"
-        table = bpy.data.objects.new(name, bpy.data.meshes.new(name))
-        table.hide_select = table.hide_render = True
-        camera[key] = table
-    if table.parent != camera:
-        table.parent = camera
+    table = _own_table(camera, key, label)
     settings = camera.scfpf
     surfaces = [slot.object for slot in settings.surfaces]
     group = table_group_of(camera)
@@ -46,53 +49,51 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
     if modifier.node_group != group:
         table.animation_data_clear()  # drivers of another group's inputs
         modifier.node_group = group
-    inputs = {
-        item.name: item.identifier
-        for item in group.interface.items_tree
-        if item.item_type == "SOCKET" and item.in_out == "INPUT"
-    }
     columns, rows = _cells(settings, surfaces)
     values = {"Columns": columns, "Rows": rows}
-    values |= store_picture(table, camera, scene or bpy.context.scene, (columns - 1, rows - 1))
+    values |= store_parameters(table, camera, scene or bpy.context.scene, (columns - 1, rows - 1))
     for number, surface in enumerate(surfaces, 1):
         values[f"Surface {number}"] = surface
         values[f"UV Map {number}"] = _uv_map(surface)
         values[f"Net {number}"] = _net(surface)
-    for title, value in values.items():
-        if title.startswith("Net") or versions.modifier_input(modifier, inputs[title]) != value:
-            versions.set_modifier_input(modifier, inputs[title], value)
-    for title, path in {
-        "U Start": "u_range[0]",
-        "U End": "u_range[1]",
-        "V Start": "v_range[0]",
-        "V End": "v_range[1]",
-        "Polar": "reparameterisation",
-    }.items():
-        _drive(modifier, inputs[title], camera, f"scfpf.{path}")
-    # Assigning the group once more rebuilds the depsgraph's relations; setting an input does not in 4.5.
-    modifier.node_group = group
+    set_inputs(modifier, values)
+    for title, path in _FOLLOWED.items():
+        follow_property(*input_property(modifier, title), camera, f"scfpf.{path}")
+    renew_relations(modifier)
     table.update_tag()
     return table
 
 
+def _own_table(camera, key: str, label: str):
+    table = camera.get(key)
+    if not isinstance(table, bpy.types.Object) or _is_of_another(table, camera, key):
+        name = f"{camera.name} {label}"
+        table = bpy.data.objects.new(name, bpy.data.meshes.new(name))
+        table.hide_select = table.hide_render = True
+        camera[key] = table
+    if table.parent != camera:
+        table.parent = camera
+    return table
+
+
 def table_group_of(camera):
-    """The node group that computes a camera's table, built if need be."""
+    """Return the node group that computes a camera's table."""
     settings = camera.scfpf
     weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
     return table_group(settings.basis, len(settings.surfaces), weights)
 
 
-def _is_another_s(table, camera, key: str) -> bool:
-    """Whether a table is another camera's, of which this one is a duplicate; it may have lost its parent."""
+def _is_of_another(table, camera, key: str) -> bool:
+    """Whether a table belongs to another camera, of which this one is a duplicate."""
     parent = table.parent
     return parent is not None and parent != camera and parent.get(key) == table
 
 
 def release_pointers(table) -> None:
-    """Take from a table all that points to other data, before Blender goes to another step of undo.
+    """Clear all pointers of a table to other data, as is necessary before undo and redo.
 
-    Handlers change tables after the step was stored. Where two steps agree on an object Blender keeps it as
-    it is in memory, and what it then points to may be freed. ``table_object`` makes it again.
+    Handlers change tables after a step was stored. If two steps agree on an object, Blender keeps it in
+    memory as it is, and the data that it points to may be freed. ``table_object`` sets the pointers again.
     """
     table.animation_data_clear()
     modifier = table.modifiers.get(MODIFIER)
@@ -101,38 +102,9 @@ def release_pointers(table) -> None:
 
 
 def is_made(table) -> bool:
-    """Whether a table has what computes it; not between ``release_pointers`` and ``table_object``."""
+    """Whether a table has its node group; it has none between ``release_pointers`` and ``table_object``."""
     modifier = table.modifiers.get(MODIFIER)
     return modifier is not None and modifier.node_group is not None
-
-
-def _drive(modifier, identifier: str, owner, path: str) -> None:
-    """Let an input follow a property, without Python."""
-    follow_property(*versions.modifier_input_property(modifier, identifier), owner, path)
-
-
-def follow_property(place, name: str, owner, path: str) -> None:
-    """Let place.name follow a property of the add-on's, which files have only where it is installed."""
-    curve = place.driver_add(name)
-    curve.driver.type = "AVERAGE"
-    for old in list(curve.driver.variables):
-        curve.driver.variables.remove(old)
-    variable = curve.driver.variables.new()
-    variable.type = "SINGLE_PROP"
-    target = variable.targets[0]
-    target.id = owner
-    target.data_path = path
-    # Without the add-on the file has no such property: the table keeps what it was made with.
-    target.use_fallback_value = True
-    target.fallback_value = _number(owner, path)
-
-
-def _number(owner, path: str) -> float:
-    """A property's value as drivers see it: an enum is its number."""
-    value = owner.path_resolve(path)
-    if isinstance(value, str):
-        value = owner.path_resolve("scfpf").bl_rna.properties[path.rpartition(".")[2]].enum_items[value].value
-    return float(value)
 
 
 def _uv_map(surface) -> str:
@@ -141,7 +113,10 @@ def _uv_map(surface) -> str:
 
 
 def _net(surface) -> tuple[float, float, float]:
-    """Points that Blender draws of a surface patch along u and v; 1 if closed along u, plus 2 if along v."""
+    """The numbers of points that Blender draws of a surface patch along u and v, and how it is closed.
+
+    1 stands for closed along u, 2 for closed along v, 3 for both.
+    """
     if surface is None or surface.type != "SURFACE" or len(surface.data.splines) != 1:
         return 0.0, 0.0, 0.0
     spline = surface.data.splines[0]
@@ -170,7 +145,7 @@ def _cells(settings, surfaces) -> tuple[int, int]:
 
 
 def _multiple(larger: int, smaller: int) -> int:
-    """A common multiple if it is not too many, else the most there may be."""
+    """A common multiple of two numbers of cells, or ``MOST_CELLS`` if none is small enough."""
     for factor in range(2, MOST_CELLS // larger + 1):
         if larger * factor % smaller == 0:
             return larger * factor
@@ -195,7 +170,7 @@ def _own_cells(surface) -> tuple[int, int]:
 
 
 def grid_cells(surfaces) -> tuple[int, int]:
-    """Cells across and up of the surfaces that are grids, whose lines are creases; 1 where there are none."""
+    """Cells across and up of the surfaces that are grids, whose lines are creases; 1 without grids."""
     cells = [1, 1]
     for surface in surfaces:
         if surface is not None and surface.scfpf_surface.kind == "GRID":

@@ -209,7 +209,7 @@ def test_rig_gives_every_view_the_same_and_says_so(stereo_scene, addon, capfd):
     make_flexible(scene)
     assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
     rig = addon("cycles.rig_data").rig_of(scene)
-    cautions = addon("cycles.rig").cautions
+    cautions = addon("cycles.cautions").cautions
     assert any("renders all views alike" in text for text in cautions(scene, bpy.context.view_layer, rig))
     both = cycles_positions(scene)
     assert "SCFPF: warning: Cycles renders all views alike" in capfd.readouterr().err

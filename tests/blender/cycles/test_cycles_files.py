@@ -265,7 +265,7 @@ def test_it_follows_the_volume_or_says_why_not(addon, camera, rig_of):
     camera.scfpf.pixel_error = 0.5
     bpy.context.view_layer.update()
     assert settings.chords < chords and settings.error <= 0.5
-    cautions = addon("cycles.rig").cautions
+    cautions = addon("cycles.cautions").cautions
     scene, layer = bpy.context.scene, bpy.context.view_layer
     assert cautions(scene, layer, rig_of()) == []
     camera.scfpf.surfaces[1].object.scale.x = 0
@@ -406,7 +406,7 @@ def test_a_volume_that_crosses_itself(addon, camera, rig_of, tmp_path):
     gated = bpy.app.version >= (5, 0, 0)
     warned = [
         c
-        for c in addon("cycles.rig").cautions(bpy.context.scene, bpy.context.view_layer, rig_of())
+        for c in addon("cycles.cautions").cautions(bpy.context.scene, bpy.context.view_layer, rig_of())
         if "crosses itself" in c
     ]
     assert bool(warned) != gated

@@ -125,7 +125,7 @@ def test_hidden_surfaces_in_histories_and_files(addon, camera, wall, rig_of, tmp
     own.expression = "1"
     attach(bpy.data.objects["Other"], copy)
     look()
-    cautions = addon("cycles.rig").cautions
+    cautions = addon("cycles.cautions").cautions
     found = cautions(bpy.context.scene, bpy.context.view_layer, rig_of())
     assert [
         caution for caution in found if f"'{copy.name}'" in caution and "Ray Visibility drivers" in caution
@@ -157,7 +157,7 @@ def test_linked_surfaces_are_named_and_overrides_of_them_are_hidden(addon, camer
         other.scfpf.surfaces.add().object = surface
     bpy.context.view_layer.update()
     assert linked.animation_data is None and not any(rays_of(override))
-    found = addon("cycles.rig").cautions(scene, bpy.context.view_layer, rig_of())
+    found = addon("cycles.cautions").cautions(scene, bpy.context.view_layer, rig_of())
     assert [text for text in found if f"'{linked.name}'" in text] and not any(
         "'Override'" in t for t in found
     )
@@ -172,7 +172,7 @@ def test_materials_that_the_rig_disturbs_are_named(addon, camera, rig_of):
 
     def named():
         layer.update()
-        return [text for text in addon("cycles.rig").cautions(scene, layer, rig_of()) if "Red" in text]
+        return [text for text in addon("cycles.cautions").cautions(scene, layer, rig_of()) if "Red" in text]
 
     assert named() == []
     tree = bpy.data.materials["Red"].node_tree

@@ -283,7 +283,7 @@ def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(addon,
     bpy.context.view_layer.update()
     prices, depsgraph = addon("cycles.prices"), bpy.context.evaluated_depsgraph_get()
     assert prices.price(camera, bpy.context.scene) is None, "drawing a panel works nothing out"
-    known = prices.work_out(camera, bpy.context.scene, depsgraph)
+    known = prices.compute(camera, bpy.context.scene, depsgraph)
     before = [entry[1] for entry in drawn(section) if entry[0] == "label"]
     assert any("vertices, about" in line for line in before)
     bpy.ops.scfpf.cycles_rig()

@@ -161,11 +161,11 @@ def test_a_rig_where_cycles_is_switched_off(addon, camera, built_groups, capfd):
     """As where a file is opened: the panel says so, nothing fails, and the rig can be removed."""
     scene = bpy.context.scene
     assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
-    rigs, data = addon("cycles.rig"), addon("cycles.rig_data")
+    cautions, data = addon("cycles.cautions").cautions, addon("cycles.rig_data")
     rig = data.rig_of(scene)
     bpy.ops.preferences.addon_disable(module="cycles")
     try:
-        assert rigs.cautions(scene, bpy.context.view_layer, rig) == [data.NO_CYCLES]
+        assert cautions(scene, bpy.context.view_layer, rig) == [data.NO_CYCLES]
         bpy.ops.scfpf.surface_add(kind="CYLINDER")
         bpy.context.view_layer.update()
         assert rig.scfpf_rig.problem == data.NO_CYCLES

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which place of its base's picture each vertex of the sheets sees through the image mappings of a camera.
+"""The image positions of the sheets' vertices behind a camera's image mappings, for the passes of u and v.
 
-The passes of u and v need it. Sheets are fine enough for the mappings, so that between vertices it is
-right to the part of a pixel that the projectors themselves are.
+Sheets are fine enough for the mappings: between vertices the positions are as exact as the projectors.
 """
 
 from __future__ import annotations
@@ -13,22 +12,22 @@ from ...bridge.mappings.mapping_edits import MappingError
 from ...bridge.render.image_size import image_aspect
 from ...projection.mappings.stack import mapped_places
 from ...projection.typing import Array
-from ...scanline.table.mapping_table import picture_mappings
+from ...scanline.table.mapping_table import image_mappings
 from .sheets import disc_places, disc_square
 
-# What x and y are: those of the vertex itself, or a place behind the mappings of a rectangle or of a disc.
+# x and y are the vertex' own, or a position behind the mappings of a rectangular or a polar image.
 OWN, RECTANGLE, DISC = range(3)
 
 
-def seen_places(camera, scene, places: Array, disc: bool) -> Array:
-    """x, y and one of OWN, RECTANGLE, DISC for vertices of the sheets, (3, N) each.
+def mapped_positions(camera, scene, places: Array, disc: bool) -> Array:
+    """x, y and one of OWN, RECTANGLE, DISC for vertices of the sheets, (3, N).
 
-    places: x and y in the table, then ignored. disc: whether the picture is one, and its table a square
-    around it.
+    places: (3, N); x and y in the table, the third is ignored. disc: whether the image is a disc, and its
+    table the square around it.
     """
     result = np.stack([places[0], places[1], np.full(places.shape[1], float(OWN))])
     try:
-        mappings = picture_mappings(camera, scene)
+        mappings = image_mappings(camera, scene)
     except MappingError:
         return result
     if not mappings:

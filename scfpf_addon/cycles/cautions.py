@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cautions: warnings in the panel about a Cycles rig that cannot give the right image."""
+
+from __future__ import annotations
+
+from ..bridge.blender.slot_animation import curve_collections
+from . import hidden_surfaces
+from .chords.chord_plan import SMALLEST_ERROR
+from .engine_choice import ALIKE
+from .portals import portal_nodes
+from .rig_data import CYCLES, NO_CYCLES, has_cycles
+
+# Start of the data paths of image mappings.
+MAPPINGS_PATH = "scfpf.mappings["
+CROSSES = "The volume crosses itself: use Blender 5.0 or later, or render with SCFPF"
+FOLDS = "The volume folds, and rays turn too early there: pull the control surfaces apart"
+NO_AREA = "Projectors meet in a line, and what is behind it shows too: widen that control surface"
+
+
+def cautions(scene, view_layer, rig) -> list[str]:
+    """The cautions about a scene's rig, most of them in two parts: the problem, and what to do."""
+    if not has_cycles(scene):
+        return [NO_CYCLES]
+    return _about_scene(scene, view_layer, rig.scfpf_rig) + _about_volume(scene, rig.scfpf_rig)
+
+
+def _about_scene(scene, view_layer, settings) -> list[str]:
+    cycles, found = scene.cycles, []
+    if settings.problem:
+        found.append(settings.problem)
+    if scene.render.engine != CYCLES:
+        found.append("The rig works only in Cycles: choose it as the Render Engine")
+    if scene.camera != settings.view_camera:
+        found.append("The scene has another camera: make the rig's the scene camera again")
+    if scene.render.use_multiview:
+        found.append(ALIKE)
+    if view_layer.material_override is not None:
+        found.append("The material override stops the rays: clear it in View Layer Properties")
+    if cycles.transparent_max_bounces < settings.chords + 2:
+        found.append(f"Too few transparent bounces: raise Light Paths > Transparent to {settings.chords + 2}")
+    if scene.render.use_simplify and (cycles.use_camera_cull or cycles.use_distance_cull):
+        found.append("Culling would leave all objects out: switch it off in Simplify > Culling")
+    return found
+
+
+def _about_volume(scene, settings) -> list[str]:
+    found = []
+    if settings.camera.data.dof.use_dof and settings.chords > 1:
+        found.append("No depth of field, as the projectors are bent: switch it off, or make them straight")
+    if settings.smoke:
+        found.append(
+            f"The near surface is in the smoke of '{settings.smoke}', which Cycles misses: move it out"
+        )
+    if settings.raycast:
+        found.append(f"The Raycast node of '{settings.raycast}' meets the rig's sheets: switch on Only Local")
+    if settings.asks_camera:
+        found.append(
+            f"The material '{settings.asks_camera}' uses the camera or the ray, and gets the rig's: "
+            "replace those nodes"
+        )
+    if settings.crosses:
+        found.append(FOLDS if portal_nodes.can_gate() else CROSSES)
+    if settings.flat:
+        found.append(NO_AREA)
+    if settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):
+        found.append(f"Off by up to {settings.error:.2g} px, the best possible: bend the volume less")
+    if settings.missing > 0.0:
+        found.append("Empty parts of the image are filled in: render with SCFPF to keep them empty")
+    found += [
+        f"Cycles shows the control surface '{name}': make it local, or remove its Ray Visibility drivers"
+        for name in hidden_surfaces.seen_surfaces(scene)
+    ]
+    if _mappings_move(settings.camera):
+        found.append("Image mappings stand still in an animation by Cycles: render it with SCFPF")
+    return found
+
+
+def _mappings_move(camera) -> bool:
+    """Whether an image mapping is animated: the mapped positions are computed in advance."""
+    if not any(mapping.enabled for mapping in camera.scfpf.mappings):
+        return False
+    return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)

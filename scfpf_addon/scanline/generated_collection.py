@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Collections of generated objects: the rules that the live preview and the Cycles rig share.
+
+The settings of both name the flexible ``camera``, its ``scene``, and the ``table`` object.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import bpy
+
+from ..bridge.blender.drivers import add_property, new_driver
+from ..bridge.blender.modifier_inputs import input_property
+from ..bridge.blender.scene_objects import absent_text, holds
+
+_SIZE = {
+    "width": "render.resolution_x",
+    "height": "render.resolution_y",
+    "across": "render.pixel_aspect_x",
+    "up": "render.pixel_aspect_y",
+    "percentage": "render.resolution_percentage",
+}
+# Inputs of modifiers that follow the size of a scene's image, as expressions of the variables above.
+_FOLLOWING = {
+    "Aspect": "width * across / (height * up)",
+    "Picture Width": "width * percentage / 100",
+}
+
+
+def linked_text(scene, camera, remedy: str) -> str:
+    """Why nothing can be generated for a camera in a scene: linked or absent data; empty if it can.
+
+    remedy: for a scene from another file.
+    """
+    if not scene.is_editable:
+        return f"The scene is linked from another file: {remedy}"
+    if not camera.is_editable:
+        return f"'{camera.name}' is linked from another file: make a library override of it first"
+    return absent_text(camera, scene, "choose another camera")
+
+
+def is_complete(settings, collection, parts: Iterable) -> bool:
+    """Whether a collection in the scene has all its parts, and the camera is a flexible one of that scene.
+
+    collection, parts: None for those that are lost.
+    """
+    scene, camera = settings.scene, settings.camera
+    if None in (scene, camera, settings.table, collection) or camera.type != "CAMERA":
+        return False
+    if not camera.scfpf.enabled:
+        return False
+    if any(part is None or collection.objects.get(part.name) != part for part in parts):
+        return False
+    return collection in scene.collection.children_recursive and holds(scene.objects, camera)
+
+
+def new_orthographic_camera(name: str, width: float):
+    """An orthographic camera object with an image of a width, across in any format."""
+    lens = bpy.data.cameras.new(name)
+    lens.type = "ORTHO"
+    lens.sensor_fit = "HORIZONTAL"
+    lens.ortho_scale = width
+    return bpy.data.objects.new(name, lens)
+
+
+def follow_image_size(modifier, names: Iterable[str], scene) -> None:
+    """Drive inputs of a modifier, "Aspect" and "Picture Width", by the size of a scene's image."""
+    for name in names:
+        expression = _FOLLOWING[name]
+        driver = new_driver(*input_property(modifier, name), expression)
+        for variable, path in _SIZE.items():
+            if variable in expression:
+                add_property(driver, scene, path, variable, "SCENE")
+
+
+def remove_generated(settings, collection, parts: list, table_key: str, others: Iterable = ()) -> None:
+    """Remove a collection with its parts; objects that the artist has put into it stay in the scene.
+
+    table_key: the camera's custom property that names the table. others: as of ``remove_parts``.
+    """
+    for guest in set(collection.objects) - set(parts) if collection is not None else ():
+        if len(guest.users_collection) == 1 and settings.scene is not None:
+            settings.scene.collection.objects.link(guest)
+    if settings.camera is not None:
+        settings.camera.pop(table_key, None)
+    remove_parts(collection, parts, others)
+
+
+def remove_parts(collection, parts: list, others: Iterable = ()) -> None:
+    """Remove objects and their collection, or None, and the data and node groups that only they use.
+
+    others: more datablocks that go if nothing uses them any more.
+    """
+    groups = [
+        modifier.node_group
+        for part in parts
+        for modifier in part.modifiers
+        if modifier.type == "NODES" and modifier.node_group is not None
+    ]
+    data, others = {part.data for part in parts} - {None}, list(others)
+    bpy.data.batch_remove(parts)
+    for unused in (data, others):
+        bpy.data.batch_remove([one for one in unused if one.users == 0])
+    if collection is not None:
+        bpy.data.collections.remove(collection)
+    remove_unused_groups(groups)
+
+
+def remove_unused_groups(groups: Iterable) -> None:
+    """Remove node groups that nothing uses, and then those that only they used."""
+    pending = list(dict.fromkeys(groups))
+    while pending:
+        group = pending.pop()
+        if group.users > 0:
+            continue
+        inner = {node.node_tree for node in group.nodes if getattr(node, "node_tree", None) is not None}
+        bpy.data.node_groups.remove(group)
+        # A group that another one in the list still uses comes up again when that one goes.
+        pending = [other for other in pending if other not in inner] + list(inner)
