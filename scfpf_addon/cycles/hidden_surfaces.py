@@ -31,7 +31,7 @@ def forget() -> None:
 
 
 def hide_surfaces(is_wanted: bool) -> None:
-    """Hide the control surfaces of all cameras from the rays of rigs, and show objects that are no longer one.
+    """Hide the control surfaces of all cameras from the rays of rigs, and show all other objects.
 
     is_wanted: whether the file has a rig. Quick if nothing has changed.
     """

@@ -270,7 +270,7 @@ def _after_history(*_) -> None:
 
 
 def _renew_table(rig) -> None:
-    """Set the pointers of a rig's table again after ``release_pointers``, in unevaluated scenes too."""
+    """Set the pointers of a rig's table again after undo or redo, even if its scene is not evaluated."""
     if is_whole(rig) and not is_made(rig.scfpf_rig.table):
         try:
             update_nodes(rig)
@@ -287,8 +287,8 @@ def _file_loaded(*_) -> None:
 
 @persistent
 def _render_begins(*_) -> None:
-    # A script may add a surface and render before anything was evaluated. In a window the render is a job, and
-    # everything before it was evaluated.
+    # A script may add a surface and render before anything was evaluated. In a window the render is a job;
+    # the scene was evaluated before it.
     if not bpy.app.is_job_running("RENDER"):
         _hide_surfaces()
 

@@ -132,7 +132,7 @@ def built_groups(empty_file):
 def light_nodes(addon, monkeypatch):
     """Nodes that pass the collection on: what is about datablocks need not invert volumes."""
 
-    def group(_camera):
+    def group():
         found = bpy.data.node_groups.get("Passes On")
         if found is not None:
             return found

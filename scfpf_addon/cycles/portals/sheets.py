@@ -33,8 +33,8 @@ class Portals(NamedTuple):
     """Vertices of all sheets and their triangles.
 
     places: (3, N): x and y in the table of projectors, and the number of the sheet: 0 the screen, n the far
-    sheet, -1 the surround. start, end: (3, N): t and shift at the start and the end of the vertex' chord, which
-    on the far sheet ends at the vertex. The third value of start is 1 on the far sheet, that of end the number
+    sheet, -1 the surround. start, end: (3, N): t and shift at the start and the end of the vertex' chord; it
+    ends at the vertex on the far sheet. The third value of start is 1 on the far sheet, of end the number
     of vertices of a sheet. triangles: (T, 3). screen, far, surround: (T,) bool; the others are of sheets.
     """
 
