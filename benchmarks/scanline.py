@@ -26,7 +26,7 @@ from benchmarks.scenes import bent_projection
 from scfpf_addon import bridge
 from scfpf_addon.bridge.blender import versions
 from scfpf_addon.bridge.camera import flexible_camera
-from scfpf_addon.scanline.nodes.field_nodes import FieldBuilder, node_group
+from scfpf_addon.scanline.nodes.geometry_nodes import GeometryBuilder, node_group
 from scfpf_addon.scanline.preview import preview, preview_properties
 from scfpf_addon.scanline.remap import place_nodes
 from scfpf_addon.scanline.remap.remap_nodes import remap_group
@@ -60,7 +60,7 @@ def sheet_mesh(volume, columns: int, rows: int, share: float = 0.9):
 def vertices_group():
     """The remap of vertices alone: both guesses, and the mesh moved to where they led."""
 
-    def build(nodes: FieldBuilder, given):
+    def build(nodes: GeometryBuilder, given):
         table = nodes.out("GeometryNodeObjectInfo", "Table", {"Object": given["Table"]}, "Geometry")
         view = place_nodes.view_inputs(nodes, table, given["Aspect"])
         position = nodes.out("GeometryNodeInputPosition", "Position", {})

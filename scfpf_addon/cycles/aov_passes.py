@@ -10,7 +10,8 @@ from __future__ import annotations
 import bpy
 
 from ..bridge.blender import versions
-from ..scanline.nodes.field_nodes import BUILD, BUILD_KEY, FieldBuilder, Value, is_current
+from ..scanline.nodes.field_nodes import FieldBuilder, Value
+from ..scanline.nodes.geometry_nodes import BUILD, BUILD_KEY, is_current
 from .portals.pass_nodes import AOV_ALONG, AOV_PLACE, AOV_RATE, AOV_START, AOVS
 
 GROUP = "SCFPF Passes"

@@ -170,8 +170,7 @@ def _follow(rig, depsgraph) -> None:
         _seen[rig.session_uid] = now
     except (ProjectionError, PlanError, RenderError, RigError) as error:
         problem = str(error)
-    if settings.problem != problem:
-        settings.problem = problem
+    _note_values(settings, problem=problem)
 
 
 def _fit_chords(rig, projection: Projection, structure_changed: bool) -> str:
@@ -202,21 +201,23 @@ def _note(rig, depsgraph, chords: ChordPlan) -> None:
 
 def _note_smoke(rig, depsgraph, projection: Projection) -> None:
     """Note whether rays begin inside the volume of an object."""
-    smoke = smoke_around(depsgraph, projection)
-    if rig.scfpf_rig.smoke != smoke:
-        rig.scfpf_rig.smoke = smoke
+    _note_values(rig.scfpf_rig, smoke=smoke_around(depsgraph, projection))
 
 
 def _note_materials(rig) -> None:
     """Note the materials that the rig disturbs."""
-    settings = rig.scfpf_rig
-    for name, find in (
-        ("raycast", disturbed_materials.raycasting),
-        ("asks_camera", disturbed_materials.asking_camera),
-    ):
-        found = find(rig)
-        if getattr(settings, name) != found:
-            setattr(settings, name, found)
+    found = {
+        "raycast": disturbed_materials.raycasting(rig),
+        "asks_camera": disturbed_materials.asking_camera(rig),
+    }
+    _note_values(rig.scfpf_rig, **found)
+
+
+def _note_values(settings, **values) -> None:
+    """Set properties that differ: setting one tells the depsgraph, and handlers, of a change."""
+    for name, value in values.items():
+        if getattr(settings, name) != value:
+            setattr(settings, name, value)
 
 
 def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
@@ -229,10 +230,7 @@ def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
     layers = layers.reshape(*layers.shape[:2], CROSSING, CROSSING)
     flat = has_no_area(layers)
     crosses = not flat and crosses_itself(layers, portal_nodes.can_gate())
-    if rig.scfpf_rig.flat != flat:
-        rig.scfpf_rig.flat = flat
-    if rig.scfpf_rig.crosses != crosses:
-        rig.scfpf_rig.crosses = crosses
+    _note_values(rig.scfpf_rig, flat=flat, crosses=crosses)
 
 
 @persistent

@@ -27,7 +27,7 @@ from ..scanline.generated_collection import (
     remove_generated,
     remove_unused_groups,
 )
-from ..scanline.nodes.field_nodes import is_current
+from ..scanline.nodes.geometry_nodes import is_current
 from ..scanline.table.table_object import release_pointers as release_table_pointers
 from ..scanline.table.table_object import table_group_of, table_object
 from . import aov_passes

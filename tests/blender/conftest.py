@@ -166,8 +166,9 @@ def light_nodes(addon, monkeypatch):
         return found or bpy.data.objects.new(name, bpy.data.meshes.new(name))
 
     data = addon("scanline.preview.preview_data")
-    nodes = SimpleNamespace(preview_group=group, table_object=table, is_flat=lambda _table: False)
+    nodes = SimpleNamespace(preview_group=group, is_flat=lambda _table: False)
     monkeypatch.setattr(data, "remap_nodes", nodes)
+    monkeypatch.setattr(addon("scanline.table.table_object"), "table_object", table)
 
 
 @pytest.fixture

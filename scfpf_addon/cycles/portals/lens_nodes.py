@@ -12,6 +12,7 @@ from __future__ import annotations
 from ...bridge.blender.drivers import add_property, new_driver
 from ...bridge.blender.modifier_inputs import input_property
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
+from ...scanline.nodes.geometry_nodes import GeometryBuilder
 
 # The rig's lens: as wide as Blender allows, since places on it are tilts of 1 in 2000.
 STOP = 0.1
@@ -41,7 +42,7 @@ INPUTS = {
 }
 
 
-def store_lens(nodes: FieldBuilder, geometry: Value, given: dict[str, Value], matrix: Value) -> Value:
+def store_lens(nodes: GeometryBuilder, geometry: Value, given: dict[str, Value], matrix: Value) -> Value:
     """Store the lens of each vertex.
 
     given: INPUTS, and Start and Chord in world space. matrix: from the camera's space into the world.

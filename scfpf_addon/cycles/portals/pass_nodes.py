@@ -8,6 +8,7 @@ chord on which the ray meets something. The far sheet takes everything away agai
 from __future__ import annotations
 
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
+from ...scanline.nodes.geometry_nodes import GeometryBuilder
 from .mapped_positions import OWN, RECTANGLE
 
 # AOVs, all colours: the start of the chord; Q's change along it, by t; t at the start and the length so far;
@@ -22,7 +23,7 @@ MAPPED = "scfpf_seen"
 TURN = 6.283185307179586
 
 
-def store_added(nodes: FieldBuilder, geometry: Value, given: dict[str, Value]) -> Value:
+def store_added(nodes: GeometryBuilder, geometry: Value, given: dict[str, Value]) -> Value:
     """Store each portal's additions on its vertices.
 
     given: Start and Chord, attributes already stored; t, Step (of the chord, in t), Far, Number (of the

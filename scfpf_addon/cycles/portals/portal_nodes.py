@@ -12,7 +12,8 @@ import bpy
 from ...bridge.blender import versions
 from ...bridge.blender.drivers import add_property, new_driver
 from ...bridge.blender.rig_mark import WIDTH
-from ...scanline.nodes.field_nodes import FieldBuilder, Value, defines_group
+from ...scanline.nodes.field_nodes import FieldBuilder, Value
+from ...scanline.nodes.geometry_nodes import GeometryBuilder, defines_group
 from ...scanline.nodes.solve_nodes import TABLE_INPUTS, corner_projectors, find_cell
 from ...scanline.remap.place_nodes import view_inputs
 from . import lens_nodes, pass_nodes
@@ -47,7 +48,7 @@ DEPTH_SLACK = 0.4
     },
     {"Position": "Vector"},
 )
-def chord_end_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def chord_end_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The end of a projector's chord, Q - shift · Q'' at (x, y, t), in the table's space."""
     first, place = find_cell(nodes, given)
     a, b, t = place.parts()
@@ -76,7 +77,7 @@ def chord_end_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     {"Geometry": "Geometry"},
     modifier=True,
 )
-def portal_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The sheets that turn Cycles' rays from one chord of a projector into the next.
 
     Geometry: as ``sheets.portals`` makes it.
@@ -115,7 +116,7 @@ def portal_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Geometry": nodes.set_position(geometry, place, "In Place")}
 
 
-def _screen(nodes: FieldBuilder, given: dict[str, Value], polar: Value) -> Value:
+def _screen(nodes: GeometryBuilder, given: dict[str, Value], polar: Value) -> Value:
     """The positions of the screen's vertices, and of the surround's."""
     x, y, number = nodes.position().parts()
     nodes.open_frame("The screen, and what surrounds it")

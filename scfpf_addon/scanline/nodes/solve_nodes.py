@@ -7,7 +7,8 @@ the disc of a polar image.
 
 from __future__ import annotations
 
-from .field_nodes import FieldBuilder, Value, defines_group
+from .field_nodes import Value
+from .geometry_nodes import GeometryBuilder, defines_group
 
 # Attribute of the table's points: the coefficients of a projector; of the cloud's points: an inverse map.
 PROJECTOR = "projector"
@@ -38,7 +39,7 @@ def whole_table(table: Value, size: Value, wrap: Value) -> dict[str, Value | tup
     return {"Table": table, "Size": size, "Wrap": wrap, "First Cell": (0.0, 0.0, 0.0), "Last Cell": last}
 
 
-def find_cell(nodes: FieldBuilder, given: dict[str, Value]) -> tuple[Value, Value]:
+def find_cell(nodes: GeometryBuilder, given: dict[str, Value]) -> tuple[Value, Value]:
     """The cell of a table that holds (x, y, t): the index of its first projector, and the place in the cell.
 
     given: ``TABLE_INPUTS`` and Position. The place runs from 0 to 1 across, up and along the cell.
@@ -51,7 +52,9 @@ def find_cell(nodes: FieldBuilder, given: dict[str, Value]) -> tuple[Value, Valu
     return cell.dot(nodes.xyz(1.0, columns, columns * rows, "Index Steps")), in_cells - cell
 
 
-def corner_projectors(nodes: FieldBuilder, given: dict[str, Value], first: Value) -> list[tuple[str, Value]]:
+def corner_projectors(
+    nodes: GeometryBuilder, given: dict[str, Value], first: Value
+) -> list[tuple[str, Value]]:
     """The four projectors around a cell, lower left to upper right: labels and 4 × 4 matrices."""
     columns = given["Size"].parts()[0]
     return [
@@ -70,7 +73,7 @@ def corner_projectors(nodes: FieldBuilder, given: dict[str, Value], first: Value
     TABLE_INPUTS | {"Position": ("Vector", None, "x, y and t")},
     dict.fromkeys(("Position", "By x", "By y", "By t"), "Vector"),
 )
-def look_up_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def look_up_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """A point Q of the viewing volume and its derivatives at (x, y, t), bilinear between four projectors."""
     first, place = find_cell(nodes, given)
     a, b, t = place.parts()
@@ -107,7 +110,7 @@ def look_up_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     },
     {"Step": "Vector", "Determinant": "Float"},
 )
-def step_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def step_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """One step of Newton's method in (x, y, t) towards a point."""
     found = nodes.call(look_up_group(), "Where it is", {"Position": given["Guess"]}, given)
     nodes.open_frame("Solve [Qx Qy Qt] step = what is missing")
@@ -130,7 +133,7 @@ def step_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     },
     {"Position": "Vector", "Last Step": "Float", "Determinant": "Float"},
 )
-def solve_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def solve_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The (x, y, t) of a point in the viewing volume, by Newton's method."""
     nodes.open_frame("Steps, none of them too long")
 
@@ -158,7 +161,7 @@ def _short(step: Value) -> Value:
     return step.max((-LONGEST_STEP,) * 3).min((LONGEST_STEP,) * 3)
 
 
-def bounded_step(nodes: FieldBuilder, guess: Value, step: Value, wrap: Value) -> Value:
+def bounded_step(nodes: GeometryBuilder, guess: Value, step: Value, wrap: Value) -> Value:
     """A guess after a step, neither too long nor too far out of the volume."""
     moved = guess + _short(step)
     # A periodic x goes round. Otherwise nothing is to be found far outside.
@@ -166,14 +169,14 @@ def bounded_step(nodes: FieldBuilder, guess: Value, step: Value, wrap: Value) ->
     return nodes.mix(wrap, inside, moved)
 
 
-def nearest_sample(nodes: FieldBuilder, cloud: Value, point: Value) -> Value:
+def nearest_sample(nodes: GeometryBuilder, cloud: Value, point: Value) -> Value:
     """The index of the nearest point of the cloud."""
     inputs = {"Geometry": cloud, "Sample Position": point}
     return nodes.out("GeometryNodeSampleNearest", "Nearest of the Cloud", inputs, domain="POINT")
 
 
 def nearest_start(
-    nodes: FieldBuilder, cloud: Value, point: Value, nearest: Value | None = None
+    nodes: GeometryBuilder, cloud: Value, point: Value, nearest: Value | None = None
 ) -> tuple[Value, Value, Value]:
     """A first guess of (x, y, t) by the nearest point of the cloud and its inverse map.
 
@@ -188,7 +191,7 @@ def nearest_start(
     return place + away, (point - there).length(), reach
 
 
-def inverse_map(nodes: FieldBuilder, found: dict[str, Value], place: Value) -> Value:
+def inverse_map(nodes: GeometryBuilder, found: dict[str, Value], place: Value) -> Value:
     """The matrix of the affine map from points near Q(place) to (x, y, t)."""
     columns = [found["By x"], found["By y"], found["By t"]]
     x, y, t = place.parts()

@@ -8,7 +8,8 @@ crease; the damping grows with the distance that is left (Levenberg and Marquard
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..nodes.solve_nodes import LONGEST_STEP, TABLE_INPUTS, bounded_step, look_up_group
 
 # The damping is the first times the distance that is left over the least of the scales, at most the second.
@@ -31,7 +32,7 @@ SHORTER, LONGER = 0.25, 1.5
     },
     {"Position": "Vector", "Nearest": "Vector", "Last Step": "Float", "Missing": "Float"},
 )
-def approach_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def approach_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The (x, y, t) of a point on one sheet of a volume, and the nearest place that the sheet has."""
 
     def body(state: dict[str, Value]) -> dict[str, Value]:
@@ -79,7 +80,7 @@ def approach_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     },
     {"Step": "Vector", "Determinant": "Float", "Missing": "Float"},
 )
-def damped_step_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def damped_step_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """One damped step of least squares in (x, y, t) towards a point."""
     found = nodes.call(look_up_group(), "Where it is", {"Position": given["Guess"]}, given)
     nodes.open_frame("Columns to scale")

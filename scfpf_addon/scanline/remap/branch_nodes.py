@@ -8,7 +8,8 @@ the pieces of a volume are drawn one by one, since each sees a table of its own.
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..nodes.solve_nodes import REACH
 from ..table.piece_table_nodes import piece_table_group
 from ..table.table_sheets import (
@@ -47,7 +48,9 @@ OF_PIECE = OF_BRANCH | {
 }
 
 
-def with_branches(nodes: FieldBuilder, given: dict[str, Value], single: dict[str, Value]) -> dict[str, Value]:
+def with_branches(
+    nodes: GeometryBuilder, given: dict[str, Value], single: dict[str, Value]
+) -> dict[str, Value]:
     """The drawn mesh: ``single`` if the volume has one branch, else the mesh as all its branches draw it."""
     nodes.open_frame("A volume that is not one-to-one: the mesh once for each branch of its inverse")
     count, cut, _ = nodes.sample_attribute(given["Cloud"], BRANCHES, 0, "Branches").parts()
@@ -61,7 +64,7 @@ def with_branches(nodes: FieldBuilder, given: dict[str, Value], single: dict[str
 
 
 @defines_group("SCFPF Every Piece", BRANCH_INPUTS, REFINED)
-def every_piece_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def every_piece_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The mesh as all branches of a volume in pieces draw it, one by one."""
 
     def body(state: dict[str, Value]) -> dict[str, Value]:
@@ -83,7 +86,7 @@ def every_piece_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 
 
 @defines_group("SCFPF Piece", REFINE_INPUTS | {"Number": ("Float", 0.0, "Of the branch")}, REFINED)
-def piece_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def piece_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The mesh as one branch of a volume in pieces draws it."""
     nodes.open_frame("What is true of it, its samples and its table")
     view = given | {"Branch": True, "In Pieces": True}
@@ -100,7 +103,7 @@ def piece_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 
 
 @defines_group("SCFPF Every Branch", BRANCH_INPUTS, REFINED)
-def every_branch_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def every_branch_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The mesh as all branches of a folded volume draw it."""
     mesh = _copies(nodes, given)
     nodes.open_frame("The samples, apart from those of other branches")
@@ -128,7 +131,7 @@ def _own(name: str) -> str:
     return f"scfpf_{name.replace(' ', '_')}"
 
 
-def _copies(nodes: FieldBuilder, given) -> Value:
+def _copies(nodes: GeometryBuilder, given) -> Value:
     """A copy of the mesh for each branch; its vertices know their branch and its properties."""
     nodes.open_frame("A copy for each branch")
     index = nodes.index() + 0.0
@@ -149,7 +152,7 @@ def _copies(nodes: FieldBuilder, given) -> Value:
     return mesh
 
 
-def _near_faces(nodes: FieldBuilder, view, given, mesh: Value) -> Value:
+def _near_faces(nodes: GeometryBuilder, view, given, mesh: Value) -> Value:
     """The faces that are as near to their branch as its samples are to each other."""
     nodes.open_frame("Faces that are far from their branch go")
     position = nodes.position()
@@ -162,7 +165,7 @@ def _near_faces(nodes: FieldBuilder, view, given, mesh: Value) -> Value:
     return nodes.separate(mesh, far > 0.0, "Far")[1]
 
 
-def _unreachable(nodes: FieldBuilder, given, mesh: Value) -> Value:
+def _unreachable(nodes: GeometryBuilder, given, mesh: Value) -> Value:
     """The number of faces with a corner in the image and another one that has no place in any branch.
 
     The volume ends in a fold between the two. Faces out of the image, or across its border, do not count.

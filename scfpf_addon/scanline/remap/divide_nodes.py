@@ -11,7 +11,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..nodes.solve_nodes import PROJECTOR
 from .place_nodes import BEYOND_CREASE, BOX, VIEW_INPUTS, is_known, nearest_in_branch, own_point, store_places
 from .visible_nodes import across_border, all_on_one_side, past_border
@@ -64,7 +65,7 @@ DIVIDE_INPUTS = VIEW_INPUTS | {
 @defines_group(
     "SCFPF Divide Once", DIVIDE_INPUTS, {"Active": "Geometry", "Done": "Geometry", "Left": "Float"}
 )
-def round_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def round_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Judges large faces once: some are kept, some left out, the others divided."""
     nodes.open_frame("Where the middles of edges and faces belong")
     point = own_point(nodes, given)
@@ -82,18 +83,18 @@ def round_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Active": _divided(nodes, before), "Done": done, "Left": left}
 
 
-def period(nodes: FieldBuilder, given: dict[str, Value]) -> Value:
+def period(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
     """The size of a periodic image in the viewbox."""
     return nodes.xyz(1.0, 1.0 / given["Aspect"], 1.0, "Period")
 
 
-def all_there(nodes: FieldBuilder) -> Value:
+def all_there(nodes: GeometryBuilder) -> Value:
     """Whether all corners of a face have a place."""
     there = nodes.attribute(BOX, "FLOAT_VECTOR").parts()[2] < 0.0
     return nodes.evaluate_on(there, "POINT", "BOOLEAN", "All Corners")
 
 
-def all_nowhere(nodes: FieldBuilder) -> Value:
+def all_nowhere(nodes: GeometryBuilder) -> Value:
     """Whether no corner of a face has a place."""
     nowhere = nodes.attribute(BOX, "FLOAT_VECTOR").parts()[2] > 0.0
     return nodes.evaluate_on(nowhere, "POINT", "BOOLEAN", "No Corner")
@@ -109,19 +110,19 @@ def is_sheet(given) -> Value:
     return given["Branch"] & ~given["In Pieces"]
 
 
-def face_radius(nodes: FieldBuilder, position: Value) -> Value:
+def face_radius(nodes: GeometryBuilder, position: Value) -> Value:
     """At least the radius of a face in the mesh's space."""
     middle = nodes.at_index(position, nodes.face_of_corner(), "FACE", "FLOAT_VECTOR")
     away = position - middle
     return nodes.evaluate_on(away.dot(away), "CORNER", "FLOAT", "At Corners").root() * SPREAD
 
 
-def _nearest_turn(nodes: FieldBuilder, given, difference: Value, period: Value) -> Value:
+def _nearest_turn(nodes: GeometryBuilder, given, difference: Value, period: Value) -> Value:
     """A difference of places without whole turns of a periodic image."""
     return difference - (difference / period + 0.5).floor() * given["Wrap"] * period
 
 
-def _ends(nodes: FieldBuilder, given, period: Value) -> tuple[Value, Value, Value]:
+def _ends(nodes: GeometryBuilder, given, period: Value) -> tuple[Value, Value, Value]:
     """The places of an edge's ends, and the shorter way from the one to the other."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     ends = nodes.outs("GeometryNodeInputMeshEdgeVertices", "Ends", {}, 0, 1)
@@ -129,7 +130,7 @@ def _ends(nodes: FieldBuilder, given, period: Value) -> tuple[Value, Value, Valu
     return first, last, _nearest_turn(nodes, given, last - first, period)
 
 
-def _judge_edges(nodes: FieldBuilder, given, mesh: Value, period: Value) -> Value:
+def _judge_edges(nodes: GeometryBuilder, given, mesh: Value, period: Value) -> Value:
     """Store which edges must bend, and which are divided at least."""
     nodes.open_frame("Edges: is the middle where a straight line has it?")
     weights = (1.0, 1.0, DEPTH_WEIGHT)
@@ -165,7 +166,9 @@ class _Faces(NamedTuple):
     pixel: Value
 
 
-def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: Value) -> tuple[Value, Value]:
+def _judge_faces(
+    nodes: GeometryBuilder, given, mesh: Value, period: Value, point: Value
+) -> tuple[Value, Value]:
     """Store each face's fate; also return the number of faces that are left out for having no place."""
     nodes.open_frame("Faces: is the middle where a flat face has it?")
     centre = nodes.attribute(FACE_BOX, "FLOAT_VECTOR")
@@ -198,12 +201,12 @@ def _judge_faces(nodes: FieldBuilder, given, mesh: Value, period: Value, point: 
     return nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), left
 
 
-def _sides(nodes: FieldBuilder, given, faces: _Faces) -> dict[str, Value]:
+def _sides(nodes: GeometryBuilder, given, faces: _Faces) -> dict[str, Value]:
     nodes.open_frame("Out of the picture?")
     return all_on_one_side(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR"), faces.centre)
 
 
-def _crosses_border(nodes: FieldBuilder, given, faces: _Faces) -> Value:
+def _crosses_border(nodes: GeometryBuilder, given, faces: _Faces) -> Value:
     """Whether a face may lie across the rim of a polar image, or the border of a piece."""
     nodes.open_frame("Across the rim of a polar picture, or the border of a piece?")
     radius = _spread(nodes, faces) * SPREAD
@@ -213,13 +216,13 @@ def _crosses_border(nodes: FieldBuilder, given, faces: _Faces) -> Value:
     return nodes.switch(has_border, False, across, "BOOLEAN", "Any Border?")
 
 
-def _spread(nodes: FieldBuilder, faces: _Faces) -> Value:
+def _spread(nodes: GeometryBuilder, faces: _Faces) -> Value:
     """The root mean square of the corners' distances from the middle, across the image."""
     flat = faces.away * (1.0, 1.0, 0.0)
     return nodes.evaluate_on(flat.dot(flat), "CORNER", "FLOAT", "At Corners").root()
 
 
-def _is_out(nodes: FieldBuilder, given, faces: _Faces, beyond_a_side: Value) -> Value:
+def _is_out(nodes: GeometryBuilder, given, faces: _Faces, beyond_a_side: Value) -> Value:
     """Whether a face is out of the image, or by linear guess so if it has no place."""
     nodes.open_frame("Without a place: out of the picture by linear guess?")
     ratio, guess, size = given["Numbers"].parts()[0], faces.guess, faces.size
@@ -234,7 +237,7 @@ def _is_out(nodes: FieldBuilder, given, faces: _Faces, beyond_a_side: Value) -> 
     return (faces.there & beyond_a_side) | (~faces.there & unsure & far) | nowhere
 
 
-def _judge_on_branch(nodes: FieldBuilder, given, faces: _Faces) -> tuple[Value, Value]:
+def _judge_on_branch(nodes: GeometryBuilder, given, faces: _Faces) -> tuple[Value, Value]:
     """Whether a face of a branch is cut off at a crease, and whether all of it is beyond the crease."""
     nodes.open_frame("A branch: what of it there is, is out of it; or all of it is beyond the crease")
     z = faces.centre.parts()[2]
@@ -253,7 +256,7 @@ def _judge_on_branch(nodes: FieldBuilder, given, faces: _Faces) -> tuple[Value, 
     return at_crease, beyond | (at_crease & ~some)
 
 
-def _is_tiny(nodes: FieldBuilder, given, faces: _Faces) -> tuple[Value, Value]:
+def _is_tiny(nodes: GeometryBuilder, given, faces: _Faces) -> tuple[Value, Value]:
     """Whether a face covers nothing of a pixel, and whether it is too small to be divided."""
     nodes.open_frame("Too small to be divided: torn at a border of the volume, or between two of its sheets")
     across, up, _ = faces.size.parts()
@@ -268,7 +271,7 @@ def _is_tiny(nodes: FieldBuilder, given, faces: _Faces) -> tuple[Value, Value]:
     return tiny, tiny | (~faces.there & (across.max(up) < pixel * torn_size))
 
 
-def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value, Value]:
+def _guess(nodes: GeometryBuilder, given, point: Value, face: Value) -> tuple[Value, Value]:
     """A face's middle and size in (x, y, t), by the inverse map of the cloud's nearest point."""
     nearest = nearest_in_branch(nodes, given, point)
     inverse = nodes.sample_attribute(given["Cloud"], PROJECTOR, nearest, "Its Inverse Map", "FLOAT4X4")
@@ -286,7 +289,7 @@ def _guess(nodes: FieldBuilder, given, point: Value, face: Value) -> tuple[Value
     return middle, nodes.switch(given["Branch"], root, by_scale, "VECTOR", "Branch?") * SPREAD
 
 
-def _straight_middles(nodes: FieldBuilder, given, before: Value, period: Value) -> Value:
+def _straight_middles(nodes: GeometryBuilder, given, before: Value, period: Value) -> Value:
     """Put the middles of edges that need not bend onto the straight line.
 
     Towards an undivided face the middle overlaps a little: a vertex on the face's straight edge would let
@@ -305,7 +308,7 @@ def _straight_middles(nodes: FieldBuilder, given, before: Value, period: Value) 
     return nodes.store(before, EDGE_BOX, middle + outward * overlap, "FLOAT_VECTOR", "EDGE", is_straight)
 
 
-def _divided(nodes: FieldBuilder, before: Value) -> Value:
+def _divided(nodes: GeometryBuilder, before: Value) -> Value:
     """The mesh with each face divided into quads, and the new vertices in their places.
 
     Subdivide Mesh numbers the old vertices first, then a middle for each edge, then one for each face. The

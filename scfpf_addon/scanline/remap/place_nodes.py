@@ -6,7 +6,8 @@ A place is x and y over the image, and z from -1 (near surface) to -2 (far surfa
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..nodes.solve_nodes import (
     FAR_AWAY,
     PLACE,
@@ -72,7 +73,7 @@ POINT_INPUTS = VIEW_INPUTS | {"Point": ("Vector", None, "A point in the table's 
 PLACED = {"Position": "Vector"}
 
 
-def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, Value]:
+def view_inputs(nodes: GeometryBuilder, table: Value, aspect: Value) -> dict[str, Value]:
     """The values of ``VIEW_INPUTS`` for a table's geometry: of a volume that is one branch."""
     cloud, points, borders = nodes.outs(
         "GeometryNodeSeparateComponents",
@@ -109,7 +110,7 @@ def view_inputs(nodes: FieldBuilder, table: Value, aspect: Value) -> dict[str, V
     {"Place": ("Vector", None, "x, y and t")} | {key: VIEW_INPUTS[key] for key in ("Numbers", "Aspect")},
     PLACED,
 )
-def on_screen_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def on_screen_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The place of an (x, y, t) in the viewbox."""
     ratio, _, polar = given["Numbers"].parts()
     x, y, t = given["Place"].parts()
@@ -124,7 +125,7 @@ def on_screen_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Position": nodes.xyz(across, up, NEAR_Z - depth, "In the Viewbox")}
 
 
-def on_screen(nodes: FieldBuilder, given: dict[str, Value], place: Value) -> Value:
+def on_screen(nodes: GeometryBuilder, given: dict[str, Value], place: Value) -> Value:
     """The place of an (x, y, t) in the viewbox."""
     return nodes.call(on_screen_group(), "On Screen", {"Place": place}, given)["Position"]
 
@@ -140,7 +141,7 @@ def on_screen(nodes: FieldBuilder, given: dict[str, Value], place: Value) -> Val
     },
     PLACED,
 )
-def viewbox_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def viewbox_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The place of an (x, y, t) in the viewbox; z = 9 if it is not a solution."""
     place, turn = given["Place"], given["Numbers"].parts()[1]
     there = on_screen(nodes, given, place)
@@ -153,7 +154,7 @@ def viewbox_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Position": nodes.switch(found, nowhere, there, "VECTOR", "Found")}
 
 
-def _solved(nodes: FieldBuilder, given: dict[str, Value], start: Value, steps: int) -> Value:
+def _solved(nodes: GeometryBuilder, given: dict[str, Value], start: Value, steps: int) -> Value:
     """The place of a point by Newton's method from a first guess of (x, y, t)."""
     solved = nodes.call(solve_group(), "Solve", {"Start": start, "Steps": steps}, given)
     inputs = {"Place": solved.pop("Position")} | solved
@@ -161,7 +162,7 @@ def _solved(nodes: FieldBuilder, given: dict[str, Value], start: Value, steps: i
 
 
 @defines_group("SCFPF Quick Place", POINT_INPUTS, PLACED)
-def quick_place_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def quick_place_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The place of a point in the viewbox, from a guess by the lattice: cheap, but some fail."""
     nodes.open_frame("Nearest point of the lattice")
     ahead = (given["Point"] - given["Low"]) / given["Extent"] * float(LATTICE - 1)
@@ -185,7 +186,7 @@ def quick_place_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Position": nodes.switch(out & failed, solved, nowhere, "VECTOR", "Place")}
 
 
-def own_point(nodes: FieldBuilder, given) -> Value:
+def own_point(nodes: GeometryBuilder, given) -> Value:
     """The position of an element of the mesh in the table's space. given: Inverse."""
     return nodes.point(nodes.position(), given["Inverse"], "In Camera's Space")
 
@@ -195,14 +196,14 @@ def is_known(z: Value) -> Value:
     return z < UNKNOWN
 
 
-def nearest_in_branch(nodes: FieldBuilder, given, point: Value) -> Value:
+def nearest_in_branch(nodes: GeometryBuilder, given, point: Value) -> Value:
     """The index of the sample that is nearest to a point: of the branch of its vertex, if it has one."""
     apart = given["Spacing"] * (nodes.attribute(BRANCH_NUMBER) + 0.5).floor()
     return nearest_sample(nodes, given["Search"], point + apart)
 
 
 @defines_group("SCFPF Sure Place", POINT_INPUTS, PLACED)
-def sure_place_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def sure_place_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The place of a point in the viewbox, from a guess by the cloud: used where Quick Place failed."""
     nearest = nearest_in_branch(nodes, given, given["Point"])
     start, distance, reach = nearest_start(nodes, given["Cloud"], given["Point"], nearest)
@@ -225,7 +226,7 @@ def sure_place_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Position": nodes.switch(known, nowhere, solved, "VECTOR", "Place")}
 
 
-def _on_branch(nodes: FieldBuilder, given, nearest: Value, start: Value, steps: int) -> dict[str, Value]:
+def _on_branch(nodes: GeometryBuilder, given, nearest: Value, start: Value, steps: int) -> dict[str, Value]:
     """The outputs of ``approach_group`` on the branch of the nearest sample."""
     sample = nodes.sample_attribute(given["Cloud"], PLACE, nearest, "Its x, y, t")
     inputs = {"Sample": sample, "Start": start, "Steps": steps}
@@ -233,7 +234,7 @@ def _on_branch(nodes: FieldBuilder, given, nearest: Value, start: Value, steps: 
 
 
 @defines_group("SCFPF Onto the Crease", POINT_INPUTS, PLACED)
-def crease_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def crease_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The place on a fold's crease that is nearest to a point beyond it."""
     nearest = nearest_in_branch(nodes, given, given["Point"])
     start, _, _ = nearest_start(nodes, given["Cloud"], given["Point"], nearest)
@@ -242,7 +243,7 @@ def crease_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 
 
 def store_places(
-    nodes: FieldBuilder, mesh: Value, given: dict[str, Value], name: str = BOX, domain: str = "POINT"
+    nodes: GeometryBuilder, mesh: Value, given: dict[str, Value], name: str = BOX, domain: str = "POINT"
 ) -> Value:
     """Store the places of a mesh' elements: first by the lattice, then by the cloud for those that failed."""
     quick = nodes.call(quick_place_group(), "Quick Place", {}, given)["Position"]

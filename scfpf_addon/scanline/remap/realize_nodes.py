@@ -8,7 +8,8 @@ that are scaled unevenly, sheared or mirrored are realized apart.
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 
 NORMAL = "scfpf_normal"
 # The number of the instance that a vertex comes from, within its level.
@@ -25,7 +26,7 @@ UNEVEN = 1e-4
     {"Geometry": ("Geometry", None, "Meshes, and instances of meshes within instances")},
     {"Mesh": "Geometry"},
 )
-def realize_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def realize_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """One mesh of all instances, with the shading that they have in the scene.
 
     The shading normals are the corners' attribute ``NORMAL``.
@@ -55,7 +56,7 @@ def realize_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Mesh": nodes.switch(seen["Odd"] > 0.5, plain, made["Done"], "GEOMETRY", "Any Odd?")}
 
 
-def _is_odd(nodes: FieldBuilder) -> Value:
+def _is_odd(nodes: GeometryBuilder) -> Value:
     """Whether an instance's transform is more than a turn, a move and an even scale."""
     own = nodes.out("GeometryNodeInstanceTransform", "Of the Instance", {})
     a, b, c = (
@@ -69,19 +70,19 @@ def _is_odd(nodes: FieldBuilder) -> Value:
     return mirrored | (off > size * UNEVEN)
 
 
-def _level(nodes: FieldBuilder, geometry: Value, every: bool = False) -> Value:
+def _level(nodes: GeometryBuilder, geometry: Value, every: bool = False) -> Value:
     """Geometry with one level of its instances realized; those within them then are the outermost."""
     inputs = {"Geometry": geometry, "Realize All": every, "Depth": 1}
     return nodes.out("GeometryNodeRealizeInstances", "Realize", inputs)
 
 
-def _parts(nodes: FieldBuilder, geometry: Value, label: str) -> tuple[Value, ...]:
+def _parts(nodes: GeometryBuilder, geometry: Value, label: str) -> tuple[Value, ...]:
     """The mesh and the instances of a geometry."""
     inputs = {"Geometry": geometry}
     return nodes.outs("GeometryNodeSeparateComponents", label, inputs, "Mesh", "Instances")
 
 
-def _with_normals(nodes: FieldBuilder, geometry: Value) -> Value:
+def _with_normals(nodes: GeometryBuilder, geometry: Value) -> Value:
     """A mesh whose corners know their shading normals; without faces it has no corners: nothing is left."""
     faces = nodes.domain_size(geometry, "Face Count")
     geometry = nodes.switch(faces > 0.5, None, geometry, "GEOMETRY", "Nothing without Faces")
@@ -89,7 +90,7 @@ def _with_normals(nodes: FieldBuilder, geometry: Value) -> Value:
     return nodes.store(geometry, NORMAL, normal, "FLOAT_VECTOR", "CORNER")
 
 
-def _one_level(nodes: FieldBuilder, state: dict[str, Value]) -> dict[str, Value]:
+def _one_level(nodes: GeometryBuilder, state: dict[str, Value]) -> dict[str, Value]:
     """Realize the outermost instances. Rest: the instances within them. Done: the mesh so far."""
     odd, even = nodes.separate(state["Rest"], _is_odd(nodes), "Odd Ones", "INSTANCE")
     plain, below = _parts(nodes, _level(nodes, even), "Even Ones")
@@ -102,7 +103,7 @@ def _one_level(nodes: FieldBuilder, state: dict[str, Value]) -> dict[str, Value]
     return {"Rest": nodes.join(below, below_odd), "Done": done}
 
 
-def _shaded(nodes: FieldBuilder, mesh: Value, instances: Value) -> Value:
+def _shaded(nodes: GeometryBuilder, mesh: Value, instances: Value) -> Value:
     """A mesh of instances with the normals that these have in the scene, mirrored ones not inside out."""
     number = nodes.attribute(INSTANCE, "INT")
     own = nodes.out("GeometryNodeInstanceTransform", "Of the Instance", {})

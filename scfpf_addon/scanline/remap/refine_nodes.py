@@ -7,7 +7,8 @@
 from __future__ import annotations
 
 from ...bridge.blender import versions
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..table.table_sheets import FOLDED
 from .divide_nodes import (
     DIVIDE_INPUTS,
@@ -36,7 +37,7 @@ REFINED = {"Mesh": "Geometry", "Left Out": "Vector"}
 
 
 @defines_group("SCFPF Refine", REFINE_INPUTS, REFINED)
-def refine_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def refine_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Divides large faces until they are right in the viewbox, and leaves out faces outside of it.
 
     Left Out: the numbers of faces without a place, and of folded samples of the volume.
@@ -62,7 +63,7 @@ def refine_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Mesh": mesh, "Left Out": nodes.xyz(left, folded, 0.0, "Left Out")}
 
 
-def _split(nodes: FieldBuilder, given, has_border: Value) -> tuple[Value, Value, Value]:
+def _split(nodes: GeometryBuilder, given, has_border: Value) -> tuple[Value, Value, Value]:
     """The small faces that need no look, the others, and above 0 if there are any others."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     square = nodes.evaluate_on(box.dot(box), "POINT", "FLOAT", "At Vertices")
@@ -85,7 +86,7 @@ def _split(nodes: FieldBuilder, given, has_border: Value) -> tuple[Value, Value,
     return nodes.switch(has_border, small, within, "GEOMETRY", "Polar?"), rest, large + has_border
 
 
-def _to_divide(nodes: FieldBuilder, given: dict[str, Value], rest: Value) -> Value:
+def _to_divide(nodes: GeometryBuilder, given: dict[str, Value], rest: Value) -> Value:
     """The triangles of a mesh, except for faces that cannot be seen."""
     nodes.open_frame("Faces that are out of the volume, or small there and without a place, go")
     away, reach, z = nodes.attribute(BOX, "FLOAT_VECTOR").parts()
@@ -100,7 +101,7 @@ def _to_divide(nodes: FieldBuilder, given: dict[str, Value], rest: Value) -> Val
     return Value(nodes, triangulate.outputs[0])
 
 
-def _rounds(nodes: FieldBuilder, given, triangles: Value) -> dict[str, Value]:
+def _rounds(nodes: GeometryBuilder, given, triangles: Value) -> dict[str, Value]:
     """Divide as often as it takes.
 
     Active: the faces that are still to be divided. Done: the others. Left: how many faces are left out.
@@ -122,7 +123,7 @@ def _rounds(nodes: FieldBuilder, given, triangles: Value) -> dict[str, Value]:
     return nodes.repeat(rounds, state, "Divide", body, any_left)
 
 
-def _onto_creases(nodes: FieldBuilder, given, mesh: Value) -> Value:
+def _onto_creases(nodes: GeometryBuilder, given, mesh: Value) -> Value:
     """The mesh with the vertices beyond the creases of sheets put onto them."""
     nodes.open_frame("Of sheets, what is beyond a crease is put onto it")
     point = own_point(nodes, given)
@@ -132,7 +133,7 @@ def _onto_creases(nodes: FieldBuilder, given, mesh: Value) -> Value:
     return nodes.switch(is_sheet(given), mesh, at_crease, "GEOMETRY", "Sheets?")
 
 
-def _at_both_ends(nodes: FieldBuilder, given, mesh: Value, axis: int) -> Value:
+def _at_both_ends(nodes: GeometryBuilder, given, mesh: Value, axis: int) -> Value:
     """The mesh with two copies of the faces across the seam, one at each end of the image."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     along, whole = box.parts()[axis], period(nodes, given).parts()[axis]
@@ -149,7 +150,7 @@ def _at_both_ends(nodes: FieldBuilder, given, mesh: Value, axis: int) -> Value:
     return nodes.join(other, *copies)
 
 
-def _trimmed(nodes: FieldBuilder, given, mesh: Value) -> Value:
+def _trimmed(nodes: GeometryBuilder, given, mesh: Value) -> Value:
     """The mesh cropped at the rim of a polar image: faces beyond it go, corners beyond it move onto it."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     beyond = beyond_rim(nodes, given, box)

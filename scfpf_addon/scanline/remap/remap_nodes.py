@@ -8,7 +8,8 @@ orthographic and has the identity as local matrix, sensor fit HORIZONTAL, ortho 
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group, remove_attributes
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group, remove_attributes
 from ..table.table_sheets import BRANCHES
 from .branch_nodes import with_branches
 from .place_nodes import BOX, own_point, store_places, view_inputs
@@ -33,7 +34,7 @@ REMAP_INPUTS = {
     {"Geometry": "Geometry"},
     modifier=True,
 )
-def remap_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def remap_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The view of a flexible camera: a mesh as the camera sees it, in the camera's viewbox.
 
     Table: of ``table_object``. Aspect: width / height of the image. Picture Width: pixels. Usable in any
@@ -74,7 +75,7 @@ def remap_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     {"Geometry": "Geometry"},
     modifier=True,
 )
-def preview_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def preview_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The view of a flexible camera: a collection as the camera sees it, in the camera's viewbox.
 
     The object that carries it must be a child of the camera with the identity as its local matrix, and must

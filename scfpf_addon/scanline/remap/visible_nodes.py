@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from math import pi
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..table.table_branches import piece_at
 from ..table.uv_pieces import OF_SURFACE, PIECE, PIECES
 from .place_nodes import VIEW_INPUTS, on_screen
@@ -21,7 +22,9 @@ FAR_OFF = 10.0
 SIDES = ("Corners", "Face", "Any")
 
 
-def all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value | None = None) -> dict[str, Value]:
+def all_on_one_side(
+    nodes: GeometryBuilder, given, box: Value, centre: Value | None = None
+) -> dict[str, Value]:
     """Whether a face lies beyond one side of the visible part of the volume.
 
     "Corners": all its corners do. "Face": its middle does as well. "Any": all of these that have a place do.
@@ -39,7 +42,7 @@ def all_on_one_side(nodes: FieldBuilder, given, box: Value, centre: Value | None
     },
     dict.fromkeys(SIDES, "Bool"),
 )
-def one_side_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def one_side_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Whether corners and middles of faces lie beyond one side of the visible part of the volume."""
     nodes.open_frame("What is shown")
     low, high = (on_screen(nodes, given, given[end]) for end in ("From", "To"))
@@ -63,7 +66,7 @@ def one_side_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return result
 
 
-def beyond_rim(nodes: FieldBuilder, given, place: Value) -> Value:
+def beyond_rim(nodes: GeometryBuilder, given, place: Value) -> Value:
     """The distance of a place beyond the rim of a polar image's disc; -1 in other images."""
     polar = given["Numbers"].parts()[2]
     off = (place * (1.0, 1.0, 0.0)).length() - 0.5 / given["Aspect"].max(1.0)
@@ -75,12 +78,12 @@ BORDER_INPUTS = {
 }
 
 
-def past_border(nodes: FieldBuilder, given, place: Value) -> Value:
+def past_border(nodes: GeometryBuilder, given, place: Value) -> Value:
     """Above 0 beyond the rim of a polar image's disc, or off the piece that is shown."""
     return nodes.call(beyond_group(), "Beyond", {"Place": place}, given)["Beyond"]
 
 
-def across_border(nodes: FieldBuilder, given, middle: Value, radius: Value) -> Value:
+def across_border(nodes: GeometryBuilder, given, middle: Value, radius: Value) -> Value:
     """Whether the border of the piece that is shown may run through a face of that middle and radius."""
     inputs = {"Place": middle, "Radius": radius}
     return nodes.call(across_group(), "Across a Border", inputs, given)["Across"]
@@ -91,7 +94,7 @@ def across_border(nodes: FieldBuilder, given, middle: Value, radius: Value) -> V
     BORDER_INPUTS | {"Place": ("Vector", None, "In the viewbox")},
     {"Beyond": "Float"},
 )
-def beyond_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def beyond_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Above 0 beyond the rim of a polar image, or off the piece that is shown."""
     nodes.open_frame("Beyond the rim?")
     rim = beyond_rim(nodes, given, given["Place"])
@@ -115,7 +118,7 @@ def beyond_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     | {"Place": ("Vector", None, "A face's middle"), "Radius": ("Float", None, "At least its own")},
     {"Across": "Bool"},
 )
-def across_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def across_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Whether a border of the piece that is shown, or the rim of a polar image, may run through a face."""
     polar = given["Numbers"].parts()[2]
     nodes.open_frame("The rim?")
@@ -133,7 +136,7 @@ def across_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Across": rim | near}
 
 
-def _from_centre(nodes: FieldBuilder, given, place: Value) -> tuple[Value, Value]:
+def _from_centre(nodes: GeometryBuilder, given, place: Value) -> tuple[Value, Value]:
     """A place of the viewbox, -½ to ½ across and up the image, or the square around a polar image's disc."""
     x, y, _ = place.parts()
     polar, aspect = given["Numbers"].parts()[2], given["Aspect"]
@@ -141,7 +144,7 @@ def _from_centre(nodes: FieldBuilder, given, place: Value) -> tuple[Value, Value
     return x / nodes.mix(polar, 1.0, disc), y / nodes.mix(polar, 1.0 / aspect, disc)
 
 
-def _over_image(nodes: FieldBuilder, given, place: Value) -> tuple[Value, Value]:
+def _over_image(nodes: GeometryBuilder, given, place: Value) -> tuple[Value, Value]:
     """A place of the viewbox in the borders' coordinates, and its distance from the image's centre.
 
     The coordinates run from 0 to 1 across and up, or are shares of a polar image's turn and radius.
@@ -165,7 +168,7 @@ def _over_image(nodes: FieldBuilder, given, place: Value) -> tuple[Value, Value]
     },
     {"Away": "Float", "To Border": "Float"},
 )
-def piece_distance_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def piece_distance_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The distance of a place from a piece of the volume, and from that piece's border.
 
     Of all surfaces that are in pieces, the greatest distance and the nearest border.

@@ -8,7 +8,8 @@ change from there to that point's neighbours inside.
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..nodes.solve_nodes import PROJECTOR, TABLE_INPUTS, nearest_sample
 from .uv_pieces import PIECE
 
@@ -21,7 +22,7 @@ NUMBER = "number"
     {key: TABLE_INPUTS[key] for key in ("Table", "Size")} | {"Piece": ("Float", 0.0, "")},
     {"Table": "Geometry"},
 )
-def piece_table_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def piece_table_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The table of a volume in pieces, extended from one of them."""
     table, (columns, rows, spans) = given["Table"], given["Size"].parts()
     nodes.open_frame("Points of one span, as columns and rows, and those of the piece among them")
@@ -62,7 +63,7 @@ def piece_table_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 
 
 def _way_inside(
-    nodes: FieldBuilder, given, start: Value, at: Value, count: Value, stride
+    nodes: GeometryBuilder, given, start: Value, at: Value, count: Value, stride
 ) -> tuple[Value, Value]:
     """The way along columns or rows to a neighbour of the same piece: +1, -1 or 0; the same by index."""
     sides = []
@@ -76,7 +77,7 @@ def _way_inside(
     return way, way * stride
 
 
-def _projector(nodes: FieldBuilder, table: Value, number: Value) -> list[Value]:
+def _projector(nodes: GeometryBuilder, table: Value, number: Value) -> list[Value]:
     """The coefficients of a projector in ascending powers of t."""
     matrix = nodes.sample_attribute(table, PROJECTOR, (number + 0.5).floor(), "Projector", "FLOAT4X4")
     found = [nodes.point((0.0, 0.0, 0.0), matrix, "t⁰")]

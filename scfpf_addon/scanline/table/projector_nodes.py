@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..nodes.solve_nodes import PROJECTOR, TABLE_INPUTS, look_up_group, whole_table
 from .surface_point import surface_point_group
 from .uv_pieces import NO_PIECE, OF_SURFACE, PIECE, PIECES
@@ -44,7 +45,7 @@ class _Controls(NamedTuple):
     hole: Value
 
 
-def store_projectors(nodes: FieldBuilder, given: dict[str, Value], powers, polar: Value) -> Projectors:
+def store_projectors(nodes: GeometryBuilder, given: dict[str, Value], powers, polar: Value) -> Projectors:
     """Make the table's points, with their projectors and pieces.
 
     given: inputs of ``table_group``. powers: of ``power_spans``. polar: 1 for a disc in polar coordinates.
@@ -83,7 +84,7 @@ def store_projectors(nodes: FieldBuilder, given: dict[str, Value], powers, polar
     return Projectors(table, size, cut, border)
 
 
-def _parameters(nodes: FieldBuilder, given, x: Value, y: Value, polar: Value, point: Value) -> Value:
+def _parameters(nodes: GeometryBuilder, given, x: Value, y: Value, polar: Value, point: Value) -> Value:
     """(u, v) of a point of the image, and as z whether it is shown."""
     nodes.open_frame("(u, v) of the picture's x and y")
     turn, radius = nodes.polar(x * 2.0 - 1.0, y * 2.0 - 1.0)
@@ -97,7 +98,7 @@ def _parameters(nodes: FieldBuilder, given, x: Value, y: Value, polar: Value, po
     return nodes.switch(given["Pictured"] > 0.5, plain, own, "VECTOR", "Mapped?")
 
 
-def _controls(nodes: FieldBuilder, given, u: Value, v: Value, count: int) -> _Controls:
+def _controls(nodes: GeometryBuilder, given, u: Value, v: Value, count: int) -> _Controls:
     nodes.open_frame("Control points of the projector")
     points, borders, piece, cut, hole = [], [], 0.0, False, False
     several, base = 0.0, 1.0
@@ -126,7 +127,7 @@ def _controls(nodes: FieldBuilder, given, u: Value, v: Value, count: int) -> _Co
     )
 
 
-def _border(nodes: FieldBuilder, given, borders, leap: Value, several: Value) -> Value:
+def _border(nodes: GeometryBuilder, given, borders, leap: Value, several: Value) -> Value:
     """All pieces of surfaces, flat over the image, as one instance; also the halves of one that leaps.
 
     The image runs from 0 to 1 across and up; a polar one over the whole turn and its radius.
@@ -149,7 +150,7 @@ def _border(nodes: FieldBuilder, given, borders, leap: Value, several: Value) ->
 
 
 @defines_group("SCFPF Leap", {key: TABLE_INPUTS[key] for key in ("Table", "Size")}, {"Leap": "Bool"})
-def _leap_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def _leap_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Whether a table leaps between the middle row's right half and the row below it."""
     table, size = given["Table"], given["Size"]
     points = nodes.out("GeometryNodePoints", "64 Samples", {"Count": 64})
@@ -168,7 +169,7 @@ def _leap_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Leap": result}
 
 
-def _combined(nodes: FieldBuilder, span: Value, weights, controls: list[Value]) -> Value:
+def _combined(nodes: GeometryBuilder, span: Value, weights, controls: list[Value]) -> Value:
     """Σ weights[span, i] · controls[i]. weights: (S, count)."""
     total = None
     for column, control in zip(weights.T.tolist(), controls, strict=True):

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from ...bridge.surfaces.kinds import PARAMETRIC_KINDS
 from ...bridge.surfaces.surface_groups import KIND_ATTRIBUTE, KIND_NUMBERS, PREFIX
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from .uv_pieces import NO_PIECE, PIECE, uv_pieces_group
 
 # Other modifiers have reshaped a mesh if its vertices are off its own parameters by more than this share of
@@ -25,7 +26,7 @@ _NUMBERS = ", ".join(f"{n} {PARAMETRIC_KINDS[kind].title.lower()}" for kind, n i
     | {label: ("Float", None, "") for label, _ in PARAMETERS},
     {"Position": "Vector"},
 )
-def closed_form_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def closed_form_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The point of a parametric control surface at (u, v), in its own space; the origin for a point."""
     shapes = [None] * (max(KIND_NUMBERS.values()) + 1)
     for key, kind in PARAMETRIC_KINDS.items():
@@ -51,7 +52,7 @@ def closed_form_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     },
     {"Position": "Vector", "Cut": "Bool", "Piece": "Float", "Border": "Geometry"},
 )
-def surface_point_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def surface_point_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The point of a control surface at (u, v); exact if the surface has parameters.
 
     It is in the space of the modified object. Cut: whether the surface is in pieces; Piece: the number of the
@@ -87,7 +88,7 @@ def surface_point_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     }
 
 
-def _exact_point(nodes: FieldBuilder, given: dict[str, Value], mesh: Value) -> tuple[Value, Value]:
+def _exact_point(nodes: GeometryBuilder, given: dict[str, Value], mesh: Value) -> tuple[Value, Value]:
     """The point by the surface's parameters, and whether the mesh decides instead.
 
     It does if the surface has none, or if other modifiers have reshaped it.
@@ -109,7 +110,7 @@ def _exact_point(nodes: FieldBuilder, given: dict[str, Value], mesh: Value) -> t
     return exact["Position"], (kind < 0.5) | ~is_exact
 
 
-def _net_point(nodes: FieldBuilder, given: dict[str, Value], mesh: Value, position: Value) -> Value:
+def _net_point(nodes: GeometryBuilder, given: dict[str, Value], mesh: Value, position: Value) -> Value:
     """The point of a surface patch, interpolated between its drawn points, which are exact.
 
     Cubics run through four of them each way.

@@ -9,7 +9,8 @@ surfaces are in pieces is taken apart into those too.
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..nodes.solve_nodes import (
     PLACE,
     TABLE_INPUTS,
@@ -52,7 +53,7 @@ def _relative_determinant(found: dict[str, Value]) -> Value:
     return x.dot(y.cross(t)) / (x.length() * y.length() * t.length()).max(1e-30)
 
 
-def block_number(nodes: FieldBuilder, x: Value, y: Value, share: Value) -> Value:
+def block_number(nodes: GeometryBuilder, x: Value, y: Value, share: Value) -> Value:
     """The number of the block of a place. share: of the cloud's layers, from the near surface on."""
     across, up, along = BLOCKS
     parts = ((x, across), (y, up), (share, along))
@@ -60,14 +61,14 @@ def block_number(nodes: FieldBuilder, x: Value, y: Value, share: Value) -> Value
     return numbers[0] + numbers[1] * float(across) + numbers[2] * float(across * up)
 
 
-def piece_at(nodes: FieldBuilder, table: Value, size: Value, place: Value) -> Value:
+def piece_at(nodes: GeometryBuilder, table: Value, size: Value, place: Value) -> Value:
     """The piece of the point of the table that is nearest to a place."""
     nearest = (place.max((0.0, 0.0, 0.0)).min((1.0, 1.0, 1.0)) * (size - (1.0, 1.0, 0.0)) + 0.5).floor()
     x, y, _ = nearest.parts()
     return nodes.sample_attribute(table, PIECE, x + y * size.parts()[0], "Its Piece", "FLOAT")
 
 
-def _pieces_of_cell(nodes: FieldBuilder, table: Value, size: Value, place: Value) -> tuple[Value, Value]:
+def _pieces_of_cell(nodes: GeometryBuilder, table: Value, size: Value, place: Value) -> tuple[Value, Value]:
     """The least and the greatest number of the pieces at the corners of a place's cell."""
     cell = (place * (size - (1.0, 1.0, 0.0))).floor().max((0.0, 0.0, 0.0)).min(size - (2.0, 2.0, 0.0))
     x, y, _ = cell.parts()
@@ -89,7 +90,7 @@ def _pieces_of_cell(nodes: FieldBuilder, table: Value, size: Value, place: Value
     {key: TABLE_INPUTS[key] for key in ("Table", "Size")} | {"Cloud": ("Geometry", None, "")},
     {"Cloud": "Geometry"},
 )
-def pieces_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def pieces_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The samples of a volume that lie on one of its pieces, with that piece's number and cells."""
     nodes.open_frame("Pieces of the volume; a cell of the table that is on two of them says nothing")
     table, size, cloud = given["Table"], given["Size"], given["Cloud"]
@@ -124,7 +125,7 @@ def pieces_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Cloud": nodes.repeat(last + 1.5, state, "Pieces", body)["Cloud"]}
 
 
-def cells_of_piece(nodes: FieldBuilder, whole, cut: Value) -> dict[str, Value]:
+def cells_of_piece(nodes: GeometryBuilder, whole, cut: Value) -> dict[str, Value]:
     """The first and the last cell that a point of the cloud looks at: those of its piece."""
     return {
         label: nodes.switch(cut, whole[label], nodes.attribute(name, "FLOAT_VECTOR"), "VECTOR", label)
@@ -141,7 +142,7 @@ def cells_of_piece(nodes: FieldBuilder, whole, cut: Value) -> dict[str, Value]:
     },
     {"Cloud": "Geometry", "Turn": "Float", "Count": "Float", "Flat": "Float"},
 )
-def branches_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def branches_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Numbers the branches of a volume's inverse: one if the volume is one-to-one.
 
     The cloud must have ``PLACE`` and ``BLOCK``; it gets ``BRANCH`` and ``FOLDED``, and the order of its
@@ -187,7 +188,7 @@ def branches_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     return {"Cloud": cloud, "Turn": sign, "Count": count, "Flat": flat + 0.0}
 
 
-def _numbered(nodes: FieldBuilder, points: Value, key: Value, name: str) -> Value:
+def _numbered(nodes: GeometryBuilder, points: Value, key: Value, name: str) -> Value:
     """Points in order of a key, with the number of smaller keys as an attribute of that name."""
     points = nodes.store(points, name, key, "FLOAT")
     key = nodes.attribute(name)
@@ -207,7 +208,7 @@ def _numbered(nodes: FieldBuilder, points: Value, key: Value, name: str) -> Valu
     },
     {"Count": "Float"},
 )
-def seen_twice_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def seen_twice_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The number of a volume's points that are also seen from far along an axis of the same sheet."""
     place = nodes.attribute(PLACE, "FLOAT_VECTOR")
     point = nodes.position()

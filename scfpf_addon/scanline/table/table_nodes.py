@@ -8,7 +8,8 @@ inverse maps, and the properties of the whole table on each.
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group, node_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group, node_group
 from ..nodes.solve_nodes import (
     FAR_AWAY,
     PLACE,
@@ -66,7 +67,7 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
     }
     powers = power_spans(basis, count, weights)
 
-    def build(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+    def build(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         polar = given["Polar"] * given["Disc"]
         table, size, cut, border = store_projectors(nodes, given, powers, polar)
         wrap = nodes.call(_periodic_group(), "Periodic", {"Table": table, "Size": size})["Wrap"]
@@ -102,7 +103,7 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
 
 
 @defines_group("SCFPF Periodic", {key: TABLE_INPUTS[key] for key in ("Table", "Size")}, {"Wrap": "Vector"})
-def _periodic_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def _periodic_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """1 where the volume's left and right, or lower and upper, ends are one; else 0."""
     table, size = given["Table"], given["Size"]
     nodes.open_frame("Do the ends of the picture meet?")
@@ -127,7 +128,7 @@ def _periodic_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
 
 
 @defines_group("SCFPF Near over Far", TABLE_INPUTS, {"Ratio": "Float"})
-def _ratio_group(nodes: FieldBuilder, whole: dict[str, Value]) -> dict:
+def _ratio_group(nodes: GeometryBuilder, whole: dict[str, Value]) -> dict:
     """The near surface's size over the far one's: the square root of the ratio of their areas."""
     nodes.open_frame("Near surface's size over the far one's")
     row, column = divmod(nodes.index(), 16.0)
@@ -142,13 +143,13 @@ def _ratio_group(nodes: FieldBuilder, whole: dict[str, Value]) -> dict:
     return {"Ratio": ratio.max(SMALLEST_RATIO).min(1 / SMALLEST_RATIO)}
 
 
-def _sides(nodes: FieldBuilder, cut: Value) -> tuple[Value, ...]:
+def _sides(nodes: GeometryBuilder, cut: Value) -> tuple[Value, ...]:
     """The numbers of the cloud's points across, up and along the volume."""
     counts = zip(["across", "up", "along"], CLOUD, CLOUD_OF_PIECES, strict=True)
     return tuple(nodes.switch(cut, float(one), float(other), "FLOAT", label) for label, one, other in counts)
 
 
-def _places(nodes: FieldBuilder, cut: Value, ratio: Value, polar: Value) -> Value:
+def _places(nodes: GeometryBuilder, cut: Value, ratio: Value, polar: Value) -> Value:
     """The cloud's points all over the volume, with their (x, y, t)."""
     nodes.open_frame("Places of the cloud")
     across, up, along = _sides(nodes, cut)
@@ -180,7 +181,7 @@ def _places(nodes: FieldBuilder, cut: Value, ratio: Value, polar: Value) -> Valu
     return nodes.store(cloud, PLACE, place, "FLOAT_VECTOR")
 
 
-def _cloud(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> Value:
+def _cloud(nodes: GeometryBuilder, whole, cloud: Value, cut: Value) -> Value:
     """The cloud with its points moved to Q(x, y, t), and with their inverse maps."""
     nodes.open_frame("Where they are, and the inverse map around them")
     across, up, _ = _sides(nodes, cut)
@@ -206,7 +207,7 @@ def _cloud(nodes: FieldBuilder, whole, cloud: Value, cut: Value) -> Value:
     return nodes.set_position(cloud, found["Position"], "Cloud")
 
 
-def _box(nodes: FieldBuilder, cloud: Value) -> tuple[Value, Value, Value]:
+def _box(nodes: GeometryBuilder, cloud: Value) -> tuple[Value, Value, Value]:
     """The box of the lattice: the field of its points' positions, its low corner and its size."""
     nodes.open_frame("Box of the lattice")
     low, high = nodes.outs("GeometryNodeBoundBox", "Box", {"Geometry": cloud}, "Min", "Max")
@@ -218,7 +219,7 @@ def _box(nodes: FieldBuilder, cloud: Value) -> tuple[Value, Value, Value]:
     return low + extent * (cell * (1.0 / (LATTICE - 1))), low, extent
 
 
-def _lattice(nodes: FieldBuilder, whole, cloud: Value, position: Value, extent: Value) -> Value:
+def _lattice(nodes: GeometryBuilder, whole, cloud: Value, position: Value, extent: Value) -> Value:
     """Inverse maps on a grid of the space: a first guess by arithmetic, for whole meshes."""
     nodes.open_frame("Lattice of inverse maps")
     points = nodes.out(

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 from ..nodes.solve_nodes import PLACE, TABLE_INPUTS
 from .uv_pieces import NO_PIECE
 
@@ -33,7 +34,7 @@ BRANCH_FIRST_CELL, BRANCH_LAST_CELL = "branch first cell", "branch last cell"
     },
     {"Cloud": "Geometry"},
 )
-def sheets_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def sheets_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Numbers the sheets of a volume: neighboring points of one sign are of one sheet."""
     nodes.open_frame("Neighbors across, up and along the volume")
     index = nodes.index() + 0.0
@@ -73,7 +74,7 @@ def sheets_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
     },
     {"Cloud": "Geometry"},
 )
-def describe_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def describe_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Stores the properties of each branch of a volume's inverse on the cloud's point of its number."""
     index = nodes.index() + 0.0
 

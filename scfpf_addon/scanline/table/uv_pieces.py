@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from ..nodes.field_nodes import FieldBuilder, Value, defines_group
+from ..nodes.field_nodes import Value
+from ..nodes.geometry_nodes import GeometryBuilder, defines_group
 
 # UVs nearer than this are one, as in projection/surfaces/uv_chart.py.
 SAME_UV = 4e-7
@@ -25,7 +26,7 @@ OF_SURFACE = "surface"
     {"Mesh": ("Geometry", None, ""), "UV": ("Vector", None, "The UV map")},
     {"Mesh": "Geometry", "Cut": "Bool"},
 )
-def uv_pieces_group(nodes: FieldBuilder, given: dict[str, Value]) -> dict:
+def uv_pieces_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """A mesh split along the seams of its UV map, and whether the map has several pieces, or holes."""
     nodes.open_frame("Edges that are somewhere else in the UV map on either side")
     edge = nodes.index()

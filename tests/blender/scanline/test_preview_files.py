@@ -57,7 +57,7 @@ def test_save_and_reload(source, data, tmp_path):
 
 
 def test_nodes_of_an_older_version_are_replaced_when_the_file_is_opened(source, data, addon, tmp_path):
-    fields = addon("scanline.nodes.field_nodes")
+    fields = addon("scanline.nodes.geometry_nodes")
     before = picture_points(source)
     for group in bpy.data.node_groups:
         if fields.BUILD_KEY in group:
