@@ -13,7 +13,7 @@ import numpy as np
 from ..bridge.blender import versions
 from ..bridge.blender.drivers import add_scene_property, follow_property, new_driver
 from ..bridge.blender.modifier_inputs import renew_relations, set_inputs
-from ..bridge.blender.rig_mark import RIG_KEY, WIDTH
+from ..bridge.blender.rig_mark import HIDDEN_RAYS, RIG_KEY, WIDTH
 from ..bridge.camera.flexible_camera import sync_volume_object
 from ..bridge.render.image_size import image_size
 from ..bridge.surfaces import lattice_object
@@ -41,13 +41,7 @@ MODIFIER = "SCFPF Portals"
 # The camera's custom property that points to the rig's table; the live preview has a table of its own.
 RIG_TABLE_KEY = "scfpf_rig_table"
 # Ray visibilities that are off: by the object, not by its material, at no cost.
-UNSEEN_BY = (
-    "visible_diffuse",
-    "visible_glossy",
-    "visible_transmission",
-    "visible_volume_scatter",
-    "visible_shadow",
-)
+UNSEEN_BY = tuple(ray for ray in HIDDEN_RAYS if ray != "visible_camera")
 # Transparent bounces in addition to the chords: the screen, the far sheet, and one to spare.
 MORE_BOUNCES = 3
 MOST_BOUNCES = 1024

@@ -274,6 +274,13 @@ def test_it_follows_the_volume_or_says_why_not(addon, camera, rig_of):
     camera.scfpf.surfaces[1].object.scale.x = 1
     bpy.context.view_layer.update()
     assert settings.problem == ""
+
+
+def test_cautions_name_what_the_rig_cannot_do(addon, camera, rig_of):
+    switch(camera)
+    settings, cautions = rig_of().scfpf_rig, addon("cycles.cautions").cautions
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    camera.scfpf.surfaces[1].object.location.x = 5
     scene.render.engine = "BLENDER_WORKBENCH"
     layer.material_override = bpy.data.materials["Red"]
     scene.cycles.transparent_max_bounces = 2
