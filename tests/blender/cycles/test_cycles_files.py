@@ -281,6 +281,8 @@ def test_cautions_name_what_the_rig_cannot_do(addon, camera, rig_of):
     settings, cautions = rig_of().scfpf_rig, addon("cycles.cautions").cautions
     scene, layer = bpy.context.scene, bpy.context.view_layer
     camera.scfpf.surfaces[1].object.location.x = 5
+    camera.scfpf.pixel_error = 0.5
+    bpy.context.view_layer.update()
     scene.render.engine = "BLENDER_WORKBENCH"
     layer.material_override = bpy.data.materials["Red"]
     scene.cycles.transparent_max_bounces = 2

@@ -99,7 +99,7 @@ def set_stereographic(lens):
 
 
 def set_up(name, camera):
-    """What is special about a case."""
+    """The peculiarity of a case."""
     scene, dof = bpy.context.scene, camera.data.dof
     if "depth of field" in name:
         dof.use_dof, dof.focus_distance = True, 5.0

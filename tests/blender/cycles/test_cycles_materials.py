@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How materials look in a lamp's light, against Cycles: up to where they are seen and lit edge-on."""
+"""Materials in a lamp's light, compared with Cycles, up to grazing angles."""
 
 import math
 
@@ -100,7 +100,7 @@ def test_flat_faces_in_a_sun_are_as_in_cycles(addon, tmp_path, shadow):
 
 
 def add_world(sideways):
-    """Of one colour, or from dark on the left to bright on the right."""
+    """An image of one colour, or from dark on the left to bright on the right."""
     world = bpy.context.scene.world = bpy.data.worlds.new("World")
     if world.node_tree is None:
         world.use_nodes = True

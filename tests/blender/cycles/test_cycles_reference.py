@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What every pixel sees, against Cycles' passes and world_to_camera_view, and how bright lamps light it."""
+"""Hits of every pixel, compared with Cycles' passes and world_to_camera_view, and their light from lamps."""
 
 import math
 import struct
@@ -102,7 +102,7 @@ def add_camera(width, height, **lens):
 
 @pytest.fixture
 def our_passes(addon):
-    """What our caster sees through the scene's camera: object indices, positions, and its projection."""
+    """Our caster's hits through the scene's camera: object indices, positions, and the projection."""
     scenes = addon("casting.scene.cast_scene")
     frames = addon("casting.frame")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Cycles sees through the rig: against our exact caster, pixel by pixel, and against its own cameras."""
+"""Cycles through the rig, compared with our exact caster pixel by pixel, and with Cycles' own cameras."""
 
 import bpy
 import numpy as np

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Which objects the live preview shows."""
+"""The objects that the live preview shows."""
 
 import bpy
 import pytest

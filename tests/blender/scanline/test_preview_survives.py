@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the live preview shows is what Blender evaluates, moved: normals, materials, UVs, colours and all."""
+"""The live preview keeps normals, materials, UVs and colours as Blender evaluates them."""
 
 import bpy
 import numpy as np
@@ -58,7 +58,7 @@ def read(values, name, width, kind=np.float32):
 
 
 def elements(mesh, matrix=None):
-    """What is to survive, corner by corner: place, normal, UV, colour; and each face's material and size."""
+    """The attributes to be kept: place, normal, UV and colour of corners, material and size of faces."""
     matrix = np.eye(4) if matrix is None else np.array(matrix)
     order = np.arange(len(mesh.loops))
     if np.linalg.det(matrix[:3, :3]) < 0:
@@ -88,7 +88,7 @@ def elements(mesh, matrix=None):
 
 
 def of_scene():
-    """What Blender itself shows, as its depsgraph's instances have it."""
+    """The same of Blender's own evaluation, from the depsgraph's instances."""
     depsgraph, found = bpy.context.evaluated_depsgraph_get(), []
     for instance in depsgraph.object_instances:
         thing = instance.object

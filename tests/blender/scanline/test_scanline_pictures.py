@@ -28,7 +28,7 @@ def scanline(addon):
 
 @pytest.fixture
 def seen():
-    """What the preview shows; excluded from the view, so that only the preview is drawn."""
+    """The collection that the preview shows, excluded from the view so that only the preview is drawn."""
     made = bpy.data.collections.new("Seen")
     bpy.context.scene.collection.children.link(made)
     bpy.context.view_layer.layer_collection.children["Seen"].exclude = True
@@ -465,7 +465,7 @@ def lenses(camera):
 
 
 def rim_stays(camera):
-    """Of a fisheye: the centre grows, the rim stays where it is."""
+    """Enlarge the centre of a fisheye; its rim stays in place."""
     mapping = camera.scfpf.mappings.add()
     mapping.kind = "RADIAL_CURVE"
     widget = mapping.curve.nodes["Curve"].mapping
