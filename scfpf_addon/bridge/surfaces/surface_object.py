@@ -3,8 +3,8 @@
 
 A parametric surface is an empty mesh with a node modifier. The modifier's inputs are the only source of its
 parameters, so that keyframes and drivers act on the drawn shape and on the image alike. PATCH and GRID are
-plain meshes whose vertices are put in order by their UV map; UV_MESH is any mesh that has one (``uv_mesh``
-reads it). NURBS is a SURFACE object (``nurbs_object``), LATTICE a Lattice object (``lattice_object``).
+plain meshes whose UV map puts their vertices in order. UV_MESH is any mesh with a UV map (``uv_mesh`` reads
+it). NURBS is a SURFACE object (``nurbs_object``), LATTICE a Lattice object (``lattice_object``).
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ def _flat(kind: str):
 def take_kind(surface) -> None:
     """Give a surface the node group or mesh that its new ``kind`` needs.
 
-    From one parametric kind to another, inputs of the same name keep their
-    values; from a parametric kind to a mesh, the mesh gets the surface's shape.
+    Between parametric kinds, inputs of the same name keep their values. From a parametric kind to a mesh, the
+    mesh gets the surface's shape.
     """
     kind, own = surface.scfpf_surface.kind, _own_modifier(surface)
     if kind in PARAMETRIC_KINDS and (own is None or own[1] != kind):

@@ -90,8 +90,8 @@ def _on_near_surface(projection: Projection, image: ImageMap) -> Segments:
 def direction_arrows(projection: Projection) -> tuple[Segments, Segments]:
     """Arrows along u and arrows along v, from the corner where both are least.
 
-    One of each on the near surface and one on the far, since either may be too small to be
-    seen or a point; at a pole they stand at the opposite border.
+    There is one of each on the near surface and one on the far, since either may be a point or too small to
+    be seen. At a pole they stand at the opposite border.
     """
     volume = projection.volume
     ends = (volume.surfaces[0], volume.surfaces[-1])

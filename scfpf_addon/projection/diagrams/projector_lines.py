@@ -23,7 +23,7 @@ BETWEEN, LEAVES_PROJECTORS = 4, 0.5
 AS_FAR = 1e-3
 # A drawn projector leaves its curve by at most this share of its control polygon's length.
 BEND_TOLERANCE = 1e-3
-# More chords than this in one span cannot be told apart on a screen.
+# More chords than this in one span look the same on a screen.
 MAXIMUM_CHORDS = 128
 # Places in a span of rational projectors at which their bend is measured.
 BEND_SAMPLES = np.linspace(0.0, 1.0, 33)

@@ -86,8 +86,8 @@ def distance_from_net(
 ) -> Array:
     """Return the distance of a surface, between a net of cells (along u, along v), from its bilinear faces.
 
-    At ``parts`` places along each side of a cell: (V · parts + 1, U · parts + 1), in mean sizes of a cell; 0
-    beside holes and in cells that lead from tile to tile.
+    Returns (V · parts + 1, U · parts + 1), at ``parts`` places along each side of a cell, in mean sizes of a
+    cell. It is 0 beside holes and in cells that lead from tile to tile.
     """
     steps = [np.linspace(0.0, 1.0, parts * count + 1) for count in cells]
     x, y = np.meshgrid(*steps)

@@ -203,9 +203,8 @@ def read_preset(path: Path) -> Preset:
 def load_preset(text: str) -> Preset:
     """The preset in the text of a file.
 
-    Raises PresetError, whose message names the surface and the key, for anything
-    that is not a preset: no key may be missing or unknown, every number is finite
-    and in range, and ``preset_limits`` bounds all sizes.
+    Raises PresetError, whose message names the surface and the key, for anything that is not a preset. No key
+    may be missing or unknown, every number is finite and in range, and ``file_limits`` bounds all sizes.
     """
     start = monotonic()
     return _preset(parsed(text), start)

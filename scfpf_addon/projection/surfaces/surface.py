@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Control surfaces: parametric sheets Q(u, v) with their derivatives.
 
-A kind is one class: it says where (u, v) in [0, 1]² lies in the surface's own
-space; ``matrix`` places it in the volume's space. With the camera looking
-along -Z, u grows to the right and v up. Angles are radians.
+A kind is one class, which maps (u, v) in [0, 1]² to the surface's own space; ``matrix`` places it in the
+volume's space. With the camera looking along -Z, u grows to the right and v up. Angles are radians.
 """
 
 from __future__ import annotations

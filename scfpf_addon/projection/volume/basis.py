@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Projector bases: the rules by which the control points of a projector make its curve.
 
-In every basis a projector is a short list of Bézier spans: one matrix a span, and for NURBS a weight for each
+In every basis a projector is a short list of Bézier spans. Each has a matrix, and for NURBS a weight for each
 of their control points. Casting, drawing and inversion know spans only.
 """
 

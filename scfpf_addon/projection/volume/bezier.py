@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Batches of Bézier curves in Bernstein form.
 
-A batch of N curves of degree d in 3-D is one array of control points shaped
-(d+1, 3, N), float64: the component axis comes before the curve axis so that
-every operation runs over contiguous memory.
+A batch of N curves of degree d in 3-D is one array of control points, (d+1, 3, N) float64. The component axis
+comes before the curve axis so that every operation runs over contiguous memory.
 """
 
 from __future__ import annotations

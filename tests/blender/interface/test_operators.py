@@ -10,7 +10,19 @@ import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector
 
-KINDS = ("POINT", "PLANE", "PATCH", "DISC", "CYLINDER", "CONE", "SPHERE", "GRID", "UV_MESH", "NURBS")
+KINDS = (
+    "POINT",
+    "PLANE",
+    "PATCH",
+    "DISC",
+    "CYLINDER",
+    "CONE",
+    "SPHERE",
+    "PARABOLOID",
+    "GRID",
+    "UV_MESH",
+    "NURBS",
+)
 
 
 def add_cube(location=(0, 0, 0)):
