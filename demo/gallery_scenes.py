@@ -90,7 +90,9 @@ def house(scene: bpy.types.Scene) -> None:
     _checkered(builder, (-30, -14), (30, 40), 0.0, 2.0)
     place("Square", builder.mesh("Square", _palette()), _group(scene, "Square"))
     houses, trees = _group(scene, "Houses"), _group(scene, "Trees")
-    own = build_house(House((-5, -6), (5, 8), 2, "White wall", "Shop red", "GABLE", "SEWN"))
+    own = build_house(
+        House((-5, -6), (5, 8), 2, wall="White wall", shop="Shop red", roof="GABLE", windows="SEWN")
+    )
     place("House", own.mesh("House", building_materials()), houses)
     tree = build_tree(1).mesh("Tree", street_materials(), sharp=np.pi)
     for x, y in ((-10, -8), (-10, 4), (-10, 16), (10, -8), (10, 4), (10, 16)):
@@ -201,7 +203,7 @@ def _long_street_houses(runs: list[tuple[float, float]]) -> list[House]:
     shops = cycle(["Shop red", "Shop blue", "Shop green", "Door"])
     roofs: cycle[RoofKind] = cycle(["FLAT", "GABLE", "HIP"])
     storeys = cycle([3, 2, 3, 3, 2])
-    first = House((0, 0), (0, 0), 3, "", "", "FLAT", "")
+    first = House((0, 0), (0, 0), 3, wall="", shop="", roof="FLAT", windows="")
 
     def house(low: tuple[float, float], high: tuple[float, float], windows: str, height: int) -> House:
         own = next(walls), next(shops), next(roofs)

@@ -166,9 +166,9 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
         set_up,
         camera,
         scaled,
-        panel.projectors,
-        panel.reach * panel.shot.scale,
-        panel.direction,
+        projectors=panel.projectors,
+        reach=panel.reach * panel.shot.scale,
+        direction=panel.direction,
     )
     set_up.render.engine = "SCFPF"
     set_up.render.filepath = str(files[1].with_suffix(".png"))

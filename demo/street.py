@@ -242,11 +242,11 @@ def _houses() -> list[House]:
                 (x0, y0),
                 (x1, y1),
                 next(storeys),
-                next(walls),
-                next(shops),
-                roof or next(roofs),
-                windows,
-                next(awnings),
+                wall=next(walls),
+                shop=next(shops),
+                roof=roof or next(roofs),
+                windows=windows,
+                awnings=next(awnings),
             )
         )
 
@@ -314,14 +314,16 @@ def _furnish(collection: bpy.types.Collection, palette: dict[str, bpy.types.Mate
 
 
 def _light(
+    collection: bpy.types.Collection,
     name: str,
     kind: str,
     energy: float,
     colour: tuple[float, float, float],
+    *,
     location: tuple[float, float, float],
-    rotation: tuple[float, float, float],
-    collection: bpy.types.Collection,
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> bpy.types.Light:
+    """Add a lamp, turned by angles in degrees; returns its data."""
     data = bpy.data.lights.new(name, kind)
     data.energy, data.color = energy, colour
     lamp = bpy.data.objects.new(name, data)
@@ -344,17 +346,27 @@ def daylight(
     background.inputs["Strength"].default_value = SKY_STRENGTH
     world.color = tuple(SKY_STRENGTH * channel for channel in SKY)
     scene.world = world
-    sun = _light("Sun", "SUN", SUN_STRENGTH, (1.0, 0.93, 0.82), (-20, -30, 40), angles, collection)
+    sun = _light(
+        collection, "Sun", "SUN", SUN_STRENGTH, (1.0, 0.93, 0.82), location=(-20, -30, 40), rotation=angles
+    )
     sun.angle = np.radians(0.5)
     set_view(scene)
 
 
 def _lamplight(collection: bpy.types.Collection) -> None:
     """The glow of two street lamps and a fill light for the shaded side."""
-    fill = _light("Fill", "AREA", 260.0, (0.85, 0.92, 1.0), (6.0, 7.5, 5.0), (-60.0, 0.0, -38.7), collection)
+    fill = _light(
+        collection,
+        "Fill",
+        "AREA",
+        260.0,
+        (0.85, 0.92, 1.0),
+        location=(6.0, 7.5, 5.0),
+        rotation=(-60.0, 0.0, -38.7),
+    )
     fill.shape, fill.size, fill.size_y = "RECTANGLE", 4.0, 2.5
     for name, x, y in (("Lamp glow left", -5.7, 12.0), ("Lamp glow right", 5.7, 12.0)):
-        glow = _light(name, "POINT", 220.0, (1.0, 0.72, 0.40), (x, y, 4.75 + KERB), (0, 0, 0), collection)
+        glow = _light(collection, name, "POINT", 220.0, (1.0, 0.72, 0.40), location=(x, y, 4.75 + KERB))
         glow.shadow_soft_size = 0.2
 
 

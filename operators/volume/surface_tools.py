@@ -41,32 +41,22 @@ def _off(change: float, what: str, kept: float = CHANGED_SHARE) -> str | None:
     return f"The {what} is off by up to {100 * change:.2g} % of the size: use more points to reduce that"
 
 
-class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
-    """Make the active control surface a mesh grid of the same shape, for editing point by point"""
+def _count(name: str, description: str, most: int):
+    """A number of columns or rows, of which 0 is chosen by the pixel error."""
+    return IntProperty(name=name, description=description, default=0, min=0, max=most)
 
-    bl_idname = "scfpf.surface_to_grid"
-    bl_label = "Convert to Grid"
 
-    columns: IntProperty(
-        name="Columns",
-        description="Faces along u; 0 chooses enough to stay within the pixel error",
-        default=0,
-        min=0,
-        max=1024,
-    )
-    rows: IntProperty(
-        name="Rows",
-        description="Faces along v; 0 chooses enough to stay within the pixel error",
-        default=0,
-        min=0,
-        max=1024,
-    )
+class Conversion(Tool):
+    """Make the active control surface one of another kind and of the same shape, within the pixel error."""
+
+    # The edit, and the new kind in a sentence.
+    convert, result = None, ""
 
     poll = classmethod(poll_slot)
 
     def edit(self, context, camera):
         kept = kept_share(context.scene, camera)
-        change = surface_edits.convert_to_grid(
+        change = self.convert(
             camera,
             context.evaluated_depsgraph_get(),
             camera.scfpf.active_surface,
@@ -74,46 +64,40 @@ class SCFPF_OT_surface_to_grid(Tool, bpy.types.Operator):
             rows=self.rows,
             share=kept,
         )
-        return _off(change, "grid", kept)
+        return _off(change, self.result, kept)
 
 
-class SCFPF_OT_surface_to_patch(Tool, bpy.types.Operator):
+class SCFPF_OT_surface_to_grid(Conversion, bpy.types.Operator):
+    """Make the active control surface a mesh grid of the same shape, for editing point by point"""
+
+    bl_idname = "scfpf.surface_to_grid"
+    bl_label = "Convert to Grid"
+    convert, result = staticmethod(surface_edits.convert_to_grid), "grid"
+
+    columns: _count("Columns", "Faces along u; 0 chooses enough to stay within the pixel error", 1024)
+    rows: _count("Rows", "Faces along v; 0 chooses enough to stay within the pixel error", 1024)
+
+
+class SCFPF_OT_surface_to_patch(Conversion, bpy.types.Operator):
     """Make the active control surface a smooth surface patch of the same shape, for editing by a few control
     points. Modifiers are applied"""
 
     bl_idname = "scfpf.surface_to_patch"
     bl_label = "Convert to Surface Patch"
+    convert, result = staticmethod(surface_edits.convert_to_patch), "patch"
 
-    columns: IntProperty(
-        name="Columns",
-        description="Control points along u, at least 4; 0 in either direction chooses enough to stay "
-        "within the pixel error. A grid keeps its own number",
-        default=0,
-        min=0,
-        max=64,
+    columns: _count(
+        "Columns",
+        "Control points along u, at least 4; 0 in either direction chooses enough to stay within the pixel "
+        "error. A grid keeps its own number",
+        64,
     )
-    rows: IntProperty(
-        name="Rows",
-        description="Control points along v, at least 4; 0 in either direction chooses enough to stay "
-        "within the pixel error. A grid keeps its own number",
-        default=0,
-        min=0,
-        max=64,
+    rows: _count(
+        "Rows",
+        "Control points along v, at least 4; 0 in either direction chooses enough to stay within the pixel "
+        "error. A grid keeps its own number",
+        64,
     )
-
-    poll = classmethod(poll_slot)
-
-    def edit(self, context, camera):
-        kept = kept_share(context.scene, camera)
-        change = surface_edits.convert_to_patch(
-            camera,
-            context.evaluated_depsgraph_get(),
-            camera.scfpf.active_surface,
-            columns=self.columns,
-            rows=self.rows,
-            share=kept,
-        )
-        return _off(change, "patch", kept)
 
 
 class SCFPF_OT_surface_subdivide(Tool, bpy.types.Operator):

@@ -29,7 +29,7 @@ def works(source):
 
 
 def preview_sleeps(driver):
-    """A preview in no viewport computes nothing, and has followed when it is visible again."""
+    """A preview in no viewport computes nothing, also of heavy objects; visible again, it has followed."""
     yield from prepare(driver)
     (shown,) = preview_areas(driver)
     source = source_of(bpy.context.scene.camera)
