@@ -108,7 +108,7 @@ class StylisedShading(Shading):
     def _filled(
         self, hits: Hits, where: IndexArray, sample: int | IndexArray, continuation: Continuation
     ) -> Single:
-        """As ``color``, if shadow catchers, which have no fill, were other surfaces."""
+        """As ``color``, but shadow catchers, which have no fill, are filled like other surfaces."""
         if self.flat is None:
             paper = np.ones((4, len(where)), np.float32)
             paper[:3] = self.style.paper.astype(np.float32)[:, None]
