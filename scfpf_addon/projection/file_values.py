@@ -126,6 +126,20 @@ def read_text(value: object, where: str) -> str:
     return value
 
 
+def read_numbers(rows: list[list[object]], where: str, limit: Limit) -> Array:
+    """Rows of equally many numbers within the limit, (N, width) float64."""
+    error = PresetError(f"{where} must be numbers between {limit.low:g} and {limit.high:g}")
+    if not set(map(type, chain.from_iterable(rows))) <= {int, float}:
+        raise error
+    try:
+        array = np.array(rows, np.float64)
+    except OverflowError as overflow:
+        raise error from overflow
+    if not ((array >= limit.low) & (array <= limit.high)).all():
+        raise error
+    return array
+
+
 def read_points(
     value: object, where: str, exactly: tuple[int, int] | None = None, weighted: bool = False
 ) -> Array:
@@ -148,15 +162,7 @@ def read_points(
     size = (len(value), len(value[0]))
     if min(size) < 2 or exactly not in (None, size):
         raise shape_error
-    range_error = PresetError(f"{where} must be numbers between {COORDINATE.low:g} and {COORDINATE.high:g}")
-    if not set(map(type, chain.from_iterable(points))) <= {int, float}:
-        raise range_error
-    try:
-        array = np.array(points, np.float64)
-    except OverflowError as error:
-        raise range_error from error
-    if not (np.abs(array) <= LARGEST_LENGTH).all():
-        raise range_error
+    array = read_numbers(points, where, COORDINATE)
     if array.shape[1] == 4 and array[:, 3].min() < SMALLEST_LENGTH:
         raise PresetError(f"{where}: every weight must be a number above 0")
     return array.reshape(*size, -1)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import chain
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from ..file_values import (
     read_choice,
     read_name,
     read_number,
+    read_numbers,
     read_object,
     read_parameters,
 )
@@ -147,23 +147,21 @@ def _read(data: object, where: str) -> ImageMapping:
 
 def _points(value: object, kind: str, where: str) -> Array:
     if kind == "RADIAL_CURVE":
-        pairs = _pairs(value, where, MOST_CURVE_POINTS, _RADII)
-        return np.array(pairs, np.float64)
+        return _pairs(value, where, MOST_CURVE_POINTS, _RADII)
     if not isinstance(value, list) or not 2 <= len(value) <= MOST_GRID_POINTS:
         raise PresetError(f"{where} must be 2 to {MOST_GRID_POINTS} rows of points [x, y]")
     rows = [_pairs(row, where, MOST_GRID_POINTS, PLACE) for row in value]
     if len(set(map(len, rows))) != 1:
         raise PresetError(f"{where} must be in rows of one length")
-    return np.array(rows, np.float64)
+    return np.stack(rows)
 
 
-def _pairs(value: object, where: str, most: int, limit: Limit) -> list[list[float]]:
+def _pairs(value: object, where: str, most: int, limit: Limit) -> Array:
     if not isinstance(value, list) or not 2 <= len(value) <= most:
         raise PresetError(f"{where} must be 2 to {most} pairs of numbers")
     if any(not isinstance(pair, list) or len(pair) != 2 for pair in value):
         raise PresetError(f"{where} must be pairs of numbers")
-    numbers = [read_number(number, where, limit) for number in chain.from_iterable(value)]
-    return [[a, b] for a, b in zip(numbers[::2], numbers[1::2], strict=True)]
+    return read_numbers(value, where, limit)
 
 
 def mapping_data(mapping: ImageMapping) -> dict[str, object]:

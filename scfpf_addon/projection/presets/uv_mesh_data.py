@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..file_limits import MAXIMUM_AT_VERTEX, MAXIMUM_OVERLAPS, PresetError, check_numbers
-from ..file_values import COORDINATE, Limit
+from ..file_values import COORDINATE, Limit, read_numbers
 from ..surfaces.uv_chart import UVChart
 from ..typing import Array, IndexArray
 
@@ -68,12 +68,6 @@ def _rows(value: object, where: str, width: int, limit: Limit) -> Array:
     if not isinstance(value, list) or not value or set(map(type, value)) != {list}:
         raise form
     check_numbers(width * len(value))
-    if set(map(len, value)) != {width} or not {type(n) for row in value for n in row} <= {int, float}:
+    if set(map(len, value)) != {width}:
         raise form
-    try:
-        rows = np.array(value, np.float64)
-    except OverflowError as error:
-        raise form from error
-    if not ((rows >= limit.low) & (rows <= limit.high)).all():
-        raise PresetError(f"{where} must be numbers between {limit.low:g} and {limit.high:g}")
-    return rows
+    return read_numbers(value, where, limit)
