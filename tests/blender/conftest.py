@@ -174,7 +174,7 @@ def light_nodes(addon, monkeypatch):
 @pytest.fixture
 def engine_scene(tmp_path):
     """A lit cube and a flexible camera, small, to be rendered by SCFPF into a multilayer EXR."""
-    from engine_pictures import write_multilayer
+    from engine_images import write_multilayer
 
     bpy.ops.mesh.primitive_cube_add()
     bpy.ops.object.light_add(type="SUN", rotation=(0.4, 0.3, 0))

@@ -69,7 +69,7 @@ def reserve(path: Path, size: int) -> None:
         os.fsync(file.fileno())
 
 
-def is_whole_picture(path: Path) -> bool:
+def is_complete_image(path: Path) -> bool:
     """Whether an image file is complete: False for one that a full disk has cut off.
 
     The format follows from the file's suffix. PNG, JPEG, TIFF and WebP are checked by their structure, with a

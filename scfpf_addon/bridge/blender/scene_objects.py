@@ -38,8 +38,8 @@ def holds(objects, obj) -> bool:
 def is_absent(obj, scene) -> bool:
     """Whether a local object is not in a scene: deleted with X, it stays in the file for its pointers.
 
-    A linked object is never absent: linking a camera alone brings its surfaces along without linking them to
-    the scene, and the volume object evaluates them.
+    A linked object is never absent. Linking a camera alone brings its surfaces without linking them to the
+    scene; the volume object evaluates them.
     """
     return obj.library is None and not holds(scene.objects, obj)
 
@@ -57,7 +57,7 @@ def missing_text(obj) -> str:
 
 
 def absence(obj, scene) -> str:
-    """Where an object is that is not in a scene, in two or three words; empty if it is in the scene."""
+    """The place of an object outside of a scene, in two or three words; empty if it is in the scene."""
     if holds(scene.objects, obj):
         return ""
     if not obj.users_collection:

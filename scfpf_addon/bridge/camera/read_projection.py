@@ -123,7 +123,7 @@ def _listed_surfaces(camera) -> list:
 def _some_projectors(projection: Projection) -> Array:
     """The control points, (surfaces, 3, N), of some projectors of the image; N is 0 if none is found.
 
-    UV meshes may have holes: if a coarse grid of image positions hits only holes, this samples a finer one,
+    UV meshes may have holes. If a coarse grid of image positions hits only holes, a finer one is sampled, and
     then the middles of the UV triangles.
     """
     (u0, u1), (v0, v1) = projection.u_range, projection.v_range

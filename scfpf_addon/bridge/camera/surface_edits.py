@@ -104,8 +104,8 @@ def convert_to_grid(camera, depsgraph, index: int, columns: int, rows: int, shar
 
     columns, rows: 0 for as many as keep the change below a share of the surface's size, see
     ``projection.editing.resolution.grid_within``. Further modifiers stay and act on the grid; those of a
-    surface patch are applied. Returns the greatest change of the surface as a share of its size: 0 (float32)
-    for planes and patches, falling as the square of the resolution for curved kinds. Raises
+    surface patch are applied. Returns the greatest change of the surface as a share of its size. It is 0
+    (float32) for planes and patches, and falls as the square of the resolution for curved kinds. Raises
     FlexibleCameraError, and EditingError for holes.
     """
     (surface,) = editable_surfaces(camera, [index])
@@ -192,9 +192,9 @@ def convert_to_patch(camera, depsgraph, index: int, columns: int, rows: int, sha
     """Make a surface a Surface Patch with the same Q(u, v) at this frame, modifiers applied.
 
     columns, rows: control points, at least 4 each; 0 in either for as many as keep the change below a share
-    of the surface's size. A grid keeps its own. Returns the greatest change as a share of the size: 0
-    (float32) for planes, patches and grids, falling as the fourth power of the number of points for the
-    others. Raises FlexibleCameraError, and EditingError for holes.
+    of the surface's size. A grid keeps its own. Returns the greatest change as a share of the size. It is 0
+    (float32) for planes, patches and grids, and falls as the fourth power of the number of points for others.
+    Raises FlexibleCameraError, and EditingError for holes.
     """
     (surface,) = editable_surfaces(camera, [index])
     kind = surface.scfpf_surface.kind

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 from ..blender import versions
-from ..blender.atomic_files import is_whole_picture, replacing, require_writable, reserve
+from ..blender.atomic_files import is_complete_image, replacing, require_writable, reserve
 
 # Extension → Blender's file format, colour channels and bits a channel.
 FILE_FORMATS = {
@@ -77,7 +77,7 @@ def save_result(image, path: str, scene) -> str:
                 reserve(part, image.size[0] * image.size[1] * WEBP_BYTES)
             image.save_render(str(part), scene=scene)
             # Blender reports no error for a PNG, a TIFF or a WebP that it could not write to the end.
-            if not is_whole_picture(part):
+            if not is_complete_image(part):
                 raise ResultError(f"Cannot write '{path}': {CUT_OFF}")
     except RuntimeError as error:
         reason = str(error).splitlines()[0].removeprefix("Error: ")

@@ -2,7 +2,7 @@
 """Handlers that keep volume objects and control surfaces consistent with their cameras.
 
 Duplicating, pasting, linking, undoing or deleting a camera leaves its volume object shared, misplaced or
-without a camera, and the surfaces of a deleted camera unselectable. A handler repairs that after each
+without a camera. The surfaces of a deleted camera stay unselectable. A handler repairs that after each
 evaluation. It compares a few numbers of the cameras that the evaluation concerns. It also checks one more
 camera each time, as scripts can change a list without Blender telling the handlers.
 """

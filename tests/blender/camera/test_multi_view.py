@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import button, f12, passes, write_multilayer
+from engine_images import button, f12, passes, write_multilayer
 
 POSITION, COMBINED = "ViewLayer.Position", "ViewLayer.Combined"
 VIEWS = ("left", "right")

@@ -6,7 +6,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import f12, load_pixels, write_multilayer
+from engine_images import f12, load_pixels, write_multilayer
 from mathutils import Euler
 from rig_scenes import keep_groups, reference, start_anew, switch
 

@@ -6,7 +6,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import load_pixels
+from engine_images import load_pixels
 from rig_scenes import reference
 
 WIDTH, HEIGHT = 80, 60

@@ -158,7 +158,7 @@ def test_a_full_disk_is_a_line_and_a_code(addon, run, blend, tmp_path, capsys, m
     output = tmp_path / "out.png"
     output.write_bytes(b"an earlier picture")
     module = addon("bridge.render.image_file")
-    monkeypatch.setattr(module, "is_whole_picture", lambda _path: False)
+    monkeypatch.setattr(module, "is_complete_image", lambda _path: False)
     assert run("render", blend, "-o", output) == 1
     captured = capsys.readouterr()
     assert "the file is incomplete" in captured.err and captured.err.count("\n") == 1

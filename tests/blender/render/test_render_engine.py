@@ -8,7 +8,7 @@ import subprocess
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import button, f12, passes
+from engine_images import button, f12, passes
 from interpreters import after, interpreter
 
 COMBINED = "ViewLayer.Combined"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import button, f12
+from engine_images import button, f12
 
 COMBINED = "ViewLayer.Combined"
 

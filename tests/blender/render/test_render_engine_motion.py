@@ -7,7 +7,7 @@ import re
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import f12
+from engine_images import f12
 
 
 @pytest.fixture

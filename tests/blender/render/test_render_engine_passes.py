@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
-from engine_pictures import f12
+from engine_images import f12
 from mathutils import Vector
 from shown_materials import add, new_material, show
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import button, f12
+from engine_images import button, f12
 from mathutils import Matrix, Vector
 
 COMBINED = "ViewLayer.Combined"

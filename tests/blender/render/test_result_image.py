@@ -378,7 +378,7 @@ def full_disk(left):
 @pytest.mark.parametrize("ending", [".png", ".exr", ".jpg", ".tif", ".webp"])
 def test_a_full_disk_is_reported_and_the_earlier_image_stays(module, files, addon, tmp_path, ending):
     """Blender 4.5 and 5.2 report no error for an incomplete PNG, WebP or TIFF."""
-    is_whole = addon("bridge.blender.atomic_files").is_whole_picture
+    is_whole = addon("bridge.blender.atomic_files").is_complete_image
     scene = bpy.context.scene
     path = tmp_path / f"picture{ending}"
     image = module.write_result(picture(160, 120))

@@ -6,7 +6,7 @@ import math
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import button, f12
+from engine_images import button, f12
 
 # Both engines' noise at these samples, and their chords' and places' differences.
 NOISE = 0.012

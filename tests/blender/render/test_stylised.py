@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import button, f12
+from engine_images import button, f12
 
 COMBINED = "ViewLayer.Combined"
 

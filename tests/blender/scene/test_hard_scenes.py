@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import button, f12
+from engine_images import button, f12
 
 NAN, INF = float("nan"), float("inf")
 

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import f12
+from engine_images import f12
 from shown_materials import add, both, new_material, scene_with_camera, show
 
 SIZE, BLOCK = 24, 6

@@ -7,7 +7,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import f12
+from engine_images import f12
 from mathutils import Euler, Matrix, Vector
 from small_scenes import corners, cube_mesh, link, shown, triangle_mesh, triangles_of
 

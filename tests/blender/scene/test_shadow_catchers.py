@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from engine_pictures import f12, passes, write_multilayer
+from engine_images import f12, passes, write_multilayer
 from shown_materials import add, new_material, picture, scene_with_camera, show
 
 SIZE = 48

@@ -11,7 +11,7 @@ import pathlib
 
 import bpy
 import numpy as np
-from engine_pictures import button
+from engine_images import button
 
 FOLDER = pathlib.Path(__file__).parent / "files"
 # Resolution of the images, and the frame at which keyframes are halfway.

@@ -6,7 +6,7 @@ import pathlib
 
 import bpy
 import numpy as np
-from engine_pictures import f12, write_multilayer
+from engine_images import f12, write_multilayer
 from mathutils import Euler, Matrix
 
 spec = importlib.util.spec_from_file_location(

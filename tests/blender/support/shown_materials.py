@@ -3,7 +3,7 @@
 
 import bpy
 import numpy as np
-from engine_pictures import passes, write_multilayer
+from engine_images import passes, write_multilayer
 
 # Pixels across a picture.
 SIZE = 48
