@@ -79,7 +79,7 @@ def cast(
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
     spans = projection.volume.spans
     if pixel_error > 0.0 and not spans.is_polyline:
-        tile = _Tile(scene, projection, x, y, pixel_size, columns)
+        tile = _Tile(scene=scene, projection=projection, x=x, y=y, pixel_size=pixel_size, columns=columns)
         return _cast_curved(tile, max(pixel_error, SMALLEST_ERROR), counts)
     points, mask, farthest = usable_projectors(projection, x, y)
     if pixel_error > 0.0 and spans.is_straight:

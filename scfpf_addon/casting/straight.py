@@ -101,4 +101,4 @@ def cast_straight(
     if not mask.all():
         position *= mask
         way *= mask
-    return Hits(t, found, barycentric, position, way, mask)
+    return Hits(t=t, triangle=found, barycentric=barycentric, position=position, tangent=way, mask=mask)

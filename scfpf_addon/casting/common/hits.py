@@ -43,12 +43,12 @@ class Hits(NamedTuple):
     def empty(cls, count: int) -> Hits:
         """Hits of ``count`` projectors that meet nothing, to be filled in."""
         return cls(
-            np.full(count, np.inf),
-            np.full(count, -1, np.int32),
-            np.zeros((2, count)),
-            np.zeros((3, count)),
-            np.zeros((3, count)),
-            np.zeros(count, bool),
+            t=np.full(count, np.inf),
+            triangle=np.full(count, -1, np.int32),
+            barycentric=np.zeros((2, count)),
+            position=np.zeros((3, count)),
+            tangent=np.zeros((3, count)),
+            mask=np.zeros(count, bool),
         )
 
     def take(self, index: IndexArray) -> Hits:

@@ -127,7 +127,19 @@ def footprint(curves: Curves, spans: SpanBasis, span: int, local: Array) -> Foot
     tangent, bend = blend(slope, curves.points), blend(second, curves.points)
     dx, dy = across(dx, tangent), across(dy, tangent)
     xx, yy, xy = (dx * dx).sum(axis=0), (dy * dy).sum(axis=0), (dx * dy).sum(axis=0)
-    return Footprint(position, tangent, bend, dx, dy, xx, yy, xy, *pixel_widths(xx, yy, xy))
+    wide, narrow = pixel_widths(xx, yy, xy)
+    return Footprint(
+        position=position,
+        tangent=tangent,
+        bend=bend,
+        dx=dx,
+        dy=dy,
+        xx=xx,
+        yy=yy,
+        xy=xy,
+        wide=wide,
+        narrow=narrow,
+    )
 
 
 def pixel_widths(xx: Array, yy: Array, xy: Array) -> tuple[Array, Array]:

@@ -118,7 +118,14 @@ def plan_chords(
     missing = 1.0 - float(np.mean([np.mean(present) for _, present in sampled]))
     breaks, shifts, error = _breaks(spans, curves, CHORD_SHARE * pixel_error)
     cells, between = _cells(alike, size, breaks, (1.0 - CHORD_SHARE) * pixel_error, lines)
-    return ChordPlan(breaks, shifts, cells, error + between, missing, _shape(first)[0])
+    return ChordPlan(
+        breaks=breaks,
+        shifts=shifts,
+        cells=cells,
+        error=error + between,
+        missing=missing,
+        disc=_shape(first)[0],
+    )
 
 
 def chord_error(projection: Projection, size: tuple[int, int], breaks: Array, shifts: Array) -> float:

@@ -59,4 +59,11 @@ def pixels(curves: Curves, spans: SpanBasis, span: int, local: Array) -> Pixels:
     least = (FINEST * np.abs(there.position).max(axis=0) + LEAST_LENGTH) / SMALLEST_ERROR
     wide = np.sqrt(there.wide)
     narrow = np.maximum(np.maximum(np.sqrt(there.narrow), wide / MOST_SQUEEZE), least)
-    return Pixels(there.position, there.tangent, there.bend, along, np.maximum(wide, least), narrow)
+    return Pixels(
+        position=there.position,
+        tangent=there.tangent,
+        bend=there.bend,
+        widest=along,
+        wide=np.maximum(wide, least),
+        narrow=narrow,
+    )
