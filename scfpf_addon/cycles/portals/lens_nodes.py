@@ -96,13 +96,9 @@ def aimed(nodes: FieldBuilder, position: Value, direction: Value, distance: floa
     a, b, c = tilt.parts()
     scale = distance / RADIUS
     x, y = a / c * scale, b / c * scale
-
-    def attribute(name: str) -> Value:
-        return nodes.out("ShaderNodeAttribute", name, {}, "Vector", attribute_name=name)
-
     nodes.open_frame("From there through what is in focus")
-    offset = attribute(LENS_X) * x + attribute(LENS_Y) * y
-    begins, goes, _ = attribute(LENS).parts()
+    offset = nodes.shader_attribute(LENS_X) * x + nodes.shader_attribute(LENS_Y) * y
+    begins, goes, _ = nodes.shader_attribute(LENS).parts()
     return position + offset * begins, direction - offset * goes
 
 

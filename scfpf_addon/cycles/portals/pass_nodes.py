@@ -68,18 +68,15 @@ def add_to_aovs(nodes: FieldBuilder, due, place: float, follow) -> None:
     """
     nodes.open_frame("Into AOVs, if the view layer has them")
 
-    def attribute(name: str) -> Value:
-        return nodes.out("ShaderNodeAttribute", name, {}, "Vector", attribute_name=name)
-
     def write(aov: str, value: Value) -> None:
         if due is not None:
             value = value * Value(nodes, due)
         nodes.node("ShaderNodeOutputAOV", aov, {"Color": value}, aov_name=aov)
 
     for aov, name in ADDED.items():
-        write(aov, attribute(name))
+        write(aov, nodes.shader_attribute(name))
     if place:
-        u, v = _parameters(nodes, attribute(PLACE), follow)
+        u, v = _parameters(nodes, nodes.shader_attribute(PLACE), follow)
         write(AOV_PLACE, nodes.xyz(u, v, 1.0, "u, v, 1") * place)
 
 

@@ -158,19 +158,16 @@ def _new_material(name: str):
 
 def _portal(name: str, gated: bool, slot: int, follow):
     material, nodes = _new_material(name)
-
-    def attribute(name: str, output: str = "Vector"):
-        return nodes.out("ShaderNodeAttribute", name, {}, output, attribute_name=name)
-
     if slot == SCREEN:
-        position, direction = lens_nodes.aimed(nodes, attribute(POSITION), attribute(DIRECTION), TO_SCREEN)
+        ray = (nodes.shader_attribute(name) for name in (POSITION, DIRECTION))
+        position, direction = lens_nodes.aimed(nodes, *ray, TO_SCREEN)
         inputs = {"Position": position, "Direction": direction}
     elif slot == FAR:
         ray = nodes.node("ShaderNodeNewGeometry", "Ray", {}).outputs
         onward = Value(nodes, ray["Incoming"]) * -1.0
         inputs = {"Position": Value(nodes, ray["Position"]) + onward * TELEPORT, "Direction": onward}
     else:
-        inputs = {"Direction": attribute(DIRECTION)}
+        inputs = {"Direction": nodes.shader_attribute(DIRECTION)}
     # Up to 5.1 Cycles does not normalise it: rays of another length see no smoke and reflect too little.
     unit = {0: inputs["Direction"]}
     inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
@@ -178,7 +175,7 @@ def _portal(name: str, gated: bool, slot: int, follow):
     shader, due = nodes.node("ShaderNodeBsdfRayPortal", "Ray Portal", inputs).outputs[0], None
     if gated:
         passed = nodes.node("ShaderNodeLightPath", "Light Path", {}).outputs["Portal Depth"]
-        inputs = {0: passed, 1: attribute(DEPTH, "Fac"), 2: DEPTH_SLACK}
+        inputs = {0: passed, 1: nodes.shader_attribute(DEPTH, "Fac"), 2: DEPTH_SLACK}
         due = nodes.node("ShaderNodeMath", "Due", inputs, operation="COMPARE").outputs[0]
         through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
@@ -186,7 +183,8 @@ def _portal(name: str, gated: bool, slot: int, follow):
     if due is None and slot != SCREEN:
         # On an edge both triangles may turn a ray: that does no harm, but must not count twice.
         way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
-        due = nodes.combine("GREATER_THAN", way, attribute(DIRECTION).length() * SAME_PLACE).socket
+        chord = nodes.shader_attribute(DIRECTION).length()
+        due = nodes.combine("GREATER_THAN", way, chord * SAME_PLACE).socket
     pass_nodes.add_to_aovs(nodes, due, {SCREEN: 1.0, FAR: -1.0}.get(slot, 0.0), follow)
     return material
 

@@ -98,6 +98,10 @@ class FieldBuilder(NodeBuilder):
         node = self.node(kind, label, inputs, **settings)
         return tuple(Value(self, node.outputs[output]) for output in outputs)
 
+    def shader_attribute(self, name: str, output: str = "Vector") -> Value:
+        """An attribute of the mesh, in a material."""
+        return self.out("ShaderNodeAttribute", name, {}, output, attribute_name=name)
+
     def combine(self, operation: str, a, b=None) -> Value:
         """A math node, or a vector math node if a side is a vector."""
         label = _SYMBOLS.get(operation, operation.replace("_", " ").title())

@@ -74,7 +74,7 @@ PLACED = {"Position": "Vector"}
 
 
 def view_inputs(nodes: GeometryBuilder, table: Value, aspect: Value) -> dict[str, Value]:
-    """The values of ``VIEW_INPUTS`` for a table's geometry: of a volume that is one branch."""
+    """The values of ``VIEW_INPUTS`` for a table's geometry, except for defaults: the volume is one branch."""
     cloud, points, borders = nodes.outs(
         "GeometryNodeSeparateComponents",
         "Cloud and Table",
@@ -82,17 +82,13 @@ def view_inputs(nodes: GeometryBuilder, table: Value, aspect: Value) -> dict[str
         *("Mesh", "Point Cloud", "Instances"),
     )
     border = nodes.out("GeometryNodeRealizeInstances", "Borders", {0: borders})
-    given = {"Table": points, "Cloud": cloud, "Aspect": aspect, "Border": border}
-    given |= {
-        "From": (0.0, 0.0, 0.0),
-        "To": (1.0, 1.0, 1.0),
-        "Branch": False,
-        "In Pieces": False,
-        "Piece": NO_PIECE,
-        "Scale": (1.0, 1.0, 1.0),
-        "Sign": -1.0,
+    given = {
+        "Table": points,
+        "Cloud": cloud,
+        "Aspect": aspect,
+        "Border": border,
         "Search": cloud,
-        "Spacing": (0.0, 0.0, 0.0),
+        "Branch": False,
     }
     for label, name in (
         ("Size", "size"),
