@@ -173,7 +173,7 @@ class _SceneReader:
         if light is None:
             return
         self.links.add(len(self.lights), own)
-        self.lights.append(replace(light, scattered=obj.visible_diffuse, mirrored=obj.visible_glossy))
+        self.lights.append(replace(light, diffuse=obj.visible_diffuse, specular=obj.visible_glossy))
         for note in notes:
             self._uneven.setdefault(note, {})[own.name] = None
 

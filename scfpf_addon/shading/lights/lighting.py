@@ -95,7 +95,7 @@ class Lighting:
         if self.sky and coefficients.unit:
             unit = coefficients.unit
             reflectance = unit.unlit(points.material, unit.view_terms(points.material, facing)) * OVER_PI
-            lit = self.sky.scattered(points, reflectance, sample, color)
+            lit = self.sky.radiance(points, reflectance, sample, color)
             color += lit
             if parts:
                 parts.rows[DIFFUSE] += lit
@@ -117,14 +117,14 @@ class Lighting:
         tint = lamp.color[:, None]
         if parts:
             parts.receive(full, received, lamp.color)
-        if lamp.light.scattered:
+        if lamp.light.diffuse:
             lit = by_material(coefficients.diffuse * tint, points.material)
             transmittance = seen.view.layer_transmittance
             lit = lit * (received if transmittance is None else received * transmittance)
             color += lit
             if parts:
                 parts.rows[DIFFUSE] += lit
-        if coefficients.glossy and lamp.light.mirrored:
+        if coefficients.glossy and lamp.light.specular:
             between = dot(points.view, light.direction)
             density, cosine = ggx_reflection(cosine, seen.facing, between, seen.alpha)
             received *= density

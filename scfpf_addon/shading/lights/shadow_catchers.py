@@ -98,13 +98,13 @@ class Catchers:
         """
         blocked, full = np.zeros_like(points.normal), np.zeros_like(points.normal)
         for lamp, alone in self.lamps:
-            if lamp.light.scattered:
+            if lamp.light.diffuse:
                 lost, usual = self._blocked(lamp, alone, points, sample)
                 blocked += lost * lamp.color[:, None]
                 full += usual * lamp.color[:, None]
         if self.sky:
-            open_sky = self.sky[1].scattered(points, WHITE, sample)
-            blocked += open_sky - self.sky[0].scattered(points, WHITE, sample)
+            open_sky = self.sky[1].radiance(points, WHITE, sample)
+            blocked += open_sky - self.sky[0].radiance(points, WHITE, sample)
             full += open_sky
         left: Single = 1 - np.divide(blocked, full, out=np.zeros_like(blocked), where=full > 0)
         return left

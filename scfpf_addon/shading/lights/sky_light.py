@@ -56,7 +56,7 @@ class SkyLight:
             shuffled(samples, SILVER) / samples,
         )
 
-    def scattered(
+    def radiance(
         self,
         points: SurfacePoints,
         reflectance: Single,
@@ -77,8 +77,8 @@ class SkyLight:
                 np.ones(len(own)) if beside is None else own / np.maximum(own + luminance_of(beside), TINY)
             )
             self._hide(arriving, points, sample, self.occluders, self._ray_counts(share * (own > 0.0)))
-        scattered: Single = reflectance * arriving
-        return scattered
+        radiance: Single = reflectance * arriving
+        return radiance
 
     def _ray_counts(self, share: Array) -> IndexArray:
         """Numbers of rays (N,) where the sky is a share (N,) of all light: a power of 2, or all."""

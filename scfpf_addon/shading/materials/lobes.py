@@ -150,8 +150,8 @@ class _ClosureInputs:
         materials = Materials.of_rows({"base_color": color.T, "emission": light, **rows})
         return Body(self.weight if weight is None else weight, materials, self.normal)
 
-    def scattered(self, kind: LobeKind, tint: Array, ior: Array | None = None) -> ScatteredLobe:
-        """A lobe that is sharp."""
+    def sharp(self, kind: LobeKind, tint: Array, ior: Array | None = None) -> ScatteredLobe:
+        """A sharp lobe."""
         return ScatteredLobe(kind, tint, self.normal, np.ones((1, self.count)) if ior is None else ior)
 
     def glossy(self, weight: Array, f0: Array, f90: Array, ior: Array | None = None) -> ScatteredLobe:
@@ -168,8 +168,8 @@ class _ClosureInputs:
         """The lobes of glass: Fresnel's share is reflected, times ``reflection``, and the rest refracted."""
         ior = self.relative_ior
         fresnel = fresnel_dielectric(self.facing, ior)
-        yield self.scattered("GLOSSY", np.broadcast_to(weight * fresnel * reflection, (3, self.count)))
-        yield self.scattered("TRANSMISSION", weight * (1.0 - fresnel) * color, ior)
+        yield self.sharp("GLOSSY", np.broadcast_to(weight * fresnel * reflection, (3, self.count)))
+        yield self.sharp("TRANSMISSION", weight * (1.0 - fresnel) * color, ior)
 
 
 # The constants of a body that a closure does not give.
@@ -197,7 +197,7 @@ def _principled(inputs: _ClosureInputs) -> Lobes:
     alpha = inputs.share("alpha")
     transparent = inputs.weight * (1.0 - alpha)
     if transparent.any():
-        yield inputs.scattered("TRANSPARENT", np.repeat(transparent, 3, axis=0))
+        yield inputs.sharp("TRANSPARENT", np.repeat(transparent, 3, axis=0))
     weight = inputs.weight * alpha
     base, metallic, roughness = (
         inputs.color("base_color"),
@@ -258,7 +258,7 @@ def _emission(inputs: _ClosureInputs) -> Lobes:
 
 
 def _transparent(inputs: _ClosureInputs) -> Lobes:
-    yield inputs.scattered("TRANSPARENT", inputs.weight * inputs.color("color"))
+    yield inputs.sharp("TRANSPARENT", inputs.weight * inputs.color("color"))
 
 
 def _glass(inputs: _ClosureInputs) -> Lobes:
@@ -277,7 +277,7 @@ def _refraction(inputs: _ClosureInputs) -> Lobes:
     ior = inputs.relative_ior
     # No light on total internal reflection.
     enters = fresnel_dielectric(inputs.facing, ior) < 1.0
-    yield inputs.scattered("TRANSMISSION", inputs.weight * enters * inputs.color("color"), ior)
+    yield inputs.sharp("TRANSMISSION", inputs.weight * enters * inputs.color("color"), ior)
 
 
 CLOSURES = {

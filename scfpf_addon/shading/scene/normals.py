@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
@@ -22,30 +22,22 @@ FLAT = 1e-4
 FLAT_FACE = 1e-3
 
 
-class Normals(NamedTuple):
-    """The rows of ``SurfaceTable`` that depend on normals: flat, smooth and bulge."""
-
-    flat: Single
-    smooth: Single | None
-    bulge: Single | None
-
-
 def normals_of(geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int) -> Normals:
     """The normals of the triangles of ``cast_scene``; threads: 0 for all cores."""
     count = len(geometry.triangles)
     parts = chunks(count)
-    made = _Making(geometry, cast_scene, np.empty((3, count), np.float32))
+    made = Normals(geometry, cast_scene, np.empty((3, count), np.float32))
     # Most smooth meshes are smooth in the first chunk; then the others need no test.
     if made.flat_shaded(parts[0]) and all(parallel_map(made.flat_shaded, parts[1:], threads)):
-        return Normals(made.flat, None, None)
+        return made
     made = made.to_be_smooth(shadows)
     parallel_map(made.write_smooth, parts, threads)
-    return Normals(made.flat, made.smooth, made.bulge)
+    return made
 
 
 @dataclass(frozen=True)
-class _Making:
-    """The arrays, while threads write their chunks of them."""
+class Normals:
+    """Normals of a geometry, written in threads by chunks. flat, smooth, bulge: see ``SurfaceTable``."""
 
     geometry: Geometry
     cast_scene: CastScene

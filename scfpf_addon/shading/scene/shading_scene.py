@@ -41,7 +41,7 @@ class Light:
     radians. spot_angle: full cone angle, radians; spot_blend in [0, 1]. sphere: POINT and SPOT light as a
     sphere of their radius (no soft falloff), not as a disc that faces what it lights.
     receivers, blockers: whether it lights, and is shadowed by, the objects of each number in
-    ``Geometry.linked``; None for all. scattered, mirrored: whether it makes diffuse light and highlights.
+    ``Geometry.linked``; None for all. diffuse, specular: whether it makes diffuse light and highlights.
     """
 
     kind: LightKind
@@ -58,8 +58,8 @@ class Light:
     spot_blend: float = 0.15
     receivers: BoolArray | None = None
     blockers: BoolArray | None = None
-    scattered: bool = True
-    mirrored: bool = True
+    diffuse: bool = True
+    specular: bool = True
 
 
 @dataclass(frozen=True)

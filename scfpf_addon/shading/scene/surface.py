@@ -101,7 +101,7 @@ class SurfaceTable:
     @classmethod
     def of(cls, geometry: Geometry, cast_scene: CastScene, shadows: bool, threads: int = 0) -> SurfaceTable:
         """The table of the triangles of ``cast_scene``, made in threads (0: all cores)."""
-        flat, smooth, bulge = normals_of(geometry, cast_scene, shadows, threads)
+        normals = normals_of(geometry, cast_scene, shadows, threads)
         number = geometry.material
         # One number need not be stored a million times.
         alike = bool((number == number[0]).all())
@@ -110,9 +110,9 @@ class SurfaceTable:
         )
         return cls(
             cast_scene=cast_scene,
-            flat=flat,
-            smooth=smooth,
-            bulge=bulge,
+            flat=normals.flat,
+            smooth=normals.smooth,
+            bulge=normals.bulge,
             shadows=shadows,
             material=material,
             linked=geometry.linked,

@@ -27,11 +27,11 @@ MOST_AT_ONCE = 1 << 15
 BRIGHTEST = 1e12
 
 
-class Surroundings(ShadingContext):
+class WorldContext(ShadingContext):
     """The inputs of world nodes at unit directions (3, n), which are their generated coordinates."""
 
     @classmethod
-    def of(cls, direction: Array, images: Mapping[str, ImageData], blur: float) -> Surroundings:
+    def of(cls, direction: Array, images: Mapping[str, ImageData], blur: float) -> WorldContext:
         """The inputs at directions (3, n). blur: angle between two of them, in radians."""
         count = direction.shape[1]
         return cls(
@@ -80,8 +80,8 @@ class World:
     @property
     def uniform(self) -> bool:
         """Whether the light is the same in all directions: its emission depends on no input."""
-        shining = [each for each in self.graph.closures if each.kind == "EMISSION"]
-        wanted = [ref.operation for each in shining for ref in (each.weight, each.inputs["color"])]
+        emission = [each for each in self.graph.closures if each.kind == "EMISSION"]
+        wanted = [ref.operation for each in emission for ref in (each.weight, each.inputs["color"])]
         while wanted:
             operation = self.graph.operations[wanted.pop()]
             if not operation.inputs and operation.kind != "CONSTANT":
@@ -91,7 +91,7 @@ class World:
 
     def radiance(self, direction: Array) -> Array:
         """Radiance (3, n), at least 0, from directions (3, n) of any length, in world space."""
-        return shining(self.graph, self.images, direction, 0.0)
+        return radiance_of(self.graph, self.images, direction, 0.0)
 
     @cached_property
     def light(self) -> WorldLight:
@@ -100,19 +100,21 @@ class World:
         Images are averaged to texels at least as large as the map's, so that no sun is missed between two.
         """
         images = {name: reduced(image) for name, image in self.images.items()}
-        light = shining(self.graph, images, map_directions(COLUMNS, ROWS), np.pi / ROWS)
+        light = radiance_of(self.graph, images, map_directions(COLUMNS, ROWS), np.pi / ROWS)
         return WorldLight.of(light.reshape(3, ROWS, COLUMNS))
 
 
-def shining(graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float) -> Array:
-    """Radiance (3, n) of a graph from directions (3, n). blur: see ``Surroundings.of``."""
+def radiance_of(
+    graph: MaterialGraph, images: Mapping[str, ImageData], direction: Array, blur: float
+) -> Array:
+    """Radiance (3, n) of a graph from directions (3, n). blur: see ``WorldContext.of``."""
     count = direction.shape[1]
     light = np.zeros((3, count))
     for first in range(0, count, MOST_AT_ONCE):
         raise_if_cancelled()
         some = slice(first, first + MOST_AT_ONCE)
-        place = Surroundings.of(unit(direction[:, some]), images, blur)
-        results = registers(graph, place, OPERATIONS)
+        context = WorldContext.of(unit(direction[:, some]), images, blur)
+        results = registers(graph, context, OPERATIONS)
         for closure in graph.closures:
             if closure.kind == "EMISSION":
                 color, weight = closure.inputs["color"], closure.weight

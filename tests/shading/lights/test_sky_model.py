@@ -7,7 +7,7 @@ import pytest
 from scfpf_addon.shading.nodes import sky, sky_model
 from scfpf_addon.shading.nodes.sky_model import GROUND, TOP, Air, sky_table, sun_color
 from scfpf_addon.shading.nodes.spectrum import XYZ_TO_RGB
-from scfpf_addon.shading.scene.world import Surroundings
+from scfpf_addon.shading.scene.world import WorldContext
 from scfpf_addon.shading.vectors import unit
 
 USUAL = Air(0.6, 0.0, 1.0, 1.0, 1.0)
@@ -23,7 +23,7 @@ def direction(elevation, turn):
 
 def looked(way, air=USUAL, blur=0.0, **settings):
     settings = {"air": air, "rotation": 0.0, "size": 0.0, "scale": 1.0, "intensity": 1.0} | settings
-    return sky.sky((way,), settings, Surroundings.of(unit(way), {}, blur))[0]
+    return sky.sky((way,), settings, WorldContext.of(unit(way), {}, blur))[0]
 
 
 def test_sunlight_is_that_of_a_black_body():

@@ -12,7 +12,7 @@ from scfpf_addon.shading.nodes.context import ShadingContext
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
 from scfpf_addon.shading.nodes.image import ImageData
 from scfpf_addon.shading.nodes.operations import OPERATIONS
-from scfpf_addon.shading.scene.world import Surroundings, World
+from scfpf_addon.shading.scene.world import World, WorldContext
 from scfpf_addon.shading.vectors import unit
 
 MASK = 0xFFFFFFFF
@@ -320,7 +320,7 @@ def test_a_bump_tilts_by_the_slope_of_its_height(strength, sign):
 
 def test_directions_are_the_inputs_of_worlds():
     way = unit(np.random.default_rng(1).normal(size=(3, 5)))
-    place = Surroundings.of(way, {}, 0.0)
+    place = WorldContext.of(way, {}, 0.0)
     for name in ("GENERATED", "OBJECT"):
         value, there = place.layer(name, 3)
         assert value is way and (there == 1.0).all()
