@@ -51,7 +51,7 @@ def parsed(path):
 
 
 def is_product(path):
-    return path.relative_to(ROOT).parts[0] in PRODUCT
+    return title(path).split("/")[0] in PRODUCT
 
 
 @functools.cache

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators on the list of control surfaces: add, attach, move, select and remove."""
+
+import bpy
+import numpy as np
+import pytest
+from operator_steps import add_camera, add_cube, poll_message, projection_of, surface_names
+
+KINDS = (
+    "POINT",
+    "PLANE",
+    "PATCH",
+    "DISC",
+    "CYLINDER",
+    "CONE",
+    "SPHERE",
+    "PARABOLOID",
+    "GRID",
+    "UV_MESH",
+    "NURBS",
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_surface_of_every_kind_goes_between_its_neighbours(addon, kind):
+    add_cube()
+    camera = add_camera()
+    near, far = (slot.object for slot in camera.scfpf.surfaces)
+    assert bpy.ops.scfpf.surface_add(kind=kind) == {"FINISHED"}
+    slots = camera.scfpf.surfaces
+    assert [slots[0].object, slots[2].object] == [near, far]
+    assert camera.scfpf.active_surface == 1
+    assert slots[1].object.scfpf_surface.kind == kind
+    assert bpy.context.object == camera, "the panel in the Data tab would be gone"
+    middle = projection_of(addon, camera).transformed(np.linalg.inv(camera.matrix_world)).volume.surfaces[1]
+    ends = np.array([0.0, 0.5, 1.0])
+    u, v = (axis.ravel() for axis in np.meshgrid(ends, ends))
+    depth = -middle.evaluate(u, v).position[2]
+    assert depth.min() >= -near.location.z - 1e-4
+    assert depth.max() <= -far.location.z + 1e-4
+
+
+def test_plane_between_two_planes_of_a_frustum_leaves_the_projectors_straight(addon):
+    add_cube()
+    camera = add_camera()
+    before = projection_of(addon, camera).volume
+    bpy.ops.scfpf.surface_add(kind="PLANE")
+    after = projection_of(addon, camera).volume
+    u, v, t = np.random.default_rng(1).random((3, 20))
+    assert np.allclose(after.evaluate(u, v, t).position, before.evaluate(u, v, t).position, atol=1e-4)
+
+
+def test_surface_at_the_end_goes_on_outwards(addon):
+    add_cube()
+    camera = add_camera()
+    camera.scfpf.active_surface = 1
+    near, far = (slot.object for slot in camera.scfpf.surfaces)
+    bpy.ops.scfpf.surface_add(kind="PLANE")
+    assert surface_names(camera)[:2] == [near.name, far.name]
+    assert camera.scfpf.surfaces[2].object.location.z == pytest.approx(
+        2 * far.location.z - near.location.z, rel=1e-4
+    )
+
+
+def test_cylinder_after_a_cylinder_is_concentric(addon):
+    add_cube()
+    camera = add_camera(preset="cylindrical_panorama")
+    bpy.ops.scfpf.surface_add(kind="CYLINDER")
+    read = addon("bridge.surfaces.surface_object").surface_parameters
+    near, middle, far = (read(slot.object) for slot in camera.scfpf.surfaces)
+    assert middle["radius"] == pytest.approx((near["radius"] + far["radius"]) / 2, rel=1e-5)
+    assert middle["arc"] == pytest.approx(near["arc"])
+    assert np.allclose(camera.scfpf.surfaces[1].object.location, 0, atol=1e-4)
+
+
+def test_surface_list_move_select_remove():
+    add_cube()
+    camera = add_camera()
+    bpy.ops.scfpf.surface_add(kind="DISC")
+    assert surface_names(camera) == ["Near", "Disk", "Far"]
+    bpy.ops.scfpf.surface_move(direction="UP")
+    assert surface_names(camera) == ["Disk", "Near", "Far"] and camera.scfpf.active_surface == 0
+    bpy.ops.scfpf.surface_move(direction="DOWN")
+    assert surface_names(camera) == ["Near", "Disk", "Far"] and camera.scfpf.active_surface == 1
+    bpy.ops.scfpf.surface_select(index=2)
+    assert bpy.context.object.name == "Far" and bpy.context.selected_objects == [bpy.context.object]
+    assert camera.scfpf.active_surface == 2
+    # With a surface active, the operators are about the camera that has it.
+    bpy.ops.scfpf.surface_remove()
+    assert surface_names(camera) == ["Near", "Disk"] and camera.scfpf.active_surface == 1
+    assert "Far" not in bpy.data.objects
+
+
+def test_attach_takes_a_mesh_and_refuses_the_rest():
+    camera = add_camera()
+    bpy.ops.mesh.primitive_grid_add(x_subdivisions=3, y_subdivisions=4)
+    grid = bpy.context.object
+    camera.select_set(True)
+    bpy.context.view_layer.objects.active = camera
+    bpy.ops.scfpf.surface_attach()
+    assert surface_names(camera) == ["Near", "Far", grid.name]
+    assert grid.scfpf_surface.kind == "GRID" and camera.scfpf.active_surface == 2
+    bpy.ops.scfpf.surface_remove()
+    assert grid.name in bpy.data.objects, "an artist's own mesh was deleted"
+    bpy.ops.object.light_add()
+    camera.select_set(True)
+    bpy.context.view_layer.objects.active = camera
+    with pytest.raises(RuntimeError, match="cannot be a control surface"):
+        bpy.ops.scfpf.surface_attach()
+    assert len(camera.scfpf.surfaces) == 2
+    bpy.context.selected_objects[0].select_set(False)
+    for obj in bpy.context.selected_objects:
+        obj.select_set(obj == camera)
+    assert "Select an object" in poll_message(bpy.ops.scfpf.surface_attach)
+
+
+def test_surface_operators_without_surfaces_or_with_a_deleted_one():
+    camera = add_camera()
+    bpy.data.objects.remove(bpy.data.objects["Near"])
+    with pytest.raises(RuntimeError, match="remove it"):
+        bpy.ops.scfpf.surface_select(index=0)
+    bpy.ops.scfpf.surface_add(kind="PLANE")
+    camera.scfpf.active_surface = 0
+    while len(camera.scfpf.surfaces):
+        assert bpy.ops.scfpf.surface_remove() == {"FINISHED"}
+    for operator in (bpy.ops.scfpf.surface_remove, bpy.ops.scfpf.surface_move, bpy.ops.scfpf.surface_select):
+        assert "Choose a control surface" in poll_message(operator)
+    assert bpy.ops.scfpf.surface_add(kind="PLANE") == {"FINISHED"}
+    assert len(camera.scfpf.surfaces) == 1
+
+
+def test_hidden_surface_cannot_be_selected_and_says_so():
+    camera = add_camera()
+    camera.scfpf.surfaces[0].object.hide_set(True)
+    with pytest.raises(RuntimeError, match="hidden"):
+        bpy.ops.scfpf.surface_select(index=0)
+    assert bpy.context.object == camera
