@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What colour a hit has, and the frame that hits make: NumPy, no bpy."""
+"""Shading: the colours of hits, and frames made of them. NumPy without bpy."""

@@ -264,7 +264,7 @@ def _ambient(materials: Materials, below: Array, reflected: Array) -> tuple[Arra
     f0, coverage = np.asarray(materials.specular_f0), np.asarray(_or_one(materials.specular_coverage))
     opaque = 1.0 - np.asarray(materials.metallic, np.float64)
     reflects = f0 > 0.0
-    # What a layer keeps from the diffuse surface it reflects itself, as far as rays do not follow that.
+    # A layer reflects the light that it keeps from the diffuse surface, as far as rays do not follow it.
     covered = reflects & (coverage > 0.0)
     layer = np.where(covered, shown * opaque / np.where(covered, coverage, 1.0), 0.0)
     alone = ambient * below + shown * np.where(reflects, reflected, 0.0) * opaque

@@ -109,7 +109,7 @@ class ThroughLens(Projection):
     share: Array | None = None
 
     def projectors(self, x: Array, y: Array) -> Projectors:
-        """As ``Projection.projectors``, for the n image positions that the lens' places belong to."""
+        """``Projection.projectors`` through the lens, for the n image positions of its places."""
         made = super().projectors(x, y)
         if self.lens is None or self.share is None:
             return made

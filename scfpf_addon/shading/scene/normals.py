@@ -96,7 +96,7 @@ class Normals:
 
 
 def corner_heights(places: list[Single], normals: Single) -> Single:
-    """How far each corner of triangles lies above the tangent plane at each other, (6, T) float32.
+    """Heights of each corner of triangles above the tangent planes at the others, (6, T) float32.
 
     places: of the corners in cast space, three (3, T). normals: (3, 3, T), corner by corner. Row 2k+j: for
     corner k the next one (j = 0) and the one after (j = 1), along the shading normal at k.

@@ -27,7 +27,7 @@ def looked(way, air=USUAL, blur=0.0, **settings):
 
 
 def test_sunlight_is_that_of_a_black_body():
-    """Of the sun's 1361 W/m² some 46 % are between 380 and 780 nm; the peak is at 2898 µm K / 5778 K."""
+    """Some 46 % of the sun's 1361 W/m² are between 380 and 780 nm; the peak is at 2898 µm K / 5778 K."""
     light = sky_model.sunlight()
     step = np.diff(sky_model.WAVELENGTHS)
     assert ((light[1:] + light[:-1]) / 2 * step).sum() == pytest.approx(0.46 * 1361, rel=0.05)
@@ -51,7 +51,7 @@ def test_rays_end_at_the_top_of_the_air(cosine):
 
 
 def test_depths_straight_up_are_the_columns_of_air():
-    """Of densities exp(-h / H) the column is H (1 - exp(-top / H)), of a triangular density half its base."""
+    """A density exp(-h / H) has the column H (1 - exp(-top / H)), a triangular one half its base."""
     depth = sky_model._depth_to_sun(np.array([GROUND]), np.ones(1), USUAL)[:, 0]
     top = TOP - GROUND
     for found, height in zip(depth[:2], (sky_model.AIR_HEIGHT, sky_model.DUST_HEIGHT), strict=True):

@@ -301,7 +301,7 @@ def test_normal_maps_turn_normals():
 
 @pytest.mark.parametrize(("strength", "sign"), [(1.0, 1.0), (1.0, -1.0), (0.5, 1.0), (0.0, 1.0)])
 def test_a_bump_tilts_by_the_slope_of_its_height(strength, sign):
-    """Of a height 0.3 x + 0.1 y over the plane z = 0 the normal is (-0.3, -0.1, 1), made unit."""
+    """A height 0.3 x + 0.1 y over the plane z = 0 has the normal (-0.3, -0.1, 1), made unit."""
     height = MaterialGraph(
         (
             Operation("POSITION"),
