@@ -15,7 +15,10 @@ TOO_LARGE = (
 
 
 def pack(image) -> str:
-    """Pack a float image into the file. Returns a message to the user if it is too large, else ""."""
+    """Pack a float image into the file, as an EXR.
+
+    Returns a message to the user if the image is too large, else "". Too large an image stays in memory only.
+    """
     width, height = image.size
     if width * height * image.depth // 8 + BESIDES_PIXELS < LARGEST_FILE:
         image.pack()
