@@ -18,7 +18,7 @@ from .curves.sampled_curves import sample_curves
 from .curves.schedule import corners, plan, scene_reach, split
 from .exact.exact_cast import cast_exact
 from .scene.cast_scene import CastScene
-from .scene.stretches import Stretches, boxes_of_blocks, stretches
+from .scene.stretches import Stretches, stretches
 from .straight import cast_straight
 
 __all__ = ["CastCounts", "Hits", "cast"]
@@ -112,7 +112,7 @@ def _cast_curved(tile: _Tile, pixel_error: float, counts: CastCounts) -> Hits:
     points, mask, _ = usable_projectors(tile.projection, tile.x, tile.y)
     batch = ProjectorBatch(spans, points)
     counts.projectors += int(np.count_nonzero(mask))
-    where = stretches(tile.scene.occupancy, spans, boxes_of_blocks(batch.single, tile.columns))
+    where = stretches(tile.scene.occupancy, spans, batch.single, tile.columns)
     if where.reach is None or not mask.any():
         return complete(Hits.empty(batch.count)._replace(mask=mask), batch)
     groups = bend_groups(points, mask)

@@ -16,7 +16,7 @@ from .curves.projector_batch import ProjectorBatch
 from .curves.sampled_curves import curves_through, pixel_length, pixel_widths, sample_curves
 from .curves.schedule import corners, plan, scene_reach
 from .scene.cast_scene import CastScene
-from .scene.stretches import boxes_of_blocks, stretches
+from .scene.stretches import stretches
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def chord_map(
             made.count[mask] = _chord(corners(spans, reach), t[mask]) + 1
         return made
     batch = ProjectorBatch(spans, points)
-    reach = stretches(scene.occupancy, spans, boxes_of_blocks(batch.single, columns)).reach
+    reach = stretches(scene.occupancy, spans, batch.single, columns).reach
     if reach is None or not mask.any():
         return made
     for group in bend_groups(points, mask):

@@ -24,7 +24,7 @@ from ..curves.chord_rules import MOST_CERTAIN
 from ..curves.march import march
 from ..curves.projector_batch import ProjectorBatch
 from ..scene.cast_scene import CastScene
-from ..scene.stretches import boxes_of_blocks, stretches
+from ..scene.stretches import stretches
 from .chord_bounds import certain_chords
 from .direct_hits import certify
 from .traversal import (
@@ -95,7 +95,7 @@ def cast_exact(
     # Rounding of a sum of that many terms.
     farthest = max(float(batch.points.max()), -float(batch.points.min()))
     rounding = (len(batch.points) + 1) * farthest * 2.0**-24
-    where = stretches(prisms.occupancy, batch.spans, boxes_of_blocks(batch.single, columns), prisms.epsilon)
+    where = stretches(prisms.occupancy, batch.spans, batch.single, columns, prisms.epsilon)
     held = where.within(chords.breaks[:-1], chords.breaks[1:])
     traversal = Traversal(
         scene=scene,

@@ -101,21 +101,14 @@ def everywhere(count: int) -> Stretches:
     return Stretches(np.array([0.0, 1.0]), np.ones((1, runs), bool), np.arange(count) // (BLOCK * BLOCK))
 
 
-class Boxes(NamedTuple):
-    """The bounds of the control points of blocks of projectors.
+def stretches(
+    occupancy: Occupancy, spans: SpanBasis, points: Float32Array, columns: int | None, apart: float = 0.0
+) -> Stretches:
+    """Look up projectors in the grid, by blocks.
 
-    lower, upper: (K, 3, rows of blocks, columns of blocks). block: (N,) of each projector. members:
-    (B, most in one), as ``Stretches.members`` has them.
+    points: (K, 3, N) control points, finite, cast space. columns: given if the projectors are rows of so many
+    pixels; they are divided into runs otherwise. apart: things nearer than this count as met.
     """
-
-    lower: Float32Array
-    upper: Float32Array
-    block: IndexArray
-    members: IndexArray
-
-
-def boxes_of_blocks(points: Float32Array, columns: int | None) -> Boxes:
-    """Bounds of blocks of projectors. points: (K, 3, N). columns: pixels of a row, None if not in rows."""
     if columns is None:
         rows, height, width = points[:, :, None], 1, BLOCK * BLOCK
     else:
@@ -123,18 +116,23 @@ def boxes_of_blocks(points: Float32Array, columns: int | None) -> Boxes:
         # Their height divides the rows evenly, so that no block is nearly empty.
         height, width = -(-rows.shape[2] // max(1, round(rows.shape[2] / BLOCK))), BLOCK
     lower, upper = (_reduced(_reduced(rows, f, 2, height), f, 3, width) for f in (np.minimum, np.maximum))
-    return Boxes(lower, upper, *_grid_of_blocks(rows.shape[2], rows.shape[3], height, width))
-
-
-def stretches(occupancy: Occupancy, spans: SpanBasis, boxes: Boxes, apart: float = 0.0) -> Stretches:
-    """Look up blocks of projectors in the grid.
-
-    boxes: finite, cast space. apart: things nearer than this count as met.
-    """
-    lower, upper, block, members = boxes
     farthest = max(float(upper.max()), -float(lower.min()))
-    weights = piece_weights(spans)
     slack = np.float32(apart + SLACK * (1.0 + farthest))
+    held = _held(occupancy, spans, lower, upper, slack)
+    least, most = (a.reshape(*a.shape[:2], -1) for a in (lower, upper))
+    fine = _parts(occupancy, spans, held.reshape(len(held), -1), least, most, slack)
+    block, members = _grid_of_blocks(rows.shape[2], rows.shape[3], height, width)
+    return Stretches(piece_edges(spans, PARTS), fine, block, members, farthest)
+
+
+def _held(
+    occupancy: Occupancy, spans: SpanBasis, lower: Float32Array, upper: Float32Array, slack: np.float32
+) -> BoolArray:
+    """Whether pieces may meet something, (P, rows of blocks, columns of blocks).
+
+    lower, upper: (K, 3, rows of blocks, columns of blocks), bounds of the blocks' control points.
+    """
+    weights = piece_weights(spans)
     held = np.zeros((len(weights), *lower.shape[2:]), bool)
     # Groups of blocks are looked up first: where they meet nothing, their blocks need not be.
     starts = (*range(0, held.shape[2], -(-held.shape[2] // GROUPS)), held.shape[2])
@@ -159,9 +157,7 @@ def stretches(occupancy: Occupancy, spans: SpanBasis, boxes: Boxes, apart: float
             shape = len(some), held.shape[1], end - start
             held[some, :, start:end] = inside[done : done + np.prod(shape)].reshape(shape)
             done += np.prod(shape)
-    least, most = (a.reshape(*a.shape[:2], -1) for a in (lower, upper))
-    fine = _parts(occupancy, spans, held.reshape(len(held), -1), least, most, slack)
-    return Stretches(piece_edges(spans, PARTS), fine, block, members, farthest)
+    return held
 
 
 def _parts(

@@ -12,7 +12,7 @@ from scfpf_addon.casting.frame import pixel_centres
 from scfpf_addon.casting.scene import occupancy
 from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.casting.scene.occupancy import CELLS, FINER, Occupancy
-from scfpf_addon.casting.scene.stretches import Stretches, boxes_of_blocks, stretches
+from scfpf_addon.casting.scene.stretches import Stretches, stretches
 
 WIDTH, HEIGHT = 75, 43
 
@@ -77,7 +77,7 @@ def test_every_hit_lies_in_a_stretch_that_is_not_empty(scene, degree, angle, col
     cast_scene = CastScene(*SCENES[scene](2000))
     projection = bent_projection(degree, angle).transformed(cast_scene.matrix)
     points, _ = projection.projectors(*pixel_centres(WIDTH, HEIGHT, (0, HEIGHT)))
-    found = stretches(cast_scene.occupancy, projection.volume.spans, boxes_of_blocks(points, columns))
+    found = stretches(cast_scene.occupancy, projection.volume.spans, points, columns)
     generator = np.random.default_rng(3)
     # Points of projectors next to which the scene is: those that its triangles' corners are near to.
     t = generator.uniform(0, 1, (60, points.shape[2]))
@@ -114,8 +114,7 @@ def test_blocks_of_a_grid_are_those_of_their_pixels(columns):
     projection = bent_projection(2, 0.5).transformed(scene.matrix)
     x, y = pixel_centres(columns, 43, (0, 43))
     points, _ = projection.projectors(x, y)
-    boxes = boxes_of_blocks(points.astype(np.float32), columns)
-    where = stretches(scene.occupancy, projection.volume.spans, boxes)
+    where = stretches(scene.occupancy, projection.volume.spans, points.astype(np.float32), columns)
     known, sorted_ones = where.members(), where._replace(grid=None).members()
     assert np.array_equal(np.sort(known[known >= 0]), np.arange(len(x)))
     for one, other in zip(known, sorted_ones, strict=True):
