@@ -46,7 +46,7 @@ Counts = dict[str, dict[str, int]]
 
 
 def of_casts() -> Counts:
-    """What casting at the benchmarks' scenes takes, by scene, bend and pixel error."""
+    """The counts of casting at the benchmarks' scenes, by scene, bend and pixel error."""
     found: Counts = {}
     for name, make in SCENES.items():
         scene = CastScene(*make(TRIANGLES))
@@ -62,7 +62,7 @@ def of_casts() -> Counts:
 
 
 def of_frames() -> Counts:
-    """What whole images take, with samples where they are needed and only the triangles in reach."""
+    """The counts of whole images, with adaptive samples and only the triangles in reach."""
     settings = FrameSettings(*FRAME_SIZE, samples=16, threads=1, adaptive=Adaptive(0.01, 4))
     found: Counts = {}
     for name, make in SCENES.items():
@@ -96,7 +96,7 @@ def kept() -> Counts:
 
 
 def differences(now: Counts, before: Counts, slack: float = 0.0) -> list[str]:
-    """What differs by more than a share, a line each: what it was, what it is, by how much."""
+    """The counts that differ by more than a share, a line each: before, after, and by how much."""
     lines = [f"{title}: not there before" for title in now.keys() - before.keys()]
     lines += [f"{title}: no longer there" for title in before.keys() - now.keys()]
     for title in before.keys() & now.keys():

@@ -117,7 +117,7 @@ def compare(path: Path, persistent: bool, runs: int) -> dict[str, Any]:
 
 
 def ratios(figures: dict[str, Any], kind: str, step: str) -> list[float]:
-    """How many times as long as the engine Cycles takes, with direct light and by default."""
+    """Cycles' time as a multiple of the engine's, with direct light and by default."""
     own, *others = (figures[subject][kind][step] for subject in SUBJECTS)
     return [other / own for other in others]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What others take for the straight image: Cycles at one sample, Open3D and Mitsuba 3 for raw rays.
+"""Times of others for the straight image: Cycles at one sample, Open3D and Mitsuba 3 for raw rays.
 
     python3 benchmarks/peers.py [--triangles N] [--markdown FILE]
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ``scale`` measures in Blender: large images by the Render button, files of many cameras."""
+"""The measurements of ``scale`` in Blender: large images by the Render button, files of many cameras."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def our_panels() -> list[type]:
 
 
 def draw_panels(panels: list[type]) -> None:
-    """What Python does for the panel, with each row of the list of surfaces."""
+    """Draw the panel as Python does, with each row of the list of surfaces."""
     context, layout = bpy.context, AnyLayout()
     for cls in panels:
         if cls.poll(context):
@@ -96,7 +96,7 @@ def blender_image(width: int, height: int) -> dict[str, Any]:
 
 
 def file_of(cameras: int, each: int) -> dict[str, Any]:
-    """What an edit, the panel, undo and opening cost with many cameras: milliseconds of the thread."""
+    """Times of an edit, the panel, undo and opening with many cameras: milliseconds of the thread."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     made = many_cameras(cameras, each, 1.0)
     mesh = bpy.data.meshes.new("Cube")
@@ -157,7 +157,7 @@ def _linked() -> Callable[[int], None]:
 
 
 def _drawing(surface: Any) -> Callable[[int], None]:
-    """What the lines of all volumes cost when one surface has moved: volumes read, not the GPU's part."""
+    """The time of the lines of all volumes when one surface has moved: volumes read, not the GPU's part."""
     drawing = part("scfpf_addon.bridge.overlays.viewport_overlay")
 
     drawing.diagram = lambda *_: {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What accuracy costs: pixels that differ from the exact image, and how far, against time.
+"""The cost of accuracy: pixels that differ from the exact image, and how far, against time.
 
     python3 dev.py bench --trade [--quick] [--json FILE] [--png FILE] [--markdown docs/accuracy.md]
 
@@ -137,7 +137,7 @@ def table(results: dict[str, list[dict[str, Any]]]) -> list[str]:
 
 
 def frontier(rows: list[dict[str, Any]]) -> list[bool]:
-    """Which of the rows no other beats in both time and accuracy."""
+    """The rows that no other beats in both time and accuracy."""
     return [
         not any(other["times raw"] < row["times raw"] and other["differ"] <= row["differ"] for other in rows)
         for row in rows

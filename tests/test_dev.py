@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What dev.py decides by itself: which Python, which tests where, what a report says, which wheels."""
+"""The decisions of dev.py: which Python, which tests where, what a report says, which wheels."""
 
 import argparse
 import os

@@ -24,7 +24,7 @@ KEYS = {"subject: centre", "Disc"}
 
 
 def links(text):
-    """What a page links to or shows, without addresses of the web and places in the page itself."""
+    """The links and images of a page, without addresses of the web and places in the page itself."""
     found = re.findall(r"\]\(([^)\s]+)\)", text) + re.findall(r'<img src="([^"]+)"', text)
     return [link for link in found if "://" not in link and not link.startswith("#")]
 

@@ -47,13 +47,13 @@ def this_zip():
 
 @pytest.fixture(scope="session")
 def extensions_folder():
-    """Where this profile keeps its extensions."""
+    """The folder in which this profile keeps its extensions."""
     return pathlib.Path(bpy.utils.user_resource("EXTENSIONS"))
 
 
 @pytest.fixture(scope="session")
 def wheel_finder(extensions_folder):
-    """What finds embreex for the add-on."""
+    """The finder of embreex for the add-on."""
     version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
     return WheelFinder(extensions_folder / ".local" / "lib" / version / "site-packages")
 

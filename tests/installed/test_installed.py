@@ -69,7 +69,7 @@ def test_off_and_on_again(installed):
 
 
 def test_a_file_outlives_the_add_on(installed, tmp_path):
-    """What was modelled is kept by a Blender without the add-on, and found again by one with it."""
+    """A Blender without the add-on keeps a volume, and one with it finds it again."""
     render_a_cube()
     names = [slot.object.name for slot in bpy.context.scene.camera.scfpf.surfaces]
     assert len(names) >= 2
@@ -116,7 +116,7 @@ def test_another_version_over_it_while_the_caster_is_in_use(installed, this_zip,
 
 
 def labels(installed):
-    """What the Render part of the panel says."""
+    """The labels of the Render part of the panel."""
     said = []
 
     class Layout:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is in each zip: the allow-list's files as they are in the checkout, its platform's wheels, no more."""
+"""The contents of each zip: the allow-list's files as they are in the checkout, its platform's wheels, no more."""
 
 import pathlib
 import re

@@ -96,7 +96,7 @@ def _included(state) -> bool:
 
 
 def _chosen(members: Members, names: list[str]) -> NDArray[np.bool_] | None:
-    """Which names are linked: those included or, if none is, all that are not excluded. None for all."""
+    """The linked names: those included or, if none is, all that are not excluded. None for all."""
     otherwise = not any(members.values())
     chosen = np.array([members.get(name, otherwise) for name in names], bool)
     return None if chosen.all() else chosen

@@ -194,7 +194,7 @@ class CastTriangles:
         return origins
 
     def offsets(self, triangles: IndexArray) -> Float32Array:
-        """How far ``offset_origins`` moves origins off ``triangles`` (N,), (N,) float32."""
+        """The distances by which ``offset_origins`` moves origins off ``triangles`` (N,), (N,) float32."""
         offsets: Float32Array = self._largest.take(triangles, mode="wrap")
         offsets *= np.float32(ORIGIN_OFFSET)
         return offsets

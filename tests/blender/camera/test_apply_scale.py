@@ -99,7 +99,7 @@ def world_lengths(surface):
 
 @pytest.mark.parametrize("kind", ["PLANE", "DISC", "SPHERE"])
 def test_the_whole_scale_becomes_sizes(addon, camera_with, shown, kind):
-    """That of the camera and of the parent inverse too; the sizes are then those that Blender draws."""
+    """The scales of the camera and of the parent inverse count too; Blender draws the resulting sizes."""
     scales = addon("bridge.camera.surface_scale")
     sizes = addon("bridge.surfaces.surface_object").surface_parameters
     camera = camera_with(kind)

@@ -44,7 +44,7 @@ def surroundings(scene, triangles):
 
 
 def plane_depth(scene, inside, x, y, triangle, t):
-    """Where projectors meet the planes of triangles, nearest to t, (N,); 2 where they do not."""
+    """The t at which projectors meet the planes of triangles, nearest to t, (N,); 2 where they do not."""
     points, _ = inside.projectors(x, y)
     batch = ProjectorBatch(inside.volume.spans, points)
     span = inside.volume.spans.locate(np.minimum(t, 1.0))[0]

@@ -172,7 +172,7 @@ def chords_of(projection, pixel_error):
 
 
 def displacements(projection, starts, ends, low, high, count=30):
-    """How far chords appear from their curves, in pixels, each against the nearest of many points.
+    """The distances of chords from their curves, in pixels, each against the nearest of many points.
 
     starts, ends: (n, K) weights of the chords' ends; low, high: (n,) in t.
     """

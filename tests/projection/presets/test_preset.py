@@ -289,7 +289,7 @@ def test_what_is_no_file_is_not_waited_for(tmp_path):
 @settings(max_examples=150, deadline=None)
 @given(st.data())
 def test_mutated_presets_are_read_or_refused(draw):
-    """Whatever a stranger changes: a preset or one line, never another error."""
+    """A changed file is a preset or is refused in one line, and never raises another error."""
     text = json.dumps(data(*({"name": kind, "kind": kind} | numbers for kind, numbers in SURFACES.items())))
     for _ in range(draw.draw(st.integers(1, 4))):
         start = draw.draw(st.integers(0, len(text)))

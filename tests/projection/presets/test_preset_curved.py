@@ -26,7 +26,7 @@ def seen(name, count=500):
 
 
 def bow(name, points):
-    """How far the image of a straight line (3, N) leaves the line between its ends, in pixels."""
+    """The distance of the image of a straight line (3, N) from the line between its ends, in pixels."""
     shown = preset(name)
     place = find_in_image(shown.projection(shown.aspect), points)
     assert place.found.all()
@@ -114,7 +114,7 @@ def test_deep_curvy_volume_goes_through_its_three_patches():
 
 
 def occluded(radius, distance):
-    """What the occlusion camera sees at a radius of its image, in units of the depth, at this depth.
+    """The place that the occlusion camera sees at a radius of its image, in units of the depth.
 
     Mei, Popescu and Sacks: radii shrink by 0.16 at depth 12 and by a share that is linear in 1/depth from
     nought at 8. Within 0.32 of the pole the shift is eased, or projectors would cross there.

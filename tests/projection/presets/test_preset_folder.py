@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What holds for every shipped preset: its texts, its group, its file, that it neither folds nor mirrors."""
+"""Rules for every shipped preset: its texts, its group, its file, that it neither folds nor mirrors."""
 
 import json
 from pathlib import Path

@@ -173,7 +173,7 @@ def test_epi_is_direction_across_and_place_upwards():
 
 
 def test_oblique_is_a_cabinet_drawing():
-    """What runs into depth appears at 45 degrees and half its length; the sheet lies at half the depth."""
+    """A line into depth appears at 45 degrees and half its length; the sheet lies at half the depth."""
     x, y, (px, py, pz) = seen("oblique")
     half_depth = (-pz - 15) / 2 * np.exp(0.25j * np.pi)
     assert np.allclose(8 * x + 4.5j * y, px + 1j * py + half_depth, rtol=0, atol=1e-5)

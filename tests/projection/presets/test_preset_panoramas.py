@@ -120,7 +120,7 @@ def test_barrel_lens_is_brown_s_distortion_from_a_bulging_glass():
 
 
 def test_barrel_lens_bows_lines_outwards():
-    """Where a straight line of the far plane appears: nearer to the border in its middle than at its ends."""
+    """A straight line of the far plane appears nearer to the border in its middle than at its ends."""
     volume = preset("barrel_lens").volume()
     u, v = (a.ravel() for a in np.meshgrid(np.linspace(0.5, 1, 401), np.array([0.05, 0.5])))
     far = volume.evaluate(u, v, np.ones_like(u)).position[0].reshape(2, -1)

@@ -41,7 +41,7 @@ def weights(kind, s):
 
 
 def deformed(lattice, u, v, w):
-    """What the modifier makes of the point at shares u, v, w of the box, mpmath numbers."""
+    """The point at shares u, v, w of the box after the modifier, mpmath numbers."""
     shape = lattice.moved.shape[2::-1]
     parts = []
     for share, count, kind in zip((u, v, w), shape, lattice.kinds, strict=True):

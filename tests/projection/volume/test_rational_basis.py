@@ -226,7 +226,7 @@ def test_a_volume_follows_the_weights(count):
 
 
 def gap_of_drawing(surfaces, weights):
-    """How far the drawn middle projector leaves the exact one, by the tolerance; how many chords it has."""
+    """The distance of the drawn middle projector from the exact one, by the tolerance, and its chords."""
     volume = ViewingVolume(surfaces, "NURBS", weights)
     points = volume.controls(np.full(1, 0.5), np.full(1, 0.5)).points[..., 0]
     drawn = projector_lines(Projection(volume), 1, 1).astype(np.float64)

@@ -313,7 +313,7 @@ def test_a_lamp_without_shadow_shines_through(build):
 
 @pytest.mark.parametrize("kind", ["AREA", "POINT"])
 def test_half_of_a_soft_shadow(build, kind):
-    """Where the occluder's edge covers the lamp's middle, half of the lamp is visible."""
+    """Half of the lamp is visible where the occluder's edge covers its middle."""
     size = {"size": (0.4, 0.4)} if kind == "AREA" else {"radius": 0.2}
     scene = blocked(build, Light(kind, np.ones(3), build.placed((0.25, 0, 3)), **size))
     open_floor = build.scene([build.square(3)], scene.lights)
