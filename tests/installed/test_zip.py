@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The contents of each zip: the allow-list's files as they are in the checkout, its platform's wheels, no more."""
+"""The contents of each zip: the files of the allow-list as in the checkout, and the wheels of its platform."""
 
 import pathlib
 import re
