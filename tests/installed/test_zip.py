@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The contents of each zip: the files of the allow-list as in the checkout, and the wheels of its platform."""
+"""The contents of each zip: the files of the allow-list as in the checkout, and its platform's wheels."""
 
 import pathlib
 import re
