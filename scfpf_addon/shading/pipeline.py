@@ -13,7 +13,7 @@ from ..projection.typing import Array
 from ..projection.volume.viewing_volume import Projection
 from .lights.ray_visibility import camera_scene
 from .lights.scene_culling import cull_scene
-from .passes.data_passes import DataPasses, PassSource
+from .passes.data_passes import PassSource
 from .sample_casting import SampleCaster
 from .sampling.sample_positions import SamplePositions
 from .scene.motion import Moment
@@ -118,13 +118,12 @@ def _view(
 def _moment_views(view: SceneView, scene: Scene, moments: tuple[Moment, ...]) -> tuple[SceneView, ...]:
     """The views of the moments of the open shutter; view: of the frame's own time and scene."""
     made = [(scene, view)]
-    settings = replace(view.settings, passes=DataPasses())
     for moment in moments:
         raise_if_cancelled()
         lens = moment.depth_of_field
         same = next((known for seen, known in made if seen is moment.scene), None)
         if same is None:
-            own = replace(settings, depth_of_field=lens)
+            own = replace(view.settings, depth_of_field=lens)
             each = _view(moment.projection, moment.scene, own, None, False)
         else:
             each = same.seen_by(moment.projection, lens)

@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from scfpf_addon.casting.common.ray_visibility import CATCHER, EVERYWHERE
 from scfpf_addon.shading.frame import render_frame
 from scfpf_addon.shading.passes import light_passes
 from scfpf_addon.shading.passes.data_passes import DataPasses
 from scfpf_addon.shading.sampling.adaptive import Adaptive
+from scfpf_addon.shading.scene.motion import Moment
 from scfpf_addon.shading.scene.shading_scene import Light
 from scfpf_addon.shading.settings.frame_settings import FrameSettings
 
@@ -85,3 +87,16 @@ def test_the_environment_stays_behind_a_transparent_film(build):
     scene = build.scene([build.square(0.5)], world=(0.5, 0.5, 0.5))
     made = render_frame(build.looking_down(1, -1), scene, settings(transparent=True))
     assert not made.pixels[0].any() and np.allclose(made.passes["ENVIRONMENT"][0], 0.5)
+
+
+def test_caught_shadows_are_only_in_their_pass_while_the_shutter_is_open(build):
+    """The same image as of a closed shutter: nothing moves, though each moment is read by itself."""
+    lights = [Light("SUN", np.full(3, np.pi), build.placed(shines=(0.5, 0.2, -1)))]
+    scene = build.scene([build.square(0.7), build.square(0.3, 0.6)], lights, world=(0.4, 0.5, 0.6))
+    visibility = np.array([EVERYWHERE | CATCHER] * 2 + [EVERYWHERE] * 2, np.uint8)
+    scene = replace(scene, geometry=replace(scene.geometry, visibility=visibility))
+    view = build.looking_down(1, -1)
+    moments = tuple(Moment(view, replace(scene), None) for _ in range(2))
+    still, moving = (render_frame(view, scene, settings(), moments=moments) for moments in ((), moments))
+    assert still.passes["SHADOW_CATCHER"].min() < 0.9
+    assert np.array_equal(still.pixels, moving.pixels)
