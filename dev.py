@@ -19,8 +19,6 @@ from devtools import coverage, environments, own_blender, package, pictures, tes
 
 # Parts of the suite without a window, the longest first: they run two at a time.
 PARTS = ("blender", "pure", "installed")
-# Runs that are longer than the one in a window: the Blender tests, in two Blenders.
-LONGER_THAN_WINDOW = 2
 
 # Scripts in benchmarks/ by what is asked for.
 BENCHMARKS = {
@@ -113,7 +111,8 @@ def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
 
     works = [functools.partial(run, *one) for one in runs]
     if scenarios is not None:
-        works.insert(LONGER_THAN_WINDOW, lambda: window.test(blender_window, scenarios))
+        # The longest of all.
+        works.insert(0, lambda: window.test(blender_window, scenarios))
     jobs = min(2, os.cpu_count() or 1, len(works))
     if jobs < 1:
         return [], []
