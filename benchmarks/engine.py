@@ -31,6 +31,7 @@ from benchmarks.document import check_files, replace_section
 from benchmarks.scenes import SCENES
 from scfpf_addon import bridge
 from scfpf_addon.bridge.camera.flexible_camera import volume_from_camera
+from scfpf_addon.bridge.render.type_registration import register_types
 from scfpf_addon.casting.common.memory import peak_memory
 
 TRIANGLES = 1_000_000
@@ -160,6 +161,7 @@ def main() -> None:
     parser.add_argument("--persistent", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     check_files(parser, written=options.json, document=options.markdown, sections=[SECTION])
+    register_types(bridge.TYPES)
     bridge.register()
     if options.one:
         path, subject = options.one

@@ -26,6 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.document import check_files
 from scfpf_addon import bridge
 from scfpf_addon.bridge.camera.flexible_camera import volume_from_camera
+from scfpf_addon.bridge.render.type_registration import register_types
 from scfpf_addon.cycles import rig_properties
 from scfpf_addon.cycles.chords.chord_plan import ChordPlan
 from scfpf_addon.cycles.rig_data import make_rig, write_sheets
@@ -147,8 +148,8 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one run each")
     options = parser.parse_args()
     check_files(parser, written=options.json)
+    register_types((*bridge.TYPES, rig_properties))
     bridge.register()
-    rig_properties.register()
     results = {}
     for name in SCENES:
         results[name] = measure(name, 1 if options.quick else RUNS)

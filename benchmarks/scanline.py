@@ -26,6 +26,7 @@ from benchmarks.scenes import bent_projection
 from scfpf_addon import bridge
 from scfpf_addon.bridge.blender import versions
 from scfpf_addon.bridge.camera import flexible_camera
+from scfpf_addon.bridge.render.type_registration import register_types
 from scfpf_addon.scanline.nodes.geometry_nodes import GeometryBuilder, node_group
 from scfpf_addon.scanline.preview import preview, preview_properties
 from scfpf_addon.scanline.remap import place_nodes
@@ -207,6 +208,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="smaller meshes, fewer runs")
     options, _ = parser.parse_known_args()
     check_files(parser, written=options.json)
+    register_types((*bridge.TYPES, preview_properties))
     bridge.register()
     sizes = (10_000, 100_000) if options.quick else (10_000, 100_000, 500_000, 1_000_000)
     print("\nlive preview: evaluation in times of the Lattice modifier on the same mesh")
@@ -219,7 +221,6 @@ def main() -> None:
             results.append(measure(title, projection, size, 2 if options.quick else RUNS))
             report(results[-1])
     print("\nlive preview: a small object moved in a heavy scene")
-    preview_properties.register()
     preview.register()
     moves = []
     for size in sizes[1:3]:
