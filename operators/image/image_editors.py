@@ -28,7 +28,7 @@ def image_editors(window_manager) -> list:
 def open_image_editor(context):
     """Make sure that an Image Editor is free where F12 would show its image; return its window.
 
-    A free one in a window of its own comes to the front. None if there is none and the preference Render In
+    A free one in a window of its own comes to the front. None without a free one if the preference Render In
     is Keep User Interface. Esc in an opened editor restores the previous one, as after F12.
     """
     window_manager = context.window_manager

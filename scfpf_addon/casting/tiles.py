@@ -78,6 +78,7 @@ def run_tiles(
     ended: SimpleQueue[tuple[TileJob, list[Result], BaseException | None]] = SimpleQueue()
 
     def work_off(most: int = len(jobs)) -> None:
+        """Take at most so many tiles, until all are taken or the work is to end."""
         for _ in range(most):
             try:
                 job = waiting.get_nowait()

@@ -24,7 +24,7 @@ UP = Vector((0.0, 0.0, 1.0))
 
 
 def smoke_around(depsgraph, projection: Projection) -> str:
-    """The name of an object whose volume holds a part of the near surface; empty if there is none.
+    """The name of an object whose volume holds a part of the near surface, or an empty string.
 
     depsgraph: evaluated. Objects that viewports hide count, those that its view layer excludes do not.
     """

@@ -186,3 +186,15 @@ def engine_scene(tmp_path):
     bpy.context.object.scfpf.samples = 2
     write_multilayer(scene, tmp_path / "out")
     return scene
+
+
+@pytest.fixture
+def bridge(addon):
+    """The module that makes cameras flexible."""
+    return addon("bridge.camera.flexible_camera")
+
+
+@pytest.fixture
+def reading(addon):
+    """The module that reads projections."""
+    return addon("bridge.camera.read_projection")

@@ -63,6 +63,7 @@ def parallel_map(work: Callable[[slice], Result], parts: list[slice], threads: i
     errors: list[BaseException] = []
 
     def work_off() -> None:
+        """Take parts until all are taken or one has failed."""
         while not errors:
             try:
                 number, some = waiting.get_nowait()
@@ -91,6 +92,7 @@ def beside(work: Callable[[], None], other: Callable[[], Result]) -> Result:
     errors: list[BaseException] = []
 
     def run() -> None:
+        """Do ``work`` and keep its exception."""
         try:
             work()
         except BaseException as error:  # A thread has nowhere to raise.

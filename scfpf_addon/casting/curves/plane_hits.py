@@ -28,7 +28,7 @@ MOST_CROSSED = 4
 class Solutions(NamedTuple):
     """Intersections of M curves with the planes of M triangles.
 
-    t: (M,), NaN where there is none. triangle: (M,). barycentric: (2, M).
+    t: (M,), NaN without a hit. triangle: (M,). barycentric: (2, M).
     inside: (M,) bool, the point is in the triangle.
     """
 
@@ -97,7 +97,7 @@ def first_root(
 ) -> tuple[Solutions, Array]:
     """The first intersection with the triangles' planes in [low, high] of t, in the spans; all (N,).
 
-    Also its position, (3, N), undefined where there is none.
+    Also its position, (3, N), undefined without a hit.
     """
     start, length, coefficients = _plane_heights(curves, scene, triangle, span)
     if len(coefficients) > 3:

@@ -119,7 +119,7 @@ def short_roots(coefficients: Array, low: Array, high: Array) -> tuple[Array, In
     """The roots in [low, high] of N polynomials (d+1, N), where those are short parts with a single root.
 
     Returns the first root (N,), the numbers (M,) of the polynomials that may have several roots, and
-    the further roots of these (d-1, M); NaN where there is none.
+    the further roots of these (d-1, M); NaN for missing roots.
     """
     if len(coefficients) == 3:
         root, others = _single_roots(coefficients, low, high)

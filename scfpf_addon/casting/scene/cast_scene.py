@@ -160,7 +160,7 @@ class CastScene(CastTriangles):
         return (placed, triangles) if len(triangles) else None
 
     def _built_beyond(self) -> TracedMesh | None:
-        """The triangles that no projector meets, in Embree; None if there are none."""
+        """The triangles that no projector meets, in Embree; None if projectors may meet all."""
         with self._lock:
             if self._beyond is not None:
                 vertices, triangles = self._beyond

@@ -46,7 +46,7 @@ class TracedMesh:
     def trace_distance(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array
     ) -> Float32Array:
-        """Embree's distance to the first triangle, (N,) float32; the limit if there is none."""
+        """Embree's distance to the first triangle, (N,) float32; the limit on a miss."""
         raise_if_cancelled()
         # embreex overwrites the array of limits.
         found: Float32Array = self._embree.run(origins.T, directions.T, limits.copy(), query="DISTANCE")

@@ -42,6 +42,7 @@ def surface_lines(
     surface = projection.volume.surfaces[index]
 
     def sheet(u: Array, v: Array) -> tuple[Array, BoolArray, IndexArray]:
+        """Points of the control surface, their validity and their tile."""
         sample = surface.evaluate(u, v)
         return sample.position, sample.valid, sample.tile
 
@@ -53,6 +54,7 @@ def iso_lines(projection: Projection, t: float, lines: int = 8, resolution: int 
     weights, _ = projection.volume.spans.weights(np.array([t]))
 
     def sheet(u: Array, v: Array) -> tuple[Array, BoolArray, IndexArray]:
+        """Points of the iso-surface, their validity and their tile."""
         controls = projection.volume.controls(u, v)
         return np.einsum("k,kcn->cn", weights[:, 0], controls.points), controls.valid, controls.tile
 

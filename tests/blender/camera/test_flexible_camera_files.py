@@ -4,55 +4,13 @@
 import bpy
 import numpy as np
 import pytest
+from made_cameras import names, new_camera, read, taken, three_surfaces
 from mathutils import Matrix
-
-
-@pytest.fixture
-def bridge(addon):
-    return addon("bridge.camera.flexible_camera")
-
-
-@pytest.fixture
-def reading(addon):
-    return addon("bridge.camera.read_projection")
-
-
-def new_camera(name="Camera", scene=None):
-    camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
-    (scene or bpy.context.scene).collection.objects.link(camera)
-    return camera
 
 
 @pytest.fixture
 def camera():
     return new_camera()
-
-
-def names(camera):
-    return [slot.object.name if slot.object else None for slot in camera.scfpf.surfaces]
-
-
-def taken(camera):
-    """Names of what the volume object's modifier takes."""
-    modifier = camera.scfpf.volume_object.modifiers[0]
-    sockets = [i.identifier for i in modifier.node_group.interface.items_tree if i.in_out == "INPUT"]
-    inputs = modifier.properties.inputs if bpy.app.version >= (5, 2, 0) else None
-    values = [getattr(inputs, i).value if inputs else modifier[i] for i in sockets]
-    return [value.name if value else None for value in values]
-
-
-def read(reading, camera, scene=None, aspect=1.0):
-    layer = (scene or bpy.context.scene).view_layers[0]
-    with bpy.context.temp_override(scene=scene or bpy.context.scene, view_layer=layer):
-        return reading.read_projection(camera, bpy.context.evaluated_depsgraph_get(), aspect)
-
-
-def three_surfaces(bridge, camera):
-    bridge.make_flexible(camera)
-    return [
-        bridge.add_surface(camera, kind, name, Matrix.Translation((0, 0, -depth)))
-        for kind, name, depth in (("PLANE", "A", 1), ("DISC", "B", 2), ("GRID", "C", 3))
-    ]
 
 
 def ed(operator, **options):

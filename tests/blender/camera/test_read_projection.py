@@ -17,16 +17,6 @@ ALL = tuple(axis.ravel() for axis in np.meshgrid(np.linspace(0, 1, 4), np.linspa
 
 
 @pytest.fixture
-def bridge(addon):
-    return addon("bridge.camera.flexible_camera")
-
-
-@pytest.fixture
-def reading(addon):
-    return addon("bridge.camera.read_projection")
-
-
-@pytest.fixture
 def nodes(addon):
     return addon("bridge.surfaces.surface_object")
 

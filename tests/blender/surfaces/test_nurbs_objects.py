@@ -25,16 +25,6 @@ def objects(addon):
 
 
 @pytest.fixture
-def bridge(addon):
-    return addon("bridge.camera.flexible_camera")
-
-
-@pytest.fixture
-def reading(addon):
-    return addon("bridge.camera.read_projection")
-
-
-@pytest.fixture
 def pure(addon):
     return addon("projection.surfaces.nurbs")
 

@@ -16,11 +16,6 @@ FLOAT32 = 3e-5
 
 
 @pytest.fixture
-def bridge(addon):
-    return addon("bridge.camera.flexible_camera")
-
-
-@pytest.fixture
 def pure(addon):
     return addon("projection.volume.viewing_volume")
 

@@ -13,16 +13,6 @@ FLOAT32 = 1e-5
 
 
 @pytest.fixture
-def bridge(addon):
-    return addon("bridge.camera.flexible_camera")
-
-
-@pytest.fixture
-def reading(addon):
-    return addon("bridge.camera.read_projection")
-
-
-@pytest.fixture
 def camera(bridge):
     made = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     bpy.context.scene.collection.objects.link(made)
