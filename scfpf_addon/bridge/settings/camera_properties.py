@@ -264,6 +264,13 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         step=1,
     )
     samples: integer("Samples", "Projectors per pixel: more give smoother edges", 4, 1, 1024, soft_max=16)
+    show_live: switch(
+        "Live View",
+        "Show in 3D viewports that look through this camera what its projectors see, in Solid and Material "
+        "Preview shading",
+        True,
+        **STATIC,
+    )
     show_projectors: switch(
         "Show Projectors", "Draw the control surfaces and some projectors in the 3D viewport", True, **STATIC
     )
