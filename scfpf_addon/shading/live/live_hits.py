@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import BoolArray
@@ -30,8 +31,8 @@ class LiveHits(NamedTuple):
     width: int
     height: int
     mask: BoolArray
-    look: NDArray
-    object: NDArray
+    look: NDArray[np.int32]
+    object: NDArray[np.int32]
     t: Single
     position: Single
     forward: Single
