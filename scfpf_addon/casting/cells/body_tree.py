@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A tree of boxes around convex bodies: triangles, moving triangles, bounding boxes of objects."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+
+from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
+
+# Children of a node.
+CHILDREN = 4
+
+# Bits of a body's place along each axis, by which bodies are sorted.
+PLACE_BITS = 10
+
+# Bodies are sorted by size first, in classes that differ by this factor: one large triangle among small ones
+# would widen the boxes of all nodes above it.
+SIZE_CLASS = 4.0
+SIZE_CLASSES = 16
+
+# A ray may meet a triangle this far beside it, as a share of the triangle's largest coordinate: four
+# roundings of float32. Where a triangle is far larger than a cell, this is more than the cell's own slack.
+ROUNDING = 2.0**-22
+
+# A row of a table of boxes: the lower corner, the upper one negated, and two that never decide.
+ROW = 8
+
+
+class BodyTree(NamedTuple):
+    """Bodies and the boxes of their tree.
+
+    points: (M, K, 3), the points of each body, sorted. room: (M,), how far beside each a ray may meet it.
+    boxes: (N, ROW) float32, of the M bodies, then of their parents and so on. The children of a node are
+    CHILDREN neighbours; boxes that meet nothing fill up their number. child: (N,) the first child of each
+    node, -1 for bodies. extent: (N,) float32, the longest side of each box. roots: (R,) the nodes that
+    have no parents.
+    """
+
+    points: Array
+    room: Array
+    boxes: Float32Array
+    child: IndexArray
+    extent: Float32Array
+    roots: IndexArray
+
+
+def boxes_as_bodies(lower: Array, upper: Array) -> Array:
+    """The eight corners of boxes from lower to upper (3, M), as a body's points (8, 3, M)."""
+    both = np.stack([lower, upper])
+    corners = [[both[side, axis] for axis, side in enumerate(sides)] for sides in product((0, 1), repeat=3)]
+    return np.array(corners, np.float64)
+
+
+def tree_of(points: Array) -> BodyTree:
+    """The tree of bodies that are the hulls of ``points`` (K, 3, M), finite, M > 0."""
+    lower, upper = points.min(axis=0), points.max(axis=0)
+    order = _order(lower, upper)
+    lower, upper = lower[:, order], upper[:, order]
+    room = ROUNDING * np.maximum(-lower, upper).max(axis=0)
+    low, high = rounded_out(lower - room, upper + room)
+    levels: list[tuple[Float32Array, Float32Array]] = []
+    starts, children = [0], []
+    while True:
+        count = -(-low.shape[1] // CHILDREN) * CHILDREN
+        spare = ((0, 0), (0, count - low.shape[1]))
+        low = np.pad(low, spare, constant_values=np.inf)
+        high = np.pad(high, spare, constant_values=-np.inf)
+        children.append(starts[-2] + CHILDREN * np.arange(count) if levels else np.full(count, -1))
+        levels.append((low, high))
+        starts.append(starts[-1] + count)
+        if count == CHILDREN:
+            break
+        low, high = low.reshape(3, -1, CHILDREN).min(axis=2), high.reshape(3, -1, CHILDREN).max(axis=2)
+    low, high = (np.concatenate(side, axis=1) for side in zip(*levels, strict=True))
+    extent = (high - low).max(axis=0)
+    roots = np.arange(starts[-2], starts[-1])
+    sorted_points = np.ascontiguousarray(points.take(order, axis=2).transpose(2, 0, 1))
+    return BodyTree(sorted_points, room, box_rows(low, high), np.concatenate(children), extent, roots)
+
+
+def rounded_out(lower: Array, upper: Array) -> tuple[Float32Array, Float32Array]:
+    """Boxes (3, M) in float32 that contain the given ones."""
+    with np.errstate(over="ignore"):
+        low, high = lower.astype(np.float32), upper.astype(np.float32)
+    np.nextafter(low, np.float32(-np.inf), out=low, where=low > lower)
+    np.nextafter(high, np.float32(np.inf), out=high, where=high < upper)
+    return low, high
+
+
+def box_rows(lower: Float32Array, upper: Float32Array) -> Float32Array:
+    """The rows (M, ROW) of boxes (3, M), for ``meet``."""
+    rows = np.full((lower.shape[1], ROW), -np.inf, np.float32)
+    rows[:, :3], rows[:, 3:6] = lower.T, -upper.T
+    return rows
+
+
+def facing(rows: Float32Array) -> Float32Array:
+    """The rows of boxes (M, ROW) as the other side of ``meet`` needs them."""
+    return rows[:, [3, 4, 5, 0, 1, 2, 6, 7]]
+
+
+def meet(rows: Float32Array, others: Float32Array) -> BoolArray:
+    """Whether boxes meet, (M,). rows: (M, ROW). others: (M, ROW) of ``facing``."""
+    # Each sum is a lower bound of one box less the upper bound of the other.
+    with np.errstate(invalid="ignore"):
+        apart = rows + others <= 0.0
+    # Eight truth values at once.
+    found: BoolArray = apart.view(np.uint64).ravel() == np.frombuffer(b"\1" * ROW, np.uint64)[0]
+    return found
+
+
+def _order(lower: Array, upper: Array) -> IndexArray:
+    """An order of bodies in boxes (3, M) in which neighbours are of like size and near to each other."""
+    size = (upper - lower).max(axis=0)
+    largest = max(float(size.max()), np.finfo(np.float64).tiny)
+    with np.errstate(divide="ignore"):
+        kind = np.clip(-np.log(size / largest) / np.log(SIZE_CLASS), 0, SIZE_CLASSES - 1)
+    middle = 0.5 * lower + 0.5 * upper
+    least = middle.min(axis=1, keepdims=True)
+    across = np.maximum((middle - least).max(), np.finfo(np.float64).tiny)
+    place = ((middle - least) / across * (2**PLACE_BITS - 1)).astype(np.int64)
+    key = kind.astype(np.int64) << (3 * PLACE_BITS)
+    for axis in range(3):
+        key |= _spread(place[axis]) << axis
+    return np.argsort(key, kind="stable")
+
+
+def _spread(bits: IndexArray) -> IndexArray:
+    """Numbers of PLACE_BITS bits with two zeros between their bits (Morton order)."""
+    bits = (bits | bits << 16) & 0x030000FF
+    bits = (bits | bits << 8) & 0x0300F00F
+    bits = (bits | bits << 4) & 0x030C30C3
+    return (bits | bits << 2) & 0x09249249

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The chords of an image's cells in which anything may lie.
+
+Certain, not sampled: a cell's chord counts as empty only if a plane separates the hull of its corners from
+each triangle. In case of doubt it counts as occupied.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from ...projection.typing import Array, BoolArray, IndexArray
+from .body_tree import BodyTree, facing, meet, tree_of
+from .chord_cells import CellTree, cells_of, planes_around
+
+# Cells of all chords that are tested at a time, about.
+CELLS_AT_ONCE = 1 << 17
+
+# Pairs of boxes that are tested at a time.
+PAIRS = 1 << 16
+
+# Points of a triangle.
+TRIANGLE = 3
+
+# A box of triangles counts as one of them where it is narrower than this share of a cell.
+SMALL = 0.25
+
+
+def occupied_chords(ends: Array, bodies: Iterable[Array], slack: float = 0.0) -> BoolArray:
+    """Whether anything may lie in each chord of each cell, (chords, rows, columns).
+
+    ends: (chords + 1, 3, rows + 1, columns + 1), the ends of the chords of the projectors through the cells'
+    corners, as the sheets' vertices have them. bodies: arrays of points (K, 3, M) whose hulls are the scene:
+    triangles (K = 3), triangles at the start and the end of a straight motion (6), ``boxes_as_bodies`` (8).
+    Triangles with a point that is not finite are ignored, as ray tracers do; if another body has one, all
+    chords count as occupied. So do all chords of cells with such a corner. slack: a distance within which
+    things count as in a cell. Rounding to float32, also of rays, is included without it.
+    """
+    ends = np.asarray(ends, np.float64)
+    occupied = np.zeros((len(ends) - 1, ends.shape[2] - 1, ends.shape[3] - 1), bool)
+    trees = []
+    for points in bodies:
+        finite = np.isfinite(points).all(axis=(0, 1))
+        if len(points) > TRIANGLE and not finite.all():
+            return np.ones_like(occupied)
+        if finite.any():
+            trees.append(tree_of(np.asarray(points, np.float64)[:, :, finite]))
+    at_once = max(1, CELLS_AT_ONCE // max(1, occupied[0].size))
+    for start in range(0, len(occupied), at_once):
+        part = occupied[start : start + at_once]
+        cells, finite = cells_of(ends[start : start + at_once + 1], slack)
+        held = np.zeros(len(cells.number), bool)
+        for tree in trees:
+            _Search(cells, tree, held).run()
+        part.reshape(-1)[cells.number[held]] = True
+        part |= ~finite
+    return occupied
+
+
+class _Search:
+    """The search for the cells that bodies meet.
+
+    held: (M,) of the cells in the order of their tree; those that are True are not searched, and those found
+    become True.
+    """
+
+    def __init__(self, cells: CellTree, tree: BodyTree, held: BoolArray) -> None:
+        self._cells, self._tree, self._held = cells, tree, held
+        self._facing = facing(tree.boxes)
+        count = len(held)
+        self._planned = np.zeros(count, bool)
+        self._normals, self._limits = np.empty((count, 6, 3)), np.empty((count, 6))
+        self._width = np.empty(count)
+
+    def run(self) -> None:
+        """Find the cells."""
+        cells, roots = self._cells.roots, self._tree.roots
+        waiting = [(np.repeat(cells, len(roots)), np.tile(roots, len(cells)))]
+        while waiting:
+            # The latest first: what they find spares the others.
+            taken, count = [], 0
+            while waiting and count < PAIRS:
+                taken.append(waiting.pop())
+                count += len(taken[-1][0])
+            cell, node = (np.concatenate(side) for side in zip(*taken, strict=True))
+            if len(cell) > PAIRS:
+                waiting.append((cell[PAIRS:], node[PAIRS:]))
+                cell, node = cell[:PAIRS], node[:PAIRS]
+            waiting.extend(self._step(cell, node))
+
+    def _step(self, cell: IndexArray, node: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
+        """Test pairs of a block or cell and a node or body; the pairs of children that are left."""
+        cells, tree = self._cells, self._tree
+        met = np.flatnonzero(meet(cells.boxes.take(cell, 0), self._facing.take(node, 0)))
+        cell, node = cell.take(met), node.take(met)
+        inner = cells.child.take(cell) >= 0
+        body = tree.child.take(node) < 0
+        larger = inner & (body | (cells.extent.take(cell) >= tree.extent.take(node)))
+        yield from _expanded(cells.child, cell[larger], node[larger])
+        smaller = inner & ~larger
+        yield from _swapped(_expanded(tree.child, node[smaller], cell[smaller]))
+        single = np.flatnonzero(~inner)
+        cell, node, body = cell.take(single), node.take(single), body.take(single)
+        left = np.flatnonzero(~self._held.take(cell))
+        yield from self._of_cells(cell.take(left), node.take(left), body.take(left))
+
+    def _of_cells(
+        self, cell: IndexArray, node: IndexArray, body: BoolArray
+    ) -> Iterator[tuple[IndexArray, IndexArray]]:
+        """As ``_step``, of cells whose boxes meet those of nodes, some of them bodies."""
+        if len(cell) == 0:
+            return
+        self._plan(cell)
+        outside = np.flatnonzero(~self._beyond_planes(cell, node))
+        cell, node, body = cell.take(outside), node.take(outside), body.take(outside)
+        small = ~body & (self._tree.extent.take(node) <= SMALL * self._width.take(cell))
+        self._held[cell[small]] = True
+        some = np.flatnonzero(body)
+        self._test(cell.take(some), node.take(some))
+        left = ~body & ~small
+        left &= ~self._held.take(cell)
+        yield from _swapped(_expanded(self._tree.child, node[left], cell[left]))
+
+    def _plan(self, cell: IndexArray) -> None:
+        """Make the planes of cells that have none yet."""
+        new = cell[~self._planned.take(cell)]
+        if len(new):
+            new = np.unique(new)
+            self._planned[new] = True
+            corners = self._cells.points.take(self._cells.corner.take(new, 0), 0)
+            planes = planes_around(corners, self._cells.room.take(new))
+            self._normals[new], self._limits[new], self._width[new] = planes
+
+    def _beyond_planes(self, cell: IndexArray, node: IndexArray) -> BoolArray:
+        """Whether boxes of nodes are outside of a plane of the cell."""
+        rows = self._tree.boxes.take(node, 0).astype(np.float64)
+        low, high = rows[:, :3], -rows[:, 3:6]
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        normals = self._normals.take(cell, 0)
+        nearest = np.einsum("npc,nc->np", normals, middle)
+        nearest -= np.einsum("npc,nc->np", np.abs(normals, out=normals), half)
+        beyond: BoolArray = (nearest > self._limits.take(cell, 0)).any(axis=1)
+        return beyond
+
+    def _test(self, cell: IndexArray, body: IndexArray) -> None:
+        """Mark the cells that no plane separates from their bodies."""
+        points, room = self._tree.points.take(body, 0), self._tree.room.take(body)
+        least = np.einsum("npc,nkc->npk", self._normals.take(cell, 0), points).min(axis=2)
+        least -= room[:, None]
+        left = np.flatnonzero((least <= self._limits.take(cell, 0)).all(axis=1))
+        cell = cell.take(left)
+        if points.shape[1] == TRIANGLE:
+            corners = self._cells.points.take(self._cells.corner.take(cell, 0), 0)
+            room = room.take(left) + self._cells.room.take(cell)
+            cell = cell[~separated(corners, points.take(left, 0), room)]
+        self._held[cell] = True
+
+
+def separated(corners: Array, triangles: Array, room: Array) -> BoolArray:
+    """Whether the triangle's plane, or one along an edge and the chord, separates it from a cell, (N,).
+
+    corners: (N, CORNERS, 3) of the cells. triangles: (N, 3, 3), by corner. room: (N,) the least distance.
+    """
+    corners = corners - triangles[:, :1]
+    edges = np.roll(triangles, -1, axis=1) - triangles
+    along = corners[:, 4:].sum(axis=1) - corners[:, :4].sum(axis=1)
+    apart: BoolArray = np.zeros(len(corners), bool)
+    for normal in (np.cross(edges[:, 0], edges[:, 1]), *(np.cross(edges[:, k], along) for k in range(3))):
+        # Any normal will do, however rounded: the heights of both are compared.
+        height = np.einsum("nc,nkc->nk", normal, corners)
+        second = np.einsum("nc,nc->n", normal, edges[:, 0])
+        third = -np.einsum("nc,nc->n", normal, edges[:, 2])
+        reach = room * np.sqrt(np.einsum("nc,nc->n", normal, normal))
+        apart |= height.min(axis=1) > np.maximum(np.maximum(second, third), 0.0) + reach
+        apart |= height.max(axis=1) < np.minimum(np.minimum(second, third), 0.0) - reach
+    return apart
+
+
+def _expanded(
+    child: IndexArray, parent: IndexArray, other: IndexArray
+) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """The pairs of the four children of each parent and its partner, if there are any."""
+    if len(parent):
+        yield (child.take(parent)[:, None] + np.arange(4)).ravel(), np.repeat(other, 4)
+
+
+def _swapped(pairs: Iterator[tuple[IndexArray, IndexArray]]) -> Iterator[tuple[IndexArray, IndexArray]]:
+    """Pairs the other way round."""
+    return ((b, a) for a, b in pairs)
