@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from .live import live_drawing
 from .mappings import st_map_image
 from .overlays import image_marks, viewport_overlay
 from .render import command_line, render_engine, render_passes, result_image
@@ -29,6 +30,7 @@ MODULES = (
     validation,  # before all others that read a loaded file
     st_map_image,
     handlers,
+    live_drawing,  # under the volumes' lines
     viewport_overlay,
     image_marks,
     result_image,

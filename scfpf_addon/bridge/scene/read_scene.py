@@ -11,14 +11,13 @@ import numpy as np
 from ...casting.common.ray_visibility import CAMERA, EVERYWHERE
 from ...projection.typing import Array
 from ...shading.scene.shading_scene import Light, Scene
-from ..camera.flexible_camera import control_objects
 from .join_meshes import Instances, SceneError, join_meshes
 from .light_paths import read_bounces, unshown_settings
 from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
 from .read_layers import read_layer
 from .read_lights import read_light, read_tint
 from .read_materials import MaterialTable, listing
-from .read_visibility import LightLinks, visible_rays
+from .read_visibility import LightLinks, ShownInRenders
 from .read_world import darkness, read_world, world_seen
 
 # Types of objects without faces that Blender's own renders show.
@@ -110,12 +109,10 @@ class _SceneReader:
         self.lights: list[Light] = []
         self.materials = MaterialTable()
         self._with_uv = with_uv
-        self._view_layer = depsgraph.view_layer
         evaluated = depsgraph.view_layer_eval
         self._filtered = {kind for kind, name in FILTERS.items() if not getattr(evaluated, name)}
         self._material = evaluated.material_override
-        self._left_out = control_objects()
-        self._rendered = None if depsgraph.mode == "RENDER" else _rendered_objects(depsgraph.view_layer)
+        self._renders = ShownInRenders(depsgraph)
         self.links = LightLinks()
         # By object and instancer: its ray visibility, and the number by which lamps know it.
         self._shown: dict[tuple[int, int], tuple[int, int]] = {}
@@ -146,7 +143,7 @@ class _SceneReader:
         shown = self._shown.get(key)
         if shown is None:
             name, above = own.name_full, parent.original.name_full if parent else ""
-            rays = self._rays(obj, parent)
+            rays = self._renders.rays(obj, parent)
             shown = self._shown[key] = rays, self.links.number(name, above) if rays else 0
         if not shown[0]:
             return
@@ -176,26 +173,6 @@ class _SceneReader:
         self.lights.append(replace(light, diffuse=obj.visible_diffuse, specular=obj.visible_glossy))
         for note in notes:
             self._uneven.setdefault(note, {})[own.name] = None
-
-    def _rays(self, obj, parent) -> int:
-        """The ray visibility of an object, as ``visible_rays``; 0 if it is not rendered."""
-        own = obj.original
-        top = parent.original if parent else own
-        if own.name_full in self._left_out or top.name_full in self._left_out:
-            return 0
-        if self._rendered is not None and not self._is_rendered(own, top):
-            return 0
-        return EVERYWHERE if obj.type == "LIGHT" else visible_rays(obj, parent, self._view_layer)
-
-    def _is_rendered(self, own, top) -> bool:
-        """Whether a render shows an object of a viewport's depsgraph.
-
-        top: the object that instances ``own``, or ``own`` itself. A hidden object can still be instanced, on
-        vertices or by nodes; only instanced collections leave it out.
-        """
-        if top.hide_render or top.name_full not in self._rendered:
-            return False
-        return not own.hide_render or top.instance_type != "COLLECTION"
 
     def _mesh_and_look(self, obj, pointer: int) -> tuple[int, int]:
         mesh_pointer = obj.data.as_pointer()
@@ -258,16 +235,3 @@ class _SceneReader:
         lines = [text + listing(list(names)) for text, names in self._lost.items() if names]
         lines += [f"Not shown as it is: {note} (in {listing(list(n))})" for note, n in self._uneven.items()]
         return tuple(lines)
-
-
-def _rendered_objects(view_layer) -> set[str]:
-    """Full names of the objects in collections that are neither excluded nor hidden in renders."""
-    names: set[str] = set()
-    pending = [view_layer.layer_collection]
-    while pending:
-        layer = pending.pop()
-        if not layer.collection.hide_render:
-            if not layer.exclude:
-                names.update(one.name_full for one in layer.collection.objects)
-            pending.extend(layer.children)
-    return names

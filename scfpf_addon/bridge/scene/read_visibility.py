@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...casting.common.ray_visibility import CAMERA, CATCHER, EVERYWHERE, GLASS, HOLDOUT, MIRROR, SHADOW
 from ...shading.scene.shading_scene import Light
+from ..camera.flexible_camera import control_objects
 
 RAYS = (
     ("visible_camera", CAMERA),
@@ -40,6 +41,48 @@ def visible_rays(obj, parent, view_layer) -> int:
 
 def _own_rays(obj) -> int:
     return sum(bit for name, bit in RAYS if getattr(obj, name))
+
+
+class ShownInRenders:
+    """The objects of a depsgraph that a render shows."""
+
+    def __init__(self, depsgraph) -> None:
+        self._view_layer = depsgraph.view_layer
+        self.left_out = control_objects()
+        self._rendered = None if depsgraph.mode == "RENDER" else _rendered_objects(depsgraph.view_layer)
+
+    def rays(self, obj, parent) -> int:
+        """The ray visibility of an object, as ``visible_rays``; 0 if it is not rendered."""
+        own = obj.original
+        top = parent.original if parent else own
+        if own.name_full in self.left_out or top.name_full in self.left_out:
+            return 0
+        if self._rendered is not None and not self._is_rendered(own, top):
+            return 0
+        return EVERYWHERE if obj.type == "LIGHT" else visible_rays(obj, parent, self._view_layer)
+
+    def _is_rendered(self, own, top) -> bool:
+        """Whether a render shows an object of a viewport's depsgraph.
+
+        top: the object that instances ``own``, or ``own`` itself. A hidden object can still be instanced, on
+        vertices or by nodes; only instanced collections leave it out.
+        """
+        if top.hide_render or top.name_full not in self._rendered:
+            return False
+        return not own.hide_render or top.instance_type != "COLLECTION"
+
+
+def _rendered_objects(view_layer) -> set[str]:
+    """Full names of the objects in collections that are neither excluded nor hidden in renders."""
+    names: set[str] = set()
+    pending = [view_layer.layer_collection]
+    while pending:
+        layer = pending.pop()
+        if not layer.collection.hide_render:
+            if not layer.exclude:
+                names.update(one.name_full for one in layer.collection.objects)
+            pending.extend(layer.children)
+    return names
 
 
 class LightLinks:

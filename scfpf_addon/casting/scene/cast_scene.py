@@ -38,14 +38,20 @@ class CastScene(CastTriangles):
     """Triangles (``CastTriangles``) that rays can be traced against, safe to use from several threads.
 
     mesh: the usable triangles in Embree. beyond: called while Embree builds these; its triangles are
-    built when ``occluded`` is first called.
+    built when ``occluded`` is first called. space: see ``CastTriangles``.
     Raises CastError also if embreex is missing or too old.
     """
 
-    def __init__(self, vertices: Array, triangles: NDArray[np.int32], beyond: Beyond | None = None) -> None:
+    def __init__(
+        self,
+        vertices: Array,
+        triangles: NDArray[np.int32],
+        beyond: Beyond | None = None,
+        space: tuple[Array, float] | None = None,
+    ) -> None:
         load_embreex()
         _keep_freed_memory()
-        super().__init__(vertices, triangles)
+        super().__init__(vertices, triangles, space)
         self._build(beyond)
 
     def _build(self, beyond: Beyond | None = None) -> None:

@@ -41,15 +41,22 @@ class CastTriangles:
 
     vertices: (V, 3) float64, world space; triangles: (T, 3) int32. Triangles with a vertex that is not
     finite and those without area are unusable: never hit. All triangles keep their indices.
+    space: centre and scale of another scene, whose cast space these triangles share; None for their own.
     Raises CastError for an index out of range, NothingToCastAt if no triangle is usable.
 
     centre: (3,) world; scale: cast-space units in a world unit; matrix: (4, 4), world to cast space.
-    vertices: (3, V) in cast space. lower, upper: (3,) bounds in cast space, within [-1, 1].
+    vertices: (3, V) in cast space. lower, upper: (3,) bounds in cast space, within [-1, 1] in a
+    space of their own.
     usable: (T,). planes: (4, T) unit normal and offset, so that planes[:3]·p + planes[3] is the
     height of p over the triangle.
     """
 
-    def __init__(self, vertices: Array, triangles: NDArray[np.int32]) -> None:
+    def __init__(
+        self,
+        vertices: Array,
+        triangles: NDArray[np.int32],
+        space: tuple[Array, float] | None = None,
+    ) -> None:
         vertices = np.asarray(vertices, np.float64).reshape(-1, 3)
         self.triangles = np.ascontiguousarray(triangles, np.int32).reshape(-1, 3)
         if self.triangles.size and not 0 <= self.triangles.min() <= self.triangles.max() < len(vertices):
@@ -65,16 +72,16 @@ class CastTriangles:
         self._weights: Array | None = None
         self._neighbours: NDArray[np.int32] | None = None
         self._tables_lock = Lock()
-        self._place(vertices, finite)
+        self._place(vertices, finite, space)
         self._measure()
         if not self.usable.any():
             raise NothingToCastAt("the scene has no triangle with an area: check the objects' scale")
 
-    def _place(self, vertices: Array, finite: BoolArray) -> None:
-        """Choose cast space and transform the vertices into it."""
+    def _place(self, vertices: Array, finite: BoolArray, space: tuple[Array, float] | None) -> None:
+        """Choose cast space, unless it is given, and transform the vertices into it."""
         used = np.zeros(len(vertices), bool)
         used[self.triangles if self.usable.all() else self.triangles[self.usable]] = True
-        self.centre, self.scale = _cast_space(vertices if used.all() else vertices[used])
+        self.centre, self.scale = space or _cast_space(vertices if used.all() else vertices[used])
         self.matrix: Array = np.diag([self.scale, self.scale, self.scale, 1.0])
         self.matrix[:3, 3] = -self.scale * self.centre
         # Vertices of no usable triangle stay at the origin.

@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live View in 3D viewports: live images drawn over the frame of a flexible camera."""
+
+from __future__ import annotations
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from bpy.app.handlers import persistent
+from gpu_extras.presets import draw_texture_2d
+from mathutils import Matrix
+
+from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
+from ..render.render_errors import RENDER_ERRORS, reason
+from ..render.render_viewport import camera_rectangle, viewport_eye
+from ..render.view_painter import Rectangle
+from .live_view import LiveView, shown_window, sources
+from .surface_wires import draw_wires
+
+# Shadings of a viewport over which live images are drawn.
+SHADINGS = {"SOLID", "MATERIAL"}
+# Seconds for which drawing waits for the first image after a change.
+PATIENCE = 0.09
+# Seconds between two checks for finer images.
+TICK = 0.03
+# The text of a message: its size in points, and its place from the frame's left bottom corner.
+TEXT_SIZE, TEXT_MARGIN = 12, 12
+# Objects of these types are not in an image: their edits change the view at most.
+NO_FACES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER", "EMPTY", "ARMATURE", "LATTICE"}
+
+
+class _Viewport:
+    """The live view of one region, with the texture that is drawn."""
+
+    def __init__(self) -> None:
+        self.view = LiveView()
+        self.message = ""
+        self._drawn = -1
+        self._texture: gpu.types.GPUTexture | None = None
+        self._rectangle = Rectangle(0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether there is an image that has not been drawn."""
+        return self._drawn != self.view.painter.number
+
+    def update(self, context, camera, depsgraph) -> None:
+        """Ask for an image if anything has changed, and take the newest one."""
+        region, view, space = context.region, context.region_data, context.space_data
+        painter, frame = self.view.painter, None
+        try:
+            eye = viewport_eye(space, depsgraph)
+            frame = camera_rectangle(camera, depsgraph, region, view, eye)
+            shown = None if frame is None else shown_window(frame, region)
+            if frame is None or shown is None:
+                self._texture = None
+                return
+            if self.view.request(depsgraph, camera, frame, *shown, space, eye):
+                painter.wait(PATIENCE)
+            self.message = painter.message
+        except RENDER_ERRORS as error:
+            self.message = reason(error)
+            self._rectangle = self._rectangle if frame is None else frame
+        if self.is_late:
+            self._drawn = painter.number
+            self._take(painter.image)
+
+    def _take(self, image) -> None:
+        if image is None:
+            self._texture = None
+            return
+        height, width = image.pixels.shape[:2]
+        pixels = gpu.types.Buffer("FLOAT", width * height * 4, np.ravel(image.pixels))
+        self._texture = gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
+        self._rectangle = image.rectangle
+
+    def draw(self, context) -> None:
+        """Draw the image, or the message, with pixels of the region as units."""
+        left, bottom, width, height = self._rectangle
+        with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
+            gpu.matrix.load_matrix(Matrix())
+            gpu.matrix.load_projection_matrix(_pixels(context.region))
+            if self._texture is not None and not self.message:
+                gpu.state.blend_set("ALPHA_PREMULT")
+                draw_texture_2d(self._texture, (left, bottom), width, height)
+            elif self.message:
+                _draw_text(
+                    self.message, max(left, 0.0), max(bottom, 0.0), context.preferences.system.ui_scale
+                )
+        gpu.state.blend_set("NONE")
+
+
+# By the address of their regions, which are numbers here.
+_viewports: dict[int, _Viewport] = {}
+
+
+def live_camera(context):
+    """The flexible camera that a 3D viewport shows live, or None."""
+    space, view = context.space_data, context.region_data
+    if view is None or view.view_perspective != "CAMERA" or space.shading.type not in SHADINGS:
+        return None
+    camera = space.camera if space.use_local_camera else context.scene.camera
+    if camera is None or camera.type != "CAMERA":
+        return None
+    return camera if camera.scfpf.enabled and camera.scfpf.show_live else None
+
+
+def draw_viewport() -> None:
+    """The draw handler: the live image of the viewport that is being drawn."""
+    context = bpy.context
+    camera, address = live_camera(context), context.region.as_pointer()
+    if camera is None:
+        if address in _viewports:
+            _viewports.pop(address).view.painter.retire()
+        return
+    depsgraph = context.evaluated_depsgraph_get()
+    viewport = _viewports.get(address)
+    if viewport is None:
+        _remove_closed()
+        viewport = _viewports[address] = _Viewport()
+    viewport.update(context, camera, depsgraph)
+    gpu.state.depth_test_set("NONE")
+    gpu.state.depth_mask_set(False)
+    viewport.draw(context)
+    preferences = context.preferences
+    draw_wires(camera, depsgraph, context.space_data, preferences.themes[0], preferences.system.pixel_size)
+    gpu.state.depth_mask_set(True)
+    if viewport.view.painter.busy and not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=TICK)
+
+
+def _pixels(region) -> Matrix:
+    """The projection matrix whose units are a region's pixels."""
+    matrix = Matrix.Diagonal((2.0 / region.width, 2.0 / region.height, 1.0, 1.0))
+    matrix[0][3] = matrix[1][3] = -1.0
+    return matrix
+
+
+def _draw_text(text: str, left: float, bottom: float, scale: float) -> None:
+    font = 0
+    blf.size(font, TEXT_SIZE * scale)
+    blf.color(font, 1.0, 1.0, 1.0, 1.0)
+    blf.enable(font, blf.SHADOW)
+    blf.shadow(font, 3, 0.0, 0.0, 0.0, 0.8)
+    blf.position(font, left + TEXT_MARGIN * scale, bottom + TEXT_MARGIN * scale, 0.0)
+    blf.draw(font, text)
+    blf.disable(font, blf.SHADOW)
+
+
+def _regions() -> dict[int, bpy.types.Area]:
+    """The areas of the windows' 3D viewports by the addresses of their main regions."""
+    return {
+        region.as_pointer(): area
+        for window in bpy.context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "VIEW_3D"
+        for region in area.regions
+        if region.type == "WINDOW"
+    }
+
+
+def _remove_closed() -> None:
+    """Drop the live views of regions that are not shown any more."""
+    open_ones = _regions() if _viewports else {}
+    for address in _viewports.keys() - open_ones.keys():
+        _viewports.pop(address).view.painter.retire()
+
+
+def _tick() -> float | None:
+    """Redraw viewports that have a finer image; threads must not do so themselves."""
+    areas = _regions()
+    for address, viewport in _viewports.items():
+        if viewport.is_late and address in areas:
+            areas[address].tag_redraw()
+    return TICK if any(viewport.view.painter.busy for viewport in _viewports.values()) else None
+
+
+def stop_all() -> None:
+    """End all live views and their threads."""
+    for viewport in _viewports.values():
+        viewport.view.painter.stop()
+    _viewports.clear()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
+
+
+@persistent
+def _evaluated(_scene, depsgraph):
+    found = sources()
+    if not found or depsgraph.mode != "VIEWPORT":
+        return
+    objects = [update for update in depsgraph.updates if isinstance(update.id, bpy.types.Object)]
+    lists = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
+    for source in found:
+        left_out = source.objects.left_out
+        shown = [u for u in objects if u.id.type not in NO_FACES and u.id.name_full not in left_out]
+        names = {update.id.name for update in shown if update.is_updated_geometry}
+        source.mark_edited(names, bool(lists or shown))
+
+
+@persistent
+def _history_changed(*_):
+    for source in sources():
+        source.mark_edited()
+
+
+@persistent
+def _file_changes(*_):
+    stop_all()
+
+
+HANDLERS = {
+    "depsgraph_update_post": _evaluated,
+    "frame_change_post": _evaluated,
+    "undo_post": _history_changed,
+    "redo_post": _history_changed,
+    "load_pre": _file_changes,
+}
+_draw_handler = DrawHandler(bpy.types.SpaceView3D, draw_viewport, "POST_VIEW")
+
+
+def register():
+    add_handlers(HANDLERS)
+    _draw_handler.register()
+
+
+def unregister():
+    _draw_handler.unregister()
+    remove_handlers(HANDLERS)
+    stop_all()

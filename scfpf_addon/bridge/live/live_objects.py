@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The objects of a viewport's scene, read again only where an edit has changed them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...casting.common.ray_visibility import CAMERA
+from ...projection.typing import Array
+from ...shading.live.live_scene import COLOR_LAYER
+from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
+from ..scene.read_layers import read_layer
+from ..scene.read_visibility import ShownInRenders
+
+
+class Attributes(NamedTuple):
+    """The attributes of meshes that are read besides their shape."""
+
+    uv: bool
+    color: bool
+
+
+class ObjectKey(NamedTuple):
+    """An object as Live View knows it: the session ids and full names of itself and of its instancer.
+
+    An object that nothing instances is its own instancer, the one that a click selects.
+    """
+
+    uid: int
+    name: str
+    owner_uid: int
+    owner_name: str
+
+
+class LookTable:
+    """The numbers of objects and of looks in a scene; a number is never used again for something else.
+
+    objects: by their numbers. look_object, look_slot: the object and the material slot of each look.
+    """
+
+    def __init__(self) -> None:
+        self.objects: list[ObjectKey] = []
+        self.look_object: list[int] = []
+        self.look_slot: list[int] = []
+        self._numbers: dict[ObjectKey, int] = {}
+        self._first: dict[tuple[int, int], int] = {}
+
+    def number(self, key: ObjectKey) -> int:
+        """The number of an object."""
+        number = self._numbers.setdefault(key, len(self.objects))
+        if number == len(self.objects):
+            self.objects.append(key)
+        return number
+
+    def first_look(self, number: int, slots: int) -> int:
+        """The first of the looks of an object with so many material slots, which are consecutive."""
+        first = self._first.setdefault((number, slots), len(self.look_object))
+        if first == len(self.look_object):
+            self.look_object += [number] * slots
+            self.look_slot += range(slots)
+        return first
+
+
+class Placement(NamedTuple):
+    """An instance of a mesh: its object's number, first look and number of looks, and its matrix (4, 4)."""
+
+    mesh: MeshArrays
+    number: int
+    first_look: int
+    looks: int
+    matrix: Array
+
+    def is_same(self, other: Placement | None) -> bool:
+        """Whether another placement is the same triangles in the same place."""
+        return (
+            other is not None
+            and self.mesh is other.mesh
+            and self[1:4] == other[1:4]
+            and np.array_equal(self.matrix, other.matrix)
+        )
+
+
+# Placements by object number and the numbers of the instance in its instancer.
+Placements = dict[tuple[int, ...], Placement]
+
+
+class _KnownMesh(NamedTuple):
+    """A mesh that has been read, and the names of the objects that had it."""
+
+    arrays: MeshArrays
+    owners: set[str]
+
+
+class LiveObjects:
+    """Reads the placements of a viewport's objects. Keeps arrays, names and session ids, no Blender data."""
+
+    def __init__(self) -> None:
+        self.table = LookTable()
+        self.placements: Placements = {}
+        # Full names of control surfaces and the like, which no image shows.
+        self.left_out: set[str] = set()
+        self._meshes: dict[int, _KnownMesh] = {}
+        self._attributes = Attributes(False, False)
+        self._stale: set[str] = set()
+        self._all_stale = self._changed = True
+
+    def mark(self, names: set[str] | None) -> None:
+        """Note objects whose meshes have changed, by their names; None for all."""
+        self._changed = True
+        if names is None:
+            self._all_stale = True
+        else:
+            self._stale |= names
+
+    def read(self, depsgraph, space=None, attributes: Attributes | None = None) -> Placements:
+        """The placements of the objects that a viewport and renders show.
+
+        space: bpy.types.SpaceView3D, or None for all objects that viewports show. Raises SceneError.
+        """
+        wanted = attributes or self._attributes
+        if wanted != self._attributes:
+            self._attributes, self._all_stale, self._changed = wanted, True, True
+        if self._changed:
+            self.placements = self._read(depsgraph, space)
+            self._stale.clear()
+            self._all_stale = self._changed = False
+        return self.placements
+
+    def _read(self, depsgraph, space) -> Placements:
+        renders = ShownInRenders(depsgraph)
+        self.left_out = renders.left_out
+        shown: dict[ObjectKey, int] = {}
+        fresh: dict[int, _KnownMesh] = {}
+        found: Placements = {}
+        for instance in depsgraph.object_instances:
+            obj = instance.object
+            if obj.type != "MESH":
+                continue
+            own, parent = obj.original, instance.parent
+            top = parent.original if parent else own
+            key = ObjectKey(own.session_uid, own.name_full, top.session_uid, top.name_full)
+            number = shown.get(key)
+            if number is None:
+                is_shown = renders.rays(obj, parent) & CAMERA and _is_in_viewport(top, space)
+                number = shown[key] = self.table.number(key) if is_shown else -1
+            if number < 0:
+                continue
+            matrix = np.array(instance.matrix_world, np.float64)
+            if not (np.abs(matrix) <= LARGEST_COORDINATE).all():
+                continue
+            mesh = self._mesh(obj, {own.name, top.name}, fresh)
+            if not len(mesh.triangles):
+                continue
+            looks = max(len(obj.material_slots), 1)
+            place = number, *(instance.persistent_id if parent else ())
+            found[place] = Placement(mesh, number, self.table.first_look(number, looks), looks, matrix)
+        self._meshes = fresh
+        return {
+            key: old if (old := self.placements.get(key)) and old.is_same(new) else new
+            for key, new in found.items()
+        }
+
+    def _mesh(self, obj, owners: set[str], fresh: dict[int, _KnownMesh]) -> MeshArrays:
+        """The arrays of an object's mesh. fresh: the meshes of this reading, by their addresses."""
+        address = obj.data.as_pointer()
+        if address in fresh:
+            fresh[address].owners.update(owners)
+            return fresh[address].arrays
+        known = self._meshes.get(address)
+        is_known = known is not None and not known.owners.isdisjoint(owners)
+        # Another mesh may have taken the place of one that is gone; then its object has been evaluated.
+        if known is None or not is_known or self._all_stale or not self._stale.isdisjoint(owners):
+            arrays = of_mesh(obj, self._read_mesh)
+            same = known is not None and _is_equal(known.arrays, arrays)
+            known = _KnownMesh(known.arrays if known is not None and same else arrays, set(owners))
+        fresh[address] = known
+        known.owners.update(owners)
+        return known.arrays
+
+    def _read_mesh(self, mesh) -> MeshArrays:
+        arrays = read_mesh(mesh, self._attributes.uv)
+        if self._attributes.color:
+            active = mesh.color_attributes.active_color
+            values = None if active is None else read_layer(mesh, f"{COLOR_LAYER}{active.name}")
+            if values is not None:
+                arrays.layers[COLOR_LAYER] = values if arrays.kept is None else values[arrays.kept]
+        return arrays
+
+
+def _is_in_viewport(top, space) -> bool:
+    """Whether a viewport shows an object: local view and local collections may leave it out."""
+    return space is None or top.visible_in_viewport_get(space)
+
+
+def _is_equal(one: MeshArrays, other: MeshArrays) -> bool:
+    """Whether two readings of a mesh are equal."""
+    names = ("vertices", "triangles", "normals", "slot", "uv")
+    return one.layers.keys() == other.layers.keys() and all(
+        _same(a, b)
+        for a, b in (
+            *((getattr(one, name), getattr(other, name)) for name in names),
+            *((one.layers[name], other.layers[name]) for name in one.layers),
+        )
+    )
+
+
+def _same(one: NDArray | None, other: NDArray | None) -> bool:
+    return one is other or (one is not None and other is not None and np.array_equal(one, other))

@@ -1,0 +1,196 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live images of one viewport: a thread makes a coarse one at once, and finer ones while nothing changes."""
+
+from __future__ import annotations
+
+import threading
+from time import perf_counter
+from typing import NamedTuple
+
+from ...casting.common.cancellation import Cancelled
+from ...projection.diagrams.diagram import volume_signature
+from ...projection.volume.viewing_volume import Projection
+from ...shading.live.cast_live import LiveProjection, LiveWindow, cast_live
+from ...shading.live.live_hits import LiveHits
+from ...shading.live.live_image import Paint
+from ...shading.typing import Single
+from ..render.render_errors import NO_THREAD, failure_message
+from ..render.view_painter import Rectangle
+from .kept_scene import KeptScene
+from .live_objects import Placements
+
+# Pixels of the viewport across a pixel of the first image, by the time that there is.
+STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+# Seconds that the first image should take at most.
+FIRST_SECONDS = 0.05
+# Seconds without a change after which finer images are begun; sooner, they would slow down a drag.
+IDLE_SECONDS = 0.12
+# Seconds without a change after which moved objects are built together with the others.
+SETTLE_SECONDS = 1.5
+
+
+class Request(NamedTuple):
+    """A request for images: everything is an array, a number or a function of these.
+
+    window: in pixels of the viewport. rectangle: where it is drawn. paint_key: differs whenever ``paint``
+    paints differently.
+    """
+
+    kept: KeptScene
+    placements: Placements
+    projection: Projection
+    window: LiveWindow
+    rectangle: Rectangle
+    paint: Paint
+    paint_key: bytes
+
+
+class LiveImage(NamedTuple):
+    """An image and where it is drawn. pixels: (H, W, 4). step: viewport pixels across one of its pixels."""
+
+    pixels: Single
+    rectangle: Rectangle
+    step: float
+
+
+class _Seen(NamedTuple):
+    """Hits that can be painted again: of which scene and volume, in which window."""
+
+    key: tuple
+    hits: LiveHits
+    step: float
+
+
+class LivePainter:
+    """Paints the latest request. Only the caller's thread may call its methods."""
+
+    def __init__(self) -> None:
+        self._wake = threading.Condition()
+        self._wanted: Request | None = None
+        self._thread: threading.Thread | None = None
+        self._stopped = False
+        self._seen: _Seen | None = None
+        self._seconds_per_pixel = 0.0
+        # The newest image, or the message of an error instead; the number changes with each.
+        self.image: LiveImage | None = None
+        self.message = ""
+        self.number = 0
+        # The number of requests, and that of the request whose first image was made last.
+        self.asked = self.answered = 0
+
+    @property
+    def busy(self) -> bool:
+        """Whether the thread is at work."""
+        with self._wake:
+            return self._thread is not None
+
+    def ask(self, request: Request) -> None:
+        """Paint this, and drop earlier requests; return at once."""
+        with self._wake:
+            self._wanted = request
+            self.asked += 1
+            self._wake.notify_all()
+            if self._thread is None and not self._stopped:
+                thread = threading.Thread(target=self._run, name="SCFPF live view")
+                try:
+                    thread.start()
+                except RuntimeError:
+                    self._wanted, self.answered = None, self.asked
+                    self._show(None, NO_THREAD)
+                else:
+                    self._thread = thread
+
+    def wait(self, seconds: float) -> bool:
+        """Wait at most so long for the first image of the last request; return whether it is there."""
+        with self._wake:
+            return self._wake.wait_for(lambda: self.answered == self.asked or self._stopped, seconds)
+
+    def retire(self) -> None:
+        """Cancel for ever; return at once."""
+        with self._wake:
+            self._stopped, self._wanted = True, None
+            self._wake.notify_all()
+
+    def stop(self) -> None:
+        """Cancel for ever and wait for the thread."""
+        self.retire()
+        thread = self._thread
+        if thread is not None:
+            thread.join()
+        self.image = self._seen = None
+
+    def is_set(self) -> bool:
+        """Whether the request at hand is cancelled: the painter is the signal of its own casting."""
+        return self._stopped or self._wanted is not None
+
+    def _run(self) -> None:
+        while True:
+            with self._wake:
+                request, self._wanted = self._wanted, None
+                if request is None or self._stopped:
+                    self._thread = None
+                    return
+                asked = self.asked
+            try:
+                self._paint(request, asked)
+            except Cancelled:
+                pass
+            except Exception as error:  # A thread has nowhere to raise.
+                self._answer(asked, None, failure_message(error))
+
+    def _paint(self, request: Request, asked: int) -> None:
+        """Make the first image, then finer ones, unless another request comes."""
+        scene = request.kept.updated(request.placements)
+        key = (scene, volume_signature(request.projection), request.window)
+        seen = self._seen
+        if seen is not None and seen.key[0] is scene and seen.key[1:] == key[1:]:
+            view, step = None, seen.step
+            self._answer(asked, _image(request, seen.hits, step))
+        else:
+            view, step = LiveProjection.of(request.projection), self._first_step(request.window)
+            begun = perf_counter()
+            # Nothing cancels a first image: a drag would show none if it were asked for too often.
+            hits = cast_live(scene, view, request.window.coarser(step))
+            self._answer(asked, _image(request, hits, step))
+            self._seconds_per_pixel = (perf_counter() - begun) / (hits.width * hits.height)
+            self._seen = _Seen(key, hits, step)
+        while step > 1.0 and self._is_idle(IDLE_SECONDS):
+            step = 1.0 if step <= STEPS[3] else STEPS[2]
+            view = view or LiveProjection.of(request.projection)
+            hits = cast_live(scene, view, request.window.coarser(step), self)
+            if self.is_set():
+                return
+            self._answer(asked, _image(request, hits, step))
+            self._seen = _Seen(key, hits, step)
+        if step <= 1.0 and self._is_idle(SETTLE_SECONDS):
+            request.kept.settle()
+            # The same picture, of a scene built anew.
+            if self._seen is not None:
+                scene = request.kept.updated(request.placements)
+                self._seen = self._seen._replace(key=(scene, *key[1:]))
+
+    def _first_step(self, window: LiveWindow) -> float:
+        """The finest step whose image takes no longer than it should, by the last first image."""
+        if self._seconds_per_pixel == 0.0:
+            return STEPS[-1]
+        pixels = window.width * window.height
+        return next((s for s in STEPS if pixels / s**2 * self._seconds_per_pixel <= FIRST_SECONDS), STEPS[-1])
+
+    def _is_idle(self, seconds: float) -> bool:
+        """Wait so long; return whether no other request came."""
+        with self._wake:
+            return not self._wake.wait_for(self.is_set, seconds)
+
+    def _answer(self, asked: int, image: LiveImage | None, message: str = "") -> None:
+        with self._wake:
+            self._show(image, message)
+            self.answered = asked
+            self._wake.notify_all()
+
+    def _show(self, image: LiveImage | None, message: str = "") -> None:
+        self.image, self.message = image, message
+        self.number += 1
+
+
+def _image(request: Request, hits: LiveHits, step: float) -> LiveImage:
+    return LiveImage(request.paint(hits, step), request.rectangle, step)

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live View of one viewport: its scene, its camera and its look read into a request for images."""
+
+from __future__ import annotations
+
+from weakref import WeakValueDictionary
+
+from ...shading.live.cast_live import LiveProjection, LiveWindow
+from ...shading.live.live_image import Paint, live_image, plain_paint
+from ...shading.typing import Single
+from ..camera.stereo_views import Eye
+from ..render.image_size import shown_aspect
+from ..render.render_inputs import read_view
+from ..render.render_viewport import visible_border
+from ..render.view_painter import Rectangle
+from .kept_scene import KeptScene
+from .live_objects import LiveObjects
+from .live_painter import LivePainter, Request
+
+# Smallest width and height of an image.
+SMALLEST = 2
+
+
+class LiveSource:
+    """The scene of one view layer, which viewports share unless they show other objects.
+
+    edits: how often anything has changed that an image may depend on.
+    """
+
+    def __init__(self) -> None:
+        self.objects, self.kept, self.edits = LiveObjects(), KeptScene(), 0
+
+    def mark_edited(self, names: set[str] | None = None, moved: bool = True) -> None:
+        """Note an edit. names: of the objects whose shape has changed, None for all.
+
+        moved: whether objects may have changed that images show.
+        """
+        self.edits += 1
+        if moved:
+            self.objects.mark(names)
+
+
+# By session id of the scene, name of the view layer, and the address of a viewport that shows other objects.
+_sources: WeakValueDictionary[tuple[int, str, int], LiveSource] = WeakValueDictionary()
+
+
+def sources() -> list[LiveSource]:
+    """The sources of all live viewports."""
+    return list(_sources.values())
+
+
+def source_of(depsgraph, space=None) -> LiveSource:
+    """The source of a viewport. space: bpy.types.SpaceView3D, or None for all objects of a view layer."""
+    is_local = space is not None and (space.local_view is not None or space.use_local_collections)
+    scene = depsgraph.scene.original
+    key = scene.session_uid, depsgraph.view_layer.name, space.as_pointer() if is_local else 0
+    source = _sources.get(key)
+    if source is None:
+        source = _sources[key] = LiveSource()
+    return source
+
+
+class LiveView:
+    """The live images of one viewport. It keeps arrays and numbers, no Blender data."""
+
+    def __init__(self) -> None:
+        self.painter = LivePainter()
+        self.source: LiveSource | None = None
+        self._key: tuple = ()
+
+    def request(
+        self,
+        depsgraph,
+        camera,
+        frame: Rectangle,
+        window: LiveWindow,
+        rectangle: Rectangle,
+        space=None,
+        eye: Eye = "",
+    ) -> bool:
+        """Ask for images if anything has changed; return whether that was so.
+
+        frame: the camera's in the viewport. window: the part of it to show, which is drawn in ``rectangle``.
+        Raises one of RENDER_ERRORS.
+        """
+        source = self.source = source_of(depsgraph, space)
+        paint, paint_key = read_paint(depsgraph, space, source)
+        key = source, source.edits, camera.original.session_uid, frame, window, rectangle, eye, paint_key
+        if key == self._key:
+            return False
+        self._key = ()
+        aspect = frame.width / frame.height
+        self.painter.ask(
+            _read_request(source, depsgraph, camera, aspect, window, rectangle, space, eye, paint, paint_key)
+        )
+        self._key = key
+        return True
+
+    def refresh(self, depsgraph, camera, size: tuple[int, int], step: float = 1.0) -> Single:
+        """Make an image of a camera at once, (H, W, 4), without a viewport.
+
+        size: of the viewport's frame in pixels. step: pixels of the frame across one of the image. Raises one
+        of RENDER_ERRORS.
+        """
+        source = self.source = source_of(depsgraph)
+        aspect = shown_aspect(depsgraph.scene_eval.render, *size)
+        whole = Rectangle(0.0, 0.0, *map(float, size))
+        paint, key = read_paint(depsgraph, None, source)
+        window = LiveWindow(0.0, 0.0, 1.0, 1.0, *size)
+        request = _read_request(source, depsgraph, camera, aspect, window, whole, None, "", paint, key)
+        scene = source.kept.updated(request.placements)
+        return live_image(scene, LiveProjection.of(request.projection), window, request.paint, step)
+
+
+def _read_request(
+    source, depsgraph, camera, aspect, window, rectangle, space, eye, paint, paint_key
+) -> Request:
+    return Request(
+        kept=source.kept,
+        placements=source.objects.read(depsgraph, space),
+        projection=read_view(depsgraph, camera.original, aspect, eye),
+        window=window,
+        rectangle=rectangle,
+        paint=paint,
+        paint_key=paint_key,
+    )
+
+
+def read_paint(depsgraph, space, source: LiveSource) -> tuple[Paint, bytes]:
+    """The colouring of a viewport's images, and a key that differs whenever it colours differently."""
+    return plain_paint, b""
+
+
+def shown_window(frame: Rectangle, region) -> tuple[LiveWindow, Rectangle] | None:
+    """The part of a camera's frame that a region shows, in its pixels, and where; None if it shows none."""
+    size = max(round(frame.width), SMALLEST), max(round(frame.height), SMALLEST)
+    border = visible_border(frame, size, region)
+    if border is None:
+        return None
+    left, right = border.left / size[0], border.right / size[0]
+    bottom, top = border.bottom / size[1], border.top / size[1]
+    width, height = border.right - border.left, border.top - border.bottom
+    window = LiveWindow(left, bottom, right, top, max(width, SMALLEST), max(height, SMALLEST))
+    place = Rectangle(
+        frame.left + left * frame.width,
+        frame.bottom + bottom * frame.height,
+        (right - left) * frame.width,
+        (top - bottom) * frame.height,
+    )
+    return window, place
