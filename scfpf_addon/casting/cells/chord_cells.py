@@ -13,15 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
-from .body_tree import box_rows, rounded_out
+from .body_tree import CHILDREN, box_rows, parents, rounded_out
 
 # Rays leave their cells by this share of the cell's largest coordinate at most: 64 roundings of float32, for
 # those of the sheets' vertices, of the ray and of the triangles that it is tested against.
 SLACK = 2.0**-18
 
-# Cells across a block at the top of the tree, as a power of 2, and the children of a block.
+# Cells across a block at the top of the tree, as a power of 2.
 LEVELS = 4
-CHILDREN = 4
 
 # A cell's corners: bit 0 counts columns, bit 1 rows, bit 2 the chord's ends.
 CORNERS = 8
@@ -105,10 +104,10 @@ def planes_around(corners: Array, room: Array) -> Planes:
         normals[:, number] = np.copysign(1.0, outwards)[:, None] * normal
     length = np.sqrt(np.einsum("mpc,mpc->mp", normals, normals))
     normals *= np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)[:, :, None]
-    along = np.einsum("mpc,mkc->mpk", normals, corners)
-    limits = along.max(axis=2)
-    width = (limits - along.min(axis=2)).min(axis=1)
-    return Planes(normals, limits + room[:, None], width)
+    along = np.einsum("mpc,mkc->kpm", normals, corners, order="C")
+    limits = along.max(axis=0)
+    width = (limits - along.min(axis=0)).min(axis=0)
+    return Planes(normals, (limits + room).T, width)
 
 
 def _over_corners(ends: Array, f: np.ufunc) -> Array:
@@ -138,7 +137,7 @@ def _levels(
     count, start = lower.shape[1], 0
     levels, children = [(lower, upper)], [np.full(count, -1)]
     for _ in range(LEVELS):
-        lower, upper = lower.reshape(3, -1, CHILDREN).min(axis=2), upper.reshape(3, -1, CHILDREN).max(axis=2)
+        lower, upper = parents(lower, upper)
         levels.append((lower, upper))
         children.append(start + CHILDREN * np.arange(lower.shape[1]))
         start, count = start + count, lower.shape[1]

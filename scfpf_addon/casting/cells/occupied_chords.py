@@ -139,17 +139,18 @@ class _Search:
         low, high = rows[:, :3], -rows[:, 3:6]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         normals = self._normals.take(cell, 0)
-        nearest = np.einsum("npc,nc->np", normals, middle)
-        nearest -= np.einsum("npc,nc->np", np.abs(normals, out=normals), half)
-        beyond: BoolArray = (nearest > self._limits.take(cell, 0)).any(axis=1)
+        # Short axes first: NumPy reduces those several times as fast.
+        nearest = np.einsum("npc,nc->pn", normals, middle, order="C")
+        nearest -= np.einsum("npc,nc->pn", np.abs(normals, out=normals), half)
+        beyond: BoolArray = (nearest > self._limits.take(cell, 0).T).any(axis=0)
         return beyond
 
     def _test(self, cell: IndexArray, body: IndexArray) -> None:
         """Mark the cells that no plane separates from their bodies."""
         points, room = self._tree.points.take(body, 0), self._tree.room.take(body)
-        least = np.einsum("npc,nkc->npk", self._normals.take(cell, 0), points).min(axis=2)
-        least -= room[:, None]
-        left = np.flatnonzero((least <= self._limits.take(cell, 0)).all(axis=1))
+        least = np.einsum("npc,nkc->kpn", self._normals.take(cell, 0), points, order="C").min(axis=0)
+        least -= room
+        left = np.flatnonzero((least <= self._limits.take(cell, 0).T).all(axis=0))
         cell = cell.take(left)
         if points.shape[1] == TRIANGLE:
             corners = self._cells.points.take(self._cells.corner.take(cell, 0), 0)
@@ -169,12 +170,12 @@ def separated(corners: Array, triangles: Array, room: Array) -> BoolArray:
     apart: BoolArray = np.zeros(len(corners), bool)
     for normal in (np.cross(edges[:, 0], edges[:, 1]), *(np.cross(edges[:, k], along) for k in range(3))):
         # Any normal will do, however rounded: the heights of both are compared.
-        height = np.einsum("nc,nkc->nk", normal, corners)
+        height = np.einsum("nc,nkc->kn", normal, corners, order="C")
         second = np.einsum("nc,nc->n", normal, edges[:, 0])
         third = -np.einsum("nc,nc->n", normal, edges[:, 2])
         reach = room * np.sqrt(np.einsum("nc,nc->n", normal, normal))
-        apart |= height.min(axis=1) > np.maximum(np.maximum(second, third), 0.0) + reach
-        apart |= height.max(axis=1) < np.minimum(np.minimum(second, third), 0.0) - reach
+        apart |= height.min(axis=0) > np.maximum(np.maximum(second, third), 0.0) + reach
+        apart |= height.max(axis=0) < np.minimum(np.minimum(second, third), 0.0) - reach
     return apart
 
 
