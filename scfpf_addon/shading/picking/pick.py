@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,32 +47,49 @@ def pick(
     projection: in the scene's space. pixel_size: a pixel's width and height as shares
     of the image. Raises CastError.
     """
-    where = np.array([x]), np.array([y])
-    projectors = projection.projectors(*where)
-    if not projectors.valid[0] or not np.isfinite(projectors.points).all():
+    curve_at = projector_at(projection, x, y)
+    if curve_at is None:
         return None
-    spans = projection.volume.spans
-
-    def curve_at(t: Array) -> Array:
-        """The projector's points at t (S,), (S, 3)."""
-        weights, _ = spans.weights(t)
-        points: Array = np.einsum("ks,kc->sc", weights, projectors.points[:, :, 0])
-        return points
-
     curve = curve_at(np.linspace(0.0, 1.0, LENGTH_PIECES + 1))
     miss = Pick(curve, None, np.zeros(3), "", 0.0)
     cast_scene = visible_scene(scene)
     if cast_scene is None:
         return miss
-    hits = cast(cast_scene, projection.transformed(cast_scene.matrix), *where, pixel_size, PIXEL_ERROR)
-    triangle = int(hits.triangle[0])
+    triangle, t = first_hit(cast_scene, projection, x, y, pixel_size)
     if triangle < 0:
         return miss
-    t = float(hits.t[0])
     way = curve_at(np.linspace(0.0, t, LENGTH_PIECES + 1))
     distance = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     name = object_name(scene, int(scene.geometry.object_index[triangle]))
     return Pick(curve, t, way[-1], name, distance)
+
+
+def projector_at(projection: Projection, x: float, y: float) -> Callable[[Array], Array] | None:
+    """A function from t (S,) to the points (S, 3) of the projector at (x, y); None where there is none."""
+    projectors = projection.projectors(np.array([x]), np.array([y]))
+    if not projectors.valid[0] or not np.isfinite(projectors.points).all():
+        return None
+    spans, controls = projection.volume.spans, projectors.points[:, :, 0]
+
+    def curve_at(t: Array) -> Array:
+        weights, _ = spans.weights(t)
+        points: Array = np.einsum("ks,kc->sc", weights, controls)
+        return points
+
+    return curve_at
+
+
+def first_hit(
+    cast_scene: CastScene, projection: Projection, x: float, y: float, pixel_size: tuple[float, float]
+) -> tuple[int, float]:
+    """The first triangle that the projector at (x, y) meets, and its t; (-1, inf) on a miss.
+
+    projection, pixel_size: as for ``pick``. Raises CastError.
+    """
+    moved = projection.transformed(cast_scene.matrix)
+    hits = cast(cast_scene, moved, np.array([x]), np.array([y]), pixel_size, PIXEL_ERROR)
+    triangle = int(hits.triangle[0])
+    return (triangle, float(hits.t[0])) if triangle >= 0 else (-1, math.inf)
 
 
 def visible_scene(scene: Scene) -> CastScene | None:
