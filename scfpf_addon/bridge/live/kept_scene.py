@@ -17,8 +17,9 @@ from .live_objects import Placements
 
 # If more than this share of the triangles moves, the whole scene is built.
 MOST_MOVING = 0.5
-# Everything is built as one still part, while nothing else is to be done, if that takes no longer: seconds.
-LONGEST_SETTLING = 1.0
+# While nothing else is to be done, everything is built as one still part if more than this share of the
+# triangles has moved, and if that takes no longer than so many seconds.
+WORTH_SETTLING, LONGEST_SETTLING = 0.1, 1.0
 
 
 class KeptScene:
@@ -60,12 +61,15 @@ class KeptScene:
             self.parts += 1
             return scene
 
-    def settle(self) -> None:
-        """Build all as one still part if objects have moved and it does not take long."""
+    def settle(self) -> bool:
+        """Build all as one still part if that pays; return whether it was done."""
         with self._lock:
-            if (self._left or self._moving) and self._seconds <= LONGEST_SETTLING:
-                stays = {key: place for key, place in self._settled.items() if key not in self._left}
-                self._build(stays | self._moving)
+            pays = _triangle_count(self._moving) > WORTH_SETTLING * self._count
+            if not pays or self._seconds > LONGEST_SETTLING:
+                return False
+            stays = {key: place for key, place in self._settled.items() if key not in self._left}
+            self._build(stays | self._moving)
+            return True
 
     def _build(self, placements: Placements) -> LiveScene:
         """Build everything."""

@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import NamedTuple
 
 from ...casting.common.cancellation import Cancelled
+from ...casting.common.parallel import thread_count
 from ...projection.diagrams.diagram import volume_signature
 from ...projection.volume.viewing_volume import Projection
 from ...shading.live.cast_live import LiveProjection, LiveWindow, cast_live
@@ -23,10 +24,15 @@ from .live_objects import Placements
 STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 # Seconds that the first image should take at most.
 FIRST_SECONDS = 0.05
+# A final image that should take no longer than so many seconds follows the first one at once.
+FINAL_SECONDS = 0.4
 # Seconds without a change after which finer images are begun; sooner, they would slow down a drag.
 IDLE_SECONDS = 0.12
 # Seconds without a change after which moved objects are built together with the others.
 SETTLE_SECONDS = 1.5
+
+# The step of an image that is made for nobody to see.
+SMALL = 50.0
 
 
 class Request(NamedTuple):
@@ -144,8 +150,8 @@ class LivePainter:
         key = (scene, volume_signature(request.projection), request.window)
         seen = self._seen
         if seen is not None and seen.key[0] is scene and seen.key[1:] == key[1:]:
-            view, step = None, seen.step
-            self._answer(asked, _image(request, seen.hits, step))
+            view, hits, step = None, seen.hits, seen.step
+            self._answer(asked, _image(request, hits, step))
         else:
             view, step = LiveProjection.of(request.projection), self._first_step(request.window)
             begun = perf_counter()
@@ -155,19 +161,19 @@ class LivePainter:
             self._seconds_per_pixel = (perf_counter() - begun) / (hits.width * hits.height)
             self._seen = _Seen(key, hits, step)
         while step > 1.0 and self._is_idle(IDLE_SECONDS):
-            step = 1.0 if step <= STEPS[3] else STEPS[2]
+            step = self._finer_step(request.window, step)
             view = view or LiveProjection.of(request.projection)
             hits = cast_live(scene, view, request.window.coarser(step), self)
             if self.is_set():
                 return
             self._answer(asked, _image(request, hits, step))
             self._seen = _Seen(key, hits, step)
-        if step <= 1.0 and self._is_idle(SETTLE_SECONDS):
-            request.kept.settle()
-            # The same picture, of a scene built anew.
-            if self._seen is not None:
-                scene = request.kept.updated(request.placements)
-                self._seen = self._seen._replace(key=(scene, *key[1:]))
+        if step <= 1.0 and self._is_idle(SETTLE_SECONDS) and request.kept.settle():
+            # The same image, of a scene built anew; a small one makes what is made at first use.
+            scene = request.kept.updated(request.placements)
+            view = view or LiveProjection.of(request.projection)
+            cast_live(scene, view, request.window.coarser(SMALL), self)
+            self._seen = _Seen((scene, *key[1:]), hits, step)
 
     def _first_step(self, window: LiveWindow) -> float:
         """The finest step whose image takes no longer than it should, by the last first image."""
@@ -175,6 +181,12 @@ class LivePainter:
             return STEPS[-1]
         pixels = window.width * window.height
         return next((s for s in STEPS if pixels / s**2 * self._seconds_per_pixel <= FIRST_SECONDS), STEPS[-1])
+
+    def _finer_step(self, window: LiveWindow, step: float) -> float:
+        """The step of the image after one with this step."""
+        pixels = window.width * window.height
+        is_quick = self._seconds_per_pixel * pixels <= FINAL_SECONDS * thread_count()
+        return STEPS[0] if is_quick or step <= STEPS[3] else STEPS[2]
 
     def _is_idle(self, seconds: float) -> bool:
         """Wait so long; return whether no other request came."""

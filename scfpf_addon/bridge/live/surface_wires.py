@@ -15,7 +15,7 @@ from ..scene.mesh_arrays import foreach
 from ..volume.camera_members import surfaces_of
 
 LINE_SHADER, POINT_SHADER = "POLYLINE_UNIFORM_COLOR", "POINT_UNIFORM_COLOR"
-LINE_WIDTH = 1.5
+LINE_WIDTH = 1.0
 
 
 class Wires(NamedTuple):

@@ -62,21 +62,24 @@ class Occupancy:
     scale: Array
 
     @classmethod
-    def of(cls, corners: Array, around: float = 0.0) -> Occupancy:
-        """Make the grid of triangles (3 corners, 3, T), cast space, with all within ``around`` of them."""
+    def of(cls, corners: Array, around: float = 0.0, cells: int | None = None) -> Occupancy:
+        """Make the grid of triangles (3 corners, 3, T), cast space, with all within ``around`` of them.
+
+        cells: about how many there are, None for as many as pay for casting images.
+        """
         lower, upper = corners.min(axis=(0, 2)) - around, corners.max(axis=(0, 2)) + around
         size = np.maximum(upper - lower, SLACK)
         lower, size = lower - SLACK, size + 2.0 * SLACK
-        count = min(max(CELLS, CELLS_EACH * corners.shape[2]), MOST_CELLS)
-        cells = FINER * np.clip(size * np.cbrt(count / size.prod()), 1, MOST_ALONG).astype(np.intp)
-        scale = cells / size
-        held = np.zeros(cells, bool)
+        count = cells or min(max(CELLS, CELLS_EACH * corners.shape[2]), MOST_CELLS)
+        along = FINER * np.clip(size * np.cbrt(count / size.prod()), 1, MOST_ALONG).astype(np.intp)
+        scale = along / size
+        held = np.zeros(along, bool)
         slack = ((SLACK + around) * scale)[:, None]
         for start in range(0, corners.shape[2], AT_ONCE):
             some = corners[:, :, start : start + AT_ONCE]
             for piece in _small_pieces((some - lower[:, None]) * scale[:, None]):
-                first = np.clip(piece.min(axis=0) - slack, 0, cells[:, None] - 1).astype(np.intp)
-                last = np.clip(piece.max(axis=0) + slack, 0, cells[:, None] - 1).astype(np.intp)
+                first = np.clip(piece.min(axis=0) - slack, 0, along[:, None] - 1).astype(np.intp)
+                last = np.clip(piece.max(axis=0) + slack, 0, along[:, None] - 1).astype(np.intp)
                 _mark(held, first, last - first + 1)
         coarse = held
         for axis in range(3):

@@ -18,6 +18,9 @@ from ...casting.scene.occupancy import Occupancy
 from ...casting.scene.traced_mesh import TracedMesh
 from ...projection.typing import Array, BoolArray, Float32Array
 
+# Cells of the grid of a moving part's empty space: a fine one takes longer than the images that it is for.
+MOVING_CELLS = 1 << 12
+
 
 class TwoMeshes(TracedMesh):
     """Two meshes in one cast space. The triangles of the second come after the ``count`` of the first."""
@@ -126,6 +129,9 @@ class TwoPartScene(CastScene):
         """See ``CastScene``."""
         with self._lock:
             if self._occupancy is None:
-                one, *others = (part.occupancy for part in self._parts_of_it)
-                self._occupancy = TwoOccupancies.joined(one, others[0]) if others else one
+                self._occupancy = self._parts_of_it[0].occupancy
+                for moving in self._parts_of_it[1:]:
+                    corners = moving.vertices.take(moving.triangles[moving.usable].T, 1).swapaxes(0, 1)
+                    grid = Occupancy.of(corners, cells=MOVING_CELLS)
+                    self._occupancy = TwoOccupancies.joined(self._occupancy, grid)
             return self._occupancy
