@@ -185,6 +185,11 @@ def stop_all() -> None:
         bpy.app.timers.unregister(_tick)
 
 
+def _may_be_shown(obj) -> bool:
+    """Whether images may show an evaluated object or what it instances."""
+    return obj.type not in NO_FACES or obj.is_instancer
+
+
 @persistent
 def _evaluated(_scene, depsgraph):
     found = sources()
@@ -194,7 +199,7 @@ def _evaluated(_scene, depsgraph):
     lists = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
     for source in found:
         left_out = source.objects.left_out
-        shown = [u for u in objects if u.id.type not in NO_FACES and u.id.name_full not in left_out]
+        shown = [u for u in objects if _may_be_shown(u.id) and u.id.name_full not in left_out]
         names = {update.id.name for update in shown if update.is_updated_geometry}
         source.mark_edited(names, bool(lists or shown))
 
