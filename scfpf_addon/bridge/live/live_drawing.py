@@ -45,6 +45,12 @@ class _Viewport:
         """Whether there is an image that has not been drawn."""
         return self._drawn != self.view.painter.number
 
+    @property
+    def is_waiting(self) -> bool:
+        """Whether images of the look are still to be read, a few each time it is drawn."""
+        source = self.view.source
+        return source is not None and not source.looks.is_complete
+
     def update(self, context, camera, depsgraph) -> None:
         """Ask for an image if anything has changed, and take the newest one."""
         region, view, space = context.region, context.region_data, context.space_data
@@ -126,7 +132,7 @@ def draw_viewport() -> None:
     preferences = context.preferences
     draw_wires(camera, depsgraph, context.space_data, preferences.themes[0], preferences.system.pixel_size)
     gpu.state.depth_mask_set(True)
-    if viewport.view.painter.busy and not bpy.app.timers.is_registered(_tick):
+    if (viewport.view.painter.busy or viewport.is_waiting) and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK)
 
 
@@ -171,9 +177,9 @@ def _tick() -> float | None:
     """Redraw viewports that have a finer image; threads must not do so themselves."""
     areas = _regions()
     for address, viewport in _viewports.items():
-        if viewport.is_late and address in areas:
+        if (viewport.is_late or viewport.is_waiting) and address in areas:
             areas[address].tag_redraw()
-    return TICK if any(viewport.view.painter.busy for viewport in _viewports.values()) else None
+    return TICK if any(one.view.painter.busy or one.is_waiting for one in _viewports.values()) else None
 
 
 def stop_all() -> None:
@@ -198,6 +204,7 @@ def _evaluated(_scene, depsgraph):
     objects = [update for update in depsgraph.updates if isinstance(update.id, bpy.types.Object)]
     lists = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
     for source in found:
+        source.looks.mark_edited(depsgraph)
         left_out = source.objects.left_out
         shown = [u for u in objects if _may_be_shown(u.id) and u.id.name_full not in left_out]
         names = {update.id.name for update in shown if update.is_updated_geometry}
@@ -208,6 +215,7 @@ def _evaluated(_scene, depsgraph):
 def _history_changed(*_):
     for source in sources():
         source.mark_edited()
+        source.looks.mark_edited()
 
 
 @persistent

@@ -106,10 +106,13 @@ class LiveObjects:
         self._attributes = Attributes(False, False)
         self._stale: set[str] = set()
         self._all_stale = self._changed = True
+        # The number of edits that have been noted.
+        self.edits = 0
 
     def mark(self, names: set[str] | None) -> None:
         """Note objects whose meshes have changed, by their names; None for all."""
         self._changed = True
+        self.edits += 1
         if names is None:
             self._all_stale = True
         else:

@@ -5,8 +5,11 @@ from __future__ import annotations
 
 from weakref import WeakValueDictionary
 
+import bpy
+
 from ...shading.live.cast_live import LiveProjection, LiveWindow
-from ...shading.live.live_image import Paint, live_image, plain_paint
+from ...shading.live.live_image import live_image
+from ...shading.live.solid_look import SolidLook, paint
 from ...shading.typing import Single
 from ..camera.stereo_views import Eye
 from ..render.image_size import shown_aspect
@@ -14,8 +17,9 @@ from ..render.render_inputs import read_view
 from ..render.render_viewport import visible_border
 from ..render.view_painter import Rectangle
 from .kept_scene import KeptScene
-from .live_objects import LiveObjects
+from .live_objects import Attributes, LiveObjects, Placements
 from .live_painter import LivePainter, Request
+from .read_look import LookReader, wanted_attributes
 
 # Smallest width and height of an image.
 SMALLEST = 2
@@ -29,6 +33,9 @@ class LiveSource:
 
     def __init__(self) -> None:
         self.objects, self.kept, self.edits = LiveObjects(), KeptScene(), 0
+        self.looks = LookReader()
+        # Those that any viewport has wanted: two that share a scene must not read it by turns.
+        self.attributes = Attributes(False, False)
 
     def mark_edited(self, names: set[str] | None = None, moved: bool = True) -> None:
         """Note an edit. names: of the objects whose shape has changed, None for all.
@@ -84,14 +91,14 @@ class LiveView:
         Raises one of RENDER_ERRORS.
         """
         source = self.source = source_of(depsgraph, space)
-        paint, paint_key = read_paint(depsgraph, space, source)
-        key = source, source.edits, camera.original.session_uid, frame, window, rectangle, eye, paint_key
+        placements, look = read_scene(source, depsgraph, camera, space, rectangle)
+        key = source, source.edits, camera.original.session_uid, frame, window, rectangle, eye, look.key
         if key == self._key:
             return False
         self._key = ()
         aspect = frame.width / frame.height
         self.painter.ask(
-            _read_request(source, depsgraph, camera, aspect, window, rectangle, space, eye, paint, paint_key)
+            _request(source, depsgraph, camera, aspect, window, rectangle, eye, placements, look)
         )
         self._key = key
         return True
@@ -105,30 +112,47 @@ class LiveView:
         source = self.source = source_of(depsgraph)
         aspect = shown_aspect(depsgraph.scene_eval.render, *size)
         whole = Rectangle(0.0, 0.0, *map(float, size))
-        paint, key = read_paint(depsgraph, None, source)
+        placements, look = read_scene(source, depsgraph, camera)
         window = LiveWindow(0.0, 0.0, 1.0, 1.0, *size)
-        request = _read_request(source, depsgraph, camera, aspect, window, whole, None, "", paint, key)
+        request = _request(source, depsgraph, camera, aspect, window, whole, "", placements, look)
         scene = source.kept.updated(request.placements)
         return live_image(scene, LiveProjection.of(request.projection), window, request.paint, step)
 
 
-def _read_request(
-    source, depsgraph, camera, aspect, window, rectangle, space, eye, paint, paint_key
-) -> Request:
+def _request(source, depsgraph, camera, aspect, window, rectangle, eye, placements, look) -> Request:
     return Request(
         kept=source.kept,
-        placements=source.objects.read(depsgraph, space),
+        placements=placements,
         projection=read_view(depsgraph, camera.original, aspect, eye),
         window=window,
         rectangle=rectangle,
-        paint=paint,
-        paint_key=paint_key,
+        paint=lambda hits, step: paint(hits, look, step),
+        paint_key=look.key,
     )
 
 
-def read_paint(depsgraph, space, source: LiveSource) -> tuple[Paint, bytes]:
-    """The colouring of a viewport's images, and a key that differs whenever it colours differently."""
-    return plain_paint, b""
+def read_scene(
+    source: LiveSource, depsgraph, camera, space=None, rectangle: Rectangle | None = None
+) -> tuple[Placements, SolidLook]:
+    """Read the objects of a viewport, if they have changed, and its look.
+
+    space: bpy.types.SpaceView3D, or None for the look of the scene's Workbench renders. rectangle: of the
+    image in the region that is drawn. Raises SceneError.
+    """
+    shading, overlay, area = depsgraph.scene.display.shading, None, (0.0, 0.0, 1.0, 1.0)
+    if space is not None:
+        shading, overlay = space.shading, space.overlay
+    region = bpy.context.region
+    if rectangle is not None and region is not None:
+        left, bottom, width, height = rectangle
+        across, upward = (left, left + width), (bottom, bottom + height)
+        (x, right), (y, top) = (v / region.width for v in across), (v / region.height for v in upward)
+        area = x, y, right, top
+    wanted = wanted_attributes(shading)
+    source.attributes = Attributes(*(a or b for a, b in zip(wanted, source.attributes, strict=True)))
+    placements = source.objects.read(depsgraph, space, source.attributes)
+    shown = camera.evaluated_get(depsgraph)
+    return placements, source.looks.read(source.objects, shading, overlay, depsgraph, shown, area)
 
 
 def shown_window(frame: Rectangle, region) -> tuple[LiveWindow, Rectangle] | None:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import count
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -33,7 +34,8 @@ class LiveTextures:
     """Images as one array of texels. Row i of ``first``, ``width`` and ``height`` is image i.
 
     texels: (T, 4) float32, linear colour and straight alpha. first, width, height: (I, LEVELS) of each
-    copy. extension: (I,) number in EXTENSIONS. is_smooth: (I,) whether texels are interpolated.
+    copy. extension: (I,) number in EXTENSIONS. is_smooth: (I,) whether texels are interpolated. serial: a
+    number of its own.
     """
 
     texels: Single
@@ -42,6 +44,7 @@ class LiveTextures:
     height: IndexArray
     extension: IndexArray
     is_smooth: BoolArray
+    serial: int = field(default_factory=count().__next__)
 
     @classmethod
     def of(cls, images: Sequence[LiveImage]) -> LiveTextures:

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import hashlib
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -87,6 +88,21 @@ class SolidLook:
     def wants_color(self) -> bool:
         """Whether ``paint`` uses the colour attributes of meshes."""
         return bool(self.surfaces.uses_attribute.any())
+
+    @cached_property
+    def key(self) -> bytes:
+        """Bytes that differ whenever images may differ."""
+        digest = hashlib.blake2b(digest_size=16)
+        light = self.light
+        # The images of a matcap are large, and kept as long as there are looks of them.
+        lit = (id(light.diffuse), light.is_flipped) if isinstance(light, Matcap) else light
+        parts: list[object] = [lit, self.highlights, self.surfaces, self.background, self.cavity]
+        parts += [self.overlays, self.camera_axes, self.textures and self.textures.serial]
+        for part in parts:
+            values = (getattr(part, one.name) for one in fields(part)) if is_dataclass(part) else (part,)
+            for value in values:
+                digest.update(value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode())
+        return digest.digest()
 
 
 class _Frame(NamedTuple):
