@@ -171,8 +171,10 @@ class MaterialCoefficients:
 
     @cached_property
     def _metal_multiscatters(self) -> bool:
-        most = float(self.metal_multiscatter.max() * self.albedo.compensation.max())
-        return self.metal and (not self.tabulated or most > FAINT)
+        if not (self.metal and self.tabulated):
+            return self.metal
+        compensation = self.albedo.compensation.reshape(-1, VIEWS)[self.albedo.row // VIEWS]
+        return bool(self.metal_multiscatter.max() * compensation.max() > FAINT)
 
     @cached_property
     def _transmittances(self) -> Single:

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from ...projection.typing import Array, IndexArray
+from ...projection.typing import Array
 from ..nodes.graph import MaterialGraph
 
 
@@ -41,11 +41,12 @@ class Materials:
         """Materials of all constants, by name."""
         return cls(**rows)
 
-    @classmethod
-    def stacked(cls, parts: Sequence[Materials], some: IndexArray) -> Materials:
-        """The rows ``some`` of several lists of materials whose constants are all given."""
-        return cls.of_rows(
-            {name: np.concatenate([getattr(part, name) for part in parts])[some] for name in CONSTANTS}
+    def followed_by(self, others: Materials) -> Materials:
+        """These constants and then others, which are all given."""
+        ones = np.ones(len(self.metallic))
+        own = {name: ones if getattr(self, name) is None else getattr(self, name) for name in CONSTANTS}
+        return Materials.of_rows(
+            {name: np.concatenate([values, getattr(others, name)]) for name, values in own.items()}
         )
 
 

@@ -130,12 +130,9 @@ def mean_albedo(roughness: Array) -> tuple[Array, Array]:
     # Unlike clip, these replace NaN.
     place = np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)
     below = np.minimum(place.astype(np.intp), ROUGH_STEPS - 2)
-    # Only steps next to some roughness: a scene has few, and each takes as long as 10,000 hits.
-    wanted = np.zeros(ROUGH_STEPS, bool)
-    wanted[below], wanted[below + 1] = True, True
-    table = np.zeros((2, ROUGH_STEPS))
-    for step in np.flatnonzero(wanted):
-        table[:, step] = _curves(int(step))[[0, 2]] @ _MEAN
+    # Only steps next to some roughness: each takes as long as 10,000 hits.
+    _tabulate(np.concatenate([below, below + 1]))
+    table = _MEANS
     share = place - below
     white, layered = table[:, below] * (1.0 - share) + table[:, below + 1] * share
     return white, layered
@@ -144,9 +141,9 @@ def mean_albedo(roughness: Array) -> tuple[Array, Array]:
 class AlbedoCurves(NamedTuple):
     """Albedo of the facets of M materials by the cosine to the viewer, in VIEWS columns.
 
-    row: (M,) the entry where a material's curve begins in the tables (R · VIEWS,). compensation: multiple
-    over single scattering of white facets. schlick: albedo of facets that reflect (1 - cos)⁵. layer: as in
-    ``mean_albedo``.
+    row: (M,) the entry where a material's curve begins in the tables (ROUGH_STEPS · VIEWS,). compensation:
+    multiple over single scattering of white facets. schlick: albedo of facets that reflect (1 - cos)⁵.
+    layer: as in ``mean_albedo``.
     """
 
     row: IndexArray
@@ -158,17 +155,28 @@ class AlbedoCurves(NamedTuple):
     def of(cls, roughness: Array) -> AlbedoCurves:
         """The curves at roughnesses (M,), rounded to the steps."""
         step = np.rint(np.fmin(np.fmax(roughness, 0.0), 1.0) * (ROUGH_STEPS - 1)).astype(np.intp)
-        wanted = np.zeros(ROUGH_STEPS, bool)
-        wanted[step] = True
-        steps = np.flatnonzero(wanted)
-        curves = np.stack([_curves(int(each)) for each in steps], axis=1)
-        rows = np.stack([1.0 / curves[0] - 1.0, curves[1], curves[2]]).astype(np.float32)
-        return cls((np.cumsum(wanted) - 1)[step] * VIEWS, *rows.reshape(3, -1))
+        _tabulate(step)
+        return cls(step * VIEWS, *_CURVES)
 
 
 # The middles of the columns, and their weights in the mean of a curve over the hemisphere.
 _VIEW = (np.arange(VIEWS) + 0.5) / VIEWS
 _MEAN = 2.0 * _VIEW / VIEWS
+# Curves by step of roughness, and their means, both of ``mean_albedo``; and which of them are filled in.
+_CURVES: Single = np.zeros((3, ROUGH_STEPS * VIEWS), np.float32)
+_MEANS = np.zeros((2, ROUGH_STEPS))
+_KNOWN = np.zeros(ROUGH_STEPS, bool)
+
+
+def _tabulate(steps: IndexArray) -> None:
+    """Fill the tables in at steps of roughness (n,). Threads that do so at once write the same."""
+    wanted = np.zeros(ROUGH_STEPS, bool)
+    wanted[steps] = True
+    for step in np.flatnonzero(wanted & ~_KNOWN):
+        curves = _curves(int(step))
+        _MEANS[:, step] = curves[[0, 2]] @ _MEAN
+        _CURVES[:, step * VIEWS : (step + 1) * VIEWS] = 1.0 / curves[0] - 1.0, curves[1], curves[2]
+        _KNOWN[step] = True
 
 
 @cache

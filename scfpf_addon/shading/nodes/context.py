@@ -22,7 +22,8 @@ class ShadingContext:
     normal: (3, n) unit, shading normal, on the side of the viewer. flat: (3, n) unit, of the triangle, on
     that side too. view: (3, n) unit, towards the viewer. back: (1, n) 1 if the back of the triangle is
     visible, else 0. All float64. images: by name, without missing ones. blur: angle between neighbouring
-    directions of a map, in radians.
+    directions of a map, in radians. variant: (n,) the graphs' numbers in their ``GraphKind``; None for one
+    graph.
     """
 
     geometry: Geometry
@@ -35,6 +36,7 @@ class ShadingContext:
     view: Array
     back: Array
     blur: float = 0.0
+    variant: IndexArray | None = None
 
     @property
     def count(self) -> int:

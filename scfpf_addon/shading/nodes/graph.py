@@ -70,6 +70,16 @@ class MaterialGraph:
         return self._is_always(ref, 0.0)
 
     @property
+    def shines(self) -> bool:
+        """Whether any closure may emit light."""
+        emitted = (
+            each.inputs["color" if each.kind == "EMISSION" else "emission"]
+            for each in self.closures
+            if each.kind in {"EMISSION", "PRINCIPLED"}
+        )
+        return any(not self.is_always_black(ref) for ref in emitted)
+
+    @property
     def lets_through(self) -> bool:
         """Whether any closure may be transparent."""
         return any(

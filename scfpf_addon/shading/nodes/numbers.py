@@ -229,6 +229,12 @@ def constant(inputs: Inputs, settings: Settings, context: ShadingContext) -> tup
     return (np.asarray(settings["value"], np.float64).reshape(-1, 1),)
 
 
+def parameter(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
+    """A constant that differs by graph, (1, n) or (3, n)."""
+    values: Array = settings["values"].take(context.variant, axis=1)
+    return (values,)
+
+
 def convert(inputs: Inputs, settings: Settings, context: ShadingContext) -> tuple[Array, ...]:
     """Conversion between kinds of sockets: GREY of a colour, MEAN of a vector, SPREAD of a number."""
     (value,) = inputs
@@ -270,6 +276,7 @@ OPERATIONS: dict[str, Evaluator] = {
     "MAP_RANGE": map_range,
     "MATH": math,
     "MULTIPLY": multiply,
+    "PARAMETER": parameter,
     "REST": rest,
     "SEPARATE": separate,
     "VECTOR_MATH": vector_math,

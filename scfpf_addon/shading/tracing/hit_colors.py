@@ -20,6 +20,7 @@ from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
 from ..settings.frame_settings import FrameSettings
 from ..typing import Single
+from .closure_table import ClosureTable
 from .tracer import Tracer
 
 
@@ -45,9 +46,11 @@ class Shading:
         shadows = lighting.casts_shadows or has_catchers(scene.geometry)
         surface = SurfaceTable.of(scene.geometry, cast_scene, shadows, settings.threads)
         with_unit = lighting.sky is not None
-        coefficients = MaterialCoefficients.of(scene.materials, scene.world_color, with_unit=with_unit)
+        closures = ClosureTable.of(scene.materials)
+        constants = closures.all_constants(scene.materials)
+        coefficients = MaterialCoefficients.of(constants, scene.world_color, with_unit=with_unit)
         catchers = Catchers.of(scene, cast_scene, lighting.lamps, settings)
-        tracer = Tracer.of(scene, surface, coefficients, lighting, settings.transparent, catchers)
+        tracer = Tracer.of(scene, surface, closures, coefficients, lighting, settings.transparent, catchers)
         return cls(
             surface=surface,
             coefficients=coefficients,

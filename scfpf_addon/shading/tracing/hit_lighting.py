@@ -1,85 +1,85 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The light that leaves hits: constants of materials, and the lobes of materials that are node graphs."""
+"""The light that leaves hits, of all materials of a wave at once, and the closures that send light on."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from ...casting.common.cancellation import raise_if_cancelled
-from ...projection.typing import BoolArray, IndexArray
+from ...projection.typing import Array, BoolArray, IndexArray
 from ..lights.lighting import Lighting
-from ..materials.coefficients import MaterialCoefficients
-from ..materials.constants import Materials
-from ..materials.lobes import Body, ScatteredLobe, lobes
+from ..materials.coefficients import MaterialCoefficients, by_material
+from ..materials.lobes import bodies
 from ..nodes.context import ShadingContext
+from ..passes.light_passes import EMISSION
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfacePoints, SurfaceTable
 from ..vectors import dot_row, unit
+from .closure_table import ClosureTable, HitClosures
 from .path_wave import PathFilm, PathWave
 
-# Hits whose graph is evaluated at once: a large graph keeps a hundred arrays of them.
-MOST_AT_ONCE = 1 << 14
 
-# A lobe that scatters light on, at the places (n,) of a wave.
-Scattered = tuple[IndexArray, ScatteredLobe]
-# A body that lamps light, at the places (n,) of a wave.
-LitBody = tuple[IndexArray, Body]
+class _Bodies(NamedTuple):
+    """Bodies at the places ``where`` (n,) of a wave.
+
+    points: of surface, whose materials are columns of the coefficients. weight: (n,). far: (n,) whether they
+    are beyond a limit of bounces.
+    """
+
+    where: IndexArray
+    points: SurfacePoints
+    coefficients: MaterialCoefficients
+    weight: Array
+    far: BoolArray
+
+    def take(self, index: IndexArray) -> _Bodies:
+        """The bodies at ``index``, in order."""
+        if len(index) == len(self.where):
+            return self
+        return self._replace(
+            where=self.where.take(index),
+            points=self.points.take(index),
+            weight=self.weight.take(index),
+            far=self.far.take(index),
+        )
 
 
 @dataclass(frozen=True)
 class HitLighting:
-    """Tables that light hits.
-
-    coefficients: of materials that are constants. has_graph: (M,) whether a material is a node graph.
-    """
+    """Tables that light hits. coefficients: of the rows of ``closures``."""
 
     scene: Scene
     surface: SurfaceTable
+    closures: ClosureTable
     coefficients: MaterialCoefficients
     lighting: Lighting
-    has_graph: BoolArray
 
-    @cached_property
-    def _emission(self) -> MaterialCoefficients:
-        """The coefficients of materials in the dark: emission alone."""
-        return MaterialCoefficients.of(self.scene.materials, np.zeros(3))
+    def gather(self, wave: PathWave, beyond: BoolArray, sample: int, film: PathFilm) -> HitClosures:
+        """Add the light that leaves the wave's places to the film; return the closures that send light on.
 
-    @cached_property
-    def _dark(self) -> Lighting:
-        """The lighting without lights."""
-        return self.lighting.dark()
-
-    def gather(self, wave: PathWave, sample: int, film: PathFilm, last: bool) -> list[Scattered]:
-        """Add the light that leaves the wave's places to the film; return the lobes that scatter light on.
-
-        last: places beyond a limit of bounces, which emit, and let light through, but are not lit.
+        beyond: (n,) places beyond a limit of bounces, which as in Cycles emit, and let light through, but are
+        not lit.
         """
-        hits = wave.hits
+        hits, table = wave.hits, self.closures
         points = self.surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
-        self._gather_constants(wave, points, sample, film, last)
-        bodies: list[LitBody] = []
-        scattered: list[Scattered] = []
-        for number in np.unique(points.material):
-            if not self.has_graph[number]:
-                continue
-            everywhere = np.flatnonzero(points.material == number)
-            for first in range(0, len(everywhere), MOST_AT_ONCE):
-                raise_if_cancelled()
-                which = everywhere[first : first + MOST_AT_ONCE]
-                context = self.shading_context(wave, points, which)
-                for lobe in lobes(self.scene.materials.graphs[int(number)], context):
-                    if isinstance(lobe, Body):
-                        bodies.append((which, lobe))
-                    elif lobe.kind == "TRANSPARENT" or not last:
-                        scattered.append((which, lobe))
-        if bodies:
-            self._gather_bodies(wave, points, bodies, sample, film, last)
-        return scattered
+        sent: list[HitClosures] = []
+        for where, row in table.constants_at(points.material):
+            here = (points if len(where) == len(beyond) else points.take(where))._replace(material=row)
+            weight = table.rows["body"][0].take(row)
+            body = _Bodies(where, here, self.coefficients, weight, beyond.take(where))
+            self._light(wave, body, sample, film)
+            some = np.flatnonzero(table.scatters.take(row))
+            normal = here.normal.take(some, axis=1).astype(np.float64)
+            sent.append(HitClosures(where.take(some), table.rows.take(row.take(some)), normal))
+        made = table.made_at(points.material, lambda which: self._context(wave, points, which))
+        if made:
+            self._light_made(wave, made, points, beyond, sample, film)
+            sent.append(made.scattering())
+        return HitClosures.joined(sent)
 
-    def shading_context(self, wave: PathWave, points: SurfacePoints, which: IndexArray) -> ShadingContext:
+    def _context(self, wave: PathWave, points: SurfacePoints, which: IndexArray) -> ShadingContext:
         """The inputs of node graphs at the wave's places ``which``."""
         cast_scene, hits = self.surface.cast_scene, wave.hits
         triangle = hits.triangle.take(which).astype(np.intp)
@@ -99,45 +99,43 @@ class HitLighting:
             back=back,
         )
 
-    def _gather_constants(
-        self, wave: PathWave, points: SurfacePoints, sample: int, film: PathFilm, last: bool
-    ) -> None:
-        """Add the light of places whose materials are constants."""
-        plain = np.flatnonzero(~self.has_graph.take(points.material))
-        if not len(plain):
-            return
-        lighting, coefficients = self.lighting, self.coefficients
-        if last:
-            lighting, coefficients = self._dark, self._emission
-        parts = film.parts_of_hits(len(plain))
-        color = lighting.radiance(points.take(plain), coefficients, sample, parts)
-        film.gather(wave.pixel[plain], wave.throughput[:, plain], color, parts, wave.on_ray[plain])
-
-    def _gather_bodies(
+    def _light_made(
         self,
         wave: PathWave,
+        made: HitClosures,
         points: SurfacePoints,
-        bodies: list[LitBody],
+        beyond: BoolArray,
         sample: int,
         film: PathFilm,
-        last: bool,
     ) -> None:
-        """Add the light of the bodies of node graphs, all at once."""
-        which = np.concatenate([index for index, _ in bodies])
-        weight = np.concatenate([body.weight[0] for _, body in bodies])
-        some = np.flatnonzero(weight > 0.0)
-        if not len(some):
-            # Alpha cuts all of them away.
+        """Add the light of closures that graphs make."""
+        # Alpha may cut some away.
+        made = made.take(np.flatnonzero(made.rows["body"][0] > 0.0))
+        if not len(made.where):
             return
-        which, weight = which[some], weight[some]
-        normal = np.concatenate([body.normal for _, body in bodies], axis=1)[:, some].astype(np.float32)
-        materials = Materials.stacked([body.materials for _, body in bodies], some)
-        lighting = self._dark if last else self.lighting
-        environment = np.zeros(3) if last else self.scene.world_color
-        with_unit = lighting.sky is not None
-        table = MaterialCoefficients.of(materials, environment, per_hit=True, with_unit=with_unit)
-        lit = points.take(which)._replace(normal=normal, material=np.arange(len(some)))
-        parts = film.parts_of_hits(len(some))
-        color = lighting.radiance(lit, table, sample, parts)
-        throughput = wave.throughput[:, which] * weight
-        film.gather(wave.pixel[which], throughput, color, parts, wave.on_ray[which])
+        coefficients = MaterialCoefficients.of(
+            bodies(made.rows), self.scene.world_color, per_hit=True, with_unit=self.lighting.sky is not None
+        )
+        here = points.take(made.where)._replace(
+            normal=made.normal.astype(np.float32), material=np.arange(len(made.where))
+        )
+        weight, far = made.rows["body"][0], beyond.take(made.where)
+        self._light(wave, _Bodies(made.where, here, coefficients, weight, far), sample, film)
+
+    def _light(self, wave: PathWave, bodies: _Bodies, sample: int, film: PathFilm) -> None:
+        """Add the light of bodies: all of it, or emission beyond a limit of bounces."""
+        shown = bodies.weight > 0.0
+        for far in (False, True):
+            some = bodies.take(np.flatnonzero(shown & (bodies.far == far)))
+            if not len(some.where):
+                continue
+            parts = film.parts_of_hits(len(some.where))
+            if far:
+                emission = by_material(some.coefficients.emission, some.points.material)
+                color = np.broadcast_to(emission, some.points.normal.shape)
+                if parts:
+                    parts.rows[EMISSION] = color
+            else:
+                color = self.lighting.radiance(some.points, some.coefficients, sample, parts)
+            share = wave.throughput.take(some.where, axis=1) * some.weight
+            film.gather(wave.pixel.take(some.where), share, color, parts, wave.on_ray.take(some.where))

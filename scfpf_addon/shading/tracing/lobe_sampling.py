@@ -15,14 +15,19 @@ from ...casting.common.hits import Hits
 from ...casting.common.ray_visibility import GLASS, MIRROR, visible_to
 from ...casting.continuation import cast_rays
 from ...casting.scene.cast_scene import CastScene
-from ...projection.typing import Array, IndexArray
+from ...projection.typing import Array, BoolArray, IndexArray
 from ..materials.ggx_sampling import MIRROR_ROUGHNESS, R2_STEP, reflected, single_scatter_albedo
-from ..materials.lobes import ScatteredLobe
+from ..materials.lobes import RoughReflectance
+from ..materials.parameters import ClosureRows
+from ..nodes.inputs import fresnel_dielectric
 from ..sampling.sample_positions import Bits, scramble
 from ..scene.shading_scene import Scene
 from ..vectors import dot_row, unit
+from .closure_table import HitClosures
 from .path_wave import TOTAL, PathWave
 
+# Kinds of lobes: straight through, into glass, off glass, off metal, off a dielectric layer.
+CLEAR, REFRACTED, MIRRORED, METAL, LAYER = range(5)
 # The dimension of the scramble that begins a pixel's sequence of rough reflections.
 REFLECTION = 6
 
@@ -48,6 +53,48 @@ class ReflectionSamples(NamedTuple):
         return share
 
 
+class SentLobes(NamedTuple):
+    """Lobes that send light on, sorted by kind. closure: (n,) the closures that they are part of.
+
+    kind: (n,) one of CLEAR … LAYER. tint: (3, n) share of light. ior: (n,) of the far side over the near one.
+    """
+
+    closure: IndexArray
+    kind: IndexArray
+    tint: Array
+    ior: Array
+
+    @classmethod
+    def of(cls, closures: ClosureRows, facing: Array, back: BoolArray) -> SentLobes:
+        """The lobes of closures. facing: (n,) cosines to the viewer. back: (n,) whether the back is seen."""
+        clear = np.flatnonzero(closures["transparent"].any(axis=0))
+        glass = np.flatnonzero(closures["glass"][0] > 0.0)
+        inside = closures.take(glass)
+        ior = np.where(back.take(glass), 1.0 / inside["ior"], inside["ior"])
+        fresnel = fresnel_dielectric(facing.take(glass)[None], ior)
+        # No light on total internal reflection.
+        entering = np.where(inside["whole"] > 0.0, fresnel < 1.0, 1.0 - fresnel)
+        metal, layer = (np.flatnonzero(closures[name][0] > 0.0) for name in ("metal", "dielectric"))
+        parts = {
+            CLEAR: (clear, closures["transparent"].take(clear, axis=1)),
+            REFRACTED: (glass, inside["glass"] * entering * np.sqrt(inside["base_color"])),
+            MIRRORED: (glass, inside["glass"] * fresnel * inside["mirrored"]),
+            METAL: (metal, np.repeat(closures["metal"].take(metal, axis=1), 3, axis=0)),
+            LAYER: (layer, np.repeat(closures["dielectric"].take(layer, axis=1), 3, axis=0)),
+        }
+        ones = {kind: np.ones(len(which)) for kind, (which, _) in parts.items()}
+        return cls(
+            np.concatenate([which for which, _ in parts.values()]),
+            np.repeat(list(parts), [len(which) for which, _ in parts.values()]),
+            np.concatenate([tint for _, tint in parts.values()], axis=1),
+            np.concatenate([*(ones | {REFRACTED: ior[0]}).values()]),
+        )
+
+    def take(self, index: IndexArray) -> SentLobes:
+        """The lobes at ``index``, in order."""
+        return SentLobes._make(each.take(index, -1) for each in self)
+
+
 @dataclass(frozen=True)
 class LobeSampler:
     """Casts the rays of lobes.
@@ -66,59 +113,63 @@ class LobeSampler:
         mirrors, glass = (cast_scene.only(visible_to(visibility, ray)) for ray in (MIRROR, GLASS))
         return cls(cast_scene, mirrors, glass)
 
-    def scatter(self, wave: PathWave, lobe: ScatteredLobe, samples: ReflectionSamples) -> tuple[Hits, Array]:
-        """The next hits of paths that follow a lobe by straight rays, and the share (3, n) that counts."""
-        ahead = unit(wave.hits.tangent)
-        if lobe.kind == "TRANSPARENT":
-            direction, share = ahead, np.ones_like(ahead)
-        elif lobe.kind == "TRANSMISSION":
-            direction = refracted(ahead, lobe.normal, self._facing(wave, ahead), lobe.ior)
-            share = np.ones_like(ahead)
-        else:
-            direction, share = self._reflect(wave, lobe, ahead, samples)
-        return self._cast(wave, lobe, direction), share
-
-    def _facing(self, wave: PathWave, ahead: Array) -> Array:
-        """Unit normals of the triangles, on the side that is seen, (3, n)."""
-        flat = self.cast_scene.normals(wave.hits.triangle)
-        return flat * -np.copysign(1.0, dot_row(flat, ahead))
-
-    def _reflect(
-        self, wave: PathWave, lobe: ScatteredLobe, ahead: Array, samples: ReflectionSamples
+    def directions(
+        self, lobes: SentLobes, closures: HitClosures, wave: PathWave, samples: ReflectionSamples
     ) -> tuple[Array, Array]:
-        """Directions (3, n) of reflections, sharp or rough, and the share (3, n) of light that counts."""
-        flat = self._facing(wave, ahead)
-        direction = mirrored(ahead, lobe.normal, flat)
-        if lobe.rough is None:
-            return direction, np.ones_like(ahead)
-        cosine = np.clip(-dot_row(ahead, lobe.normal), 0.0, 1.0)[0]
-        passed, once = np.ones_like(cosine), np.ones_like(cosine)
-        rough = np.flatnonzero(lobe.rough.roughness[0] >= MIRROR_ROUGHNESS)
-        if len(rough):
-            roughness = lobe.rough.roughness[0, rough]
-            once[rough] = single_scatter_albedo(cosine[rough], roughness)
-            place = samples.at_depth(wave.pixel[rough], wave.depth[TOTAL, rough])
-            direction[:, rough], passed[rough], cosine[rough] = reflected(
-                ahead[:, rough], lobe.normal[:, rough], flat[:, rough], roughness, place
-            )
-        # Light that facets send to each other leaves in the same direction.
-        share = lobe.rough.reflectance(cosine) * passed
-        return direction, share * (1.0 + lobe.rough.multiscatter * (1.0 - once) / once)
+        """Unit directions (3, n) of lobes' straight rays, and the share (3, n) of light that counts.
 
-    def _cast(self, wave: PathWave, lobe: ScatteredLobe, direction: Array) -> Hits:
-        """The hits of straight rays from the wave's places."""
+        closures: of each lobe. wave: the places of each.
+        """
+        direction, share, normal = unit(wave.hits.tangent), np.ones_like(lobes.tint), closures.normal
+        flat = self.cast_scene.normals(wave.hits.triangle)
+        flat *= -np.copysign(1.0, dot_row(flat, direction))
+        first, second, third = np.searchsorted(lobes.kind, (REFRACTED, MIRRORED, METAL))
+        some = slice(first, second)
+        bent = direction[:, some], normal[:, some], flat[:, some]
+        direction[:, some] = refracted(*bent, lobes.ior[None, some])
+        some = slice(second, third)
+        direction[:, some] = mirrored(direction[:, some], normal[:, some], flat[:, some])
+        some = slice(third, None)
+        place = samples.at_depth(wave.pixel[some], wave.depth[TOTAL, some])
+        rows = ClosureRows(closures.rows.rows[:, some])
+        reflectance = RoughReflectance.of(rows, lobes.kind[some] == METAL)
+        ahead = direction[:, some]
+        direction[:, some], share[:, some] = _reflect(
+            ahead, normal[:, some], flat[:, some], reflectance, place
+        )
+        return direction, share
+
+    def cast(self, wave: PathWave, direction: Array, refracted: BoolArray) -> Hits:
+        """The hits of straight rays from the wave's places. refracted: (n,) whether glass sends them."""
         origin = self.cast_scene.offset_origins(wave.hits.position, wave.hits.triangle, direction)
         if self.mirrors is self.glass is self.cast_scene:
             return cast_rays(self.cast_scene, origin, direction)
-        refracting = np.full(len(wave.pixel), lobe.kind == "TRANSMISSION")
-        glass = wave.from_glass if lobe.kind == "TRANSPARENT" else refracting
         # On a miss a ray goes on to its end, as ``cast_rays`` leaves it.
-        met = Hits.empty(len(glass))._replace(position=origin + direction, tangent=direction.copy())
-        for scene, which in ((self.mirrors, ~glass), (self.glass, glass)):
+        met = Hits.empty(len(refracted))._replace(position=origin + direction, tangent=direction.copy())
+        for scene, which in ((self.mirrors, ~refracted), (self.glass, refracted)):
             some = np.flatnonzero(which)
             if scene and len(some):
                 met.put(some, cast_rays(scene, origin[:, some], direction[:, some]))
         return met
+
+
+def _reflect(
+    ahead: Array, normal: Array, flat: Array, reflectance: RoughReflectance, place: Array
+) -> tuple[Array, Array]:
+    """Directions (3, n) of reflections, sharp or rough, and the share (3, n) of light that counts."""
+    direction = mirrored(ahead, normal, flat)
+    cosine = np.clip(-dot_row(ahead, normal), 0.0, 1.0)[0]
+    passed, once = np.ones_like(cosine), np.ones_like(cosine)
+    rough = np.flatnonzero(reflectance.roughness >= MIRROR_ROUGHNESS)
+    if len(rough):
+        roughness = reflectance.roughness[rough]
+        once[rough] = single_scatter_albedo(cosine[rough], roughness)
+        direction[:, rough], passed[rough], cosine[rough] = reflected(
+            ahead[:, rough], normal[:, rough], flat[:, rough], roughness, place[:, rough]
+        )
+    # Light that facets send to each other leaves in the same direction.
+    share = reflectance.at(cosine) * passed
+    return direction, share * (1.0 + reflectance.multiscatter * (1.0 - once) / once)
 
 
 def mirrored(ahead: Array, normal: Array, flat: Array) -> Array:

@@ -7,37 +7,37 @@ projector; mirrors and glass send it on along straight rays.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from ...casting.common.hits import Hits
 from ...casting.common.ray_visibility import HOLDOUT
 from ...casting.continuation import Continuation
-from ...projection.typing import Array, IndexArray
+from ...projection.typing import Array, BoolArray, IndexArray
 from ..lights.lighting import Lighting
 from ..lights.shadow_catchers import Catchers
 from ..materials.coefficients import MaterialCoefficients
-from ..materials.lobes import ScatteredLobe
 from ..passes.light_passes import LightParts
 from ..scene.shading_scene import Scene
 from ..scene.surface import SurfaceTable
 from ..typing import Single
-from ..vectors import unit
+from ..vectors import dot, unit
+from .closure_table import ClosureTable, HitClosures
 from .hit_lighting import HitLighting
-from .lobe_sampling import LobeSampler, ReflectionSamples
+from .lobe_sampling import CLEAR, LAYER, METAL, MIRRORED, REFRACTED, LobeSampler, ReflectionSamples, SentLobes
 from .path_wave import GLOSSY, TOTAL, TRANSMISSION, TRANSPARENT, PathFilm, PathWave
 
 # Paths with less throughput than this end: a tenth of a step of 8 bits.
 LEAST_SHARE = 1.0 / 2560.0
 
-# The rows of ``PathWave.depth`` in which each kind of lobe counts.
-DEPTHS = {
-    "TRANSPARENT": (TRANSPARENT,),
-    "GLOSSY": (TOTAL, GLOSSY),
-    "TRANSMISSION": (TOTAL, TRANSMISSION),
-}
+# What each kind of lobe adds to the rows of ``PathWave.depth``, (4, 5).
+DEEPER = np.zeros((4, 5), np.int16)
+DEEPER[TRANSPARENT, CLEAR] = 1
+DEEPER[TOTAL, [REFRACTED, MIRRORED, METAL, LAYER]] = 1
+DEEPER[TRANSMISSION, REFRACTED] = 1
+DEEPER[GLOSSY, [MIRRORED, METAL, LAYER]] = 1
 
 
 @dataclass(frozen=True)
@@ -59,24 +59,21 @@ class Tracer:
         cls,
         scene: Scene,
         surface: SurfaceTable,
+        closures: ClosureTable,
         coefficients: MaterialCoefficients,
         lighting: Lighting,
         transparent: bool,
         catchers: Catchers | None = None,
     ) -> Tracer | None:
         """The tracer of a frame; None where no material is a graph."""
-        graphs = scene.materials.graphs
-        if not graphs:
+        if not scene.materials.graphs:
             return None
-        has_graph = np.zeros(len(scene.materials.metallic), bool)
-        has_graph[list(graphs)] = True
-        hit_lighting = HitLighting(scene, surface, coefficients, lighting, has_graph)
+        hit_lighting = HitLighting(scene, surface, closures, coefficients, lighting)
         return cls(scene, hit_lighting, LobeSampler.of(scene, surface.cast_scene), transparent, catchers)
 
     def needed(self, triangle: IndexArray) -> bool:
         """Whether the material of any of the triangles is a graph."""
-        material = self.lighting.surface.material.take(triangle)
-        return bool(self.lighting.has_graph.take(material).any())
+        return bool(self._has_graph.take(self._material(triangle)).any())
 
     def color(
         self,
@@ -96,31 +93,36 @@ class Tracer:
             wave = self._hold_out(wave, film)
             if self.catchers:
                 wave = self._catch(wave, self.catchers, sample, film, continuation)
-            sent = []
-            for some, last in self._by_limit(wave):
-                for which, lobe in self.lighting.gather(some, sample, film, last):
-                    sent.append(self._send(some, which, lobe, film, continuation, samples))
-            if not sent:
+            beyond = (wave.depth > self._limits).any(axis=0)
+            if beyond.any():
+                shown = self.lighting.closures.shown_beyond.take(self._material(wave.hits.triangle))
+                kept = np.flatnonzero(shown | ~beyond)
+                wave, beyond = wave.take(kept), beyond.take(kept)
+            if not len(wave.pixel):
                 break
-            wave = PathWave.joined(sent)
+            closures = self.lighting.gather(wave, beyond, sample, film)
+            wave = self._send(wave, closures, beyond, film, continuation, samples)
         if parts and film.parts:
             parts.rows[:] = film.parts.rows
         return film.image()
+
+    @cached_property
+    def _has_graph(self) -> BoolArray:
+        """Whether each material is a graph, (M,)."""
+        found = np.zeros(len(self.scene.materials.metallic), bool)
+        found[list(self.scene.materials.graphs)] = True
+        return found
+
+    def _material(self, triangle: IndexArray) -> IndexArray:
+        """The materials of triangles (n,)."""
+        material: IndexArray = self.lighting.surface.material.take(triangle)
+        return material
 
     @property
     def _limits(self) -> Array:
         """Limits of the depth of paths, (4, 1)."""
         limits = self.scene.bounces
         return np.array([[limits.total], [limits.glossy], [limits.transmission], [limits.transparent]])
-
-    def _by_limit(self, wave: PathWave) -> Iterator[tuple[PathWave, bool]]:
-        """The paths within all limits, then those beyond one with True, which as in Cycles see emission."""
-        last = (wave.depth > self._limits).any(axis=0)
-        if not last.any():
-            yield wave, False
-            return
-        yield wave.take(np.flatnonzero(~last)), False
-        yield wave.take(np.flatnonzero(last)), True
 
     def _hold_out(self, wave: PathWave, film: PathFilm) -> PathWave:
         """The paths that no holdout ends; the others make holes in the image."""
@@ -149,32 +151,34 @@ class Tracer:
     def _send(
         self,
         wave: PathWave,
-        which: IndexArray,
-        lobe: ScatteredLobe,
+        closures: HitClosures,
+        beyond: BoolArray,
         film: PathFilm,
         continuation: Continuation,
         samples: ReflectionSamples,
     ) -> PathWave:
-        """Send the paths ``which`` along a lobe; return those that hit, and add the others to the film."""
-        throughput = wave.throughput[:, which] * lobe.tint
-        depth = wave.depth[:, which].copy()
-        for row in DEPTHS[lobe.kind]:
-            depth[row] += 1
+        """Send paths along the lobes of closures; return those that hit, and add the others to the film."""
+        lobes = self._lobes(wave, closures)
+        place = closures.where.take(lobes.closure)
+        throughput = wave.throughput.take(place, axis=1) * lobes.tint
+        depth = wave.depth.take(place, axis=1) + DEEPER[:, lobes.kind]
         # One step beyond a limit is followed: it may see the world or a light.
-        within = (depth <= self._limits + 1).all(axis=0)
+        within = (depth <= self._limits + 1).all(axis=0) & ((lobes.kind == CLEAR) | ~beyond.take(place))
         going = np.flatnonzero((throughput.max(axis=0) >= LEAST_SHARE) & within)
-        came, lobe, throughput = wave.take(which[going]), lobe.take(going), throughput[:, going]
-        on_ray = came.on_ray | (lobe.kind != "TRANSPARENT")
+        lobes, came = lobes.take(going), wave.take(place.take(going))
+        throughput, straight = throughput[:, going], lobes.kind == CLEAR
+        on_ray = came.on_ray | ~straight
+        from_glass = (came.from_glass & straight) | (lobes.kind == REFRACTED)
         hits = Hits.empty(len(going))
         on = np.flatnonzero(~on_ray)
         if len(on):
             hits.put(on, continuation.next_hits(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
         off = np.flatnonzero(on_ray)
         if len(off):
-            met, passed = self.sampler.scatter(came.take(off), lobe.take(off), samples)
-            hits.put(off, met)
-            throughput[:, off] *= passed
-        from_glass = (came.from_glass & (lobe.kind != "GLOSSY")) | (lobe.kind == "TRANSMISSION")
+            some, start = lobes.take(off), came.take(off)
+            direction, share = self.sampler.directions(some, closures.take(some.closure), start, samples)
+            throughput[:, off] *= share
+            hits.put(off, self.sampler.cast(start, direction, from_glass[off]))
         sent = PathWave(
             hits,
             pixel=came.pixel,
@@ -183,8 +187,16 @@ class Tracer:
             from_glass=from_glass,
             depth=depth[:, going],
         )
-        self._miss(sent.take(np.flatnonzero(hits.triangle < 0)), film)
-        return sent.take(np.flatnonzero(hits.triangle >= 0))
+        missed = hits.triangle < 0
+        self._miss(sent.take(np.flatnonzero(missed)), film)
+        return sent.take(np.flatnonzero(~missed))
+
+    def _lobes(self, wave: PathWave, closures: HitClosures) -> SentLobes:
+        """The lobes of closures at the wave's places."""
+        view = -unit(wave.hits.tangent.take(closures.where, axis=1))
+        flat = self.lighting.surface.flat.take(wave.hits.triangle.take(closures.where), axis=1)
+        facing = np.clip(dot(closures.normal, view), 0.0, 1.0)
+        return SentLobes.of(closures.rows, facing, dot(flat.astype(np.float64), view) < 0.0)
 
     def _miss(self, wave: PathWave, film: PathFilm) -> None:
         """Add the world's light to paths that leave the scene."""

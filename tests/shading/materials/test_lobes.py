@@ -1,15 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lobes of shaders: bodies, reflections, glass and transparency, at most 1 in total."""
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
 
 from scfpf_addon.casting.common.geometry import Geometry
 from scfpf_addon.shading.materials.coefficients import MaterialCoefficients
-from scfpf_addon.shading.materials.lobes import Body, ScatteredLobe, lobes
+from scfpf_addon.shading.materials.constants import Materials
+from scfpf_addon.shading.materials.lobes import RoughReflectance, bodies, split
 from scfpf_addon.shading.materials.microfacet import ior_of
+from scfpf_addon.shading.materials.parameters import ClosureRows
 from scfpf_addon.shading.nodes.context import ShadingContext
 from scfpf_addon.shading.nodes.graph import Closure, MaterialGraph, Operation, Ref
+from scfpf_addon.shading.tracing.closure_table import closures_at
+from scfpf_addon.shading.tracing.lobe_sampling import CLEAR, LAYER, METAL, MIRRORED, REFRACTED, SentLobes
 
 COUNT = 4
 COLOR = np.array([0.8, 0.5, 0.2])
@@ -38,19 +44,33 @@ def at_surface(cosine, back=0.0):
     )
 
 
+class Shader(NamedTuple):
+    """The lobes of one closure of constants. sent: by kind, those of any light."""
+
+    rows: ClosureRows
+    body: Materials
+    sent: dict[int, SentLobes]
+
+    def reflectance(self, kind, cosine):
+        """The reflectance (3, COUNT) of metal or a layer, by the cosine to the facets."""
+        rough = RoughReflectance.of(self.rows, np.full(COUNT, kind == METAL))
+        return rough.at(np.full(COUNT, cosine))
+
+
 def shader(kind, weight=1.0, cosine=0.8, back=0.0, **inputs):
-    """The bodies and the scattered lobes of one closure of constants."""
+    """The lobes of one closure of constants."""
     operations = [Operation("CONSTANT", (), {"value": weight}), Operation("NORMAL")]
     refs = {"normal": Ref(1)}
     for name, value in inputs.items():
         refs[name] = Ref(len(operations))
         operations.append(Operation("CONSTANT", (), {"value": value}))
-    made = list(
-        lobes(MaterialGraph(tuple(operations), (Closure(kind, Ref(0), refs),)), at_surface(cosine, back))
-    )
-    return [one for one in made if isinstance(one, Body)], [
-        one for one in made if isinstance(one, ScatteredLobe)
-    ]
+    graph = MaterialGraph(tuple(operations), (Closure(kind, Ref(0), refs),))
+    ((rows, _),) = closures_at(graph, at_surface(cosine, back))
+    split(rows)
+    lobes = SentLobes.of(rows, np.full(COUNT, cosine), np.full(COUNT, back > 0.0))
+    kinds = {number: lobes.take(np.flatnonzero(lobes.kind == number)) for number in np.unique(lobes.kind)}
+    sent = {number: each for number, each in kinds.items() if each.tint.any()}
+    return Shader(rows, bodies(rows), sent)
 
 
 def schlick(r0, cosine):
@@ -65,92 +85,95 @@ def fresnel(cosine, ior):
 
 
 def test_diffuse_and_emission_are_bodies():
-    (body,), sent = shader("DIFFUSE", 0.7, color=COLOR)
-    assert not sent and (body.weight == 0.7).all()
-    np.testing.assert_array_equal(body.materials.base_color, np.tile(COLOR, (COUNT, 1)))
-    assert not body.materials.emission.any()
-    (glow,), sent = shader("EMISSION", color=3 * COLOR)
-    assert not sent and not glow.materials.base_color.any()
-    np.testing.assert_allclose(glow.materials.emission, np.tile(3 * COLOR, (COUNT, 1)))
+    matt = shader("DIFFUSE", 0.7, color=COLOR)
+    assert not matt.sent and (matt.rows["body"] == 0.7).all()
+    np.testing.assert_array_equal(matt.body.base_color, np.tile(COLOR, (COUNT, 1)))
+    assert not matt.body.emission.any() and not matt.body.specular_f0.any()
+    glow = shader("EMISSION", color=3 * COLOR)
+    assert not glow.sent and not glow.body.base_color.any()
+    np.testing.assert_allclose(glow.body.emission, np.tile(3 * COLOR, (COUNT, 1)))
 
 
 def test_weights_of_zero_or_nan_make_no_lobe():
-    assert shader("DIFFUSE", 0.0, color=COLOR) == ([], [])
-    assert shader("DIFFUSE", -1.0, color=COLOR) == ([], [])
-    assert shader("DIFFUSE", np.nan, color=COLOR) == ([], [])
-    (body,), _ = shader("DIFFUSE", color=np.array([np.nan, np.inf, -2.0]))
-    np.testing.assert_array_equal(body.materials.base_color, 0.0)
+    for weight in (0.0, -1.0, np.nan):
+        nothing = shader("DIFFUSE", weight, color=COLOR)
+        assert not nothing.rows["body"].any() and not nothing.sent
+    black = shader("DIFFUSE", color=np.array([np.nan, np.inf, -2.0]))
+    np.testing.assert_array_equal(black.body.base_color, 0.0)
 
 
 def test_a_transparent_lobe_has_the_closures_colour():
-    bodies, (through,) = shader("TRANSPARENT", 0.5, color=COLOR)
-    assert not bodies and through.kind == "TRANSPARENT"
-    np.testing.assert_allclose(through.tint, np.tile(0.5 * COLOR[:, None], COUNT))
+    made = shader("TRANSPARENT", 0.5, color=COLOR)
+    assert not made.rows["body"].any() and set(made.sent) == {CLEAR}
+    np.testing.assert_allclose(made.sent[CLEAR].tint, np.tile(0.5 * COLOR[:, None], COUNT))
 
 
 @pytest.mark.parametrize("back", [0.0, 1.0])
 @pytest.mark.parametrize("cosine", [1.0, 0.8])
 def test_glass_reflects_fresnels_share_and_refracts_the_rest(cosine, back):
-    white = np.ones(3)
-    _, sent = shader("GLASS", cosine=cosine, back=back, color=white, roughness=0.0, ior=1.3)
-    mirror, refracted = sent
-    assert (mirror.kind, refracted.kind) == ("GLOSSY", "TRANSMISSION")
+    sent = shader("GLASS", cosine=cosine, back=back, color=np.ones(3), roughness=0.0, ior=1.3).sent
+    mirror, refracted = sent.pop(MIRRORED), sent.pop(REFRACTED)
     ratio = 1 / 1.3 if back else 1.3
+    assert not sent
     np.testing.assert_allclose(refracted.ior, ratio)
     np.testing.assert_allclose(mirror.tint, fresnel(cosine, ratio), atol=1e-12)
     np.testing.assert_allclose(mirror.tint + refracted.tint, 1.0, atol=1e-12)
 
 
+def test_coloured_glass_tints_its_reflection_and_what_is_behind():
+    sent = shader("GLASS", color=COLOR, roughness=0.0, ior=1.3).sent
+    np.testing.assert_allclose(sent[MIRRORED].tint[:, 0], COLOR * fresnel(0.8, 1.3))
+    np.testing.assert_allclose(sent[REFRACTED].tint[:, 0], COLOR * (1 - fresnel(0.8, 1.3)))
+
+
 def test_refraction_ends_at_the_critical_angle():
     for cosine, let_in in ((0.9, 1.0), (0.3, 0.0)):
-        _, (refracted,) = shader("REFRACTION", cosine=cosine, back=1.0, color=COLOR, ior=1.5)
-        np.testing.assert_allclose(refracted.tint, np.tile(let_in * COLOR[:, None], COUNT))
+        made = shader("REFRACTION", cosine=cosine, back=1.0, color=COLOR, ior=1.5)
+        assert set(made.sent) == ({REFRACTED} if let_in else set())
+        for refracted in made.sent.values():
+            np.testing.assert_allclose(refracted.tint, np.tile(let_in * COLOR[:, None], COUNT))
 
 
 def test_a_glossy_surface_is_followed_as_far_as_it_is_smooth():
     for roughness, share in ((0.2, 1.0), (0.8, 0.5), (1.0, 0.0)):
-        (body,), sent = shader("GLOSSY", color=COLOR, roughness=roughness, multiscatter=0.0)
-        np.testing.assert_allclose(body.materials.ambient, 1.0 - share, atol=1e-12)
-        assert bool(sent) == (share > 0)
-        for mirror in sent:
+        made = shader("GLOSSY", color=COLOR, roughness=roughness, multiscatter=0.0)
+        np.testing.assert_allclose(made.body.ambient, 1.0 - share, atol=1e-12)
+        assert set(made.sent) == ({METAL} if share else set())
+        for mirror in made.sent.values():
             np.testing.assert_allclose(mirror.tint, share)
-            np.testing.assert_allclose(
-                mirror.rough.reflectance(np.full(COUNT, 0.3)), np.tile(COLOR[:, None], COUNT)
-            )
+            np.testing.assert_allclose(made.reflectance(METAL, 0.3), np.tile(COLOR[:, None], COUNT))
 
 
 def test_a_rough_metal_reflects_by_schlick():
-    bodies, (mirror,) = shader("PRINCIPLED", **PRINCIPLED | {"metallic": 1.0, "roughness": 0.3})
-    np.testing.assert_allclose(mirror.rough.reflectance(np.full(COUNT, 0.4))[:, 0], schlick(COLOR, 0.4))
-    np.testing.assert_allclose(mirror.rough.reflectance(np.ones(COUNT))[:, 0], COLOR)
-    (body,) = bodies
-    assert (body.materials.metallic == 1.0).all() and (body.materials.ambient == 0.0).all()
-    some = mirror.take(np.array([2]))
-    assert some.tint.shape == (3, 1) and some.rough.f0.shape == (3, 1)
+    made = shader("PRINCIPLED", **PRINCIPLED | {"metallic": 1.0, "roughness": 0.3})
+    assert set(made.sent) == {METAL}
+    np.testing.assert_allclose(made.reflectance(METAL, 0.4)[:, 0], schlick(COLOR, 0.4))
+    np.testing.assert_allclose(made.reflectance(METAL, 1.0)[:, 0], COLOR)
+    assert (made.body.metallic == 1.0).all() and (made.body.ambient == 0.0).all()
 
 
 def test_a_dielectric_layer_takes_fresnels_share_from_the_diffuse_light():
-    (body,), (coat,) = shader("PRINCIPLED", cosine=0.5, **PRINCIPLED | {"roughness": 0.1})
+    made = shader("PRINCIPLED", cosine=0.5, **PRINCIPLED | {"roughness": 0.1})
     lost = fresnel(0.5, 1.5)
-    table, every = MaterialCoefficients.of(body.materials, np.zeros(3)), np.arange(COUNT)
+    table, every = MaterialCoefficients.of(made.body, np.zeros(3)), np.arange(COUNT)
     left = (
         table.diffuse * table.view_terms(every, np.full(COUNT, 0.5, np.float32)).layer_transmittance * np.pi
     )
     np.testing.assert_allclose(left[:, 0], COLOR * (1 - lost), rtol=2e-3)
-    np.testing.assert_allclose(coat.rough.reflectance(np.full(COUNT, 0.5)), lost)
-    np.testing.assert_allclose(body.materials.specular_f0, 0.04)
+    assert set(made.sent) == {LAYER}
+    np.testing.assert_allclose(made.reflectance(LAYER, 0.5), lost)
+    np.testing.assert_allclose(made.body.specular_f0, 0.04)
 
 
 def test_alpha_and_transmission_share_a_surface():
-    bodies, sent = shader("PRINCIPLED", **PRINCIPLED | {"alpha": 0.25, "transmission": 1.0})
-    through, mirror, refracted = sent
-    assert [one.kind for one in sent] == ["TRANSPARENT", "GLOSSY", "TRANSMISSION"]
-    np.testing.assert_allclose(through.tint, 0.75)
+    made = shader("PRINCIPLED", **PRINCIPLED | {"alpha": 0.25, "transmission": 1.0})
+    assert set(made.sent) == {CLEAR, REFRACTED, MIRRORED}
+    np.testing.assert_allclose(made.sent[CLEAR].tint, 0.75)
     # Light that enters and leaves has the base colour, so each way the root of it.
     share = fresnel(0.8, 1.5)
-    np.testing.assert_allclose(mirror.tint, 0.25 * share)
-    np.testing.assert_allclose(refracted.tint[:, 0], 0.25 * (1 - share) * np.sqrt(COLOR))
-    np.testing.assert_allclose(bodies[0].materials.base_color, 0.0, atol=1e-12)
+    np.testing.assert_allclose(made.sent[MIRRORED].tint, 0.25 * share)
+    np.testing.assert_allclose(made.sent[REFRACTED].tint[:, 0], 0.25 * (1 - share) * np.sqrt(COLOR))
+    np.testing.assert_allclose(made.body.base_color, 0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("ior", [1.0, 1.5, 2.4])

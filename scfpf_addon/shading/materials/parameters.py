@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parameters of closures: every shader is a Principled surface with some of its inputs fixed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...projection.typing import Array, IndexArray
+from ..nodes.graph import Closure, Ref, finite
+
+# The least index of refraction.
+LEAST_IOR = 1e-5
+
+# The parameters of a closure, each with its value where a shader does not have it.
+#
+# weight: share of the surface. metallic … alpha, emission: of the Principled shader. multiscatter: share of
+# the light between facets that is not lost. grazing: of the way from F0 to 1 at which a metal's F90 lies.
+# lit: 1 for closures that lamps light. whole: 1 where refraction is not dimmed by Fresnel's reflection.
+# clear: tint of light that passes straight. mirrored: tint of what glass reflects.
+#
+# From body on they are of its lobes, see ``lobes.split``.
+NUMBERS = {
+    "weight": 1.0,
+    "metallic": 0.0,
+    "roughness": 1.0,
+    "ior": 1.5,
+    "specular_level": 0.0,
+    "transmission": 0.0,
+    "alpha": 1.0,
+    "multiscatter": 1.0,
+    "grazing": 1.0,
+    "lit": 1.0,
+    "whole": 0.0,
+    "body": 1.0,
+    "metal": 0.0,
+    "dielectric": 0.0,
+    "glass": 0.0,
+    "f0": 0.0,
+}
+COLORS = {"base_color": 0.0, "emission": 0.0, "clear": 1.0, "mirrored": 1.0, "transparent": 0.0}
+USUAL = np.array([*NUMBERS.values(), *np.repeat([*COLORS.values()], 3)])[:, None]
+PLACES = {name: slice(row, row + 1) for row, name in enumerate(NUMBERS)} | {
+    name: slice(row, row + 3) for row, name in zip(range(len(NUMBERS), len(USUAL), 3), COLORS, strict=True)
+}
+
+
+def _share(values: Array) -> Array:
+    return np.clip(values, 0.0, 1.0)
+
+
+def _positive(values: Array) -> Array:
+    return np.maximum(values, 0.0)
+
+
+# What the inputs of shaders are limited to; emission may be of any sign.
+LIMITS: dict[str, Callable[[Array], Array]] = {
+    **dict.fromkeys(("metallic", "roughness", "transmission", "alpha", "multiscatter"), _share),
+    **dict.fromkeys(("base_color", "color", "specular_level"), _positive),
+    "ior": lambda values: np.maximum(values, LEAST_IOR),
+}
+
+
+@dataclass(frozen=True)
+class Shader:
+    """A kind of shader as a Principled surface.
+
+    inputs: the parameters that its inputs give, by name; one input may give several. fixed: parameters that
+    differ from the usual.
+    """
+
+    inputs: Mapping[str, tuple[str, ...]]
+    fixed: Mapping[str, float] = field(default_factory=dict)
+
+
+OF_PRINCIPLED = (
+    *("base_color", "metallic", "roughness", "ior", "specular_level"),
+    *("transmission", "alpha", "emission", "multiscatter"),
+)
+SHADERS = {
+    "DIFFUSE": Shader({"color": ("base_color",)}),
+    "EMISSION": Shader({"color": ("emission",)}),
+    "GLASS": Shader(
+        {"color": ("base_color", "mirrored"), "roughness": ("roughness",), "ior": ("ior",)},
+        {"transmission": 1.0, "specular_level": 0.5},
+    ),
+    "GLOSSY": Shader(
+        {"color": ("base_color",), "roughness": ("roughness",), "multiscatter": ("multiscatter",)},
+        {"metallic": 1.0, "grazing": 0.0},
+    ),
+    "PRINCIPLED": Shader({name: (name,) for name in OF_PRINCIPLED}),
+    "REFRACTION": Shader(
+        {"color": ("base_color",), "ior": ("ior",)},
+        {"transmission": 1.0, "lit": 0.0, "whole": 1.0, "mirrored": 0.0},
+    ),
+    "TRANSPARENT": Shader({"color": ("clear",)}, {"alpha": 0.0}),
+}
+# Light that enters a Principled surface and leaves it is tinted twice, that of these at each boundary.
+TINTED_ONCE = {"GLASS", "REFRACTION"}
+
+
+@dataclass(frozen=True)
+class ClosureRows:
+    """Parameters of n closures, by name: (1, n) of NUMBERS, (3, n) of COLORS. rows: all of them, float64."""
+
+    rows: Array
+
+    def __getitem__(self, name: str) -> Array:
+        values: Array = self.rows[PLACES[name]]
+        return values
+
+    @property
+    def count(self) -> int:
+        """The number of closures."""
+        return len(self.rows[0])
+
+    @classmethod
+    def empty(cls, count: int) -> ClosureRows:
+        """Usual parameters, to be filled in."""
+        return cls(np.repeat(USUAL, count, axis=1))
+
+    def take(self, index: IndexArray) -> ClosureRows:
+        """The closures at ``index``."""
+        return ClosureRows(self.rows.take(index, axis=1))
+
+    @classmethod
+    def joined(cls, parts: Sequence[ClosureRows]) -> ClosureRows:
+        """The closures of all parts, in order."""
+        return parts[0] if len(parts) == 1 else cls(np.concatenate([each.rows for each in parts], axis=1))
+
+    def fill(self, closure: Closure, results: list[tuple[Array, ...]]) -> None:
+        """Write a closure's parameters at all rows. results: of the operations that its inputs refer to."""
+
+        def of(ref: Ref) -> Array:
+            """The output of an operation, without NaN."""
+            return finite(results[ref.operation][ref.output])
+
+        shader = SHADERS[closure.kind]
+        for name, number in shader.fixed.items():
+            self[name][:] = number
+        self["weight"][:] = _positive(of(closure.weight))
+        for name, given in shader.inputs.items():
+            values = of(closure.inputs[name])
+            # A shader's colour has its limit whatever parameter it gives; emission has none.
+            if given != ("emission",):
+                values = LIMITS[name](values)
+            for each in given:
+                self[each][:] = values
+        if closure.kind in TINTED_ONCE:
+            self["base_color"][:] = self["base_color"] ** 2
