@@ -91,7 +91,7 @@ class LiveView:
         Raises one of RENDER_ERRORS.
         """
         source = self.source = source_of(depsgraph, space)
-        placements, look = read_scene(source, depsgraph, camera, space, rectangle)
+        placements, look = read_scene(source, depsgraph, camera, frame.width, space, rectangle)
         key = source, source.edits, camera.original.session_uid, frame, window, rectangle, eye, look.key
         if key == self._key:
             return False
@@ -112,7 +112,7 @@ class LiveView:
         source = self.source = source_of(depsgraph)
         aspect = shown_aspect(depsgraph.scene_eval.render, *size)
         whole = Rectangle(0.0, 0.0, *map(float, size))
-        placements, look = read_scene(source, depsgraph, camera)
+        placements, look = read_scene(source, depsgraph, camera, whole.width)
         window = LiveWindow(0.0, 0.0, 1.0, 1.0, *size)
         request = _request(source, depsgraph, camera, aspect, window, whole, "", placements, look)
         scene = source.kept.updated(request.placements)
@@ -132,11 +132,12 @@ def _request(source, depsgraph, camera, aspect, window, rectangle, eye, placemen
 
 
 def read_scene(
-    source: LiveSource, depsgraph, camera, space=None, rectangle: Rectangle | None = None
+    source: LiveSource, depsgraph, camera, width: float, space=None, rectangle: Rectangle | None = None
 ) -> tuple[Placements, SolidLook]:
     """Read the objects of a viewport, if they have changed, and its look.
 
-    space: bpy.types.SpaceView3D, or None for the look of the scene's Workbench renders. rectangle: of the
+    width: of the camera's frame, pixels. space: bpy.types.SpaceView3D, or None for the look of the scene's
+    Workbench renders. rectangle: of the
     image in the region that is drawn. Raises SceneError.
     """
     shading, overlay, area = depsgraph.scene.display.shading, None, (0.0, 0.0, 1.0, 1.0)
@@ -152,7 +153,7 @@ def read_scene(
     source.attributes = Attributes(*(a or b for a, b in zip(wanted, source.attributes, strict=True)))
     placements = source.objects.read(depsgraph, space, source.attributes)
     shown = camera.evaluated_get(depsgraph)
-    return placements, source.looks.read(source.objects, shading, overlay, depsgraph, shown, area)
+    return placements, source.looks.read(source.objects, shading, overlay, depsgraph, shown, area, width)
 
 
 def shown_window(frame: Rectangle, region) -> tuple[LiveWindow, Rectangle] | None:

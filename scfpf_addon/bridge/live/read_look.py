@@ -18,6 +18,7 @@ from ...shading.live.live_overlays import ACTIVE, SELECTED, Overlays
 from ...shading.live.matcap import Matcap
 from ...shading.live.solid_look import SolidLook, SurfaceLooks
 from ...shading.live.studio_light import StudioLight
+from ..settings.stylised_properties import stylised_of
 from .live_images import ImageCache, ImageUse
 from .live_objects import Attributes, LiveObjects, LookTable
 from .read_lights import MatcapCache, read_studio_light
@@ -101,12 +102,14 @@ class LookReader:
         depsgraph,
         camera=None,
         area: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
+        width: float = 0.0,
     ) -> SolidLook:
         """Read a look of Solid or Material Preview, for objects that have been read.
 
         shading, overlay: bpy.types.View3DShading and View3DOverlay, None for no overlays. depsgraph: the
         viewport's. camera: evaluated, the one that the viewport looks through. area: left, bottom, right and
-        top of the image in the viewport, as shares of it, for gradients. Afterwards ``is_complete`` is False
+        top of the image in the viewport, as shares of it, for gradients. width: of the camera's frame there,
+        in pixels, for the lines of Drawn Style; 0 for none. Afterwards ``is_complete`` is False
         while images or a matcap are still to be read: read again soon.
         """
         key = objects.edits, len(objects.table.look_object)
@@ -118,6 +121,7 @@ class LookReader:
         self.is_complete = not waiting and not self._matcaps.is_waiting
         background = _background(shading, depsgraph.scene, area)
         is_solid = shading.type == "SOLID"
+        style = stylised_of(depsgraph.scene_eval, round(width)) if width else None
         return SolidLook(
             light=light,
             highlights=shading.show_specular_highlight or not is_solid,
@@ -126,6 +130,7 @@ class LookReader:
             textures=textures,
             cavity=_cavity(shading) if is_solid and shading.show_cavity else None,
             overlays=_overlays(numbers, overlay, depsgraph.view_layer, background),
+            lines=style and style.lines,
             camera_axes=None if camera is None else _axes(camera),
         )
 

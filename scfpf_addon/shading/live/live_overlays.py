@@ -75,7 +75,7 @@ def stripes(column: IndexArray, row: IndexArray, pixel_size: float) -> BoolArray
 def _draw_outlines(
     image: Single, hits: LiveHits, overlays: Overlays, states: IndexArray, pixel_size: float
 ) -> None:
-    """Draw the borders of selected objects, on both sides if the image is fine enough."""
+    """Draw the borders of selected objects: on both sides if the image is fine enough, else translucent."""
     shape = hits.height, hits.width
     objects = hits.object.reshape(shape)
     state = np.where(objects >= 0, states.take(objects, mode="clip"), NOT_SELECTED).astype(np.uint8)
@@ -90,7 +90,8 @@ def _draw_outlines(
         outer = _borders(marked) & (state == NOT_SELECTED) & (beside > NOT_SELECTED)
         part = image[outer, :3]
         image[outer, :3] = part + (colors[beside[outer]] - part) * np.float32(OUTER_OPACITY)
-    image[inner, :3] = colors[state[inner]]
+    opacity = np.float32(min(2 * OUTLINE / pixel_size, 1.0))
+    image[inner, :3] += (colors[state[inner]] - image[inner, :3]) * opacity
 
 
 def _borders(marked: IndexArray) -> BoolArray:

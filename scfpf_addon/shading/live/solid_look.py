@@ -12,10 +12,12 @@ import numpy as np
 
 from ...projection.colors import linear_from_srgb, srgb_from_linear
 from ...projection.typing import Array, BoolArray, IndexArray
+from ..settings.stylised_settings import Lines
 from ..typing import Single
 from .background import Background
 from .cavity import Cavity, cavity_factor
 from .live_hits import LiveHits
+from .live_lines import draw_lines
 from .live_overlays import Overlays, draw_overlays
 from .live_textures import LiveTextures, footprints
 from .matcap import Matcap, matcap_color
@@ -66,7 +68,8 @@ class SurfaceLooks:
 class SolidLook:
     """Everything that decides the colours of a live image.
 
-    light: None for flat colours. highlights: whether lights are reflected. camera_axes: (3, 3), the camera's
+    light: None for flat colours. highlights: whether lights are reflected. lines: those of Drawn Style, their
+    widths in pixels of the screen. camera_axes: (3, 3), the camera's
     right, up and backward in world space as columns; None lights each pixel from its own axes.
     """
 
@@ -77,6 +80,7 @@ class SolidLook:
     textures: LiveTextures | None = None
     cavity: Cavity | None = None
     overlays: Overlays = field(default_factory=Overlays)
+    lines: Lines | None = None
     camera_axes: Array | None = None
 
     @property
@@ -97,7 +101,7 @@ class SolidLook:
         # The images of a matcap are large, and kept as long as there are looks of them.
         lit = (id(light.diffuse), light.is_flipped) if isinstance(light, Matcap) else light
         parts: list[object] = [lit, self.highlights, self.surfaces, self.background, self.cavity]
-        parts += [self.overlays, self.camera_axes, self.textures and self.textures.serial]
+        parts += [self.overlays, self.lines, self.camera_axes, self.textures and self.textures.serial]
         for part in parts:
             values = (getattr(part, one.name) for one in fields(part)) if is_dataclass(part) else (part,)
             for value in values:
@@ -144,6 +148,8 @@ def paint(hits: LiveHits, look: SolidLook, pixel_size: float = 1.0) -> Single:
                 color = behind + (color - behind) * cover
             image[some, :3] = displayed(color).T
     result = image.reshape(hits.height, hits.width, 4)
+    if look.lines is not None:
+        draw_lines(result, hits, look.lines, pixel_size)
     draw_overlays(result, hits, look.overlays, pixel_size)
     return result
 
