@@ -106,6 +106,15 @@ def multiplies_by_alpha(image, is_file: bool) -> bool:
     return image.file_format not in PREMULTIPLIED_FORMATS if is_file else not image.is_float
 
 
+def is_subdivided_adaptively(modifier, obj, scene) -> bool:
+    """Whether Cycles dices an object by a Subdivision Surface modifier: a setting of the object up to 4.5."""
+    if hasattr(modifier, "use_adaptive_subdivision"):
+        return modifier.use_adaptive_subdivision
+    cycles, of_object = getattr(scene, "cycles", None), getattr(obj, "cycles", None)
+    experimental = cycles is not None and getattr(cycles, "feature_set", "") == "EXPERIMENTAL"
+    return experimental and getattr(of_object, "use_adaptive_subdivision", False)
+
+
 def has_portal_depth() -> bool:
     """Whether the Light Path node has the number of portals that a ray has passed: from 5.0."""
     return bpy.app.version >= (5, 0, 0)

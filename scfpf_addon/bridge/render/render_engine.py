@@ -15,7 +15,7 @@ from .image_size import render_region, require_size
 from .render_delivery import Delivery
 from .render_errors import RenderError, failure_message
 from .render_inputs import RenderInputs, read_inputs, with_motion
-from .render_passes import list_render_passes
+from .render_passes import layer_warnings, list_render_passes
 from .render_viewport import ViewportRender, stop_all
 from .scene_preparation import BUILDING, prepare_scene
 
@@ -108,11 +108,13 @@ class SCFPF_RenderEngine(bpy.types.RenderEngine):
             cancelled=cancelled,
             eye=eye,
         )
+        layer = depsgraph.view_layer_eval
+        warnings = (*inputs.scene.warnings, *layer_warnings(self.render, layer, camera.scfpf.enabled))
         # Warnings about a scene that was read in part would be wrong.
-        for warning in () if cancelled() else inputs.scene.warnings:
+        for warning in () if cancelled() else warnings:
             if warning not in said:
                 self.report({"WARNING"}, warning)
-        said.update(inputs.scene.warnings)
+        said.update(warnings)
         return with_motion(inputs, depsgraph, camera, self.frame_set, cancelled, eye)
 
     def _make(self, inputs: RenderInputs, delivery: Delivery) -> None:

@@ -84,6 +84,19 @@ def _switches() -> tuple[PassSwitch, ...]:
 PASS_SWITCHES = _switches()
 
 
+# The properties of a view layer, and of Cycles' settings of it, that switch passes.
+SWITCH_PREFIXES = "use_pass_", "pass_debug_", "pass_render_", "denoising_store_"
+MADE_SWITCHES = {each.property for each in PASS_SWITCHES} | {
+    "use_pass_combined",
+    *(f"use_pass_cryptomatte_{kind}" for kind in ("object", "material", "accurate")),
+}
+ABSENT = "Passes that SCFPF does not make (use Cycles through the rig of the Cycles panel): "
+FREESTYLE = (
+    "Freestyle draws its lines as an ordinary camera sees them, not along the projectors: "
+    "use Drawn Style instead of it"
+)
+
+
 def list_render_passes(view_layer) -> Iterator[RenderPass]:
     """The passes that are switched on for a view layer, the image first."""
     yield RenderPass("Combined", "RGBA", "COLOR", "")
@@ -103,6 +116,24 @@ def _crypto_kinds(view_layer) -> Iterator[str]:
     for kind in CRYPTO_NAMES:
         if getattr(view_layer, f"use_pass_cryptomatte_{kind.lower()}"):
             yield kind
+
+
+def layer_warnings(render, view_layer, flexible: bool) -> Iterator[str]:
+    """Warnings about passes that this engine does not make, and about lines that Blender adds to F12's image.
+
+    render, view_layer: evaluated. flexible: whether the camera is.
+    """
+    names = [each.name for each in (*view_layer.aovs, *view_layer.lightgroups)]
+    for owner in (view_layer, getattr(view_layer, "cycles", None)):
+        for each in owner.bl_rna.properties if owner else ():
+            is_switch = each.type == "BOOLEAN" and each.identifier.startswith(SWITCH_PREFIXES)
+            is_made = owner == view_layer and each.identifier in MADE_SWITCHES
+            if is_switch and not is_made and getattr(owner, each.identifier):
+                names.append(each.name)
+    if names:
+        yield ABSENT + listing(names, most=8)
+    if flexible and render.use_freestyle and view_layer.use_freestyle:
+        yield FREESTYLE
 
 
 def crypto_names(scene) -> dict[str, list[str]]:

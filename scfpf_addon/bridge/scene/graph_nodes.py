@@ -45,6 +45,8 @@ def _texture_coordinates(inputs: NodeInputs) -> Outputs:
     linked = inputs.linked_outputs()
     for name in linked & {"Normal", "Camera", "Window"}:
         inputs.note(f": {name}")
+    if linked & {"Generated", "UV"}:
+        _note_instancer(inputs)
     found = {"Normal": builder.normal(), "Reflection": builder.one("REFLECTION")}
     if linked & {"Generated", "Camera", "Window"}:
         generated = builder.layer("GENERATED", 3)[0]
@@ -60,7 +62,13 @@ def _texture_coordinates(inputs: NodeInputs) -> Outputs:
     return found
 
 
+def _note_instancer(inputs: NodeInputs) -> None:
+    if inputs.node.from_instancer:
+        inputs.note(": From Instancer")
+
+
 def _uv_map(inputs: NodeInputs) -> Outputs:
+    _note_instancer(inputs)
     return {"UV": inputs.builder.layer(f"UV:{inputs.node.uv_map}", 2)[0]}
 
 

@@ -81,12 +81,24 @@ class GraphReader:
     def _read(self, node, groups: tuple) -> Outputs:
         inputs = NodeInputs(self, node, groups)
         read = self.nodes.get(node.type)
+        if read and _maps_coordinates(node):
+            self.note(node, ": Texture Mapping")
         found = read(inputs) if read else {}
         for output in node.outputs:
             if output.identifier not in found and output.type != "SHADER":
                 # The function of a supported node leaves out only outputs without links.
                 found[output.identifier] = self.builder.constant(0.0) if read else inputs.passed(output)
         return found
+
+
+def _maps_coordinates(node) -> bool:
+    """Whether a texture node moves, turns, scales or swaps its coordinates by settings of its own."""
+    mapping = getattr(node, "texture_mapping", None)
+    if mapping is None:
+        return False
+    axes = mapping.mapping_x, mapping.mapping_y, mapping.mapping_z
+    moved = any(mapping.translation) or any(mapping.rotation) or any(each != 1.0 for each in mapping.scale)
+    return moved or axes != ("X", "Y", "Z")
 
 
 def _key(node, groups: tuple) -> tuple:

@@ -6,6 +6,9 @@ from __future__ import annotations
 from ...shading.scene.shading_scene import LightPaths
 from ..blender import versions
 
+# The Indirect Light of Clamping in a new file: Cycles cuts off the brightest noise.
+USUAL_CLAMP = 10.0
+
 
 def read_bounces(scene) -> LightPaths:
     """The limits of a scene's light paths; Cycles' defaults if Cycles is disabled."""
@@ -34,9 +37,11 @@ def unshown_settings(scene) -> tuple[str, ...]:
     render = scene.render
     names = {
         "Clamping of Direct Light": cycles.sample_clamp_direct > 0.0,
+        "Clamping of Indirect Light": 0.0 < cycles.sample_clamp_indirect < USUAL_CLAMP,
         "Transparent Glass": cycles.film_transparent_glass and render.film_transparent,
         "Rolling Shutter": render.use_motion_blur and cycles.rolling_shutter_type != "NONE",
         "Culling of Simplify": render.use_simplify and _culls(scene),
+        "Textures of Simplify": render.use_simplify and _shrinks_textures(cycles),
         "Fast GI that is added": cycles.use_fast_gi and cycles.fast_gi_method == "ADD",
     }
     return tuple(
@@ -48,3 +53,14 @@ def _culls(scene) -> bool:
     """Whether Simplify may remove objects."""
     kinds = [name for name in ("use_camera_cull", "use_distance_cull") if getattr(scene.cycles, name)]
     return any(getattr(obj.cycles, name) for name in kinds for obj in scene.objects)
+
+
+def _shrinks_textures(cycles) -> bool:
+    """Whether Simplify reduces the size of textures in renders."""
+    return cycles.texture_limit_render != "OFF" or getattr(cycles, "texture_resolution_render", 1.0) < 1.0
+
+
+def ends_early(owner, scene) -> bool:
+    """Whether the Max Bounces of a lamp or a world keep its light from mirrors and glass of a scene."""
+    limits = getattr(owner, "cycles", None)
+    return limits is not None and limits.max_bounces < read_bounces(scene).total

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from math import pi, sin
 
 import numpy as np
@@ -11,6 +12,7 @@ from ...projection.typing import Array
 from ...shading.scene.shading_scene import Light
 from ..blender import versions
 from ..blender.shader_nodes import color_input, output_shaders, value_input
+from .light_paths import ends_early
 from .read_graph import read_graph
 from .read_world import uniform_radiance
 
@@ -84,6 +86,15 @@ def read_tint(lamp) -> tuple[Array, tuple[str, ...]]:
         return np.zeros(3), reading.notes
     radiance = None if reading.graph.images else uniform_radiance(reading.graph)
     return (_emission(lamp.node_tree), (UNEVEN,)) if radiance is None else (radiance, reading.notes)
+
+
+def unshown_parts(lamp, scene) -> Iterator[str]:
+    """Notes on settings of an evaluated lamp that change Cycles' image but not the engine's."""
+    cycles = getattr(lamp, "cycles", None)
+    if cycles is not None and cycles.is_caustics_light:
+        yield "Shadow Caustics"
+    if ends_early(lamp, scene):
+        yield "Max Bounces"
 
 
 def _color(lamp, tint: Array) -> Array:

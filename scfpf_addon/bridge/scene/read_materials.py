@@ -86,6 +86,11 @@ class MaterialTable:
         columns["base_color"] = columns["base_color"].clip(0.0)
         return Materials(**columns, graphs=self.graphs)
 
+    @property
+    def refracts(self) -> bool:
+        """Whether any material may be glass."""
+        return any(graph.refracts for graph in self.graphs.values())
+
     def warnings(self) -> tuple[str, ...]:
         """Warnings about parts of the materials that images do not show."""
         lines = [f"Not shown as it is: {note} (in {listing(names)})" for note, names in self._notes.items()]
@@ -113,13 +118,14 @@ def read_material(material) -> tuple[MaterialConstants, bool]:
 
     They come from the first Principled BSDF behind the active output, through groups, Mix and Add nodes;
     without one from the first Diffuse, Glossy or Emission. An input that a texture feeds, and a material of
-    other shaders or without nodes, takes the viewport display's colour, metallic and roughness.
+    other shaders, takes the viewport display's colour, metallic and roughness. A material without nodes is
+    diffuse, in the viewport display's colour, as in Cycles.
     """
     viewport = MaterialConstants(
         np.array(material.diffuse_color[:3], np.float64), material.metallic, material.roughness
     )
     if not versions.uses_nodes(material):
-        return viewport, True
+        return MaterialConstants(viewport.base_color, roughness=1.0, specular_f0=0.0), True
     shaders = list(output_shaders(material.node_tree))
     for kind, read in READERS.items():
         for node, groups in shaders:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -11,14 +11,14 @@ import numpy as np
 from ...casting.common.ray_visibility import CAMERA, EVERYWHERE
 from ...projection.typing import Array
 from ...shading.scene.shading_scene import Light, Scene
+from . import read_lights
 from .join_meshes import Instances, SceneError, join_meshes
 from .light_paths import read_bounces, unshown_settings
 from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
 from .read_layers import read_layer
-from .read_lights import read_light, read_tint
 from .read_materials import MaterialTable, listing
-from .read_visibility import LightLinks, ShownInRenders
-from .read_world import darkness, read_world, world_seen
+from .read_visibility import LightLinks, ShownInRenders, has_hair, unshown_parts
+from .read_world import light_warnings, read_world, world_seen
 
 # Types of objects without faces that Blender's own renders show.
 FACELESS = {"CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
@@ -38,6 +38,7 @@ NO_SURFACES = (
 BAD_PLACE = "Left out, as their transforms are not finite: "
 BAD_SHAPE = "Faces left out, as their vertices are not finite: "
 NO_FACES = "Not shown, as they have no faces (hair, points, volumes, Grease Pencil): "
+BEHIND_GLASS = "Lamps are seen in mirrors, but not through glass: "
 VERTEX_GROUPS = "Vertex groups are 0 in materials unless they are stored as attributes: "
 NOTHING = "There is nothing to render: add an object with faces that is visible in renders"
 
@@ -96,7 +97,7 @@ def read_scene(
         world=world,
         world_seen=world_seen(depsgraph.scene_eval, depsgraph.view_layer_eval),
     )
-    return replace(made, warnings=made.warnings + darkness(made))
+    return replace(made, warnings=made.warnings + light_warnings(made))
 
 
 class _SceneReader:
@@ -109,6 +110,7 @@ class _SceneReader:
         self.lights: list[Light] = []
         self.materials = MaterialTable()
         self._with_uv = with_uv
+        self._scene = depsgraph.scene_eval
         evaluated = depsgraph.view_layer_eval
         self._filtered = {kind for kind, name in FILTERS.items() if not getattr(evaluated, name)}
         self._material = evaluated.material_override
@@ -124,11 +126,11 @@ class _SceneReader:
         self._matrices: list[Array] = []
         # By warning, the names that follow it, as keys.
         self._lost: dict[str, dict[str, None]] = {
-            text: {} for text in (BAD_PLACE, BAD_SHAPE, NO_FACES, VERTEX_GROUPS)
+            text: {} for text in (BAD_PLACE, BAD_SHAPE, NO_FACES, BEHIND_GLASS, VERTEX_GROUPS)
         }
-        # By lamp: the factor of its nodes, with notes; and by note: the names of lamps, as keys.
+        # By lamp: the factor of its nodes, with notes; and by note: the names of objects, as keys.
         self._tints: dict[int, tuple[Array, tuple[str, ...]]] = {}
-        self._uneven: dict[str, dict[str, None]] = {}
+        self._notes: dict[str, dict[str, None]] = {}
 
     def add(self, instance) -> None:
         """Take one entry of ``object_instances``, without a reference to it."""
@@ -145,6 +147,8 @@ class _SceneReader:
             name, above = own.name_full, parent.original.name_full if parent else ""
             rays = self._renders.rays(obj, parent)
             shown = self._shown[key] = rays, self.links.number(name, above) if rays else 0
+            if rays and obj.type == "MESH":
+                self._note_object(obj)
         if not shown[0]:
             return
         if obj.type in FACELESS:
@@ -164,15 +168,26 @@ class _SceneReader:
         lamp, own = obj.data, obj.original
         pointer = lamp.as_pointer()
         if pointer not in self._tints:
-            self._tints[pointer] = read_tint(lamp)
+            factor, notes = read_lights.read_tint(lamp)
+            self._tints[pointer] = factor, (*notes, *read_lights.unshown_parts(lamp, self._scene))
         tint, notes = self._tints[pointer]
-        light = read_light(lamp, matrix, tint)
+        light = read_lights.read_light(lamp, matrix, tint)
         if light is None:
             return
+        if light.has_extent and obj.visible_transmission:
+            self._lost[BEHIND_GLASS][own.name] = None
         self.links.add(len(self.lights), own)
         self.lights.append(replace(light, diffuse=obj.visible_diffuse, specular=obj.visible_glossy))
+        self._note(own, notes)
+
+    def _note(self, own, notes: Iterable[str]) -> None:
         for note in notes:
-            self._uneven.setdefault(note, {})[own.name] = None
+            self._notes.setdefault(note, {})[own.name] = None
+
+    def _note_object(self, obj) -> None:
+        self._note(obj.original, unshown_parts(obj, self._scene))
+        if "CURVES" not in self._filtered and has_hair(obj):
+            self._lost[NO_FACES][obj.original.name] = None
 
     def _mesh_and_look(self, obj, pointer: int) -> tuple[int, int]:
         mesh_pointer = obj.data.as_pointer()
@@ -232,6 +247,8 @@ class _SceneReader:
 
     def warnings(self) -> tuple[str, ...]:
         """One line for each reason why objects could not be shown."""
+        if not self.materials.refracts:
+            self._lost[BEHIND_GLASS].clear()
         lines = [text + listing(list(names)) for text, names in self._lost.items() if names]
-        lines += [f"Not shown as it is: {note} (in {listing(list(n))})" for note, n in self._uneven.items()]
+        lines += [f"Not shown as it is: {note} (in {listing(list(n))})" for note, n in self._notes.items()]
         return tuple(lines)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ray visibility and holdouts of objects, and light linking, as in Cycles."""
+"""Ray visibility and holdouts of objects, and light linking, as in Cycles; notes on other settings."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from ...casting.common.ray_visibility import CAMERA, CATCHER, EVERYWHERE, GLASS, HOLDOUT, MIRROR, SHADOW
 from ...shading.scene.shading_scene import Light
+from ..blender import versions
 from ..camera.flexible_camera import control_objects
 
 RAYS = (
@@ -18,6 +20,9 @@ RAYS = (
     ("visible_glossy", MIRROR),
     ("visible_transmission", GLASS),
 )
+
+# The Geometry Offset of a new object's Shadow Terminator, which the image does not depend on.
+USUAL_OFFSET, ROUNDING = 0.1, 1e-6
 
 # Names of objects, and whether a collection includes or excludes each.
 Members = dict[str, bool]
@@ -37,6 +42,29 @@ def visible_rays(obj, parent, view_layer) -> int:
     if top.indirect_only_get(view_layer=view_layer):
         bits &= ~CAMERA
     return bits
+
+
+def unshown_parts(obj, scene) -> Iterator[str]:
+    """Notes on settings of an evaluated object that change Cycles' image but not the engine's."""
+    if not obj.visible_diffuse:
+        yield "Ray Visibility: Diffuse"
+    offset = abs(obj.shadow_terminator_geometry_offset - USUAL_OFFSET)
+    if obj.shadow_terminator_shading_offset > 0.0 or offset > ROUNDING:
+        yield "Shadow Terminator"
+    cycles = getattr(obj, "cycles", None)
+    moves = cycles is None or (cycles.use_motion_blur and cycles.use_deform_motion)
+    if scene.render.use_motion_blur and not moves:
+        yield "Motion Blur that is off for an object"
+    subdivided = (each for each in obj.modifiers if each.type == "SUBSURF" and each.show_render)
+    if any(versions.is_subdivided_adaptively(each, obj, scene) for each in subdivided):
+        yield "Adaptive Subdivision"
+
+
+def has_hair(obj) -> bool:
+    """Whether a render shows hair of particles on an object."""
+    systems = (each for each in obj.modifiers if each.type == "PARTICLE_SYSTEM" and each.show_render)
+    settings = (each.particle_system.settings for each in systems)
+    return any(each.type == "HAIR" and each.render_type == "PATH" for each in settings)
 
 
 def _own_rays(obj) -> int:

@@ -13,12 +13,20 @@ from ...shading.scene.shading_scene import Scene
 from ...shading.scene.world import World
 from ..blender import versions
 from ..blender.shader_nodes import output_shaders
+from .light_paths import ends_early
 from .read_graph import read_graph
 
 DARK = (
     "Nothing lights the scene, as glowing materials light no other objects here: add a light or a world, "
     "or use Cycles through the rig of the Cycles panel"
 )
+
+EVEN = (
+    "The world is one color, whose light has no shadows here: use a sky or an image in the world, "
+    "or Cycles through the rig of the Cycles panel"
+)
+# The world of a new file. Beside lamps, the missing shadows of such a faint one hardly show.
+FAINT = 0.051
 
 
 def read_world(scene, view_layer) -> tuple[Array, World | None, tuple[str, ...]]:
@@ -29,7 +37,7 @@ def read_world(scene, view_layer) -> tuple[Array, World | None, tuple[str, ...]]
     world = view_layer.world_override or scene.world
     if world is None or not view_layer.use_sky:
         return np.zeros(3), None, ()
-    unshown = _unshown(world)
+    unshown = _unshown(world, scene)
     if not versions.uses_nodes(world):
         return np.array(world.color, np.float64), None, unshown
     reading = read_graph(world.node_tree)
@@ -54,9 +62,16 @@ def world_seen(scene, view_layer) -> bool:
     return rays is None or rays.camera
 
 
-def _unshown(world) -> tuple[str, ...]:
+def _unshown(world, scene) -> tuple[str, ...]:
     """Warnings about an evaluated world's settings besides its surface."""
     notes = []
+    cycles = getattr(world, "cycles", None)
+    if cycles is not None and not getattr(cycles, "use_shadows", True):
+        notes.append("Cast Shadow, which is off")
+    if cycles is not None and cycles.is_caustics_light:
+        notes.append("Shadow Caustics")
+    if ends_early(world, scene):
+        notes.append("Max Bounces")
     rays = getattr(world, "cycles_visibility", None)
     if rays is not None and not (rays.diffuse and rays.glossy and rays.transmission):
         notes.append("Ray Visibility but for Camera, all other rays see the world")
@@ -69,10 +84,15 @@ def _warning(note: str, world) -> str:
     return f"Not shown as it is: {note} (in the world '{world.name}')"
 
 
-def darkness(scene: Scene) -> tuple[str, ...]:
-    """The warning about a scene that only glowing surfaces light, because they light no others here."""
-    lit = bool(scene.lights) or scene.world is not None or bool(np.any(scene.world_color))
-    return () if lit or not _glows(scene) or not shows_world(scene) else (DARK,)
+def light_warnings(scene: Scene) -> tuple[str, ...]:
+    """Warnings about a scene that only glowing surfaces light, or a world without shadows."""
+    if scene.world is not None or not shows_world(scene):
+        return ()
+    even = np.max(scene.world_color)
+    if even > (FAINT if scene.lights else 0.0):
+        return (EVEN,)
+    # Glowing surfaces light no others here.
+    return () if scene.lights or even > 0.0 or not _glows(scene) else (DARK,)
 
 
 def _glows(scene: Scene) -> bool:

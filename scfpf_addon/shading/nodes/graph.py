@@ -88,6 +88,15 @@ class MaterialGraph:
             for each in self.closures
         )
 
+    @property
+    def refracts(self) -> bool:
+        """Whether any closure may refract."""
+        return any(
+            each.kind in {"GLASS", "REFRACTION"}
+            or (each.kind == "PRINCIPLED" and not self._is_always(each.inputs["transmission"], 0.0))
+            for each in self.closures
+        )
+
     def _is_always(self, ref: Ref, value: float) -> bool:
         operation = self.operations[ref.operation]
         return operation.kind == "CONSTANT" and bool(np.all(operation.settings["value"] == value))

@@ -61,6 +61,11 @@ class Light:
     diffuse: bool = True
     specular: bool = True
 
+    @property
+    def has_extent(self) -> bool:
+        """Whether the lamp is more than a point or a direction."""
+        return self.kind == "AREA" or self.radius > 0.0 or self.angle > 0.0
+
 
 @dataclass(frozen=True)
 class Scene:

@@ -219,7 +219,7 @@ def test_without_nodes_the_viewport_colour_is_all_there_is(read_material, addon,
     constants, whole = read_material(material)
     assert whole
     assert constants.base_color == pytest.approx(VIEWPORT)
-    assert (constants.metallic, constants.roughness) == pytest.approx((0.7, 0.3))
+    assert (constants.metallic, constants.roughness, constants.specular_f0) == (0.0, 1.0, 0.0), "Diffuse"
 
 
 def test_uses_nodes_follows_the_switch_where_there_is_one(addon):
