@@ -28,6 +28,7 @@ BENCHMARKS = {
     "extremes": ("extremes",),
     "cycles": ("portals",),
     "engine": ("engine",),
+    "live": ("live",),
     "soak": ("soak",),
     "scale": ("scale",),
     "counts": ("counts",),
@@ -140,7 +141,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Benchmarks: speed, --ratios, --trade, --extremes, --cycles, --engine, --scale, --counts, --soak."""
+    """Benchmarks: speed, --ratios, --trade, --extremes, --cycles, --engine, --scale, --live, --counts, --soak."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]
