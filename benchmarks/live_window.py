@@ -64,6 +64,8 @@ def look_through(driver, preset):
     aspect = shot.size[0] / shot.size[1]
     flexible = module("bridge.camera.flexible_camera")
     flexible.apply_preset(camera, read(HERE / "presets" / f"{preset}.json"), aspect, shot.scale)
+    # Elsewhere surfaces cannot be grabbed.
+    camera.scfpf.edit_volume = True
     space = driver.area("VIEW_3D").spaces.active
     space.shading.color_type = "MATERIAL"
     space.clip_end = FAR_CLIP
@@ -99,6 +101,7 @@ def dragged(driver, seen):
     region, window = driver.region("VIEW_3D"), driver.window
     x, y = region.x + region.width // 2, region.y + region.height // 2
     window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+    yield 0.2
     window.event_simulate("G", "PRESS", x=x, y=y)
     window.event_simulate("G", "RELEASE", x=x, y=y)
     yield DRAW
