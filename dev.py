@@ -28,7 +28,7 @@ BENCHMARKS = {
     "extremes": ("extremes",),
     "cycles": ("portals",),
     "engine": ("engine",),
-    "live": ("live",),
+    "live": ("live/street_drag",),
     "soak": ("soak",),
     "scale": ("scale",),
     "counts": ("counts",),
@@ -141,7 +141,7 @@ def command_lint(options, rest):
 
 
 def command_bench(options, rest):
-    """Benchmarks: speed, --ratios, --trade, --extremes, --cycles, --engine, --scale, --live, --counts, --soak."""
+    """Benchmarks: speed, or one of --ratios, --trade, --extremes, --cycles, --engine, --live, and others."""
     environment = environments.first()
     kind = next((name for name in BENCHMARKS if f"--{name}" in rest), "speed")
     arguments = [argument for argument in rest if argument != f"--{kind}"]

@@ -257,7 +257,7 @@ def test_benchmarks_look_at_their_files_before_any_work(tmp_path, monkeypatch, c
 
 def test_every_benchmark_with_files_looks_at_them():
     """Every script that names a file to write calls the check before its work."""
-    for path in (ROOT / "benchmarks").glob("*.py"):
+    for path in (ROOT / "benchmarks").rglob("*.py"):
         text = path.read_text(encoding="utf-8")
         if re.search(r'add_argument\("--(json|markdown)"', text):
             assert "check_files(" in text, path.name

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drag control surfaces by the mouse in a Blender with a window: a part of ``benchmarks/live.py``.
+"""Drag control surfaces by the mouse in a Blender with a window, for ``benchmarks/live/street_drag.py``.
 
 The driver of tests/window runs these scenarios on the demo's street. They write live.json, the screenshots of
 a drag, and the moving picture of README.md.

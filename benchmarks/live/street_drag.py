@@ -22,7 +22,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.document import check_files, replace_section
 from demo.render_demo import MODULE, Shot, build_street, enable_add_on, place_camera, scratch_profile
@@ -251,7 +251,7 @@ def in_window(blender: str | None) -> dict[str, Row]:
     """The figures of drags by the mouse, by preset; empty, after a line that says so, without a window."""
     package.build(environments.first())
     more = {
-        f"{SCENARIO}.py": ROOT / "benchmarks" / "live_window.py",
+        f"{SCENARIO}.py": ROOT / "benchmarks" / "live" / "window_drag.py",
         "demo": ROOT / "demo",
         "presets": ROOT / "presets",
     }
