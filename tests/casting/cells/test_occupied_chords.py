@@ -9,8 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.scenes import SCENES, bent_projection
+from scfpf_addon.casting.cells import occupied_chords as module
 from scfpf_addon.casting.cells.body_tree import boxes_as_bodies
-from scfpf_addon.casting.cells.occupied_chords import occupied_chords
+from scfpf_addon.casting.cells.chord_cells import SLACK, planes_around
+from scfpf_addon.casting.cells.occupied_chords import occupied_chords, separated
 from scfpf_addon.casting.scene.embree_meshes import build_mesh
 
 # Pairs of a facet's corners: every plane through three of a hull's eight points.
@@ -171,6 +173,37 @@ def test_few_chords_that_triangles_miss_count_as_occupied(size):
         exact, held = exact + truth.sum(), held + found.sum()
     assert exact > 30
     assert held <= 1.3 * exact
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_trees_find_what_all_pairs_do(seed, monkeypatch):
+    """Every cell against every triangle, large and small ones, few at a time and many."""
+    generator = np.random.default_rng(seed)
+    ends = bent_cells(seed, chords=5, rows=21, columns=19, wild=0.003)
+    corners = hull_corners(ends).reshape(-1, 8, 3)
+    lower, upper = corners.reshape(-1, 3).min(axis=0), corners.reshape(-1, 3).max(axis=0)
+    size = 10.0 ** generator.uniform(-3, 0.5, 150)
+    triangles = generator.uniform(lower, upper, (150, 3)).T + generator.normal(size=(3, 3, 150)) * size
+    room = SLACK * np.abs(corners).max(axis=(1, 2))
+    planes = planes_around(corners, room)
+    wanted = np.zeros(len(corners), bool)
+    for triangle in np.moveaxis(triangles, 2, 0):
+        reach = 2.0**-22 * np.abs(triangle).max()
+        box = (corners.min(axis=1) - room[:, None] <= triangle.max(axis=0) + reach).all(axis=1)
+        box &= (corners.max(axis=1) + room[:, None] >= triangle.min(axis=0) - reach).all(axis=1)
+        least = (planes.normals @ triangle.T).min(axis=2)
+        box &= (least - reach <= planes.limits).all(axis=1)
+        wanted |= box & ~separated(corners, np.broadcast_to(triangle, (len(corners), 3, 3)), room + reach)
+    assert 0.05 < wanted.mean() < 0.8
+    found = occupied_chords(ends, [triangles]).reshape(-1)
+    assert not (wanted & ~found).any() and (found & ~wanted).mean() < 0.01
+    monkeypatch.setattr(module, "SMALL", 0.0)
+    for pairs, cells in ((50, 1), (1 << 16, 1 << 17)):
+        monkeypatch.setattr(module, "PAIRS", pairs)
+        monkeypatch.setattr(module, "CELLS_AT_ONCE", cells)
+        assert np.array_equal(occupied_chords(ends, [triangles]).reshape(-1), wanted)
+        parts = [triangles[:, :, :50], triangles[:, :, 50:]]
+        assert np.array_equal(occupied_chords(ends, parts).reshape(-1), wanted)
 
 
 def test_only_what_cannot_be_hit_is_ignored():
