@@ -27,6 +27,7 @@ BENCHMARKS = {
     "trade": ("trade", "peers"),
     "extremes": ("extremes",),
     "cycles": ("portals",),
+    "street": ("street/portals_passed",),
     "engine": ("engine",),
     "live": ("live/street_drag",),
     "soak": ("soak",),

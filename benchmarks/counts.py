@@ -3,7 +3,8 @@
 
     python3 dev.py bench --counts [--write]
 
-Rays, chords, exact tests and the like of small images, and the chords that each preset needs in Cycles.
+Rays, chords, exact tests and the like of small images, the chords that each preset needs in Cycles, and the
+portals that its rays pass on the demo's street (``street/portals_passed.py``).
 Compared with those in counts.json, beside this file, as the tests do; --write puts today's there. A count
 that rises is a slower renderer; commit the file together with what changed it, and say why.
 """
@@ -41,6 +42,9 @@ BENDS = ((1, 0), (2, 10), (2, 60), (3, 180))
 PIXEL_ERRORS = (0.1, 0.0)
 # Of the image that a preset's chords in Cycles are counted for.
 CYCLES_SIZE, CYCLES_ERROR = (960, 540), 0.25
+
+# Ends the titles of the counts on the demo's street.
+STREET = ", the street in Cycles"
 
 Counts = dict[str, dict[str, int]]
 
@@ -89,10 +93,10 @@ def counted() -> Counts:
     return of_casts() | of_frames() | of_presets()
 
 
-def kept() -> Counts:
-    """The counts in the file."""
+def kept(street: bool = False) -> Counts:
+    """The counts in the file, of the demo's street or the others."""
     counts: Counts = json.loads(FILE.read_text(encoding="utf-8"))
-    return counts
+    return {title: row for title, row in counts.items() if title.endswith(STREET) == street}
 
 
 def differences(now: Counts, before: Counts, slack: float = 0.0) -> list[str]:
@@ -113,9 +117,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help=f"put today's counts into {FILE.name}")
     options = parser.parse_args()
-    now = counted()
+    from benchmarks.street import portals_passed  # needs bpy, which tests of the others do without
+
+    portals_passed.register()
+    now = counted() | portals_passed.counted()
     if FILE.exists():
-        print("\n".join(differences(now, kept())) or f"all {len(now)} as in {FILE.name}")
+        before = kept() | kept(street=True)
+        print("\n".join(differences(now, before)) or f"all {len(now)} as in {FILE.name}")
     if options.write:
         rows = [f" {json.dumps(title, ensure_ascii=False)}: {json.dumps(row)}" for title, row in now.items()]
         FILE.write_text("{\n" + ",\n".join(rows) + "\n}\n", encoding="utf-8", newline="\n")
