@@ -2,12 +2,13 @@
 """The look of live images beside Blender's own Solid view of the same scene: the same colours off edges."""
 
 import importlib
+import time
 from dataclasses import replace
 
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
-from driver import DRAW
+from driver import DRAW, PATIENCE
 from mathutils import Vector
 
 # Pixels of the viewport between two that are compared.
@@ -277,4 +278,88 @@ def live_cavity(driver):
     compare(driver, scene, "cavity", reader, allowed=3 * CLOSE)
 
 
-SCENARIOS = live_studio, live_matcaps, live_colors, live_cavity
+def framed(pixels):
+    """The pixels well inside a camera's frame, which fills most of the viewport."""
+    height, width = pixels.shape[:2]
+    return pixels[height * 3 // 10 : height * 7 // 10, width * 3 // 10 : width * 7 // 10].astype(float)
+
+
+def close_to(pixels, color, reach=25):
+    """The mask of pixels that are close to a theme's colour."""
+    return np.abs(pixels - np.array(color) * 255).max(axis=2) < reach
+
+
+def live_beside_solid(driver):
+    """A perspective looks the same with Live View on and off: surfaces, and outlines of what is selected."""
+    build()
+    for obj in bpy.data.objects:
+        if obj.type == "MESH" and "Cube" not in obj.name:
+            obj.data.shade_smooth()
+    space = prepare(driver)
+    driver.add_camera()
+    camera, overlay = bpy.context.scene.camera, space.overlay
+    space.region_3d.view_perspective = "CAMERA"
+    shots = {}
+    for name, shown in (("surfaces", False), ("outlines", True)):
+        overlay.show_overlays = shown
+        overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_extras = False
+        overlay.show_cursor = overlay.show_text = overlay.show_object_origins = False
+        for obj in bpy.context.view_layer.objects:
+            obj.select_set(obj.type == "MESH" and "Plane" not in obj.name and shown)
+        bpy.context.view_layer.objects.active = bpy.data.objects["Suzanne"]
+        for live in (True, False):
+            camera.scfpf.show_live = live
+            yield from settled() if live else iter([2 * DRAW])
+            shots[name, live] = framed(driver.region_pixels())
+            driver.shot(f"{name}-{'live' if live else 'solid'}")
+    ours, theirs = shots["surfaces", True], shots["surfaces", False]
+    difference = np.abs(ours - theirs).max(axis=2)
+    print(f"beside: median {np.median(difference):.1f}, 90 % {np.percentile(difference, 90):.1f} of 255")
+    assert np.percentile(difference, 90) <= 3
+    theme = bpy.context.preferences.themes[0].view_3d
+    for color in (theme.object_selected, theme.object_active):
+        own, other = (close_to(shots["outlines", live], color) for live in (True, False))
+        # Blender's lines are smooth, so that fewer of their pixels have the full colour.
+        near = other.copy()
+        for axis in (0, 1):
+            for step in (-2, -1, 1, 2):
+                near |= np.roll(other, step, axis)
+        print(f"outline: {own.sum()} and {other.sum()} pixels, {(own & near).sum() / own.sum():.2f} together")
+        assert other.sum() > 100 and other.sum() < 3 * own.sum() < 12 * other.sum()
+        assert (own & near).sum() > 0.9 * own.sum()
+
+
+def live_folds(driver):
+    """A folded volume is striped where its projectors are mirrored, unless overlays are off."""
+    build()
+    space = prepare(driver)
+    driver.add_camera("nonlinear_twist")
+    camera, overlay = bpy.context.scene.camera, space.overlay
+    space.region_3d.view_perspective = "CAMERA"
+    camera.scfpf.surfaces[1].object.scale.x *= -3
+    camera.select_set(False)
+    counts = {}
+    for shown in (False, True):
+        overlay.show_overlays = shown
+        yield from settled()
+        red, green, _ = np.moveaxis(framed(driver.region_pixels()), 2, 0)
+        counts[shown] = int(((red > 200) & (red > 1.8 * green)).sum())
+        driver.shot("stripes" if shown else "plain")
+    assert counts[True] > counts[False] + 2000, counts
+
+
+def settled():
+    """Generator: wait for the final image."""
+    end = time.monotonic() + PATIENCE
+    drawing = product("bridge.live.live_drawing")
+    yield DRAW
+    while True:
+        images = [found.view.painter.image for found in drawing._viewports.values()]
+        if images and images[0] is not None and images[0].step == 1.0:
+            break
+        assert time.monotonic() < end, "no final image comes"
+        yield 0.1
+    yield 2 * DRAW
+
+
+SCENARIOS = live_studio, live_matcaps, live_colors, live_cavity, live_beside_solid, live_folds

@@ -15,9 +15,9 @@ from .live_hits import LiveHits
 # States of objects.
 NOT_SELECTED, SELECTED, ACTIVE = 0, 1, 2
 # Distance of the stripes over folds and their width, pixels of the screen, across them.
-STRIPE_PERIOD, STRIPE_WIDTH = 9.0, 2.5
+STRIPE_PERIOD, STRIPE_WIDTH = 12.0, 2.5
 # Opacity of the stripes, and of the tint between them.
-STRIPE_OPACITY, TINT_OPACITY = 0.85, 0.18
+STRIPE_OPACITY, TINT_OPACITY = 0.75, 0.12
 # Width of an outline on each side of the border, pixels of the screen; an image's pixel at least.
 OUTLINE = 1.0
 # Opacity of the outer half of an outline, whose steps would be seen otherwise.

@@ -78,8 +78,8 @@ def test_stripes_lie_over_mirrored_hits_only(pixel_size):
     draw_overlays(image, hits_of(objects, mirrored), Overlays(fold=FOLD_COLOR), pixel_size)
     inside = mirrored & (objects == 0)
     assert (image[~inside] == 1).all()
-    strong = image[..., 1] < 0.5
-    assert 0.1 < strong[inside].mean() < 0.5
+    strong = image[..., 1] < 0.6
+    assert 0.05 < strong[inside].mean() < 0.5
     assert (image[inside][:, 1] < 1).all()
 
 
@@ -90,4 +90,4 @@ def test_stripes_are_diagonal_and_equally_far_apart_on_the_screen(pixel_size):
     assert (found[1:, :-1] == found[:-1, 1:]).all()
     starts = np.flatnonzero(np.diff(found[0].astype(int)) == 1)
     apart = np.diff(starts) * pixel_size / np.sqrt(2)
-    assert np.abs(apart - max(9.0, 4 * pixel_size)).max() <= pixel_size
+    assert np.abs(apart - max(12.0, 4 * pixel_size)).max() <= pixel_size
