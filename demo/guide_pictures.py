@@ -22,11 +22,13 @@ FEW = ("-colors", "64")
 # The margin of cropped images, in pixels.
 MARGIN = 5
 # The endings of the names of panels with an image of their own: of the camera, and of the engine.
-PANELS = ("surfaces", "projectors", "mappings", "preview", "quality", "cycles", "display", "drawn")
+PANELS = ("surfaces", "projectors", "mappings", "quality", "cycles", "display", "drawn")
 ENGINE_PANELS = ("camera", "pattern", "passes")
 # Passes that are switched on in their image.
 PASSES = ("use_pass_z", "use_pass_vector", "use_pass_cryptomatte_object")
 OWN_PASSES = ("use_pass_diffuse", "use_pass_specular", "use_pass_parameters")
+# The rows of the camera's panel in which it offers the ways to a picture.
+WAYS_ROWS = (10, 216)
 # Menus, by the names of their images.
 MENUS = {"menu-presets": "SCFPF_MT_presets_group_1", "menu-tools": "SCFPF_MT_surface_specials"}
 # The height of the little planet's camera, and the size of its image in pixels.
@@ -78,8 +80,8 @@ def still(driver):
         before = now
 
 
-def popped_up(driver, before, name, least=60):
-    """Save the popup that appeared in the window after ``before``."""
+def popped_up(driver, before, name, least=60, part=None):
+    """Save the popup that appeared in the window after ``before``, or a part of it: two rows from its top."""
     changed = np.abs(screen(driver) - before).max(axis=2) > 3
     # Editors below the viewport may be redrawn at any time.
     changed[driver.window.height - driver.area("VIEW_3D").y :] = False
@@ -88,6 +90,8 @@ def popped_up(driver, before, name, least=60):
     assert len(rows) and len(columns), f"nothing came up for {name}"
     top, left = max(int(rows[0]) - MARGIN, 0), max(int(columns[0]) - MARGIN, 0)
     wide, high = int(columns[-1]) + MARGIN - left, int(rows[-1]) + MARGIN - top
+    if part is not None:
+        top, high = top + part[0], part[1] - part[0]
     save(driver, name, (left, driver.window.height - top - high, wide, high))
 
 
@@ -240,6 +244,16 @@ def panels_and_menus(driver):
         popped_up(driver, before, f"{name}.png")
         driver.key("ESC")
         yield DRAW
+    with driver.override():
+        bpy.ops.scfpf.view_live()
+    driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+    before = yield from still(driver)
+    with driver.override():
+        bpy.ops.wm.call_panel(name="SCFPF_PT_view")
+    yield DRAW
+    popped_up(driver, before, "panel-ways.png", part=WAYS_ROWS)
+    driver.key("ESC")
+    yield DRAW
 
 
 def shown_surfaces():

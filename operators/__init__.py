@@ -13,6 +13,7 @@ from .camera import (
     preview,
     stylised,
     tutorial,
+    ways,
 )
 from .image import find, pick, render
 from .volume import framing, mappings, surface_tools, surfaces, volume_tools
@@ -36,6 +37,7 @@ MODULES = (
     preview,
     live_select,
     cycles,
+    ways,
     stylised,
     tutorial,
 )

@@ -15,6 +15,7 @@ from .base import DataTab, Sidebar, Subsection, draw_lines, section_panels
 from .mapping_stack import draw_stack
 from .render_button import draw_render, draw_report
 from .surface_list import draw_surfaces
+from .ways import draw_ways
 
 
 def draw_fit(layout, scene, camera) -> None:
@@ -94,6 +95,7 @@ class _MainSection:
             layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA")
         if camera.scfpf.enabled:
             draw_render(layout, context, camera)
+            draw_ways(layout, context, camera)
             draw_fit(layout, context.scene, camera)
             draw_shared(layout, camera)
             draw_blend(layout, camera)

@@ -11,12 +11,6 @@ from ..scfpf_addon.cycles.prices import price
 from ..scfpf_addon.cycles.rig_data import rig_of
 from .base import LINE, Subsection, draw_lines, draw_text, section_panels
 
-# Differences from an ordinary camera, one a line.
-DIFFERENCES = (
-    "Depth, Mist: use t and depth instead",
-    "The camera's motion is not blurred",
-)
-
 
 def facts(price: Price) -> list[str]:
     """The price of a rig, one fact a line."""
@@ -58,7 +52,7 @@ class _CyclesSection(Subsection):
                 draw_text(layout, text, "ERROR")
             layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
         lines = facts(price_of_rig(rig)) if is_on else expected(camera, context.scene)
-        draw_lines(layout, (*lines, *DIFFERENCES))
+        draw_lines(layout, lines)
 
 
 register, unregister = bpy.utils.register_classes_factory(section_panels(_CyclesSection, "cycles"))

@@ -304,7 +304,9 @@ def draw_engine(self, context):
         column = self.layout.column()
         # The button of the Cycles rig must act on this camera, whichever object is active.
         column.context_pointer_set("object", camera)
-        draw_ignored(column, context.scene, camera)
+        draw_ignored(column, context.scene)
+        column.operator("scfpf.engine_use", icon="RENDER_STILL")
+        column.operator("scfpf.cycles_use", icon="SHADING_RENDERED")
 
 
 def register():

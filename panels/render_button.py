@@ -5,8 +5,7 @@ from ..scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ..scfpf_addon.bridge.render import render_job
 from ..scfpf_addon.bridge.render.result_image import result_image
 from ..scfpf_addon.casting.scene.embreex import caster_fault
-from ..scfpf_addon.cycles.engine_choice import engine_name, ignored_camera
-from ..scfpf_addon.cycles.rig_data import rig_of
+from ..scfpf_addon.cycles.engine_choice import engine_name
 from .base import draw_lines, draw_text
 from .surface_list import absence_of
 
@@ -43,22 +42,15 @@ def draw_render(layout, context, camera) -> None:
         row.operator("scfpf.render_cancel", text="", icon="X")
     for problem in problems(context.scene, camera):
         layout.label(text=problem, icon="ERROR")
-    if ignored_camera(context.scene) == camera:
-        draw_ignored(layout, context.scene, camera)
     if context.scene.render.use_multiview:
         layout.label(text="One view: F12 renders all", icon="INFO")
     draw_caster_fault(layout)
     draw_report(layout, camera.scfpf.report)
 
 
-def draw_ignored(layout, scene, camera) -> None:
-    """Say that F12 ignores the flexible camera, and offer SCFPF, and a Cycles rig if the scene has none."""
-    column = layout.column(align=True)
-    column.label(text=f"F12 ({engine_name(scene)}) ignores the volume", icon="ERROR")
-    column.operator("scfpf.engine_use", icon="RENDER_STILL")
-    rig = rig_of(scene)
-    if rig is None or rig.scfpf_rig.camera != camera:
-        column.operator("scfpf.cycles_rig", icon="SHADING_RENDERED")
+def draw_ignored(layout, scene) -> None:
+    """Say that F12 ignores the flexible camera."""
+    layout.label(text=f"F12 ({engine_name(scene)}) ignores the volume", icon="ERROR")
 
 
 def draw_caster_fault(layout) -> None:

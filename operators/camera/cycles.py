@@ -92,8 +92,8 @@ class _Planned:
 
 class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
     """Set the scene up so that F12 renders the flexible camera's picture with Cycles, or remove this setup.
-
-    It does not render by itself"""
+    It does not render by itself. Depth and Mist measure from the rig's camera: use the passes of t and depth
+    instead. The camera's own motion is not blurred"""
 
     bl_idname = "scfpf.cycles_rig"
     bl_label = "Set Up Cycles"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Live Preview: switch it on and off, and show its viewport."""
+"""The nodes preview: switch it on and off, and show its viewport."""
 
 import bpy
 
@@ -11,7 +11,7 @@ from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
-from ..common.tool import Action
+from ..common.tool import Action, plain
 
 FLAT = (
     "The live preview cannot show this volume, which is flat: all its projectors lie in one surface. "
@@ -20,13 +20,25 @@ FLAT = (
 
 
 class SCFPF_OT_preview_toggle(bpy.types.Operator):
-    """Show the flexible camera's picture live in a second viewport; press again to remove it"""
+    """Show the flexible camera's picture in a second viewport, by Geometry Nodes, in Solid or Material
+    Preview shading; press again to remove it. Lights have no effect, and highlights follow the camera's axis.
+    Hidden objects that render are shown; hair, points, particles and Grease Pencil are not. Materials that
+    are linked to objects are ignored"""
 
     bl_idname = "scfpf.preview_toggle"
-    bl_label = "Live Preview"
+    bl_label = "Nodes Preview"
     bl_options = {"REGISTER", "UNDO"}
 
     poll = classmethod(poll_flexible_camera_in_any_mode)
+
+    @classmethod
+    def description(cls, context, _properties):
+        faces = sum(
+            len(instance.object.data.polygons)
+            for instance in context.evaluated_depsgraph_get().object_instances
+            if instance.object.type == "MESH"
+        )
+        return f"{plain(cls.__doc__)}.\n\nPrice: the nodes place {faces:,} faces anew after each change"
 
     def execute(self, context):
         camera = camera_of(context)
@@ -58,10 +70,10 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
 
 
 class SCFPF_OT_preview_show(Action, bpy.types.Operator):
-    """Open the viewport of the live preview again"""
+    """Open the viewport of the nodes preview again"""
 
     bl_idname = "scfpf.preview_show"
-    bl_label = "Show Live Preview"
+    bl_label = "Show Nodes Preview"
     bl_options = {"REGISTER"}
 
     @classmethod
@@ -69,7 +81,7 @@ class SCFPF_OT_preview_show(Action, bpy.types.Operator):
         camera = camera_of(context)
         source = preview_of(camera, context.scene) if camera is not None else None
         if source is None or context.window is None:
-            cls.poll_message_set("The camera has no live preview: press Live Preview first")
+            cls.poll_message_set("The camera has no nodes preview: press Nodes first")
             return False
         if viewports_of(source):
             cls.poll_message_set("A viewport already shows the live preview")

@@ -69,27 +69,37 @@ def poll_camera(cls, context) -> bool:
 
 def poll_camera_in_any_mode(cls, context) -> bool:
     """``poll_camera`` for operators that add and remove no objects."""
-    camera = camera_of(context)
-    if camera is None:
-        cls.poll_message_set("Select a camera, or add one with Add > Camera > Flexible Camera")
+    if not _has_camera(cls, context):
         return False
-    if not camera.is_editable:
+    if not camera_of(context).is_editable:
         cls.poll_message_set("The camera is linked from another file: make a library override of it first")
+        return False
+    return True
+
+
+def _has_camera(cls, context) -> bool:
+    if camera_of(context) is None:
+        cls.poll_message_set("Select a camera, or add one with Add > Camera > Flexible Camera")
         return False
     return True
 
 
 def poll_flexible_camera(cls, context) -> bool:
     """``poll_camera`` for operators that need the camera to be flexible."""
-    return _poll_flexible(cls, context) and poll_camera(cls, context)
+    return _is_not_ordinary(cls, context) and poll_camera(cls, context)
 
 
 def poll_flexible_camera_in_any_mode(cls, context) -> bool:
     """``poll_flexible_camera`` for operators that work in every mode."""
-    return _poll_flexible(cls, context) and poll_camera_in_any_mode(cls, context)
+    return _is_not_ordinary(cls, context) and poll_camera_in_any_mode(cls, context)
 
 
-def _poll_flexible(cls, context) -> bool:
+def poll_flexible(cls, context) -> bool:
+    """``poll_flexible_camera_in_any_mode`` for operators that leave the camera as it is, linked or not."""
+    return _is_not_ordinary(cls, context) and _has_camera(cls, context)
+
+
+def _is_not_ordinary(cls, context) -> bool:
     camera = camera_of(context)
     if camera is not None and not camera.scfpf.enabled:
         cls.poll_message_set("Switch on Flexible Projection for this camera first")

@@ -40,6 +40,11 @@ class Tool(Action):
         return message
 
 
+def plain(text: str) -> str:
+    """A docstring in one line, as a tooltip."""
+    return " ".join(text.split())
+
+
 def tooltip_of(cls, items, identifier: str) -> str:
     """The description of one of ``items`` (identifier, name, description), else the operator's own."""
     return next((text for item, _name, text in items if item == identifier and text), cls.__doc__)

@@ -25,6 +25,11 @@ def _is_rigged(scene) -> bool:
     return scene.render.engine == CYCLES and rig is not None and rig.scfpf_rig.view_camera == scene.camera
 
 
+def renders_by_cycles(scene, camera) -> bool:
+    """Whether F12 renders a flexible camera of a scene with Cycles through its rig."""
+    return _is_rigged(scene) and camera_behind(scene.camera) == camera
+
+
 def ignored_camera(scene):
     """The scene's flexible camera if the render engine ignores its volume, else None."""
     camera = camera_behind(scene.camera)
@@ -40,5 +45,5 @@ def f12_warning(scene) -> str:
         return ALIKE if scene.render.use_multiview and _is_rigged(scene) else ""
     return (
         f"{engine_name(scene)} ignores the volume of '{camera.name}': choose SCFPF as render engine, "
-        "or press Set Up Cycles in the camera's panel"
+        "or press Cycles in the camera's panel"
     )

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Clicks in a viewport that shows a flexible camera's image: they select what is seen, and change no more."""
+"""Work in a viewport that shows a flexible camera's image: clicks, drags, and the buttons of the panel."""
+
+import itertools
 
 import bpy
+import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
-from driver import DRAW
+from driver import DRAW, differing
 from mathutils import Vector
 from scenarios_live import settled
 
@@ -190,4 +193,88 @@ def drags_are_blenders(driver):
         preferences.select_mouse = "LEFT"
 
 
-SCENARIOS = (click_selects_what_is_seen, clicks_elsewhere_are_blenders, drags_are_blenders)
+def sidebar(driver):
+    return driver.region_pixels("VIEW_3D", "UI")
+
+
+def buttons_show_what_is_on(driver):
+    """The row in the panel: Live View, Blender's own view and back, Rendered; leaving the camera's view."""
+    yield from prepare(driver)
+    yield from driver.show_sidebar()
+    space, camera = driver.area("VIEW_3D").spaces.active, bpy.context.scene.camera
+    driver.area("VIEW_3D").spaces.active.show_gizmo = False
+    yield DRAW
+    live, panel = driver.region_pixels(), sidebar(driver)
+    driver.shot("live")
+    with driver.override():
+        bpy.ops.view3d.view_camera()
+    yield 2 * DRAW
+    assert space.region_3d.view_perspective != "CAMERA"
+    driver.shot("left")
+    assert differing(sidebar(driver), panel) > 100, "the button is lit though no viewport shows Live View"
+    with driver.override():
+        assert bpy.ops.scfpf.view_live("INVOKE_DEFAULT", True) == {"FINISHED"}
+    yield from settled()
+    assert camera.scfpf.show_live and differing(sidebar(driver), panel) == 0
+    assert np.abs(driver.region_pixels() - live).mean() < 1, "Live View is not back"
+    with driver.override():
+        assert bpy.ops.scfpf.view_live("INVOKE_DEFAULT", True) == {"FINISHED"}
+    yield DRAW
+    driver.shot("blenders")
+    assert np.abs(driver.region_pixels() - live).mean() > 3, "Blender's own view is not shown"
+    undo(driver)
+    yield from settled()
+    assert bpy.context.scene.camera.scfpf.show_live, "the switch is not undone"
+    bpy.context.scene.render.engine = "SCFPF"
+    with driver.override():
+        assert bpy.ops.scfpf.view_rendered("INVOKE_DEFAULT") == {"FINISHED"}
+    yield 4 * DRAW
+    driver.shot("rendered")
+    assert space.shading.type == "RENDERED" and differing(sidebar(driver), panel) > 100
+    # The engine's image is clicked like a live one.
+    select_only()
+    yield from click(driver, SHOWN_AT["Left"], 0.5)
+    assert selected() == {"Left"}, f"in Rendered shading: {selected()}"
+
+
+def a_drag_is_seen(driver):
+    """G moves what was clicked, drawn on the way; Esc puts it back, and Numpad 0 leaves the camera's view."""
+    yield from prepare(driver)
+    yield from click(driver, SHOWN_AT["Left"], 0.5)
+    assert active() == "Left"
+    yield from settled()
+    before, place = driver.region_pixels(), bpy.data.objects["Left"].location.copy()
+    across, up = place_in_frame(driver, SHOWN_AT["Left"], 0.5)
+    driver.window.event_simulate("G", "PRESS", x=across, y=up)
+    driver.window.event_simulate("G", "RELEASE", x=across, y=up)
+    yield STEP
+    shown = []
+    for step in range(1, 5):
+        driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=across, y=up + 40 * step)
+        yield DRAW
+        shown.append(driver.region_pixels())
+    driver.shot("dragged")
+    moved = [float(np.abs(image - before).mean()) for image in shown]
+    assert moved[-1] > 2, f"nothing moves: {moved}"
+    # The first events may come before the operator is ready.
+    steps = sum(np.abs(a - b).mean() > 0.2 for a, b in itertools.pairwise(shown))
+    assert steps >= 2, f"the picture stands still on the way: {moved}"
+    driver.window.event_simulate("ESC", "PRESS", x=across, y=up)
+    driver.window.event_simulate("ESC", "RELEASE", x=across, y=up)
+    yield from settled()
+    assert (bpy.data.objects["Left"].location - place).length < 1e-6
+    assert np.abs(driver.region_pixels() - before).mean() < 1, "the picture is not that of before"
+    driver.window.event_simulate("NUMPAD_0", "PRESS", x=across, y=up)
+    driver.window.event_simulate("NUMPAD_0", "RELEASE", x=across, y=up)
+    yield 2 * DRAW
+    driver.shot("own")
+    assert driver.area("VIEW_3D").spaces.active.region_3d.view_perspective != "CAMERA"
+
+
+SCENARIOS = (
+    click_selects_what_is_seen,
+    clicks_elsewhere_are_blenders,
+    drags_are_blenders,
+    buttons_show_what_is_on,
+    a_drag_is_seen,
+)

@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ways to see a flexible camera's picture in viewports and to render it, as rows of buttons."""
+
+from ..operators.camera.preview import FLAT
+from ..operators.camera.ways import is_any, is_live, is_rendered, rendered_camera
+from ..scfpf_addon.bridge.render.render_engine import ENGINE
+from ..scfpf_addon.cycles.engine_choice import ignored_camera, renders_by_cycles
+from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
+from ..scfpf_addon.scanline.preview.preview_viewports import viewports_of
+from .base import draw_text
+from .render_button import draw_ignored
+
+LEFT_OUT = (
+    ("unreachable", "{:,} faces are cut or left out: the volume does not reach them"),
+    ("folded", "{:,} samples of the volume are folded: pull the control surfaces apart there"),
+)
+
+
+def reported(counts) -> list[str]:
+    """A sentence for each count of a preview that is not 0."""
+    return [text.format(counts[key]) for key, text in LEFT_OUT if counts[key]]
+
+
+def draw_ways(layout, context, camera) -> None:
+    """Draw the row of viewports, the state of the nodes preview, and the row of F12."""
+    scene = context.scene
+    column = layout.column(align=True)
+    column.label(text="In Viewports")
+    row = column.row(align=True)
+    row.operator("scfpf.view_live", text="Live View", depress=is_any(context, camera, is_live))
+    source = preview_of(camera, scene)
+    row.operator("scfpf.preview_toggle", text="Nodes", depress=source is not None)
+    row.operator("scfpf.view_rendered", text="Rendered", depress=is_any(context, camera, is_rendered))
+    if source is not None:
+        draw_preview(layout, context, source)
+    column = layout.column(align=True)
+    if ignored_camera(scene) == camera:
+        draw_ignored(column, scene)
+    else:
+        column.label(text="With F12")
+    row = column.row(align=True)
+    row.operator("scfpf.engine_use", text="SCFPF Engine", depress=scene.render.engine == ENGINE)
+    row.operator("scfpf.cycles_use", text="Cycles", depress=renders_by_cycles(scene, camera))
+    shown = rendered_camera(scene)
+    if shown != camera.name:
+        text = f"F12 shows {shown}" if shown else "The scene has no camera for F12"
+        draw_text(layout, text, "INFO")
+
+
+def draw_preview(layout, context, source) -> None:
+    """Draw what is wrong with a nodes preview, what it leaves out, and the button of its viewport."""
+    if not viewports_of(source):
+        layout.operator("scfpf.preview_show", icon="WINDOW")
+    if source.scfpf_preview.problem:
+        draw_text(layout, source.scfpf_preview.problem, "ERROR")
+    depsgraph = context.evaluated_depsgraph_get()
+    if is_flat(source, depsgraph):
+        draw_text(layout, FLAT, "ERROR")
+    for text in reported(left_out(source, depsgraph)):
+        draw_text(layout, text, "INFO")

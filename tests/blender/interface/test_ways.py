@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The ways to see a picture and to render it: what their buttons change, when they are off, and why."""
+
+import bpy
+import pytest
+from operator_steps import add_camera, add_cube, poll_message
+from recorded_layout import drawn, texts
+
+
+def viewport():
+    """The 3D viewport of the startup file."""
+    return next(area for area in window().screen.areas if area.type == "VIEW_3D")
+
+
+def window():
+    return bpy.context.window_manager.windows[0]
+
+
+def there():
+    """An override for that viewport."""
+    area = viewport()
+    region = next(region for region in area.regions if region.type == "WINDOW")
+    return bpy.context.temp_override(window=window(), area=area, region=region)
+
+
+@pytest.fixture
+def space():
+    """The viewport's space, which later tests find as it was."""
+    found = viewport().spaces.active
+    found.region_3d.view_perspective, found.shading.type = "PERSP", "SOLID"
+    yield found
+    found = viewport().spaces.active
+    found.region_3d.view_perspective, found.shading.type = "PERSP", "SOLID"
+    found.use_local_camera = False
+
+
+@pytest.fixture
+def camera(space):
+    add_cube()
+    return add_camera()
+
+
+def shown(addon, camera):
+    """Whether the panel shows Live View and Rendered as on."""
+    ways = addon("operators.camera.ways")
+    with there():
+        return tuple(ways.is_any(bpy.context, camera, way) for way in (ways.is_live, ways.is_rendered))
+
+
+def press(name):
+    with there():
+        return getattr(bpy.ops.scfpf, name)()
+
+
+def test_live_view_looks_through_the_camera_and_again_shows_blenders_view(addon, camera, space):
+    assert shown(addon, camera) == (False, False)
+    assert press("view_live") == {"FINISHED"}
+    assert space.region_3d.view_perspective == "CAMERA" and camera.scfpf.show_live
+    assert not space.use_local_camera, "the scene's camera is followed"
+    assert shown(addon, camera) == (True, False)
+    press("view_live")
+    assert not camera.scfpf.show_live and space.region_3d.view_perspective == "CAMERA"
+    assert shown(addon, camera) == (False, False)
+    space.shading.type = "WIREFRAME"
+    press("view_live")
+    assert camera.scfpf.show_live and space.shading.type == "SOLID"
+
+
+def test_a_second_camera_is_looked_through_beside_the_scenes(addon, camera, space):
+    second = add_camera()
+    assert bpy.context.scene.camera == camera and bpy.context.object == second
+    press("view_live")
+    assert space.use_local_camera and space.camera == second
+    assert shown(addon, second) == (True, False) and shown(addon, camera) == (False, False)
+    assert f"F12 shows {camera.name}" in texts(drawn(bpy.types.SCFPF_PT_view))
+    bpy.context.view_layer.objects.active = camera
+    assert "F12 shows" not in texts(drawn(bpy.types.SCFPF_PT_view))
+    press("view_live")
+    assert shown(addon, camera) == (True, False) and bpy.context.scene.camera == camera
+
+
+def test_rendered_needs_the_engine_and_says_so(addon, camera, space):
+    with there():
+        assert "choose SCFPF Engine first" in poll_message(bpy.ops.scfpf.view_rendered)
+    bpy.ops.scfpf.engine_use()
+    assert press("view_rendered") == {"FINISHED"}
+    assert (space.shading.type, space.region_3d.view_perspective) == ("RENDERED", "CAMERA")
+    assert shown(addon, camera) == (False, True)
+    press("view_rendered")
+    assert space.shading.type == "SOLID" and shown(addon, camera) == (True, False)
+    press("view_rendered")
+    press("view_live")
+    assert shown(addon, camera) == (True, False), "Live View takes the place of Rendered"
+
+
+def test_buttons_without_a_flexible_camera_or_a_viewport_say_what_to_do(space):
+    add_cube()
+    for name in ("view_live", "view_rendered", "cycles_use"):
+        with there():
+            assert "Select a camera" in poll_message(getattr(bpy.ops.scfpf, name))
+    bpy.ops.object.camera_add()
+    for name in ("view_live", "view_rendered", "cycles_use"):
+        with there():
+            assert "Switch on Flexible Projection" in poll_message(getattr(bpy.ops.scfpf, name))
+    bpy.ops.scfpf.camera_from_camera()
+    area = viewport()
+    area.type = "IMAGE_EDITOR"
+    try:
+        with bpy.context.temp_override(window=window()):
+            assert "no 3D viewport" in poll_message(bpy.ops.scfpf.view_live)
+            assert "no 3D viewport" in poll_message(bpy.ops.scfpf.view_rendered)
+    finally:
+        area.type = "VIEW_3D"
+
+
+@pytest.mark.usefixtures("built_groups")
+def test_cycles_and_the_engine_take_turns_with_one_rig(addon, camera):
+    rig_data, choice = addon("cycles.rig_data"), addon("cycles.engine_choice")
+    scene = bpy.context.scene
+    assert bpy.ops.scfpf.cycles_use() == {"FINISHED"}
+    rig = rig_data.rig_of(scene)
+    assert rig.scfpf_rig.camera == camera and choice.renders_by_cycles(scene, camera)
+    bpy.ops.scfpf.engine_use()
+    assert scene.render.engine == "SCFPF" and not choice.renders_by_cycles(scene, camera)
+    name = rig.name
+    assert bpy.ops.scfpf.cycles_use() == {"FINISHED"}
+    assert rig_data.rig_of(scene).name == name and choice.renders_by_cycles(scene, camera)
+
+
+@pytest.mark.usefixtures("built_groups")
+def test_the_price_of_cycles_is_told_before_and_is_the_rigs(addon, camera):
+    bpy.ops.scfpf.preset_apply(preset="nonlinear_twist")
+    bpy.context.view_layer.update()
+    text = addon("operators.camera.ways").price_text(bpy.context, camera)
+    bpy.ops.scfpf.cycles_use()
+    price = addon("cycles.chord_planning").price_of_rig(addon("cycles.rig_data").rig_of(bpy.context.scene))
+    assert f"about {price.cost:.1f} times" in text and price.cost > 1.5
+    assert "switched on" in addon("operators.camera.ways").price_text(bpy.context, camera)
+
+
+def test_a_refused_cycles_setup_is_one_message(camera):
+    camera.scfpf.surfaces.clear()
+    with pytest.raises(RuntimeError, match="control surface") as caught:
+        bpy.ops.scfpf.cycles_use()
+    assert str(caught.value).count("Error") == 1 and "Traceback" not in str(caught.value)
