@@ -3,6 +3,7 @@
 
 import bpy
 
+from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.bridge.render.render_errors import reason
@@ -33,10 +34,10 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
 
     @classmethod
     def description(cls, context, _properties):
+        depsgraph, own = context.evaluated_depsgraph_get(), control_objects()
+        shown = (instance.object for instance in depsgraph.object_instances)
         faces = sum(
-            len(instance.object.data.polygons)
-            for instance in context.evaluated_depsgraph_get().object_instances
-            if instance.object.type == "MESH"
+            len(obj.data.polygons) for obj in shown if obj.type == "MESH" and obj.name_full not in own
         )
         return f"{plain(cls.__doc__)}.\n\nPrice: the nodes place {faces:,} faces anew after each change"
 

@@ -207,15 +207,13 @@ _views: dict[int, tuple[str, str]] = {}
 
 def _viewport_drawn() -> None:
     """Have the panels drawn again if a viewport looks through another thing: Blender does not."""
-    region, now = bpy.context.region.as_pointer(), _view(bpy.context.space_data)
+    context = bpy.context
+    region = context.region.as_pointer()
+    now = context.region_data.view_perspective, context.space_data.shading.type
     if _views.get(region) != now:
         _views[region] = now
         if not bpy.app.timers.is_registered(_redraw):
             bpy.app.timers.register(_redraw, first_interval=0.0)
-
-
-def _view(space) -> tuple[str, str]:
-    return space.region_3d.view_perspective, space.shading.type
 
 
 def _redraw() -> None:

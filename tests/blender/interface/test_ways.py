@@ -138,6 +138,18 @@ def test_the_price_of_cycles_is_told_before_and_is_the_rigs(addon, camera):
     assert "switched on" in addon("operators.camera.ways").price_text(bpy.context, camera)
 
 
+def test_the_tooltip_of_nodes_counts_the_faces_of_the_scene(addon, camera):
+    add_cube((5, 0, 0)).modifiers.new("Three", "ARRAY").count = 3
+    tooltip = addon("operators.camera.preview").SCFPF_OT_preview_toggle.description(bpy.context, None)
+    faces = sum(
+        len(obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh().polygons)
+        for obj in bpy.context.scene.objects
+        if obj.type == "MESH" and not obj.hide_get() and obj.visible_get() and obj.parent != camera
+    )
+    assert faces == 6 + 3 * 6
+    assert f"place {faces:,} faces" in tooltip and "  " not in tooltip
+
+
 def test_a_refused_cycles_setup_is_one_message(camera):
     camera.scfpf.surfaces.clear()
     with pytest.raises(RuntimeError, match="control surface") as caught:
