@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import reduce
 from itertools import product
 from typing import NamedTuple
@@ -13,6 +14,9 @@ from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
 
 # Children of a node.
 CHILDREN = 4
+
+# Bodies in a tree at most, for its memory: 200 bytes a triangle, and twice that while it is made.
+BODIES = 1 << 21
 
 # Bits of a body's place along each axis, by which bodies are sorted.
 PLACE_BITS = 10
@@ -55,12 +59,21 @@ def boxes_as_bodies(lower: Array, upper: Array) -> Array:
     return np.array(corners, np.float64)
 
 
-def tree_of(points: Array) -> BodyTree:
-    """The tree of bodies that are the hulls of ``points`` (K, 3, M), finite, M > 0."""
-    lower, upper = points.min(axis=0), points.max(axis=0)
+def trees_of(points: Array, lower: Array, upper: Array) -> Iterator[BodyTree]:
+    """Trees of the bodies ``points`` (K, 3, M), finite, that may meet a box (3,); BODIES in each at most."""
+    for start in range(0, points.shape[2], BODIES):
+        some = points[:, :, start : start + BODIES]
+        least, most = some.min(axis=0), some.max(axis=0)
+        room = ROUNDING * np.maximum(-least, most).max(axis=0)
+        near = (least - room <= upper[:, None]).all(axis=0) & (most + room >= lower[:, None]).all(axis=0)
+        if near.any():
+            yield _tree_of(some[:, :, near], least[:, near], most[:, near], room[near])
+
+
+def _tree_of(points: Array, lower: Array, upper: Array, room: Array) -> BodyTree:
+    """The tree of bodies (K, 3, M) in boxes from lower to upper (3, M), which are widened by room (M,)."""
     order = _order(lower, upper)
-    lower, upper = lower[:, order], upper[:, order]
-    room = ROUNDING * np.maximum(-lower, upper).max(axis=0)
+    lower, upper, room = lower[:, order], upper[:, order], room[order]
     low, high = rounded_out(lower - room, upper + room)
     levels: list[tuple[Float32Array, Float32Array]] = []
     starts, children = [0], []

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
+from ...projection.typing import Array, Float32Array, IndexArray
 from .body_tree import CHILDREN, box_rows, parents, rounded_out
 
 # Rays leave their cells by this share of the cell's largest coordinate at most: 64 roundings of float32, for
@@ -56,8 +56,8 @@ class Planes(NamedTuple):
     width: Array
 
 
-def cells_of(ends: Array, slack: float) -> tuple[CellTree, BoolArray]:
-    """The cells between sheets, and whether all corners of each are finite, (G, rows, columns).
+def cells_of(ends: Array, slack: float) -> CellTree:
+    """The cells between sheets; those with a corner that is not finite meet nothing.
 
     ends: (G + 1, 3, rows + 1, columns + 1). slack: in addition to the rounding, in the unit of ``ends``.
     """
@@ -77,7 +77,7 @@ def cells_of(ends: Array, slack: float) -> tuple[CellTree, BoolArray]:
         for side, beyond in ((low, np.inf), (high, -np.inf))
     )
     boxes, child, extent, roots = _levels(*rounded_out(lower, upper))
-    tree = CellTree(
+    return CellTree(
         points=np.ascontiguousarray(ends.transpose(0, 2, 3, 1)).reshape(-1, 3),
         corner=_in_blocks(first, 0)[:, None] + step,
         room=_in_blocks(room, 0.0),
@@ -87,7 +87,6 @@ def cells_of(ends: Array, slack: float) -> tuple[CellTree, BoolArray]:
         extent=extent,
         roots=roots,
     )
-    return tree, finite
 
 
 def planes_around(corners: Array, room: Array) -> Planes:

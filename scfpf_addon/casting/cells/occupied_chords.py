@@ -12,11 +12,12 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from ...projection.typing import Array, BoolArray, IndexArray
-from .body_tree import BodyTree, facing, meet, tree_of
-from .chord_cells import CellTree, cells_of, planes_around
+from ..common.parallel import parallel_map
+from .body_tree import BodyTree, facing, meet, trees_of
+from .chord_cells import SLACK, CellTree, cells_of, planes_around
 
 # Cells of all chords that are tested at a time, about.
-CELLS_AT_ONCE = 1 << 17
+CELLS_AT_ONCE = 1 << 16
 
 # Pairs of boxes that are tested at a time.
 PAIRS = 1 << 16
@@ -40,23 +41,45 @@ def occupied_chords(ends: Array, bodies: Iterable[Array], slack: float = 0.0) ->
     """
     ends = np.asarray(ends, np.float64)
     occupied = np.zeros((len(ends) - 1, ends.shape[2] - 1, ends.shape[3] - 1), bool)
-    trees = []
+    lower, upper = _bounds(ends, slack)
+    at_once = max(1, CELLS_AT_ONCE // max(1, occupied[0].size))
+    groups = [slice(first, min(first + at_once, len(occupied))) for first in range(0, len(occupied), at_once)]
     for points in bodies:
         finite = np.isfinite(points).all(axis=(0, 1))
         if len(points) > TRIANGLE and not finite.all():
             return np.ones_like(occupied)
-        if finite.any():
-            trees.append(tree_of(np.asarray(points, np.float64)[:, :, finite]))
-    at_once = max(1, CELLS_AT_ONCE // max(1, occupied[0].size))
-    for start in range(0, len(occupied), at_once):
-        part = occupied[start : start + at_once]
-        cells, finite = cells_of(ends[start : start + at_once + 1], slack)
-        held = np.zeros(len(cells.number), bool)
-        for tree in trees:
-            _Search(cells, tree, held).run()
-        part.reshape(-1)[cells.number[held]] = True
-        part |= ~finite
+        whole = np.asarray(points, np.float64)
+        for tree in trees_of(whole if finite.all() else whole[:, :, finite], lower, upper):
+
+            def search(group: slice, tree: BodyTree = tree) -> None:
+                """Mark the cells of a few chords."""
+                cells = cells_of(ends[group.start : group.stop + 1], slack)
+                part = occupied[group].reshape(-1)
+                held = part[cells.number] & (cells.number >= 0)
+                _Search(cells, tree, held).run()
+                part[cells.number[held]] = True
+
+            parallel_map(search, groups)
+    occupied |= ~_are_finite(ends)
     return occupied
+
+
+def _bounds(ends: Array, slack: float) -> tuple[Array, Array]:
+    """A box around all finite ends, with their slack, (3,) both; lower is above upper if there are none."""
+    finite = np.isfinite(ends).all(axis=1, keepdims=True)
+    reach = slack + SLACK * np.abs(ends).max(initial=0.0, where=finite)
+    lower = ends.min(axis=(0, 2, 3), initial=np.inf, where=finite) - reach
+    upper = ends.max(axis=(0, 2, 3), initial=-np.inf, where=finite) + reach
+    return lower, upper
+
+
+def _are_finite(ends: Array) -> BoolArray:
+    """Whether all corners of each cell are finite, (chords, rows, columns)."""
+    finite = np.isfinite(ends).all(axis=1)
+    finite = finite[1:] & finite[:-1]
+    finite = finite[:, 1:] & finite[:, :-1]
+    cells: BoolArray = finite[..., 1:] & finite[..., :-1]
+    return cells
 
 
 class _Search:

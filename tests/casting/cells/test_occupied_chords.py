@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.scenes import SCENES, bent_projection
+from scfpf_addon.casting.cells import body_tree
 from scfpf_addon.casting.cells import occupied_chords as module
 from scfpf_addon.casting.cells.body_tree import boxes_as_bodies
 from scfpf_addon.casting.cells.chord_cells import SLACK, planes_around
@@ -57,7 +58,7 @@ def triangles_through(points, generator, longest):
     return np.stack([(points - w[1] * second - w[2] * third) / w[0], second, third]).transpose(0, 2, 1)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(st.integers(0, 1 << 30), st.sampled_from([0.0, 0.02, 0.3]), st.sampled_from([0.0, 10.0, 1e4]))
 def test_a_triangle_through_a_point_of_a_chord_is_found(seed, wild, far):
     """One triangle at a time, so that no other hides a miss."""
@@ -198,9 +199,10 @@ def test_the_trees_find_what_all_pairs_do(seed, monkeypatch):
     found = occupied_chords(ends, [triangles]).reshape(-1)
     assert not (wanted & ~found).any() and (found & ~wanted).mean() < 0.01
     monkeypatch.setattr(module, "SMALL", 0.0)
-    for pairs, cells in ((50, 1), (1 << 16, 1 << 17)):
+    for pairs, cells, bodies in ((50, 1, 40), (1 << 16, 1 << 17, 1 << 20)):
         monkeypatch.setattr(module, "PAIRS", pairs)
         monkeypatch.setattr(module, "CELLS_AT_ONCE", cells)
+        monkeypatch.setattr(body_tree, "BODIES", bodies)
         assert np.array_equal(occupied_chords(ends, [triangles]).reshape(-1), wanted)
         parts = [triangles[:, :, :50], triangles[:, :, 50:]]
         assert np.array_equal(occupied_chords(ends, parts).reshape(-1), wanted)
