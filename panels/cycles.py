@@ -11,13 +11,17 @@ from ..scfpf_addon.cycles.prices import price
 from ..scfpf_addon.cycles.rig_data import rig_of
 from .base import LINE, Subsection, draw_lines, draw_text, section_panels
 
+# Start of the line that says why rays skip no chord.
+ALL_CHORDS = "Rays pass empty chords, too"
+
 
 def facts(price: Price) -> list[str]:
     """The price of a rig, one fact a line."""
+    portals = f"about {price.passed:.1f}" if price.passed else f"up to {price.portals}"
     count = f"{price.chords} chord{'s' * (price.chords != 1)}"
     return [
         f"{count}, off by {price.error:.2g} px",
-        f"A ray passes up to {price.portals} portals",
+        f"A ray passes {portals} portals",
         f"{price.vertices:,} vertices, about {price.memory / 1e6:,.0f} MB",
         f"About {price.cost:.1f} × an ordinary camera",
     ]
@@ -45,13 +49,13 @@ class _CyclesSection(Subsection):
         row.operator("scfpf.cycles_rig", text=text, icon="X" if is_on else "SHADING_RENDERED")
         if is_on:
             row.operator("scfpf.cycles_rig_update", text="", icon="FILE_REFRESH")
-            layout.operator(
-                "render.render", text="Render Image (F12)", icon="RENDER_STILL"
-            ).use_viewport = False
+            layout.operator("scfpf.cycles_render", text="Render Image (F12)", icon="RENDER_STILL")
             for text in cautions(context.scene, context.view_layer, rig):
                 draw_text(layout, text, "ERROR")
             layout.operator("scfpf.cycles_passes", icon="RENDERLAYERS", depress=rig.scfpf_rig.passes)
         lines = facts(price_of_rig(rig)) if is_on else expected(camera, context.scene)
+        if is_on and rig.scfpf_rig.travels_all:
+            lines += textwrap.wrap(f"{ALL_CHORDS}: {rig.scfpf_rig.travels_all}", LINE)
         draw_lines(layout, lines)
 
 

@@ -7,13 +7,10 @@ from ..bridge.blender.slot_animation import curve_collections
 from . import hidden_surfaces
 from .chords.chord_plan import SMALLEST_ERROR
 from .engine_choice import ALIKE
-from .portals import portal_nodes
 from .rig_data import CYCLES, NO_CYCLES, has_cycles
 
 # Start of the data paths of image mappings.
 MAPPINGS_PATH = "scfpf.mappings["
-CROSSES = "The volume crosses itself: use Blender 5.0 or later, or render with SCFPF"
-FOLDS = "The volume folds, and rays turn too early there: pull the control surfaces apart"
 NO_AREA = "Projectors meet in a line, and what is behind it shows too: widen that control surface"
 
 
@@ -58,8 +55,6 @@ def _about_volume(scene, settings) -> list[str]:
             f"The material '{settings.asks_camera}' uses the camera or the ray, and gets the rig's: "
             "replace those nodes"
         )
-    if settings.crosses:
-        found.append(FOLDS if portal_nodes.can_gate() else CROSSES)
     if settings.flat:
         found.append(NO_AREA)
     if settings.error > max(settings.camera.scfpf.pixel_error, SMALLEST_ERROR):

@@ -16,7 +16,7 @@ from ..projection.volume.viewing_volume import Projection
 from ..scanline.table.mapping_table import image_signature
 from ..scanline.table.table_object import grid_cells
 from .chords.chord_plan import ChordPlan, PlanError, plan_chords, rendering_cost
-from .portals.sheets import vertex_count
+from .portals.sheets import first_sheet, whole_vertices
 from .rig_data import RigError, build_groups, check, check_surfaces, remove_groups
 
 # Frames of an animated volume that its chords are planned for.
@@ -162,11 +162,15 @@ def look(camera, scene, depsgraph) -> tuple[Projection, tuple]:
 
 
 class Price(NamedTuple):
-    """The price of a rig: its chords, their error in pixels, the vertices of its sheets."""
+    """The price of a rig: its chords, their error in pixels, the vertices of its sheets.
+
+    passed: portals that a ray passes which skips empty chords, the mean; 0 if rays skip none.
+    """
 
     chords: int
     error: float
     vertices: int
+    passed: float = 0.0
 
     @property
     def portals(self) -> int:
@@ -176,7 +180,7 @@ class Price(NamedTuple):
     @property
     def cost(self) -> float:
         """Rendering time as a multiple of an ordinary camera's, in a simple scene."""
-        return rendering_cost(self.chords)
+        return rendering_cost(self.passed - 1.0 if self.passed else self.chords)
 
     @property
     def memory(self) -> int:
@@ -186,10 +190,15 @@ class Price(NamedTuple):
 
 def price_of_plan(plan: ChordPlan) -> Price:
     """The price of a planned rig."""
-    return Price(plan.count, plan.error, vertex_count(plan.count, plan.cells, plan.disc))
+    return Price(plan.count, plan.error, whole_vertices(plan.count, plan.cells, plan.disc))
 
 
 def price_of_rig(rig) -> Price:
     """The price of an existing rig."""
     settings = rig.scfpf_rig
-    return Price(settings.chords, settings.error, len(settings.portals.data.vertices))
+    vertices = len(settings.portals.data.vertices)
+    if not settings.passed:
+        # The nodes repeat the mesh' one sheet.
+        once = first_sheet(settings.chords)
+        vertices = once + (settings.chords + 1) * settings.sheet_vertices
+    return Price(settings.chords, settings.error, vertices, settings.passed)

@@ -59,6 +59,15 @@ def seen_surfaces(scene) -> list[str]:
     )
 
 
+def hidden_from_rigs() -> set:
+    """The control surfaces that no ray of a rig meets."""
+    return {
+        surface
+        for surface in _surfaces(camera_objects()).values()
+        if all(_is_hidden(surface, ray) for ray in HIDDEN_RAYS)
+    }
+
+
 def _surfaces(candidates) -> dict[int, bpy.types.Object]:
     """Surfaces and mapping grids of the cameras among ``candidates``, by session id; no render shows them."""
     found = {}

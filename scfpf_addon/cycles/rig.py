@@ -7,6 +7,8 @@ ends of the chords, and checks them when the volume has changed.
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
@@ -22,8 +24,7 @@ from ..scanline.table.table_object import is_made
 from . import aov_passes, disturbed_materials, hidden_surfaces, prices
 from .chord_planning import chords_of, look, planned
 from .chords.chord_plan import MOST_CHORDS, SMALLEST_ERROR, ChordPlan, PlanError, chord_error
-from .portals import portal_nodes
-from .portals.sheets import crosses_itself, has_no_area, image_places
+from .portals.sheets import has_no_area, image_places
 from .rig_data import (
     CYCLES,
     RigError,
@@ -43,10 +44,11 @@ from .rig_data import (
     update_nodes,
     write_sheets,
 )
+from .skipping.refresh import forget_all, renew, stop_skipping, watch, write_skipping
 from .smoke import smoke_around
 
-# Sampled image positions across and up for a volume that crosses itself.
-CROSSING = 9
+# Sampled image positions across and up for sheets without area.
+SAMPLED = 9
 # The rig of a volume without animation is made smaller again if this share of its chords is enough.
 ENOUGH = 0.7
 STALE = "The animated volume has changed: press Update Chords"
@@ -72,6 +74,7 @@ def switch_on(context, camera, plan: tuple[ChordPlan, bool] | None = None):
     rig.scfpf_rig.animated = animated
     _hide_surfaces()
     _look_through(scene, camera, True)
+    write_skipping(rig, chords)
     _note(rig, context.evaluated_depsgraph_get(), chords)
     return rig
 
@@ -83,8 +86,16 @@ def update(context, rig, plan: tuple[ChordPlan, bool] | None = None) -> None:
     renew_materials(rig)
     rig.scfpf_rig.animated = animated
     rig.scfpf_rig.problem = ""
-    write_sheets(rig, chords)
+    write_skipping(rig, chords)
     _note(rig, context.evaluated_depsgraph_get(), chords)
+
+
+def prepare_render(context, rig) -> None:
+    """Let the rays of a rig skip what is empty at present, before its scene is rendered."""
+    context.view_layer.update()
+    if is_whole(rig) and not rig.scfpf_rig.problem:
+        with suppress(ProjectionError, RenderError, RigError):
+            renew(rig, context.view_layer)
 
 
 def set_passes(rig, on: bool) -> None:
@@ -145,6 +156,7 @@ def sync(scene, depsgraph, may_remove: bool = True) -> None:
                 switch_off(rig)
         elif rig.scfpf_rig.scene == scene:
             _follow(rig, depsgraph)
+            watch(rig, depsgraph)
             if depsgraph.id_type_updated("MATERIAL") or depsgraph.id_type_updated("NODETREE"):
                 _note_materials(rig)
     if may_remove:
@@ -161,6 +173,7 @@ def _follow(rig, depsgraph) -> None:
         projection, now = look(settings.camera, settings.scene, depsgraph)
         if seen == now and not settings.problem:
             return
+        stop_skipping(rig)
         structure_changed = (seen is not None and seen[0] != now[0]) or has_old_nodes(rig)
         if structure_changed:
             update_nodes(rig)
@@ -177,7 +190,7 @@ def _fit_chords(rig, projection: Projection, structure_changed: bool) -> str:
     """Give a rig enough chords for a volume, and not far too many; return the problem if that fails."""
     settings = rig.scfpf_rig
     chords = chords_of(settings.camera, settings.scene, [projection])
-    _note_crossing(rig, projection, chords)
+    _note_flat(rig, projection, chords)
     breaks, shifts = present_chords(rig)
     size = image_size(settings.scene)
     error = chord_error(projection, size, breaks, shifts)
@@ -194,7 +207,7 @@ def _fit_chords(rig, projection: Projection, structure_changed: bool) -> str:
 def _note(rig, depsgraph, chords: ChordPlan) -> None:
     projection, now = look(rig.scfpf_rig.camera, rig.scfpf_rig.scene, depsgraph)
     _seen[rig.session_uid] = now
-    _note_crossing(rig, projection, chords)
+    _note_flat(rig, projection, chords)
     _note_smoke(rig, depsgraph, projection)
     _note_materials(rig)
 
@@ -220,17 +233,15 @@ def _note_values(settings, **values) -> None:
             setattr(settings, name, value)
 
 
-def _note_crossing(rig, projection: Projection, chords: ChordPlan) -> None:
-    """Note whether rays would be turned by sheets of other chords."""
-    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, CROSSING),) * 2))
+def _note_flat(rig, projection: Projection, chords: ChordPlan) -> None:
+    """Note whether a sheet is a line or a point, which rays miss."""
+    x, y = (a.ravel() for a in np.meshgrid(*(np.linspace(0.0, 1.0, SAMPLED),) * 2))
     x, y = image_places(x, y, chords.disc, projection.aspect)
     points = projection.projectors(x, y).points
     weights, _ = projection.volume.spans.weights(chords.breaks)
     layers = np.einsum("kn,kcs->ncs", weights, points)
-    layers = layers.reshape(*layers.shape[:2], CROSSING, CROSSING)
-    flat = has_no_area(layers)
-    crosses = not flat and crosses_itself(layers, portal_nodes.can_gate())
-    _note_values(rig.scfpf_rig, flat=flat, crosses=crosses)
+    layers = layers.reshape(*layers.shape[:2], SAMPLED, SAMPLED)
+    _note_values(rig.scfpf_rig, flat=has_no_area(layers))
 
 
 @persistent
@@ -259,6 +270,7 @@ def _before_history(*_) -> None:
 @persistent
 def _after_history(*_) -> None:
     _seen.clear()
+    forget_all()
     for rig in rigs():
         restore_pointers(rig, _released.get(rig.session_uid, 0))
         _renew_table(rig)
@@ -279,6 +291,7 @@ def _renew_table(rig) -> None:
 @persistent
 def _file_loaded(*_) -> None:
     _seen.clear()
+    forget_all()
     hidden_surfaces.forget()
     prices.forget()
 
@@ -289,6 +302,9 @@ def _render_begins(*_) -> None:
     # the scene was evaluated before it.
     if not bpy.app.is_job_running("RENDER"):
         _hide_surfaces()
+        for rig in rigs():
+            if rig.scfpf_rig.scene == bpy.context.scene:
+                prepare_render(bpy.context, rig)
 
 
 HANDLERS = {

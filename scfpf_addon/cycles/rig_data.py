@@ -34,8 +34,9 @@ from . import aov_passes
 from .chords.chord_plan import ChordPlan
 from .portals import lens_nodes, pass_nodes, portal_nodes
 from .portals.mapped_positions import mapped_positions
-from .portals.portal_nodes import AWAY, BEFORE_SCREEN, END, START, TO_SCREEN
-from .portals.sheets import SURROUND_CORNERS, Portals, portals
+from .portals.paths import Faces
+from .portals.portal_nodes import AWAY, BEFORE_SCREEN, ONWARD, TO_SCREEN
+from .portals.sheets import Portals, portals, sheet_shape
 
 MODIFIER = "SCFPF Portals"
 # The camera's custom property that points to the rig's table; the live preview has a table of its own.
@@ -188,7 +189,7 @@ def _give_materials(mesh, scene, camera) -> None:
         follow_property(socket, "default_value", camera, path)
 
     mesh.materials.clear()
-    for material in portal_nodes.new_materials(portal_nodes.can_gate(), scene, follow):
+    for material in portal_nodes.new_materials(scene, follow):
         mesh.materials.append(material)
 
 
@@ -267,6 +268,11 @@ def has_old_nodes(rig) -> bool:
     return not is_current(rig.scfpf_rig.portals.modifiers[MODIFIER].node_group)
 
 
+def has_new_materials(rig) -> bool:
+    """Whether a rig's materials can turn rays that skip chords."""
+    return len(rig.scfpf_rig.portals.data.materials) > portal_nodes.JUMP
+
+
 def update_nodes(rig) -> None:
     """Bring the table and the modifier in step with the camera's surfaces and settings. Raises RigError."""
     settings = rig.scfpf_rig
@@ -329,20 +335,24 @@ def restore_pointers(rig, table: int) -> None:
         camera[RIG_TABLE_KEY] = settings.table
 
 
-def write_sheets(rig, chords: ChordPlan) -> None:
+def write_sheets(rig, chords: ChordPlan, faces: Faces | None = None) -> None:
     """Write a plan's sheets into the rig's mesh, and the plan's figures into its settings.
 
-    Raises RigError without Cycles.
+    faces: of sheets whose rays skip chords, None if they skip none. Raises RigError without Cycles.
     """
     settings = rig.scfpf_rig
     require_cycles(settings.scene)
     size = image_size(settings.scene)
-    arrays = portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc)
+    arrays = portals(chords.breaks, chords.shifts, chords.cells, size, chords.disc, faces)
     mapped = mapped_positions(settings.camera, settings.scene, arrays.places, chords.disc)
     _fill(settings.portals.data, arrays, mapped)
     settings.error, settings.cost, settings.missing = chords.error, chords.cost, chords.missing
-    settings.cells = chords.cells
-    set_inputs(settings.portals.modifiers[MODIFIER], {"Straight": chords.count == 1})
+    rows, columns = sheet_shape(chords.cells, chords.disc)
+    settings.sheet_vertices = rows * columns
+    settings.cells, settings.passed = chords.cells, 0.0 if faces is None else faces.passed
+    values = {"Straight": chords.count == 1, "Chords": float(chords.count), "Skip": faces is not None}
+    values |= {"Probe": False, "Passes": settings.passes}
+    set_inputs(settings.portals.modifiers[MODIFIER], values)
     cycles = settings.scene.cycles
     if cycles.transparent_max_bounces != settings.bounces:
         settings.bounces_before = cycles.transparent_max_bounces  # the artist has chosen another
@@ -351,19 +361,28 @@ def write_sheets(rig, chords: ChordPlan) -> None:
     settings.bounces = cycles.transparent_max_bounces = min(wanted, MOST_BOUNCES)
 
 
+def probe_mesh(rig, chords: ChordPlan, cells: tuple[int, int]) -> None:
+    """Fill a rig's mesh so that its evaluated vertices are the ends of all chords, for ``read_ends``.
+
+    cells: across and up a sheet. ``write_sheets`` restores the sheets.
+    """
+    settings = rig.scfpf_rig
+    arrays = portals(chords.breaks, chords.shifts, cells, image_size(settings.scene), chords.disc)
+    points = arrays._replace(triangles=arrays.triangles[:0], slots=arrays.slots[:0])
+    _fill(settings.portals.data, points, np.zeros_like(arrays.places))
+    values = {"Chords": float(chords.count), "Skip": False, "Passes": False, "Probe": True}
+    set_inputs(settings.portals.modifiers[MODIFIER], values)
+    settings.portals.update_tag()
+
+
 def present_chords(rig):
     """The breaks and shifts of the chords in a rig's mesh, (n+1,) each."""
     settings = rig.scfpf_rig
     mesh = settings.portals.data
-    sheet = (len(mesh.vertices) - SURROUND_CORNERS) // (settings.chords + 1)
-    ends = []
-    for name in (START, END):
-        values = np.empty(3 * len(mesh.vertices), np.float32)
-        mesh.attributes[name].data.foreach_get("vector", values)
-        ends.append(values.reshape(-1, 3)[:-SURROUND_CORNERS:sheet, :2].astype(np.float64))
-    # The far sheet has both ends of the last chord.
-    chords = np.concatenate([ends[0][:-1], ends[1][-1:]])
-    return chords[:, 0], chords[:, 1]
+    values = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", values)
+    ends = values.reshape(-1, 3)[: settings.chords + 1].astype(np.float64)
+    return ends[:, 0], ends[:, 1]
 
 
 def _fill(mesh, arrays: Portals, mapped: Array) -> None:
@@ -377,13 +396,11 @@ def _fill(mesh, arrays: Portals, mapped: Array) -> None:
     mesh.polygons.add(count)
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
     slots = mesh.attributes.new("material_index", "INT", "FACE")
-    owners = {portal_nodes.SCREEN: arrays.screen, portal_nodes.FAR: arrays.far}
-    owners[portal_nodes.SURROUND] = arrays.surround
-    values = np.select([*owners.values()], [*owners], portal_nodes.SHEET)
-    slots.data.foreach_set("value", values.astype(np.int32))
-    for name, values in ((START, arrays.start), (END, arrays.end), (pass_nodes.MAPPED, mapped)):
-        attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
-        attribute.data.foreach_set("vector", values.T.astype(np.float32).ravel())
+    slots.data.foreach_set("value", arrays.slots)
+    onward = mesh.attributes.new(ONWARD, "FLOAT", "POINT")
+    onward.data.foreach_set("value", arrays.onward.astype(np.float32))
+    attribute = mesh.attributes.new(pass_nodes.MAPPED, "FLOAT_VECTOR", "POINT")
+    attribute.data.foreach_set("vector", mapped.T.astype(np.float32).ravel())
     mesh.update(calc_edges=True)
     mesh.update_tag()
 

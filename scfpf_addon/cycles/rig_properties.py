@@ -58,12 +58,6 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         "The volume changes with the frame: the chords are enough for all frames looked at",
         default=False,
     )
-    crosses: tracked(
-        BoolProperty,
-        "Crosses Itself",
-        "Rays meet sheets elsewhere than where they are due: the volume folds or crosses itself",
-        default=False,
-    )
     flat: tracked(
         BoolProperty,
         "No Area",
@@ -74,6 +68,19 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
     raycast: text("Raycast", "A material whose Raycast node meets the rig's sheets")
     asks_camera: text(
         "Asks the Camera", "A material that depends on the camera or the ray, and gets those of the rig"
+    )
+    sheet_vertices: tracked(
+        IntProperty, "Vertices of a Sheet", "The vertices of a sheet that skips no chord", default=4, min=4
+    )
+    passed: tracked(
+        FloatProperty,
+        "Passed",
+        "Portals that a ray passes that meets nothing, the mean over the picture; 0 if it passes all",
+        default=0.0,
+        min=0.0,
+    )
+    travels_all: text(
+        "Travels All", "Why rays travel all chords, also the empty ones; empty when they skip those"
     )
     problem: text("Problem", "Why the rig does not follow the camera at present; empty when it does")
     passes: tracked(

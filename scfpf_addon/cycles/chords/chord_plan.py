@@ -85,7 +85,7 @@ class ChordPlan:
         return rendering_cost(self.count)
 
 
-def rendering_cost(chords: int) -> float:
+def rendering_cost(chords: float) -> float:
     """Rendering time as a multiple of a plain camera's, in a simple scene: less in others."""
     return 1.0 + COST_RIG + COST_CHORD * chords
 

@@ -9,20 +9,32 @@ from __future__ import annotations
 
 import bpy
 
-from ...bridge.blender import versions
 from ...bridge.blender.drivers import add_property, new_driver
 from ...bridge.blender.rig_mark import WIDTH
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
-from ...scanline.nodes.geometry_nodes import GeometryBuilder, defines_group
+from ...scanline.nodes.geometry_nodes import GeometryBuilder, defines_group, remove_attributes
 from ...scanline.nodes.solve_nodes import TABLE_INPUTS, corner_projectors, find_cell
 from ...scanline.remap.place_nodes import view_inputs
 from . import lens_nodes, pass_nodes
+from .sheets import (
+    BREAKS,
+    FAR_SLOT,
+    JUMP_SLOT,
+    REPEATED,
+    SCREEN_SLOT,
+    SHEET_SLOT,
+    SURROUND_SLOT,
+    SURROUNDS,
+)
 
-# Attributes of the sheets before the nodes: t and shift at the start and at the end of a vertex' chord. The
-# third value of START is 1 on the far sheet, that of END the number of vertices of a sheet.
-START, END = "scfpf_start", "scfpf_end"
-# After the nodes: where a ray continues and its direction, world space; how many portals it has passed.
-POSITION, DIRECTION, DEPTH = "scfpf_position", "scfpf_direction", "scfpf_depth"
+# Attribute of the sheets before the nodes: the chord that a ray goes on along from a vertex, n for none.
+ONWARD = "scfpf_onward"
+# After the nodes: where a ray continues and its direction, world space; where a ray begins that the portal
+# turns, and the tolerance of that place; how many portals it has passed if it has skipped none.
+POSITION, DIRECTION, ORIGIN = "scfpf_position", "scfpf_direction", "scfpf_origin"
+TOLERANCE, DEPTH = "scfpf_tolerance", "scfpf_depth"
+# Where a vertex will be; removed as it gets there.
+PLACE = "scfpf_there"
 
 # The screen is this far below the scene, and WIDTH wide or a little more. float32 resolves 16 million places
 # across it at any distance.
@@ -33,10 +45,11 @@ BEFORE_SCREEN = 0.03125
 TO_SURROUND = 1.1e4
 # Rays that have left the volume go on from this far away, where they meet only the world.
 TELEPORT = 1e8
-# A ray shorter than this share of its chord is still at the portal that it came from.
-SAME_PLACE = 1e-3
-# Tolerance of a portal's depth against its attribute: less than half.
-DEPTH_SLACK = 0.4
+# A portal turns rays that begin where its chord does: within this share of the chord's length, or of the
+# coordinates, which float32 rounds.
+CHORD_SHARE, PLACE_SHARE = 5e-3, 2e-5
+# Rays of a lens begin anywhere.
+ANYWHERE = 1e30
 
 
 @defines_group(
@@ -72,6 +85,9 @@ def chord_end_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
         "Width": ("Float", WIDTH, "Width of the screen: the ortho scale of the camera that looks at it"),
         "Passes": ("Bool", False, "Does the picture have passes of t, depth, u and v?"),
+        "Chords": ("Float", 1.0, "The number of chords"),
+        "Skip": ("Bool", False, "Do rays skip the chords that were empty?"),
+        "Probe": ("Bool", False, "Shall vertices be at the ends of the chords, without attributes?"),
     }
     | lens_nodes.INPUTS,
     {"Geometry": "Geometry"},
@@ -85,35 +101,100 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     nodes.open_frame("The camera's table")
     table, matrix = nodes.object_info(given["Table"])
     view = view_inputs(nodes, table, given["Aspect"])
+    nodes.open_frame("Sheets that skip chords, or whole ones")
+    open_lens = given["Straight"] & (given["Lens Radius"] > 0.0)
+    skips = given["Skip"] & ~(open_lens | given["Passes"])
+    geometry, sheet = _sheets(nodes, given, skips)
     x, y, number = nodes.position().parts()
-    nodes.open_frame("Ends of the chord")
-    (t, shift, far), (next_t, next_shift, sheet) = (
-        nodes.attribute(name, "FLOAT_VECTOR").parts() for name in (START, END)
-    )
-    ends = []
-    for label, end_t, end_shift in (("Start", t, shift), ("End", next_t, next_shift)):
-        inputs = {"Position": nodes.xyz(x, y, end_t, "x, y, t"), "Shift": end_shift}
+    nodes.open_frame("Ends of the chord before, and of the next")
+    onward, count = nodes.attribute(ONWARD), given["Chords"]
+    far = nodes.switch(onward > count - 0.5, 0.0, 1.0, "FLOAT", "Is It the Last?")
+    chord = onward.min(count - 1.0)
+    numbers = {"Before": (number - 1.0).max(0.0), "Here": number, "Start": chord, "End": chord + 1.0}
+    ends, times = {}, {}
+    for label, wanted in numbers.items():
+        t, shift, _ = nodes.at_index(nodes.position(), wanted, "POINT", "FLOAT_VECTOR").parts()
+        inputs = {"Position": nodes.xyz(x, y, t, "x, y, t"), "Shift": shift}
         end = nodes.call(chord_end_group(), f"Chord {label}", inputs, view)["Position"]
-        ends.append(nodes.point(end, matrix, "In the World"))
-    start, end = ends
+        ends[label], times[label] = nodes.point(end, matrix, "In the World"), t
+    probe = nodes.set_position(geometry, ends["Here"], "Ends of the Chords")
     polar = view["Numbers"].parts()[2]
     screen = _screen(nodes, given, polar)
-    nodes.open_frame("Where rays go on")
-    geometry = given["Geometry"]
-    for name, value in ((POSITION, nodes.mix(far, start, end)), (DIRECTION, end - start)):
-        geometry = nodes.store(geometry, name, value, "FLOAT_VECTOR")
-    geometry = nodes.store(geometry, DEPTH, number, "FLOAT")
-    here, chord = (nodes.attribute(name, "FLOAT_VECTOR") for name in (POSITION, DIRECTION))
-    with_lens = lens_nodes.store_lens(nodes, geometry, given | {"Start": here, "Chord": chord}, matrix)
+    geometry = _store_rays(nodes, geometry, ends, far, number, open_lens)
+    here, along = (nodes.attribute(name, "FLOAT_VECTOR") for name in (POSITION, DIRECTION))
+    with_lens = lens_nodes.store_lens(nodes, geometry, given | {"Start": here, "Chord": along}, matrix)
     nodes.open_frame("Only where they are asked for")
-    open_lens = given["Straight"] & (given["Lens Radius"] > 0.0)
     geometry = nodes.switch(open_lens, geometry, with_lens, "GEOMETRY", "Depth of Field?")
-    of_passes = {"t": t, "Step": next_t - t, "Far": far, "Number": number, "Sheet": sheet}
-    of_passes |= {"Start": here, "Chord": chord, "Place": nodes.xyz(x, y, polar, "x, y, polar")}
+    of_passes = {"t": times["Start"], "Step": times["End"] - times["Start"], "Far": far, "Number": number}
+    of_passes |= {"Sheet": sheet, "Start": here, "Chord": along}
+    of_passes["Place"] = nodes.xyz(x, y, polar, "x, y, polar")
     with_passes = pass_nodes.store_added(nodes, geometry, of_passes)
     geometry = nodes.switch(given["Passes"], geometry, with_passes, "GEOMETRY", "Passes?")
-    place = nodes.switch(number < 0.5, here, screen, "VECTOR", "Sheet or Screen")
-    return {"Geometry": nodes.set_position(geometry, place, "In Place")}
+    is_sheet = number > 0.5
+    place = nodes.switch(
+        is_sheet, screen, nodes.attribute(PLACE, "FLOAT_VECTOR"), "VECTOR", "Sheet or Screen"
+    )
+    placed = nodes.set_position(geometry, place, "In Place")
+    placed = remove_attributes(nodes, placed, PLACE)
+    return {"Geometry": nodes.switch(given["Probe"], placed, probe, "GEOMETRY", "Probe?")}
+
+
+def _sheets(nodes: GeometryBuilder, given: dict[str, Value], skips: Value) -> tuple[Value, Value]:
+    """The mesh with the wanted sheets, and the number of a whole one's vertices."""
+    number = nodes.position().parts()[2]
+    repeated, skipping = nodes.separate(given["Geometry"], number < REPEATED + 0.5, "The Repeated", "POINT")
+    nodes.open_frame("One whole sheet for each break")
+    others, _ = nodes.separate(skipping, number < SURROUNDS + 0.5, "Breaks and Surround", "POINT")
+    breaks, _ = nodes.separate(others, number < BREAKS + 0.5, "Breaks", "POINT")
+    at = nodes.set_position(breaks, nodes.xyz(0.0, 0.0, nodes.index(), "Number"), "At Their Numbers")
+    x, y, _ = nodes.position().parts()
+    sheet = nodes.set_position(repeated, nodes.xyz(x, y, 0.0, "x, y"), "At 0")
+    inputs = {"Points": at, "Instance": sheet}
+    placed = nodes.out("GeometryNodeInstanceOnPoints", "A Sheet at Each", inputs)
+    whole = nodes.out("GeometryNodeRealizeInstances", "Whole Sheets", {0: placed})
+    whole = nodes.store(whole, ONWARD, number, "FLOAT")
+    for slot, selection in ((SCREEN, number < 0.5), (FAR, number > given["Chords"] - 0.5)):
+        inputs = {"Geometry": whole, "Selection": selection, "Material Index": slot}
+        whole = nodes.out("GeometryNodeSetMaterialIndex", "Its Material", inputs)
+    whole = nodes.join(others, whole)
+    geometry = nodes.switch(skips, whole, skipping, "GEOMETRY", "Skip?")
+    return geometry, nodes.domain_size(repeated, "Point Count")
+
+
+def _store_rays(
+    nodes: GeometryBuilder,
+    geometry: Value,
+    ends: dict[str, Value],
+    far: Value,
+    number: Value,
+    open_lens: Value,
+) -> Value:
+    """Store which rays the portals turn, and where these go on.
+
+    ends: of the chord before a vertex, Before and Here, and of the next, Start and End.
+    """
+    nodes.open_frame("Each place once: fields are evaluated anew wherever they are used")
+
+    def store(name: str, value: Value, kind: str = "FLOAT_VECTOR") -> None:
+        nonlocal geometry
+        geometry = nodes.store(geometry, name, value, kind)
+
+    here, before, start, along = (
+        nodes.attribute(name, "FLOAT_VECTOR") for name in (PLACE, ORIGIN, POSITION, DIRECTION)
+    )
+    store(PLACE, ends["Here"])
+    store(ORIGIN, ends["Before"])
+    store(POSITION, ends["Start"])
+    store(DIRECTION, ends["End"] - start)
+    nodes.open_frame("Where rays go on")
+    unit = nodes.out("ShaderNodeVectorMath", "Normalized", {0: along}, operation="NORMALIZE")
+    beyond = start + along + unit * TELEPORT
+    store(POSITION, nodes.switch(far > 0.5, start, beyond, "VECTOR", "Out of the Volume?"))
+    nodes.open_frame("Which rays are turned")
+    tolerance = (here - before).length() * CHORD_SHARE + here.length().max(before.length()) * PLACE_SHARE
+    store(TOLERANCE, nodes.switch(open_lens, tolerance, ANYWHERE, "FLOAT", "Rays of a Lens?"), "FLOAT")
+    store(DEPTH, number, "FLOAT")
+    return geometry
 
 
 def _screen(nodes: GeometryBuilder, given: dict[str, Value], polar: Value) -> Value:
@@ -130,21 +211,21 @@ def _screen(nodes: GeometryBuilder, given: dict[str, Value], polar: Value) -> Va
 
 
 # Slots of the materials on the sheets' mesh.
-SHEET, SCREEN, SURROUND, FAR = range(4)
+SHEET, SCREEN, SURROUND, FAR, JUMP = SHEET_SLOT, SCREEN_SLOT, SURROUND_SLOT, FAR_SLOT, JUMP_SLOT
 
 
-def new_materials(gated: bool, scene, follow) -> list:
-    """The new materials of sheets, screen, surround and far sheet, in the order of their slots.
+def new_materials(scene, follow) -> list:
+    """The new materials of a rig's mesh, in the order of their slots.
 
-    gated: a sheet turns only rays that have passed as many portals as its chord begins with. scene: its film,
-    transparent or not, surrounds a round image. follow: (socket, property) drives a socket by the flexible
-    camera.
+    scene: its film, transparent or not, surrounds a round image. follow: (socket, property) drives a socket
+    by the flexible camera.
     """
     return [
-        _portal("SCFPF Sheet", gated, SHEET, follow),
-        _portal("SCFPF Screen", gated, SCREEN, follow),
+        _portal("SCFPF Sheet", SHEET, follow),
+        _portal("SCFPF Screen", SCREEN, follow),
         _surround(scene),
-        _portal("SCFPF Far", gated, FAR, follow),
+        _portal("SCFPF Far", FAR, follow),
+        _portal("SCFPF Jump", JUMP, follow),
     ]
 
 
@@ -156,16 +237,23 @@ def _new_material(name: str):
     return material, FieldBuilder(material.node_tree)
 
 
-def _portal(name: str, gated: bool, slot: int, follow):
+def _portal(name: str, slot: int, follow):
     material, nodes = _new_material(name)
+    nodes.open_frame("The ray")
+    ray = nodes.node("ShaderNodeNewGeometry", "Ray", {}).outputs
+    place, backwards = Value(nodes, ray["Position"]), Value(nodes, ray["Incoming"])
     if slot == SCREEN:
-        ray = (nodes.shader_attribute(name) for name in (POSITION, DIRECTION))
-        position, direction = lens_nodes.aimed(nodes, *ray, TO_SCREEN)
+        onward = (nodes.shader_attribute(name) for name in (POSITION, DIRECTION))
+        position, direction = lens_nodes.aimed(nodes, *onward, TO_SCREEN)
         inputs = {"Position": position, "Direction": direction}
     elif slot == FAR:
-        ray = nodes.node("ShaderNodeNewGeometry", "Ray", {}).outputs
-        onward = Value(nodes, ray["Incoming"]) * -1.0
-        inputs = {"Position": Value(nodes, ray["Position"]) + onward * TELEPORT, "Direction": onward}
+        onward = backwards * -1.0
+        inputs = {"Position": place + onward * TELEPORT, "Direction": onward}
+    elif slot == JUMP:
+        inputs = {
+            "Position": nodes.shader_attribute(POSITION),
+            "Direction": nodes.shader_attribute(DIRECTION),
+        }
     else:
         inputs = {"Direction": nodes.shader_attribute(DIRECTION)}
     # Up to 5.1 Cycles does not normalise it: rays of another length see no smoke and reflect too little.
@@ -173,18 +261,15 @@ def _portal(name: str, gated: bool, slot: int, follow):
     inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
     nodes.open_frame("The portal")
     shader, due = nodes.node("ShaderNodeBsdfRayPortal", "Ray Portal", inputs).outputs[0], None
-    if gated:
-        passed = nodes.node("ShaderNodeLightPath", "Light Path", {}).outputs["Portal Depth"]
-        inputs = {0: passed, 1: nodes.shader_attribute(DEPTH, "Fac"), 2: DEPTH_SLACK}
-        due = nodes.node("ShaderNodeMath", "Due", inputs, operation="COMPARE").outputs[0]
+    if slot != SCREEN:
+        nodes.open_frame("Only for rays that begin where the chord before does")
+        way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
+        off = (place + backwards * way - nodes.shader_attribute(ORIGIN)).length()
+        inputs = {0: off, 1: nodes.shader_attribute(TOLERANCE, "Fac")}
+        due = nodes.node("ShaderNodeMath", "Due", inputs, operation="LESS_THAN").outputs[0]
         through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
-    if due is None and slot != SCREEN:
-        # On an edge both triangles may turn a ray: that does no harm, but must not count twice.
-        way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
-        chord = nodes.shader_attribute(DIRECTION).length()
-        due = nodes.combine("GREATER_THAN", way, chord * SAME_PLACE).socket
     pass_nodes.add_to_aovs(nodes, due, {SCREEN: 1.0, FAR: -1.0}.get(slot, 0.0), follow)
     return material
 
@@ -206,8 +291,3 @@ def _surround(scene):
     shader = nodes.node("ShaderNodeMixShader", "Seen by the Rig's Camera", inputs).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
     return material
-
-
-def can_gate() -> bool:
-    """Whether this Blender's materials know how many portals a ray has passed."""
-    return versions.has_portal_depth()

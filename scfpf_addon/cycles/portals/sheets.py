@@ -3,7 +3,8 @@
 
 A sheet is the image's grid of projectors cut at one t. All sheets have the same triangles. A ray leaves a
 point of a triangle along the mean of the chords at its corners, and so meets the same point of the same
-triangle of the next sheet: no error adds up from sheet to sheet.
+triangle of the next sheet: no error adds up from sheet to sheet. Sheets whose rays skip chords have the faces
+that rays meet; nodes can replace them by whole sheets, of which the mesh holds one.
 """
 
 from __future__ import annotations
@@ -12,13 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...projection.typing import Array, BoolArray, IndexArray
+from ...projection.typing import Array, IndexArray
+from .paths import Faces
+
+# Slots of the materials on the mesh: a sheet that turns rays, the screen, its surround, the far sheet, and a
+# sheet that sends rays to another place.
+SHEET_SLOT, SCREEN_SLOT, SURROUND_SLOT, FAR_SLOT, JUMP_SLOT = range(5)
 
 # Pixels by which sheets extend beyond a rectangular image, for Cycles' filter.
 PADDING = 2.0
-
-# Within this share of a chord at its ends, a sheet does not turn a ray too early.
-TOUCHED = 1e-3
 
 # A sheet is a line if its breadth is at most this share of the volume's size: float32's error.
 LINE = 1e-6
@@ -29,22 +32,24 @@ SURROUND = 60.0
 SURROUND_CORNERS = 4
 
 
-class Portals(NamedTuple):
-    """Vertices of all sheets and their triangles.
+# The third value of a vertex' place before the nodes, where it is no sheet's: corners of the surround,
+# breaks, and the one sheet that the nodes repeat for each break.
+SURROUNDS, BREAKS, REPEATED = -1.0, -2.0, -3.0
 
-    places: (3, N): x and y in the table of projectors, and the number of the sheet: 0 the screen, n the far
-    sheet, -1 the surround. start, end: (3, N): t and shift at the start and the end of the vertex' chord; it
-    ends at the vertex on the far sheet. The third value of start is 1 on the far sheet, of end the number
-    of vertices of a sheet. triangles: (T, 3). screen, far, surround: (T,) bool; the others are of sheets.
+
+class Portals(NamedTuple):
+    """Vertices of a rig's mesh before the nodes, and its triangles.
+
+    places: (3, N). Of the first vertices, t and shift of each break, and BREAKS. Of the others x and y in the
+    table of projectors, and SURROUNDS, REPEATED, or the number of the sheet: 0 the screen, n the far sheet.
+    onward: (N,) the chord that a ray goes on along, n for none. triangles: (T, 3). slots: (T,) int, of
+    materials.
     """
 
     places: Array
-    start: Array
-    end: Array
+    onward: Array
     triangles: IndexArray
-    screen: BoolArray
-    far: BoolArray
-    surround: BoolArray
+    slots: IndexArray
 
 
 def image_places(x: Array, y: Array, polar: bool, aspect: float) -> tuple[Array, Array]:
@@ -72,44 +77,77 @@ def pressed(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def portals(
-    breaks: Array, shifts: Array, cells: tuple[int, int], size: tuple[int, int], polar: bool
+    breaks: Array,
+    shifts: Array,
+    cells: tuple[int, int],
+    size: tuple[int, int],
+    polar: bool,
+    faces: Faces | None = None,
 ) -> Portals:
-    """The arrays of n+1 sheets, screen and far sheet included, and of the surround.
+    """The arrays of a rig's mesh.
 
-    breaks, shifts: (n+1,), as in ChordPlan. cells: of each sheet, across and up. size: of the image, pixels.
+    breaks, shifts: (n+1,), as in ChordPlan. cells: across and up the sheet that the nodes repeat. size: of
+    the image, pixels. faces: those of sheets whose rays skip chords, None without such sheets.
     """
-    x, y, triangles = _grid(cells, size, polar)
-    count, many = len(breaks) - 1, len(x)
-    number = np.repeat(np.arange(count + 1), many)
-    chord = np.minimum(number, count - 1)
-    places = np.stack([np.tile(x, count + 1), np.tile(y, count + 1), number])
-    far = (number == count).astype(np.float64)
-    start = np.stack([breaks[chord], shifts[chord], far])
-    end = np.stack([breaks[chord + 1], shifts[chord + 1], np.full(len(number), float(many))])
-    faces = (triangles[None] + (np.arange(count + 1) * many)[:, None, None]).reshape(-1, 3)
-    owner = np.repeat(np.arange(count + 1), len(triangles))
-    around = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) * SURROUND + [[0.5], [0.5], [-1.0]]
-    corner = places.shape[1]
-    faces = np.concatenate([faces, [[corner, corner + 1, corner + 2], [corner, corner + 2, corner + 3]]])
-    owner = np.concatenate([owner, [-1, -1]])
+    count = len(breaks) - 1
+    x, y, triangles = grid(cells, size, polar)
+    around = np.array([[-1, 1, 1, -1], [-1, -1, 1, 1], [0, 0, 0, 0]]) * SURROUND + [[0.5], [0.5], [SURROUNDS]]
+    places = [np.stack([breaks, shifts, np.full(count + 1, BREAKS)]), around]
+    places.append(np.stack([x, y, np.full(len(x), REPEATED)]))
+    corner = count + 1
+    faced = [np.array([[0, 1, 2], [0, 2, 3]]) + corner, triangles + corner + SURROUND_CORNERS]
+    slots = [np.full(2, SURROUND_SLOT), np.zeros(len(triangles), np.intp)]
+    known = sum(part.shape[1] for part in places)
+    onward = np.zeros(known)
+    if faces is not None:
+        own, own_onward, own_triangles, own_slots = _skipping(faces, count, size, polar)
+        places.append(own)
+        onward = np.concatenate([onward, own_onward])
+        faced.append(own_triangles + known)
+        slots.append(own_slots)
     return Portals(
-        np.concatenate([places, around], axis=1),
-        np.concatenate([start, np.zeros((3, SURROUND_CORNERS))], axis=1),
-        np.concatenate([end, np.ones((3, SURROUND_CORNERS))], axis=1),
-        faces.astype(np.int32),
-        owner == 0,
-        owner == count,
-        owner < 0,
+        np.concatenate(places, axis=1),
+        onward,
+        np.concatenate(faced).astype(np.int32),
+        np.concatenate(slots).astype(np.int32),
     )
 
 
-def vertex_count(count: int, cells: tuple[int, int], polar: bool) -> int:
-    """The number of vertices that ``portals`` makes for a number of chords."""
+def _skipping(
+    faces: Faces, count: int, size: tuple[int, int], polar: bool
+) -> tuple[Array, Array, IndexArray, IndexArray]:
+    """Places (3, N), onward (N,), triangles (T, 3) and slots (T,) of sheets whose rays skip chords."""
+    x, y, triangles = grid(faces.cells, size, polar)
+    corners = triangles.reshape(-1, 2, 3)[faces.cell]
+    # Faces share a vertex if rays go on from it alike.
+    step = (faces.sheet * (count + 1) + faces.onward)[:, None, None] * len(x)
+    keys, numbers = np.unique(corners + step, return_inverse=True)
+    sheet, onward = np.divmod(keys // len(x), count + 1)
+    vertex = keys % len(x)
+    slots = np.where(faces.onward == faces.sheet, SHEET_SLOT, JUMP_SLOT)
+    slots = np.where(faces.sheet == count, FAR_SLOT, np.where(faces.sheet == 0, SCREEN_SLOT, slots))
+    places = np.stack([x[vertex], y[vertex], sheet.astype(np.float64)])
+    return places, onward.astype(np.float64), numbers.reshape(-1, 3), np.repeat(slots, 2)
+
+
+def whole_vertices(count: int, cells: tuple[int, int], polar: bool) -> int:
+    """The number of vertices of sheets that skip no chord."""
+    rows, columns = sheet_shape(cells, polar)
+    return first_sheet(count) + (count + 1) * rows * columns
+
+
+def first_sheet(count: int) -> int:
+    """The number of vertices before those of the sheets."""
+    return count + 1 + SURROUND_CORNERS
+
+
+def sheet_shape(cells: tuple[int, int], polar: bool) -> tuple[int, int]:
+    """Rows and columns of the vertices of a whole sheet."""
     padding = 1 if polar else 3
-    return (count + 1) * (cells[0] + padding) * (cells[1] + padding) + SURROUND_CORNERS
+    return cells[1] + padding, cells[0] + padding
 
 
-def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[Array, Array, IndexArray]:
+def grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[Array, Array, IndexArray]:
     """x and y of a sheet's vertices, row by row, and its triangles."""
     lines = [np.arange(count + 1) / count for count in cells]
     if not polar:
@@ -135,7 +173,7 @@ def _grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[A
 def has_no_area(layers: Array) -> bool:
     """Whether a sheet behind the screen is a line or a point, which no ray meets.
 
-    layers: as of ``crosses_itself``.
+    layers: (n+1, 3, R, C) ends of the chords of R × C projectors.
     """
     for layer in layers[1:]:
         points = layer.reshape(3, -1)
@@ -143,45 +181,3 @@ def has_no_area(layers: Array) -> bool:
         if breadth <= LINE * np.abs(layers).max():
             return True
     return False
-
-
-def crosses_itself(layers: Array, gated: bool) -> bool:
-    """Whether chords between consecutive layers of a volume meet sheets elsewhere than at their own ends.
-
-    layers: (n+1, 3, R, C) ends of the chords of R × C projectors. gated: a sheet turns only rays from the
-    sheet before, so that only a fold between two sheets does harm. Sampled, not certain.
-    """
-    count = len(layers) - 1
-    a, b = layers[:, :, :-1, :-1], layers[:, :, :-1, 1:]
-    c, d = layers[:, :, 1:, 1:], layers[:, :, 1:, :-1]
-    corners = [np.stack(pair, axis=-1).reshape(count + 1, 3, -1) for pair in ((a, a), (b, c), (c, d))]
-    # The chords of the cells' middles: those of the vertices would run along edges.
-    middle = 0.25 * (a + b + c + d)
-    middle = middle.reshape(count + 1, 3, -1)
-    cells = np.arange(middle.shape[2])
-    # Each cell has two triangles, one after the other.
-    elsewhere = cells[:, None] != np.repeat(cells, 2)
-    for chord in range(count):
-        start, end = middle[chord], middle[chord + 1]
-        for sheet in (chord + 1,) if gated else range(count + 1):
-            hits = _hits(start, end - start, *(part[sheet] for part in corners))
-            if (hits & elsewhere).any() or (sheet not in (chord, chord + 1) and hits.any()):
-                return True
-    return False
-
-
-def _hits(origin: Array, direction: Array, a: Array, b: Array, c: Array) -> BoolArray:
-    """Whether N segments meet M triangles, (N, M) (Möller and Trumbore 1997)."""
-    first, second = b - a, c - a
-    normal = np.cross(direction[:, :, None], second[:, None], axis=0)
-    determinant = np.einsum("cnm,cm->nm", normal, first)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = 1.0 / determinant
-        offset = origin[:, :, None] - a[:, None]
-        u = np.einsum("cnm,cnm->nm", offset, normal) * inverse
-        turned = np.cross(offset, first[:, None], axis=0)
-        v = np.einsum("cn,cnm->nm", direction, turned) * inverse
-        t = np.einsum("cm,cnm->nm", second, turned) * inverse
-        # A little less than to the end: a chord may touch the neighbours of its own cell.
-        met: BoolArray = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= TOUCHED) & (t <= 1.0 - TOUCHED)
-    return met

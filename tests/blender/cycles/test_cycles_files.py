@@ -109,10 +109,10 @@ def test_portals_get_directions_of_length_1(camera, rig_of):
         trees = [material.node_tree for material in mesh.materials]
         return [node for tree in trees for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfRayPortal"]
 
-    assert len(portals()) == 3 and all(map(normalised, portals()))
+    assert len(portals()) == 4 and all(map(normalised, portals()))
     portals()[0].inputs["Direction"].links[0].from_node.operation = "ADD"
     assert bpy.ops.scfpf.cycles_rig_update() == {"FINISHED"}
-    assert len(portals()) == 3 and all(map(normalised, portals()))
+    assert len(portals()) == 4 and all(map(normalised, portals()))
     assert {kind: len(names) for kind, names in everything().items()} == {
         kind: len(names) for kind, names in before.items()
     }
@@ -399,23 +399,3 @@ def test_film_and_border(camera, tmp_path):
     render_settings.border_min_x, render_settings.border_max_x = 0.25, 0.75
     render_settings.border_min_y, render_settings.border_max_y = 0.25, 0.75
     assert (render(tmp_path / "part.exr") == whole[10:30, 15:45]).all()
-
-
-def test_a_volume_that_crosses_itself(addon, camera, rig_of, tmp_path):
-    """From 5.0 rays know which sheet is theirs; before, the panel says that they do not."""
-    flexible = addon("bridge.camera.flexible_camera")
-    flexible.clear_surfaces(camera)
-    # A loop: forward, up and back, and down through where it came from.
-    for place, turn in (((0, 0, 0), 0.0), ((0, 0, -30), 0.6), ((0, 22, 2), 2.4), ((0, -18, -14), 3.6)):
-        surface = flexible.add_surface(camera, "PLANE", parameters={"width": 3.0, "height": 2.0})
-        surface.location, surface.rotation_euler.x = place, turn
-    camera.scfpf.pixel_error = 0.3
-    bpy.context.view_layer.update()
-    switch(camera)
-    gated = bpy.app.version >= (5, 0, 0)
-    warned = [
-        c
-        for c in addon("cycles.cautions").cautions(bpy.context.scene, bpy.context.view_layer, rig_of())
-        if "crosses itself" in c
-    ]
-    assert bool(warned) != gated

@@ -42,6 +42,7 @@ def sheets_off(addon, camera):
     """Largest distance of the sheets' vertices from the volume, as a share of its size, where both exist."""
     rig = addon("cycles.rig_data").rig_of(bpy.context.scene)
     portals = rig.scfpf_rig.portals
+    addon("cycles.skipping.refresh").stop_skipping(rig)
     rig.hide_viewport = portals.hide_viewport = False
     bpy.context.view_layer.update()
     mesh = portals.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
@@ -52,16 +53,20 @@ def sheets_off(addon, camera):
         attribute.data.foreach_get({1: "value", 3: "vector"}[width], flat)
         return flat.reshape(-1, width).T.astype(np.float64)
 
-    there, number = values(mesh, "scfpf_position", 3), values(mesh, "scfpf_depth", 1)[0]
-    x, y, _ = values(portals.data, "position", 3)
-    (t, shift, far), (end, end_shift, _) = (values(mesh, f"scfpf_{name}", 3) for name in ("start", "end"))
-    t, shift = np.where(far > 0.5, end, t), np.where(far > 0.5, end_shift, shift)
+    # Breaks and the surround come first, then a sheet for each break.
+    x, y, number = values(portals.data, "position", 3)
+    x, y = (a[number < -2.5] for a in (x, y))
+    breaks, shifts = addon("cycles.rig_data").present_chords(rig)
+    number = np.repeat(np.arange(len(breaks)), len(x))
+    x, y = (np.tile(a, len(breaks)) for a in (x, y))
+    there = values(mesh, "position", 3)[:, -len(x) :]
+    t, shift = breaks[number], shifts[number]
     scene = bpy.context.scene.render
     projection = addon("bridge.camera.read_projection").read_projection(
         camera, bpy.context.evaluated_depsgraph_get(), scene.resolution_x / scene.resolution_y
     )
     places = addon("cycles.portals.sheets")
-    inside = (np.minimum(x, y) >= 0) & (np.maximum(x, y) <= 1) & (number >= 0)
+    inside = (np.minimum(x, y) >= 0) & (np.maximum(x, y) <= 1) & (number >= 1)
     if addon("projection.mappings.stack").is_disc(projection.reparameterisation, projection.aspect):
         x, y = places.disc_places(x, y, projection.aspect)
     image = projection.parameters(x, y)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from mathutils import Euler
 from rig_scenes import (
-    LOOP,
     VOLUMES,
     clear_scene,
     compose_passes,
@@ -52,8 +51,7 @@ def rig_of(addon):
 def test_cycles_sees_what_the_exact_caster_sees(addon, rig_of, tmp_path):
     """Presets and some volumes more, with every kind of projector that there is; the passes too."""
     far_off = {}
-    volumes = [name for name in VOLUMES if name != LOOP or bpy.app.version >= (5, 0, 0)]
-    for name in (*PRESETS, *volumes):
+    for name in (*PRESETS, *VOLUMES):
         clear_scene()
         camera = reference.add_camera(WIDTH, HEIGHT)
         camera.location, camera.rotation_euler = (0.4, -0.6, 0.3), Euler((1.4, 0.1, 0.5))

@@ -301,10 +301,10 @@ def test_the_cycles_section_tells_what_chords_cost_and_what_is_in_the_way(addon,
     # The price that is shown before is that of the rig.
     rig = addon("cycles.rig_data").rig_of(bpy.context.scene)
     there = addon("cycles.chord_planning").price_of_rig(rig)
-    assert known == there._replace(error=known.error)
+    assert 0 < there.passed < known.portals
+    assert known == there._replace(error=known.error, passed=0.0, vertices=known.vertices)
     assert there.error == pytest.approx(known.error, rel=1e-6)
-    assert not [line for line in before if line not in told]
-    assert ("operator", "render.render") in drawn(section)
+    assert ("operator", "scfpf.cycles_render") in drawn(section)
     assert ("operator", "scfpf.cycles_passes") in drawn(section)
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
     assert "works only in Cycles" in texts(drawn(section))

@@ -35,15 +35,22 @@ def tilted(y, z, turn):
     return "PLANE", matrix, {"width": 3.0, "height": 2.0}, None
 
 
-# Forward, up, back, and down through where it came from: only Blender 5.0's rays can tell the sheets apart.
-LOOP = "loop"
+def folded(depth):
+    """A grid whose columns go forth, back and forth again, so that rays to some meet others before."""
+    x, y = np.meshgrid(np.array([-3.0, -1.0, 1.0, 0.0, -1.0, 1.0, 3.0]), np.linspace(-2, 2, 5))
+    z = np.broadcast_to(np.array([0.0, 0.0, 0.0, 0.8, 1.6, 1.6, 1.6]), x.shape)
+    return "GRID", Matrix(), None, np.stack([x, y, z - depth], axis=-1)
+
+
 # Volumes made here, by basis and surfaces from near to far.
 VOLUMES = {
     "bent cubic": ("BEZIER", [(1, 0.7, 1), (3, 2, 6, 2.0), (5, 3, 14, -6.0, 0.6), (8, 5, 24, 4.0)]),
     "polyline": ("POLYLINE", [(1, 0.7, 1), (3, 2, 6, 2.0), (5, 3, 14, -4.0)]),
     "B-spline": ("B_SPLINE", [(1, 0.7, 1), (2, 1.4, 4), (4, 3, 9, 3.0), (5, 3, 15, -2.0), (8, 5, 24)]),
     "NURBS": ("NURBS", [(1, 0.7, 1), (3, 2, 6, 3.0), (5, 3, 14, -4.0, 0.4), (8, 5, 24, 2.0)]),
-    LOOP: ("BEZIER", [tilted(0, 0, 0.0), tilted(0, -30, 1.7), tilted(22, 2, 3.4), tilted(-18, -14, 5.1)]),
+    # Forward, up, back, and down through where it came from.
+    "loop": ("BEZIER", [tilted(0, 0, 0.0), tilted(0, -30, 1.7), tilted(22, 2, 3.4), tilted(-18, -14, 5.1)]),
+    "folded": ("POLYLINE", [(1, 0.7, 1), folded(6.0), (6, 4, 14)]),
     "grids": ("BEZIER", [(1, 0.7, 1), grid(-10.0, 3.0), grid(-20.0, 0.0)]),
 }
 

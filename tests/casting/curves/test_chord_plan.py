@@ -13,7 +13,21 @@ from scfpf_addon.cycles.chords.chord_plan import (
     chord_error,
     plan_chords,
 )
-from scfpf_addon.cycles.portals.sheets import crosses_itself, has_no_area, portals, vertex_count
+from scfpf_addon.cycles.portals.paths import faces_of
+from scfpf_addon.cycles.portals.sheets import (
+    FAR_SLOT,
+    JUMP_SLOT,
+    REPEATED,
+    SCREEN_SLOT,
+    SHEET_SLOT,
+    SURROUND_SLOT,
+    first_sheet,
+    grid,
+    has_no_area,
+    portals,
+    sheet_shape,
+    whole_vertices,
+)
 from scfpf_addon.projection.presets.preset import read_preset
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.inverse import invert
@@ -104,19 +118,50 @@ def test_sheets_cover_the_image_once(polar):
     breaks = np.linspace(0, 1, 4)
     cells = (ROUND_CELLS, ROUND_CELLS)
     arrays = portals(breaks, np.zeros(4), cells, SIZE, polar)
-    assert arrays.places.shape[1] == vertex_count(3, cells, polar)
-    triangles = arrays.triangles[~arrays.surround]
-    number = arrays.places[2][triangles]
-    assert (number == number[:, :1]).all()
+    rows, columns = sheet_shape(cells, polar)
+    assert arrays.places.shape[1] == first_sheet(3) + rows * columns
+    assert whole_vertices(3, cells, polar) == first_sheet(3) + 4 * rows * columns
+    triangles = arrays.triangles[arrays.slots != SURROUND_SLOT]
+    assert (arrays.places[2][triangles] == REPEATED).all()
     x, y = arrays.places[0][triangles], arrays.places[1][triangles]
     area = 0.5 * ((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0]))
     assert area.min() > -1e-12
     padded = (1 + 4 / SIZE[0]) * (1 + 4 / SIZE[1])
-    for sheet in range(4):
-        covered = area[number[:, 0] == sheet].sum()
-        assert covered == pytest.approx(np.pi / 4 if polar else padded, rel=1e-3)
-    ends = [np.unique(number[which[~arrays.surround]]).tolist() for which in (arrays.screen, arrays.far)]
-    assert ends == [[0], [3]]
+    assert area.sum() == pytest.approx(np.pi / 4 if polar else padded, rel=1e-3)
+
+
+@pytest.mark.parametrize("polar", [False, True])
+def test_sheets_whose_rays_skip_chords_have_the_faces_that_they_meet(polar):
+    """Each ray is followed from face to face by its cell, and travels the occupied chords in order."""
+    count, cells = 9, (5, 4)
+    rows, columns = (side - 1 for side in sheet_shape(cells, polar))
+    occupied = np.random.default_rng(2).random((count, rows, columns)) < 0.3
+    faces = faces_of(occupied, cells)
+    arrays = portals(np.linspace(0, 1, count + 1), np.zeros(count + 1), cells, SIZE, polar, faces)
+    own = (arrays.places[2][arrays.triangles] >= 0).all(axis=1)
+    triangles, slots = arrays.triangles[own], arrays.slots[own]
+    sheet, onward = arrays.places[2][triangles], arrays.onward[triangles]
+    assert (sheet == sheet[:, :1]).all() and (onward == onward[:, :1]).all()
+    x, y, plain = grid(cells, SIZE, polar)
+    # A face is known by the places of its corners.
+    known = {}
+    for face, slot, number in zip(triangles, slots, onward[:, 0], strict=True):
+        place = arrays.places[:2, face].T.round(9)
+        known[tuple(map(tuple, place)), int(arrays.places[2, face[0]])] = slot, int(number)
+    for cell in range(rows * columns):
+        wanted = np.flatnonzero(occupied[:, cell // columns, cell % columns])
+        for triangle in plain[2 * cell : 2 * cell + 2]:
+            corners = tuple(map(tuple, np.stack([x, y])[:, triangle].T.round(9)))
+            slot, chord = known[corners, 0]
+            travelled = []
+            assert slot == SCREEN_SLOT
+            while chord < count:
+                travelled.append(chord)
+                at = chord + 1
+                slot, chord = known[corners, at]
+                kind = SHEET_SLOT if chord == at else JUMP_SLOT
+                assert slot == (FAR_SLOT if at == count else kind)
+            assert travelled == wanted.tolist()
 
 
 def test_polar_images_have_round_sheets():
@@ -125,28 +170,11 @@ def test_polar_images_have_round_sheets():
     assert min(plan.cells) >= ROUND_CELLS
 
 
-def test_crossing_is_noticed():
-    def layers(height):
-        t = np.linspace(0, 1, 9)
-        turn = 1.6 * np.pi * t
-        loop = np.stack([0 * t, 5 * np.sin(turn), 5 * np.cos(turn) + height * t])
-        x, y = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))
-        return loop.T[:, :, None, None] + np.stack([x, y, 0 * x])[None]
-
-    assert not crosses_itself(layers(0.0)[:3], gated=False)
+def test_sheets_without_area_are_noticed():
     line = np.linspace(0, 10, 6)[:, None, None, None] * np.array([0, 0, 1.0])[None, :, None, None]
     x, y = np.meshgrid(np.linspace(-1, 1, 5), np.linspace(-1, 1, 5))
     forward = line + np.stack([x, y, 0 * x])[None]
-    assert not crosses_itself(forward, gated=False)
-    back = np.concatenate([forward, forward[1:3] - 1e-3])
-    # Sheets that know whose rays they turn are passed; a fold between one sheet and the next is not.
-    assert crosses_itself(back, gated=False)
-    assert not crosses_itself(back[:-1], gated=True)
-    folded = forward.copy()
-    columns = np.array([[-1.0, 0.5, 0.0, -0.5, 1.0], [8.0, 8.5, 9.0, 9.5, 10.0]])
-    folded[-1, 0], folded[-1, 2] = columns[:, None].repeat(5, axis=1)
-    assert crosses_itself(folded, gated=True)
-    assert not has_no_area(forward) and not has_no_area(folded)
+    assert not has_no_area(forward)
     lines = forward.copy()
     lines[0, 1] = 0.0
     assert not has_no_area(lines), "the screen is elsewhere"

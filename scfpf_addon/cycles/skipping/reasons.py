@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Why the rays of a rig may have to travel all chords, whatever the scene shows."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..chord_planning import may_move
+from ..hidden_surfaces import hidden_from_rigs
+from .stillness import moving
+
+
+def obstacle(rig) -> str:
+    """The reason, as a sentence without its end; empty if there is none."""
+    settings = rig.scfpf_rig
+    scene = settings.scene
+    if settings.animated or may_move(settings.camera):
+        return "The volume may change with the frame"
+    if any(other != scene and rig in other.collection.children_recursive for other in bpy.data.scenes):
+        return "Another scene renders through this rig, too"
+    if has_volume(scene.world):
+        return "The world is filled with a volume"
+    if mover := moving(scene, hidden_from_rigs()):
+        return f"'{mover}' may change with the frame"
+    if displaced := _displacing(scene):
+        return f"The displacement of '{displaced}' has no known bounds"
+    return ""
+
+
+def has_volume(world) -> bool:
+    """Whether a world is filled with a volume."""
+    return links(world, "OUTPUT_WORLD", "Volume")
+
+
+def _displacing(scene) -> str:
+    """The name of a material that displaces surfaces; empty if the file has none."""
+    overrides = [layer.material_override for layer in scene.view_layers]
+    for material in (*overrides, *bpy.data.materials):
+        moves_faces = material is not None and material.displacement_method != "BUMP"
+        if moves_faces and links(material, "OUTPUT_MATERIAL", "Displacement"):
+            return material.name
+    return ""
+
+
+def links(owner, output: str, socket: str) -> bool:
+    """Whether a datablock's nodes end in a linked socket of an output node."""
+    if owner is None or owner.node_tree is None:
+        return False
+    return any(node.type == output and node.inputs[socket].is_linked for node in owner.node_tree.nodes)

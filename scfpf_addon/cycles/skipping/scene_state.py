@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The state of a scene that empty chords were found for, to notice later that it has changed.
+
+Shapes are not part of it: the depsgraph reports their edits.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from ...bridge.blender.rig_mark import is_rig_part
+from ..hidden_surfaces import hidden_from_rigs
+from .reasons import obstacle
+
+
+def state_of(rig) -> tuple:
+    """A signature of what the scene of a rig shows to rays, and how."""
+    scene = rig.scfpf_rig.scene
+    hidden = hidden_from_rigs()
+    objects = tuple(_object_state(obj) for obj in scene.objects if obj not in hidden and not is_rig_part(obj))
+    layers = tuple(_layer_state(layer.layer_collection) for layer in scene.view_layers)
+    lamps = tuple(_lamp_state(lamp) for lamp in bpy.data.lights)
+    return obstacle(rig), objects, layers, lamps, scene.render.use_simplify
+
+
+def _object_state(obj) -> tuple:
+    place = tuple(value for row in obj.matrix_world for value in row)
+    own = tuple(value for row in obj.matrix_basis for value in row)
+    data = obj.data.session_uid if obj.data is not None else 0
+    points = len(getattr(obj.data, "vertices", ()))
+    return obj.session_uid, data, points, obj.hide_render, obj.visible_camera, place, own, len(obj.modifiers)
+
+
+def _layer_state(layer) -> tuple:
+    own = layer.exclude, layer.holdout, layer.collection.hide_render, len(layer.collection.objects)
+    return (*own, *(_layer_state(child) for child in layer.children))
+
+
+def _lamp_state(lamp) -> tuple:
+    return (
+        lamp.session_uid,
+        lamp.type,
+        *(getattr(lamp, name, 0.0) for name in ("size", "size_y", "shadow_soft_size")),
+    )
+
+
+def has_unwatched(scene, view_layer) -> bool:
+    """Whether renders show an object that the view layer's depsgraph does not evaluate."""
+    return any(
+        not obj.hide_render and not is_rig_part(obj) and not obj.visible_get(view_layer=view_layer)
+        for obj in scene.objects
+        if obj.type not in {"CAMERA", "EMPTY"}
+    )
+
+
+def shape_edits(depsgraph) -> bool:
+    """Whether the depsgraph reports an edit of a shape that rays may meet."""
+    hidden = hidden_from_rigs()
+    for update in depsgraph.updates:
+        if not update.is_updated_geometry or not isinstance(update.id, bpy.types.Object):
+            continue
+        obj = update.id.original
+        if obj.type != "CAMERA" and obj not in hidden and not is_rig_part(obj):
+            return True
+    return False

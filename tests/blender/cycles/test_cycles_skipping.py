@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays that skip empty chords, compared with rays that travel them all: every pixel sees the same."""
+
+import bpy
+import numpy as np
+import pytest
+from mathutils import Euler
+from rig_scenes import (
+    VOLUMES,
+    clear_scene,
+    fill_volume,
+    make_volume,
+    project,
+    reference,
+    render_passes,
+    switch,
+)
+
+WIDTH, HEIGHT = 72, 48
+PRESETS = (
+    "angular_fisheye",
+    "around_the_car",
+    "curved_convergence",
+    "deep_curvy_volume",
+    "house_of_stairs",
+    "mirror_ball",
+    "nonlinear_twist",
+    "occlusion_camera",
+    "perspective",
+    "sample_rate_lens",
+    "street_panorama_curved",
+)
+# Pixels that may differ: rounding decides which of two things that touch in a pixel its ray meets.
+ROUNDED = 2
+# Positions differ by the rounding of float32, as a share of the largest coordinate.
+PLACE = 1e-4
+
+
+@pytest.fixture
+def skipping(addon):
+    return addon("cycles.skipping.refresh")
+
+
+@pytest.fixture
+def rig_of(addon):
+    return lambda: addon("cycles.rig_data").rig_of(bpy.context.scene)
+
+
+def volume_scene(addon, name):
+    clear_scene()
+    camera = reference.add_camera(WIDTH, HEIGHT)
+    camera.location, camera.rotation_euler = (0.4, -0.6, 0.3), Euler((1.4, 0.1, 0.5))
+    make_volume(addon, camera, name)
+    camera.scfpf.pixel_error = 0.3
+    bpy.context.view_layer.update()
+    fill_volume(addon, camera)
+    return camera
+
+
+def thin_things(addon, camera, count=12):
+    """Needles along and across projectors, and pairs of sheets 1e-4 apart."""
+    generator = np.random.default_rng(11)
+    projection = project(addon, camera)
+    for number in range(count):
+        x, y = generator.uniform(0.05, 0.95, (2, 1))
+        ends = projection.projectors(*(np.repeat(a, 3) for a in (x, y)))
+        weights, _ = projection.volume.spans.weights(np.sort(generator.uniform(0.1, 0.9, 3)))
+        a, b, c = np.einsum("kn,kcn->nc", weights, ends.points)
+        if not np.isfinite([a, b, c]).all():
+            continue
+        off = generator.normal(size=3) * 1e-4 * np.linalg.norm(b - a)
+        needle = [a, b, b + off]
+        middle, side, up = c, b - a, np.cross(b - a, generator.normal(size=3))
+        side, up = (0.2 * v * np.linalg.norm(b - a) / max(np.linalg.norm(v), 1e-9) for v in (side, up))
+        sheets = [middle + s * side + t * up for s, t in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        normal = np.cross(side, up)
+        sheets += [point + 1e-4 * normal / max(np.linalg.norm(normal), 1e-9) for point in sheets]
+        mesh = bpy.data.meshes.new("Thin")
+        mesh.from_pydata([*needle, *sheets], [], [(0, 1, 2), (3, 4, 5, 6), (7, 8, 9, 10)])
+        thin = bpy.data.objects.new("Thin", mesh)
+        thin.pass_index = 100 + number
+        bpy.context.scene.collection.objects.link(thin)
+    bpy.context.view_layer.update()
+
+
+@pytest.mark.parametrize("name", [*PRESETS, *VOLUMES])
+def test_skipping_shows_what_all_chords_show(addon, skipping, rig_of, tmp_path, monkeypatch, name):
+    camera = volume_scene(addon, name)
+    thin_things(addon, camera)
+    assert switch(camera) == {"FINISHED"}
+    rig, data = rig_of(), addon("cycles.rig_data")
+    for group in bpy.data.node_groups:
+        group.use_fake_user = True
+    assert skipping.skips(rig), rig.scfpf_rig.travels_all
+    some = render_passes(tmp_path / "some")
+    assert skipping.skips(rig)
+    mesh = rig.scfpf_rig.portals.data
+    faces = len(mesh.polygons)
+    # Whole sheets with the same cells.
+    plans = addon("cycles.chords.chord_plan")
+    breaks, shifts = data.present_chords(rig)
+    cells = addon("cycles.skipping.skip_chords").fine_cells(tuple(rig.scfpf_rig.cells), (WIDTH, HEIGHT))
+    polar = rig.scfpf_rig.sheet_vertices == np.prod(np.array(rig.scfpf_rig.cells) + 1)
+    data.write_sheets(rig, plans.ChordPlan(breaks, shifts, cells, 0.0, 0.0, bool(polar)))
+    monkeypatch.setattr(addon("cycles.rig"), "renew", lambda *_: None)
+    every = render_passes(tmp_path / "every")
+    assert not skipping.skips(rig)
+    other = some["Object Index"] != every["Object Index"]
+    off = np.linalg.norm(some["Position"] - every["Position"], axis=2)
+    moved = off > PLACE * np.abs(every["Position"]).max()
+    print(name, len(breaks) - 1, faces, other.sum(), moved.sum(), off.max())
+    assert (every["Object Index"] > 0).mean() > 0.02
+    assert other.sum() <= ROUNDED and moved.sum() <= ROUNDED
