@@ -1,161 +1,149 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cost of the Cycles rig by its number of chords, as ratios to an ordinary camera with the same samples.
+"""Cost of the Cycles rig on the demo's street, as ratios to an ordinary camera, with their goals.
 
-    python3 dev.py bench --cycles [--json FILE] [--quick]
+    python3 dev.py bench --cycles [--json FILE] [--quick] [--only PRESET]
 
-The same perspective volume is cut into 1, 8, 16 and 32 chords, so that all images are alike. Times are
-processor seconds of Cycles' sampling on the CPU: of a whole render less those of one with a single sample,
-after one that warms up. Cameras take turns; a ratio is the median of those of all rounds.
+For each preset: the time of a path (the slope between two numbers of samples), of the first sample, and of
+switching the rig on; the portals that a ray passes, and the sheets' memory. Times are processor seconds. The
+ordinary camera is rendered before and after each preset, with the same settings.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
 from pathlib import Path
-from statistics import median
 from time import process_time
 
 import bpy
-import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.document import check_files
+from demo.render_demo import SHOTS, Shot, build_street, place_camera
+from demo.render_thumbnails import OWN, USUAL
 from scfpf_addon import bridge
-from scfpf_addon.bridge.camera.flexible_camera import volume_from_camera
+from scfpf_addon.bridge.camera.flexible_camera import apply_preset
 from scfpf_addon.bridge.render.type_registration import register_types
-from scfpf_addon.cycles import rig_properties
-from scfpf_addon.cycles.chords.chord_plan import ChordPlan
-from scfpf_addon.cycles.rig_data import make_rig, write_sheets
+from scfpf_addon.cycles import rig, rig_properties
+from scfpf_addon.cycles.chord_planning import BYTES_PER_VERTEX
+from scfpf_addon.projection.presets.preset import load_preset
 
-CHORDS = (1, 8, 16, 32)
-# Cells of a sheet across and up, as curved volumes need them.
-CELLS = (64, 64)
-# The goals on the heavy scene, by number of chords.
-GOALS = {1: 1.2, 16: 3.0}
-SIZE, RUNS = (160, 90), 5
-# Samples a pixel, by scene: plain cameras take some seconds.
-SAMPLES = {"light": 64, "heavy": 8}
-
-
-def add_material(name: str, **inputs):
-    """A Principled material."""
-    material = bpy.data.materials.new(name)
-    if material.node_tree is None:
-        material.use_nodes = True
-    node = material.node_tree.nodes["Principled BSDF"]
-    for key, value in inputs.items():
-        node.inputs[key.replace("_", " ")].default_value = value
-    return material
+PRESETS = Path(__file__).parents[1] / "presets"
+# The most that a path may take, as a multiple of an ordinary camera's.
+GOALS = {
+    "around_the_car": 3.0,
+    "nonlinear_twist": 2.0,
+    "deep_curvy_volume": 3.0,
+    "house_of_stairs": 3.0,
+    "curved_convergence": 3.0,
+    "occlusion_camera": 3.0,
+    "street_panorama_curved": 3.0,
+    "perspective": 1.2,
+    "cylindrical_panorama": 1.2,
+}
+# The same for the first sample; seconds of switching on; megabytes of the sheets.
+FIRST_GOAL, ON_GOAL, MEMORY_GOAL = 1.5, 2.0, 100.0
+# Images are this share of their size. Samples of the two renders whose difference counts.
+PERCENTAGE, SAMPLES = 30, (4, 16)
 
 
-def light_scene() -> None:
-    """A few diffuse objects under the sky: two bounces or so."""
-    bpy.ops.mesh.primitive_plane_add(size=60, location=(0, 0, -2))
-    for place in ((-1.5, 6, -0.5), (1.2, 7, -0.3), (0, 5, -1.2)):
-        bpy.ops.mesh.primitive_uv_sphere_add(location=place)
-
-
-def heavy_scene() -> None:
-    """A room of subdivided, glossy and glass things with lamps: many bounces, a million triangles."""
-    bpy.ops.mesh.primitive_cube_add(size=24, location=(0, 10, 6))
-    kinds = (
-        add_material("Glass", Transmission_Weight=1.0, Roughness=0.05),
-        add_material("Metal", Metallic=1.0, Roughness=0.2),
-        add_material("Paint", Base_Color=(0.8, 0.3, 0.1, 1), Coat_Weight=1.0),
-    )
-    generator = np.random.default_rng(3)
-    for number in range(48):
-        bpy.ops.mesh.primitive_torus_add(major_segments=150, minor_segments=70)
-        thing = bpy.context.object
-        thing.location = generator.uniform((-6, 3, -4), (6, 18, 5))
-        thing.rotation_euler = generator.uniform(-math.pi, math.pi, 3)
-        thing.data.materials.append(kinds[number % 3])
-    for _ in range(12):
-        lamp = bpy.data.lights.new("Lamp", "AREA")
-        lamp.energy = 200
-        placed = bpy.data.objects.new("Lamp", lamp)
-        placed.location = generator.uniform((-6, 2, 6), (6, 18, 10))
-        bpy.context.scene.collection.objects.link(placed)
-
-
-SCENES = {"light": light_scene, "heavy": heavy_scene}
-
-
-def new_scene(build):
-    """A file with a scene and a flexible camera that sees as an ordinary one does."""
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+def add_camera(name: str, shot: Shot):
+    """A camera of the scene at a shot's place."""
     scene = bpy.context.scene
-    build()
-    world = scene.world = bpy.data.worlds.new("World")
-    if world.node_tree is None:
-        world.use_nodes = True
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.lens, camera.data.clip_start, camera.data.clip_end = 30.0, 0.5, 60.0
-    camera.rotation_euler.x = math.pi / 2 - 0.1
+    camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    place_camera(camera, shot)
     scene.collection.objects.link(camera)
-    scene.camera = camera
-    render = scene.render
-    render.engine, (render.resolution_x, render.resolution_y) = "CYCLES", SIZE
-    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-    bpy.context.view_layer.update()
-    volume_from_camera(camera, scene)
+    camera.data.lens = 24.0
     return camera
 
 
-def even_chords(count: int) -> ChordPlan:
-    """A plan of so many chords, whatever the volume asks for."""
-    breaks = np.linspace(0.0, 1.0, count + 1)
-    return ChordPlan(breaks, np.zeros(count + 1), CELLS, 0.0, 0.0)
+def set_up() -> None:
+    """The street, with settings of Cycles under which samples cost alike."""
+    scene = build_street()
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_percentage = PERCENTAGE
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
 
 
-def rendering_time(samples: int) -> float:
-    """Processor seconds of a render, less those of one with a single sample: Cycles' sampling alone."""
-    scene, times = bpy.context.scene, []
-    scene.render.filepath = str(Path(bpy.app.tempdir, "portals.png"))
-    for number in (1, 1 + samples):
-        scene.cycles.samples = number
-        started = process_time()
-        # An image that is not written may not be rendered.
-        bpy.ops.render.render(write_still=True)
-        times.append(process_time() - started)
-    return times[1] - times[0]
-
-
-def measure(name: str, runs: int) -> dict[int, float]:
-    """Ratios to an ordinary camera by number of chords."""
-    camera = new_scene(SCENES[name])
+def seconds(samples: int) -> float:
+    """Processor seconds of a render."""
     scene = bpy.context.scene
-    rig = make_rig(scene, camera, even_chords(CHORDS[-1]))
-    ratios: dict[int, list[float]] = {count: [] for count in CHORDS}
-    rendering_time(1)
+    scene.cycles.samples = samples
+    scene.render.filepath = str(Path(bpy.app.tempdir, "portals.png"))
+    started = process_time()
+    # An image that is not written may not be rendered.
+    bpy.ops.render.render(write_still=True)
+    return process_time() - started
+
+
+def figures(size: tuple[int, int], runs: int) -> tuple[float, float]:
+    """Processor microseconds of a path, and seconds of the first sample; the least of some runs."""
+    render = bpy.context.scene.render
+    render.resolution_x, render.resolution_y = size
+    pixels = size[0] * size[1] * (PERCENTAGE / 100) ** 2
+    paths, firsts = [], []
     for _ in range(runs):
-        scene.camera = camera
-        plain = rendering_time(SAMPLES[name])
-        scene.camera = rig.scfpf_rig.view_camera
-        for count in CHORDS:
-            write_sheets(rig, even_chords(count))
-            ratios[count].append(rendering_time(SAMPLES[name]) / plain)
-    return {count: median(found) for count, found in ratios.items()}
+        few, many = (seconds(samples) for samples in SAMPLES)
+        paths.append((many - few) / (pixels * (SAMPLES[1] - SAMPLES[0])) * 1e6)
+        firsts.append(seconds(1))
+    return min(paths), min(firsts)
+
+
+def measure(stem: str, ordinary, runs: int) -> dict[str, float]:
+    """The ratios of a preset."""
+    scene, shot = bpy.context.scene, SHOTS.get(stem) or OWN.get(stem, USUAL)
+    scene.camera = ordinary
+    before = figures(shot.size, runs)
+    camera = add_camera(stem, shot)
+    scene.camera = camera
+    preset = load_preset((PRESETS / f"{stem}.json").read_text(encoding="utf-8"))
+    apply_preset(camera, preset, shot.size[0] / shot.size[1], shot.scale)
+    bpy.context.view_layer.update()
+    started = process_time()
+    made = rig.switch_on(bpy.context, camera)
+    on = process_time() - started
+    path, first = figures(shot.size, runs)
+    settings = made.scfpf_rig
+    found = {"chords": settings.chords, "passed": settings.passed, "on": on}
+    found["memory"] = len(settings.portals.data.vertices) * BYTES_PER_VERTEX / 1e6
+    rig.switch_off(made)
+    bpy.data.objects.remove(camera)
+    scene.camera = ordinary
+    after = figures(shot.size, runs)
+    found["path"] = 2.0 * path / (before[0] + after[0])
+    found["first"] = 2.0 * first / (before[1] + after[1])
+    return found
+
+
+def line(stem: str, found: dict[str, float]) -> str:
+    """A preset's ratios with their goals, as text."""
+    goal = GOALS[stem]
+    return (
+        f"{stem}: path {found['path']:.2f} × (goal {goal:g}), first sample {found['first']:.2f} × "
+        f"(goal {FIRST_GOAL:g}), on in {found['on']:.1f} s (goal {ON_GOAL:g}), {found['memory']:.0f} MB "
+        f"(goal {MEMORY_GOAL:g}), {found['passed']:.1f} portals for {found['chords']:.0f} chords"
+    )
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures there too")
     parser.add_argument("--quick", action="store_true", help="one run each")
+    parser.add_argument("--only", choices=sorted(GOALS), metavar="PRESET", help="one preset")
     options = parser.parse_args()
     check_files(parser, written=options.json)
     register_types((*bridge.TYPES, rig_properties))
     bridge.register()
+    set_up()
+    ordinary = add_camera("Ordinary", SHOTS["perspective"])
+    bpy.context.scene.camera = ordinary
+    seconds(1)
     results = {}
-    for name in SCENES:
-        results[name] = measure(name, 1 if options.quick else RUNS)
-        for count, ratio in results[name].items():
-            goal = f"  (goal {GOALS[count]})" if name == "heavy" and count in GOALS else ""
-            print(f"{name} scene, {count:2} chords: {ratio:5.2f} × an ordinary camera{goal}", flush=True)
+    for stem in [options.only] if options.only else GOALS:
+        results[stem] = measure(stem, ordinary, 1 if options.quick else 3)
+        print(line(stem, results[stem]), flush=True)
     if options.json:
         options.json.write_text(json.dumps(results, indent=1), encoding="utf-8")
 
