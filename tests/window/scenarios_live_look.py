@@ -299,8 +299,9 @@ def live_beside_solid(driver):
     driver.add_camera()
     camera, overlay = bpy.context.scene.camera, space.overlay
     space.region_3d.view_perspective = "CAMERA"
-    shots = {}
-    for name, shown in (("surfaces", False), ("outlines", True)):
+    shots, kinds = {}, {"texture": "TEXTURE", "attribute": "VERTEX"}
+    for name, shown in (("texture", False), ("attribute", False), ("surfaces", False), ("outlines", True)):
+        space.shading.color_type = kinds.get(name, "MATERIAL")
         overlay.show_overlays = shown
         overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_extras = False
         overlay.show_cursor = overlay.show_text = overlay.show_object_origins = False
@@ -312,18 +313,17 @@ def live_beside_solid(driver):
             yield from settled() if live else iter([2 * DRAW])
             shots[name, live] = framed(driver.region_pixels())
             driver.shot(f"{name}-{'live' if live else 'solid'}")
-    ours, theirs = shots["surfaces", True], shots["surfaces", False]
-    difference = np.abs(ours - theirs).max(axis=2)
-    print(f"beside: median {np.median(difference):.1f}, 90 % {np.percentile(difference, 90):.1f} of 255")
-    assert np.percentile(difference, 90) <= 3
+    for name in ("texture", "attribute", "surfaces"):
+        difference = np.abs(shots[name, True] - shots[name, False]).max(axis=2)
+        print(f"{name}: median {np.median(difference):.1f}, 90 % {np.percentile(difference, 90):.1f} of 255")
+        assert np.percentile(difference, 90) <= 3, name
     theme = bpy.context.preferences.themes[0].view_3d
     for color in (theme.object_selected, theme.object_active):
         own, other = (close_to(shots["outlines", live], color) for live in (True, False))
         # Blender's lines are smooth, so that fewer of their pixels have the full colour.
-        near = other.copy()
+        near = other
         for axis in (0, 1):
-            for step in (-2, -1, 1, 2):
-                near |= np.roll(other, step, axis)
+            near = np.any([np.roll(near, step, axis) for step in range(-2, 3)], axis=0)
         print(f"outline: {own.sum()} and {other.sum()} pixels, {(own & near).sum() / own.sum():.2f} together")
         assert other.sum() > 100 and other.sum() < 3 * own.sum() < 12 * other.sum()
         assert (own & near).sum() > 0.9 * own.sum()

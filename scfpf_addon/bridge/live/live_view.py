@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from weakref import WeakValueDictionary
 
 import bpy
@@ -153,7 +154,8 @@ def read_scene(
     source.attributes = Attributes(*(a or b for a, b in zip(wanted, source.attributes, strict=True)))
     placements = source.objects.read(depsgraph, space, source.attributes)
     shown = camera.evaluated_get(depsgraph)
-    return placements, source.looks.read(source.objects, shading, overlay, depsgraph, shown, area, width)
+    look = source.looks.read(source.objects, shading, overlay, depsgraph, shown, area, width)
+    return placements, replace(look, is_overlay=space is not None)
 
 
 def shown_window(frame: Rectangle, region) -> tuple[LiveWindow, Rectangle] | None:

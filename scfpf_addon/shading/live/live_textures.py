@@ -76,23 +76,22 @@ class LiveTextures:
         smooth = self.is_smooth[image]
         x = u * width - np.where(smooth, np.float32(0.5), 0)
         y = v * height - np.where(smooth, np.float32(0.5), 0)
-        column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-        across, upward = np.where(smooth, x - column, 0), np.where(smooth, y - row, 0)
-        place = self.first[image, level], width, height, self.extension[image]
-        low = _mixed(self._texels(place, column, row), self._texels(place, column + 1, row), across)
-        high = _mixed(self._texels(place, column, row + 1), self._texels(place, column + 1, row + 1), across)
-        return _mixed(low, high, upward).T.astype(np.float32, copy=False)
-
-    def _texels(self, place: tuple[IndexArray, ...], column: IndexArray, row: IndexArray) -> Single:
-        """The texels (n, 4) of n copies; those beyond the border by each image's extension."""
-        first, width, height, extension = place
-        column, outside_column = _inside(column, width, extension)
-        row, outside_row = _inside(row, height, extension)
-        values: Single = self.texels.take(first + row * width + column, axis=0)
-        outside = (outside_column | outside_row) & (extension == EXTENSIONS.index("CLIP"))
-        if outside.any():
-            values[outside] = 0
-        return values
+        left, low = np.floor(x), np.floor(y)
+        across, upward = np.where(smooth, x - left, 0), np.where(smooth, y - low, 0)
+        extension, is_clip = self.extension[image], EXTENSIONS.index("CLIP")
+        columns = [_inside(left.astype(np.int64) + step, width, extension) for step in (0, 1)]
+        rows = [_inside(low.astype(np.int64) + step, height, extension) for step in (0, 1)]
+        first, mixed = self.first[image, level], []
+        for row, outside_row in rows:
+            start, pair = first + row * width, []
+            for column, outside in columns:
+                texels: Single = self.texels.take(start + column, axis=0)
+                cut = (outside | outside_row) & (extension == is_clip)
+                if cut.any():
+                    texels[cut] = 0
+                pair.append(texels)
+            mixed.append(_mixed(pair[0], pair[1], across))
+        return _mixed(mixed[0], mixed[1], upward).T.astype(np.float32, copy=False)
 
 
 def _inside(index: IndexArray, size: IndexArray, extension: IndexArray) -> tuple[IndexArray, BoolArray]:

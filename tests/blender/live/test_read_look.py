@@ -2,6 +2,7 @@
 """Looks read from Blender: lights, colours, images, backgrounds and selection, as Blender has them."""
 
 import math
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -143,6 +144,33 @@ def test_images_are_those_of_active_texture_nodes_at_reduced_size(shown):
     mean = pixels.reshape(4, 4, 1024, 4, 4).mean(axis=(1, 3))[..., :3]
     linear = np.where(mean <= 0.04045, mean / 12.92, ((mean + 0.055) / 1.055) ** 2.4)
     assert np.abs(textures.texels[: 4 * 1024, :3].reshape(4, 1024, 3) - linear).max() < 0.01
+
+
+def test_material_preview_shows_base_colours_and_their_images(addon):
+    """Nodes decide: the base colour of a Principled BSDF, or the image behind it; else Viewport Display."""
+    by_image, _, node = textured("by image", 8, 8, active=False)
+    principled = by_image.node_tree.nodes["Principled BSDF"]
+    by_image.node_tree.links.new(node.outputs["Color"], principled.inputs["Base Color"])
+    constant = material("constant", (0.9, 0.9, 0.9, 1.0))
+    constant.use_nodes = True
+    principled = constant.node_tree.nodes["Principled BSDF"]
+    principled.inputs["Base Color"].default_value = (0.1, 0.2, 0.3, 1.0)
+    principled.inputs["Roughness"].default_value = 0.25
+    first, second = cube("first", by_image), cube("second", constant)
+    objects, reader = (
+        addon("bridge.live.live_objects").LiveObjects(),
+        addon("bridge.live.read_look").LookReader(),
+    )
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    preview = SimpleNamespace(type="MATERIAL", show_specular_highlight=True)
+    assert addon("bridge.live.read_look").wanted_attributes(preview) == (True, False)
+    objects.read(depsgraph)
+    look = reader.read(objects, preview, None, depsgraph)
+    surfaces = look.surfaces
+    assert surfaces.image[[row(objects, first), row(objects, second)]].tolist() == [0, -1]
+    assert np.allclose(surfaces.color[:, row(objects, second)], (0.1, 0.2, 0.3), atol=CLOSE)
+    assert surfaces.roughness[row(objects, second)] == 0.25
+    assert look.wants_uv and look.light.direction.shape[1] > 0
 
 
 def test_an_image_is_read_once_and_again_if_it_changes(shown, addon, monkeypatch):

@@ -233,6 +233,14 @@ def test_display_values_are_those_of_srgb():
     assert np.abs(displayed(linear.copy()) - srgb(linear)).max() < CLOSE
 
 
+def test_overlays_have_display_values_on_the_screen():
+    """Blender decodes an overlay as sRGB and encodes it by a power of 1/2.2."""
+    linear = np.linspace(0, 1, 100_001).astype(np.float32)
+    drawn = displayed(linear.copy(), is_overlay=True).astype(float)
+    decoded = np.where(drawn <= 0.04045, drawn / 12.92, ((drawn + 0.055) / 1.055) ** 2.4)
+    assert np.abs(decoded ** (1 / 2.2) - srgb(linear)).max() < CLOSE
+
+
 def test_flat_colours_come_from_rows_attributes_and_images():
     x, _ = image_places(SIZE, SIZE)
     row = np.digitize(x, [-0.5, 0.0, 0.5])
