@@ -60,7 +60,7 @@ def draw_caster_fault(layout) -> None:
         column = layout.column(align=True)
         column.alert = True
         draw_text(column, f"Rendering is off: {fault}", "ERROR")
-        draw_text(column, "Editing, the live preview and Cycles work without it.", "BLANK1")
+        draw_text(column, "Editing, Nodes and Cycles work without it.", "BLANK1")
 
 
 def draw_report(layout, text: str) -> None:

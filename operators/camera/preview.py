@@ -15,7 +15,7 @@ from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
 
 FLAT = (
-    "The live preview cannot show this volume, which is flat: all its projectors lie in one surface. "
+    "The nodes preview cannot show this volume, which is flat: all its projectors lie in one surface. "
     "Press Render instead"
 )
 
@@ -65,7 +65,7 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
                 self.report({"WARNING"}, FLAT)
         if bpy.app.background:
             self.report(
-                {"INFO"}, "The live preview is ready: open the file in a Blender with a window to see it"
+                {"INFO"}, "The nodes preview is ready: open the file in a Blender with a window to see it"
             )
         return {"FINISHED"}
 
@@ -85,7 +85,7 @@ class SCFPF_OT_preview_show(Action, bpy.types.Operator):
             cls.poll_message_set("The camera has no nodes preview: press Nodes first")
             return False
         if viewports_of(source):
-            cls.poll_message_set("A viewport already shows the live preview")
+            cls.poll_message_set("A viewport already shows the nodes preview")
             return False
         return True
 

@@ -2,6 +2,7 @@
 """Work in a viewport that shows a flexible camera's image: clicks, drags, and the buttons of the panel."""
 
 import itertools
+import pathlib
 
 import bpy
 import numpy as np
@@ -193,6 +194,34 @@ def drags_are_blenders(driver):
         preferences.select_mouse = "LEFT"
 
 
+def set_keymap(name):
+    """Choose one of Blender's configurations of keys."""
+    folders = (pathlib.Path(folder) for folder in bpy.utils.preset_paths("keyconfig"))
+    path = next(folder / f"{name}.py" for folder in folders if (folder / f"{name}.py").is_file())
+    bpy.utils.keyconfig_set(str(path))
+
+
+def other_keymaps_select_alike(driver):
+    """Industry Compatible, and 2.7X with its right button, which keeps the selection where nothing is."""
+    yield from prepare(driver)
+    try:
+        for name, button, kept in (
+            ("Industry_Compatible", "LEFTMOUSE", set()),
+            ("Blender_27x", "RIGHTMOUSE", {"Left", "Back"}),
+        ):
+            set_keymap(name)
+            yield DRAW
+            select_only()
+            yield from click(driver, SHOWN_AT["Left"], 0.5, button)
+            assert selected() == {"Left"}, f"{name}: {selected()}"
+            yield from click(driver, SHOWN_AT["Back"], 0.5, button, shift=True)
+            assert (selected(), active()) == ({"Left", "Back"}, "Back"), f"{name}: {selected()}"
+            yield from click(driver, *EMPTY, button)
+            assert selected() == kept, f"{name}: {selected()}"
+    finally:
+        set_keymap("Blender")
+
+
 def sidebar(driver):
     return driver.region_pixels("VIEW_3D", "UI")
 
@@ -275,6 +304,7 @@ SCENARIOS = (
     click_selects_what_is_seen,
     clicks_elsewhere_are_blenders,
     drags_are_blenders,
+    other_keymaps_select_alike,
     buttons_show_what_is_on,
     a_drag_is_seen,
 )

@@ -98,7 +98,7 @@ def _check_surfaces(camera) -> None:
     surfaces = [slot.object for slot in camera.scfpf.surfaces]
     if any(surface is not None and surface.scfpf_surface.kind == LATTICE_KIND for surface in surfaces):
         raise PreviewError(
-            f"'{camera.name}' holds a lattice, which the live preview cannot follow: render it with SCFPF"
+            f"'{camera.name}' holds a lattice, which the nodes preview cannot follow: render it with SCFPF"
         )
     if len(surfaces) < 2 or None in surfaces:
         raise PreviewError(f"'{camera.name}' needs at least two control surfaces before it can be previewed")
