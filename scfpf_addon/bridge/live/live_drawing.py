@@ -3,19 +3,17 @@
 
 from __future__ import annotations
 
-import blf
 import bpy
 import gpu
-import numpy as np
 from bpy.app.handlers import persistent
-from gpu_extras.presets import draw_texture_2d
-from mathutils import Matrix
 
 from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
-from ..render.render_errors import RENDER_ERRORS, reason
+from ..render.render_errors import failure_message
 from ..render.render_viewport import camera_rectangle, viewport_eye
 from ..render.view_painter import Rectangle
+from .live_painter import LiveImage
 from .live_view import LiveView, shown_window, sources
+from .region_drawing import draw_image, draw_text, image_texture, pixel_space
 from .surface_wires import draw_wires
 
 # Shadings of a viewport over which live images are drawn.
@@ -24,8 +22,8 @@ SHADINGS = {"SOLID", "MATERIAL"}
 PATIENCE = 0.09
 # Seconds between two checks for finer images.
 TICK = 0.03
-# The text of a message: its size in points, and its place from the frame's left bottom corner.
-TEXT_SIZE, TEXT_MARGIN = 12, 12
+# The text while there is no image yet.
+BUILDING = "Building the scene of Live View"
 # Objects of these types are not in an image: their edits change the view at most.
 NO_FACES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER", "EMPTY", "ARMATURE", "LATTICE"}
 
@@ -65,36 +63,37 @@ class _Viewport:
             if self.view.request(depsgraph, camera, frame, *shown, space, eye):
                 painter.wait(PATIENCE)
             self.message = painter.message
-        except RENDER_ERRORS as error:
-            self.message = reason(error)
+        except Exception as error:  # Blender would print a traceback at each drawing.
+            self.message = failure_message(error)
             self._rectangle = self._rectangle if frame is None else frame
         if self.is_late:
             self._drawn = painter.number
             self._take(painter.image)
 
-    def _take(self, image) -> None:
-        if image is None:
-            self._texture = None
-            return
-        height, width = image.pixels.shape[:2]
-        pixels = gpu.types.Buffer("FLOAT", width * height * 4, np.ravel(image.pixels))
-        self._texture = gpu.types.GPUTexture((width, height), format="RGBA16F", data=pixels)
-        self._rectangle = image.rectangle
+    def _take(self, image: LiveImage | None) -> None:
+        self._texture = None if image is None else image_texture(image.pixels)
+        self._rectangle = self._rectangle if image is None else image.rectangle
 
     def draw(self, context) -> None:
-        """Draw the image, or the message, with pixels of the region as units."""
-        left, bottom, width, height = self._rectangle
-        with gpu.matrix.push_pop(), gpu.matrix.push_pop_projection():
-            gpu.matrix.load_matrix(Matrix())
-            gpu.matrix.load_projection_matrix(_pixels(context.region))
-            if self._texture is not None and not self.message:
-                gpu.state.blend_set("ALPHA_PREMULT")
-                draw_texture_2d(self._texture, (left, bottom), width, height)
-            elif self.message:
-                _draw_text(
-                    self.message, max(left, 0.0), max(bottom, 0.0), context.preferences.system.ui_scale
-                )
-        gpu.state.blend_set("NONE")
+        """Draw the image, or the message."""
+        message = self.message
+        if self._texture is None and self.view.painter.busy:
+            message = message or BUILDING
+        with pixel_space(context.region):
+            if message:
+                draw_text(message, self._rectangle, context.preferences.system.ui_scale)
+            elif self._texture is not None:
+                draw_image(self._texture, self._rectangle)
+
+    def draw_wires(self, context, camera, depsgraph) -> None:
+        """Draw the wires of the surfaces that are selected or edited, with the matrices that are set."""
+        preferences = context.preferences
+        try:
+            draw_wires(
+                camera, depsgraph, context.space_data, preferences.themes[0], preferences.system.pixel_size
+            )
+        except Exception as error:  # as above
+            self.message = failure_message(error)
 
 
 # By the address of their regions, which are numbers here.
@@ -115,6 +114,8 @@ def live_camera(context):
 def draw_viewport() -> None:
     """The draw handler: the live image of the viewport that is being drawn."""
     context = bpy.context
+    if context.region is None or context.space_data is None:
+        return
     camera, address = live_camera(context), context.region.as_pointer()
     if camera is None:
         if address in _viewports:
@@ -129,29 +130,10 @@ def draw_viewport() -> None:
     gpu.state.depth_test_set("NONE")
     gpu.state.depth_mask_set(False)
     viewport.draw(context)
-    preferences = context.preferences
-    draw_wires(camera, depsgraph, context.space_data, preferences.themes[0], preferences.system.pixel_size)
+    viewport.draw_wires(context, camera, depsgraph)
     gpu.state.depth_mask_set(True)
     if (viewport.view.painter.busy or viewport.is_waiting) and not bpy.app.timers.is_registered(_tick):
         bpy.app.timers.register(_tick, first_interval=TICK)
-
-
-def _pixels(region) -> Matrix:
-    """The projection matrix whose units are a region's pixels."""
-    matrix = Matrix.Diagonal((2.0 / region.width, 2.0 / region.height, 1.0, 1.0))
-    matrix[0][3] = matrix[1][3] = -1.0
-    return matrix
-
-
-def _draw_text(text: str, left: float, bottom: float, scale: float) -> None:
-    font = 0
-    blf.size(font, TEXT_SIZE * scale)
-    blf.color(font, 1.0, 1.0, 1.0, 1.0)
-    blf.enable(font, blf.SHADOW)
-    blf.shadow(font, 3, 0.0, 0.0, 0.0, 0.8)
-    blf.position(font, left + TEXT_MARGIN * scale, bottom + TEXT_MARGIN * scale, 0.0)
-    blf.draw(font, text)
-    blf.disable(font, blf.SHADOW)
 
 
 def _regions() -> dict[int, bpy.types.Area]:
@@ -175,9 +157,10 @@ def _remove_closed() -> None:
 
 def _tick() -> float | None:
     """Redraw viewports that have a finer image; threads must not do so themselves."""
+    _remove_closed()
     areas = _regions()
     for address, viewport in _viewports.items():
-        if (viewport.is_late or viewport.is_waiting) and address in areas:
+        if viewport.is_late or viewport.is_waiting:
             areas[address].tag_redraw()
     return TICK if any(one.view.painter.busy or one.is_waiting for one in _viewports.values()) else None
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from weakref import WeakValueDictionary
 
@@ -15,7 +16,6 @@ from ...shading.typing import Single
 from ..camera.stereo_views import Eye
 from ..render.image_size import shown_aspect
 from ..render.render_inputs import read_view
-from ..render.render_viewport import visible_border
 from ..render.view_painter import Rectangle
 from .kept_scene import KeptScene
 from .live_objects import Attributes, LiveObjects, Placements
@@ -159,19 +159,19 @@ def read_scene(
 
 
 def shown_window(frame: Rectangle, region) -> tuple[LiveWindow, Rectangle] | None:
-    """The part of a camera's frame that a region shows, in its pixels, and where; None if it shows none."""
-    size = max(round(frame.width), SMALLEST), max(round(frame.height), SMALLEST)
-    border = visible_border(frame, size, region)
-    if border is None:
-        return None
-    left, right = border.left / size[0], border.right / size[0]
-    bottom, top = border.bottom / size[1], border.top / size[1]
-    width, height = border.right - border.left, border.top - border.bottom
-    window = LiveWindow(left, bottom, right, top, max(width, SMALLEST), max(height, SMALLEST))
-    place = Rectangle(
-        frame.left + left * frame.width,
-        frame.bottom + bottom * frame.height,
-        (right - left) * frame.width,
-        (top - bottom) * frame.height,
-    )
-    return window, place
+    """The part of a camera's frame that a region shows, and where; None if it shows none.
+
+    Its pixels are those of the region whose middles are in the frame.
+    """
+    sides = []
+    for start, length, size in (
+        (frame.left, frame.width, region.width),
+        (frame.bottom, frame.height, region.height),
+    ):
+        first, last = max(math.ceil(start - 0.5), 0), min(math.floor(start + length + 0.5), size)
+        if last - first < SMALLEST:
+            return None
+        sides.append((first, last, (first - start) / length, (last - start) / length))
+    (left, right, *across), (bottom, top, *up) = sides
+    window = LiveWindow(across[0], up[0], across[1], up[1], right - left, top - bottom)
+    return window, Rectangle(left, bottom, right - left, top - bottom)

@@ -205,8 +205,16 @@ def test_the_part_of_a_frame_that_is_shown(addon):
     # Zoomed in: the region shows pixels 100 to 500 and 50 to 350 of 800 × 600.
     window, place = shown_window(rectangle(-100.0, -50.0, 800.0, 600.0), region)
     assert tuple(window) == pytest.approx((100 / 800, 50 / 600, 500 / 800, 350 / 600, 400, 300))
-    assert place == pytest.approx((0.0, 0.0, 400.0, 300.0))
+    assert place == (0.0, 0.0, 400.0, 300.0)
     assert shown_window(rectangle(500.0, 0.0, 100.0, 100.0), region) is None
+    assert shown_window(rectangle(10.0, 10.0, 100.0, 1.0), region) is None
+    # Between pixels: the middles of pixels 11 to 30 are in the frame, half a pixel and more.
+    window, place = shown_window(rectangle(10.7, 20.2, 20.0, 10.0), region)
+    assert place == (11, 20, 20, 10)
+    x, y = window.centres(slice(0, window.height))
+    np.testing.assert_allclose(x[:20] * 20.0 + 10.7, np.arange(11, 31) + 0.5)
+    np.testing.assert_allclose(y[::20] * 10.0 + 20.2, np.arange(20, 30) + 0.5)
+    assert ((x > 0) & (x < 1) & (y > 0) & (y < 1)).all()
 
 
 @pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
