@@ -198,7 +198,10 @@ def price_text(context, camera) -> str:
         return str(error)
     if isinstance(found, str):
         return found
-    return f"Price: about {found.cost:.1f} times the time of an ordinary camera, {found.memory / 1e6:,.0f} MB"
+    # Before the rig is made nobody knows how many portals its rays skip.
+    bound = "about" if found.passed else "up to"
+    memory = f"{found.memory / 1e6:,.0f} MB"
+    return f"Price: {bound} {found.cost:.1f} times the time of an ordinary camera, and {memory}"
 
 
 # How each 3D viewport was drawn last, by the address of its region.
