@@ -15,6 +15,8 @@ class NodeBuilder:
     COLUMN = 190
     # Heights of a node's title with its settings, of a socket, and of a vector's three values.
     TITLE, SOCKET, VALUES = 80, 22, 66
+    # Whether nodes are named by their labels, to be looked up. Naming updates the whole tree.
+    NAMED = True
 
     def __init__(self, tree, row: int = 170):
         self.tree = tree
@@ -37,22 +39,36 @@ class NodeBuilder:
     def node(self, kind: str, label: str, inputs: dict, **settings):
         """Add a node. inputs: values or output sockets by name. settings: attributes of the node."""
         node = self.tree.nodes.new(kind)
-        node.name = node.label = label
+        node.label = label
+        if self.NAMED:
+            node.name = label
         node.parent = self._frame
+        # Every setting updates the whole tree, even one that the node has already.
         for key, value in settings.items():
-            setattr(node, key, value)
+            if getattr(node, key, None) != value:
+                setattr(node, key, value)
         column = self._first_column
         for key, value in inputs.items():
             if isinstance(value, bpy.types.NodeSocket):
                 self.tree.links.new(value, node.inputs[key])
                 column = max(column, self._columns[value.node.name] + 1)
             else:
-                node.inputs[key].default_value = value
+                self._set_default(node.inputs[key], value)
         self._columns[node.name] = column
         row = self._filled.get(column, 0)
         self._filled[column] = row + self._rows(node)
-        node.location = (self.COLUMN * column, -self._row * row)
+        self.place(node, self.COLUMN * column, -self._row * row)
         return node
+
+    def place(self, node, x: float, y: float) -> None:
+        """Move a node to a place in the editor."""
+        node.location = x, y
+
+    @staticmethod
+    def _set_default(socket, value) -> None:
+        present = socket.default_value
+        if (tuple(present) if isinstance(value, tuple) else present) != value:
+            socket.default_value = value
 
     def _rows(self, node) -> int:
         """The number of rows of a node, estimated: Blender knows sizes only after drawing."""

@@ -19,7 +19,25 @@ NAME_KEY = "scfpf_name"
 
 
 class GeometryBuilder(FieldBuilder):
-    """A FieldBuilder for trees of Geometry Nodes."""
+    """A FieldBuilder for trees of Geometry Nodes, with thousands of nodes: ``lay_out`` places all at once."""
+
+    NAMED = False
+
+    def __init__(self, tree):
+        super().__init__(tree)
+        self._places: dict[str, tuple[float, float]] = {}
+
+    def place(self, node, x: float, y: float) -> None:
+        self._places[node.name] = x, y
+
+    def lay_out(self) -> None:
+        """Move all nodes to their places: one by one, each would update the whole tree."""
+        places = [self._places.get(node.name, (0.0, 0.0)) for node in self.tree.nodes]
+        self.tree.nodes.foreach_set("location", [part for place in places for part in place])
+
+    def _move_to_column(self, node) -> None:
+        x, y = self.COLUMN * self._columns[node.name], self._places[node.name][1]
+        self.place(node, x, y)
 
     def position(self) -> Value:
         return self.out("GeometryNodeInputPosition", "Position", {})
@@ -105,7 +123,7 @@ class GeometryBuilder(FieldBuilder):
         for part in parts[-2::-1]:
             self.tree.links.new(part.socket, node.inputs[0])
             self._columns[node.name] = max(self._columns[node.name], self._columns[part.socket.node.name] + 1)
-        node.location.x = self.COLUMN * self._columns[node.name]
+        self._move_to_column(node)
         return Value(self, node.outputs[0])
 
     def call(self, group, label: str, inputs: dict, given: dict | None = None) -> dict[str, Value]:
@@ -134,7 +152,7 @@ class GeometryBuilder(FieldBuilder):
         """
         start = self.node("GeometryNodeRepeatInput", f"{label}: each time", {})
         end = self.tree.nodes.new("GeometryNodeRepeatOutput")
-        end.name = end.label = f"{label}: the end"
+        end.label = f"{label}: the end"
         start.pair_with_output(end)
         end.repeat_items.clear()
         for name, (kind, _) in state.items():
@@ -148,7 +166,7 @@ class GeometryBuilder(FieldBuilder):
                 self._columns[start.name] = max(self._columns[start.name], column)
             else:
                 start.inputs[name].default_value = value
-        start.location.x = self.COLUMN * self._columns[start.name]
+        self._move_to_column(start)
         present = {name: Value(self, start.outputs[name]) for name in state}
         after = body(present)
         if goes_on is not None:
@@ -160,7 +178,7 @@ class GeometryBuilder(FieldBuilder):
         columns = [self._columns[value.socket.node.name] + 1 for value in after.values()]
         self._columns[end.name] = max(columns)
         end.parent = self._frame
-        end.location = (self.COLUMN * max(columns), 0)
+        self.place(end, self.COLUMN * max(columns), 0.0)
         return {name: Value(self, end.outputs[name]) for name in state}
 
 
@@ -199,6 +217,7 @@ def node_group(
     made = build(nodes, {label: Value(nodes, source.outputs[label]) for label in inputs})
     nodes.close_frame()
     nodes.node("NodeGroupOutput", "Result", made)
+    nodes.lay_out()
     tree[BUILD_KEY], tree[NAME_KEY] = BUILD, name
     return tree
 

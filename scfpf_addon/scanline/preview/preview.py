@@ -18,7 +18,7 @@ from ...bridge.blender.app_handlers import DrawHandler, add_handlers, remove_han
 from ...bridge.blender.mesh_grid import uv_layer
 from ...bridge.sync.handlers import sync as sync_volumes
 from ..table.mapping_table import image_signature
-from . import preview_viewports
+from . import preview_drafts, preview_viewports
 from .preview_data import (
     PreviewError,
     add_parts,
@@ -73,6 +73,7 @@ def switch_on(context, camera):
     scene, view_layer = context.scene, context.view_layer
     source = make_preview(scene, view_layer, camera)
     try:
+        preview_drafts.begin(source)
         view_layer.update()
         _follow_members(source, view_layer, view_layer.depsgraph)
         _state(source).camera = _camera_signature(camera, source.scfpf_preview.scene)
@@ -159,6 +160,7 @@ def _follow(source, structure_changed: bool, depsgraph) -> None:
         settings.view_layer = view_layer.name
     if structure_changed:
         hide_in_layers(source)
+        preview_drafts.forget(source)
     state, camera = _state(source), _camera_signature(settings.camera, settings.scene)
     camera_changed = state.camera != camera
     if (
@@ -170,6 +172,7 @@ def _follow(source, structure_changed: bool, depsgraph) -> None:
         _follow_members(source, view_layer, depsgraph)
     if camera_changed:
         state.camera = camera
+        preview_drafts.forget(source)
         try:
             update_pictures(source)
             settings.problem = ""
@@ -218,6 +221,9 @@ def _follow_members(source, view_layer, depsgraph) -> None:
     parts = source.scfpf_preview.parts
     places = share_out(state.faces, places_of([part.members for part in parts]))
     pictures = add_parts(source, max(places.values(), default=0) + 1)
+    preview_drafts.forget(source)
+    if pictures:
+        preview_drafts.begin(source)
     new = take_members([part.members for part in parts], wanted, places)
     if not bpy.app.background:
         preview_viewports.keep_out(new, source)
@@ -278,8 +284,19 @@ def _sync_viewports() -> None:
 
 
 @persistent
+def _scene_changes(scene, _=None) -> None:
+    preview_drafts.before_evaluation(scene)
+
+
+@persistent
+def _frame_changes(scene, _=None) -> None:
+    preview_drafts.before_frame(scene)
+
+
+@persistent
 def _scene_updated(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT":
+        preview_drafts.after_evaluation(scene, depsgraph)
         changed = depsgraph.id_type_updated("SCENE") or depsgraph.id_type_updated("COLLECTION")
         sync(scene, changed, depsgraph)
         _follow_strokes(depsgraph)
@@ -290,6 +307,7 @@ def _scene_updated(scene, depsgraph) -> None:
 def _frame_changed(scene, depsgraph) -> None:
     if depsgraph.mode == "VIEWPORT":
         sync(scene, False, may_remove=False)
+        preview_drafts.after_frame(scene, depsgraph)
         versions.settle_view_layers()
 
 
@@ -304,6 +322,8 @@ def _after_history(*_) -> None:
     for state in _states.values():
         state.camera = None
     _sync_all()
+    for source in previews():
+        preview_drafts.begin(source)
     _sync_viewports_soon()
 
 
@@ -311,6 +331,8 @@ def _after_history(*_) -> None:
 def _file_loaded(*_) -> None:
     _states.clear()
     _known.clear()
+    preview_drafts.forget()
+    preview_drafts.finish()
     _known.update(source.session_uid for source in previews())
     preview_viewports.note_viewports()
     _sync_all()
@@ -318,7 +340,8 @@ def _file_loaded(*_) -> None:
 
 @persistent
 def _saving(*_) -> None:
-    """Wake all previews: files must work without the add-on, which could not wake them there."""
+    """Wake all previews, and make them whole: files must work where the add-on is not, which could do it."""
+    preview_drafts.finish()
     for source in previews():
         set_asleep(source, False)
 
@@ -336,6 +359,8 @@ def _sync_all() -> None:
 
 
 HANDLERS = {
+    "depsgraph_update_pre": _scene_changes,
+    "frame_change_pre": _frame_changes,
     "depsgraph_update_post": _scene_updated,
     "frame_change_post": _frame_changed,
     "undo_pre": _before_history,
@@ -356,5 +381,6 @@ def register():
 def unregister():
     remove_handlers(HANDLERS)
     _stop_watch()
+    preview_drafts.stop()
     if bpy.app.timers.is_registered(_sync_viewports):
         bpy.app.timers.unregister(_sync_viewports)

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import bpy
 
-from ...bridge.blender.modifier_inputs import renew_relations, set_inputs
+from ...bridge.blender import versions
+from ...bridge.blender.modifier_inputs import input_identifiers, renew_relations, set_inputs
 from ...bridge.blender.scene_objects import delete_with_data
 from ...bridge.camera.flexible_camera import sync_volume_object
 from ...bridge.surfaces.lattice_object import KIND as LATTICE_KIND
@@ -29,6 +30,9 @@ from ..table import table_object
 from ..table.table_object import TABLE_KEY
 
 MODIFIER = "SCFPF Preview"
+# A preview's error as a multiple of the camera's pixel error. The usual tenth of a pixel would take two to
+# three times as many faces as half a pixel, which nobody sees on a screen.
+COARSER = 5.0
 # The constraint that removes a scaled camera's scale.
 UNSCALED = "SCFPF Unscaled"
 # The viewbox of remap_nodes: one wide, between these distances of the camera that frames it.
@@ -182,11 +186,23 @@ def _set_modifier(source, part, group):
         picture.animation_data_clear()
         modifier.node_group = group
         follow_image_size(modifier, ("Aspect", "Picture Width"), settings.scene)
-    error = settings.camera.scfpf.pixel_error
+    error = settings.camera.scfpf.pixel_error * COARSER
     set_inputs(modifier, {"Collection": part.members, "Table": settings.table, "Pixel Error": error})
     renew_relations(modifier)
     picture.update_tag()
     return before
+
+
+def set_draft(source, numbers, is_draft: bool) -> None:
+    """Let parts of a preview, by their numbers, show drafts, or have them whole."""
+    for number in numbers:
+        picture = source.scfpf_preview.parts[number].picture
+        modifier = picture.modifiers.get(MODIFIER) if picture is not None else None
+        group = modifier.node_group if modifier is not None else None
+        identifier = input_identifiers(group).get(remap_nodes.DRAFT) if group is not None else None
+        if identifier is not None and bool(versions.modifier_input(modifier, identifier)) != is_draft:
+            versions.set_modifier_input(modifier, identifier, is_draft)
+            picture.update_tag()
 
 
 def release_pointers(source) -> None:

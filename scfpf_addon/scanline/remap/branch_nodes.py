@@ -56,10 +56,13 @@ def with_branches(
     count, cut, _ = nodes.sample_attribute(given["Cloud"], BRANCHES, 0, "Branches").parts()
     sheets = nodes.call(every_branch_group(), "Every Branch", {"Count": count}, given)
     pieces = nodes.call(every_piece_group(), "Every Piece", {"Count": count}, given)
+    # One choice of three: the sides of a Switch behind another one are evaluated even if none needs them.
+    several = nodes.switch(count > 1.5, 0.0, 1.0, "FLOAT", "Several?")
+    which = nodes.switch(cut > 0.5, several, 2.0, "FLOAT", "In Pieces?")
     drawn = {}
     for label, kind in (("Mesh", "GEOMETRY"), ("Left Out", "VECTOR")):
-        whole = nodes.switch(count > 1.5, single[label], sheets[label], kind, "Several?")
-        drawn[label] = nodes.switch(cut > 0.5, whole, pieces[label], kind, "In Pieces?")
+        choices = [one[label].socket for one in (single, sheets, pieces)]
+        drawn[label] = nodes.choose(which.socket, choices, kind, "Drawn")
     return drawn
 
 

@@ -54,12 +54,12 @@ def refine_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     nodes.open_frame("Faces across the seam of a periodic picture stand at both of its ends")
     for axis in range(2):
         wraps = given["Wrap"].parts()[axis] > 0.5
-        mesh = nodes.switch(wraps, mesh, _at_both_ends(nodes, given, mesh, axis), "GEOMETRY", "Periodic?")
+        mesh = nodes.switch(wraps, mesh, at_both_ends(nodes, given, mesh, axis), "GEOMETRY", "Periodic?")
     folded = nodes.statistic(given["Cloud"], nodes.attribute(FOLDED), "Sum", "Folded Samples")
     # Where all faces are small, as in dense meshes, the mesh is not even copied.
     mesh = nodes.switch(large > 0.5, given["Mesh"], nodes.join(small_part, mesh), "GEOMETRY", "Any Large?")
     nodes.open_frame("A polar picture ends at its rim")
-    mesh = nodes.switch(has_border, mesh, _trimmed(nodes, given, mesh), "GEOMETRY", "Polar?")
+    mesh = nodes.switch(has_border, mesh, trimmed(nodes, given, mesh), "GEOMETRY", "Polar?")
     return {"Mesh": mesh, "Left Out": nodes.xyz(left, folded, 0.0, "Left Out")}
 
 
@@ -133,7 +133,7 @@ def _onto_creases(nodes: GeometryBuilder, given, mesh: Value) -> Value:
     return nodes.switch(is_sheet(given), mesh, at_crease, "GEOMETRY", "Sheets?")
 
 
-def _at_both_ends(nodes: GeometryBuilder, given, mesh: Value, axis: int) -> Value:
+def at_both_ends(nodes: GeometryBuilder, given, mesh: Value, axis: int) -> Value:
     """The mesh with two copies of the faces across the seam, one at each end of the image."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     along, whole = box.parts()[axis], period(nodes, given).parts()[axis]
@@ -150,7 +150,7 @@ def _at_both_ends(nodes: GeometryBuilder, given, mesh: Value, axis: int) -> Valu
     return nodes.join(other, *copies)
 
 
-def _trimmed(nodes: GeometryBuilder, given, mesh: Value) -> Value:
+def trimmed(nodes: GeometryBuilder, given, mesh: Value) -> Value:
     """The mesh cropped at the rim of a polar image: faces beyond it go, corners beyond it move onto it."""
     box = nodes.attribute(BOX, "FLOAT_VECTOR")
     beyond = beyond_rim(nodes, given, box)

@@ -12,12 +12,16 @@ from ..nodes.field_nodes import Value
 from ..nodes.geometry_nodes import GeometryBuilder, defines_group, remove_attributes
 from ..table.table_sheets import BRANCHES
 from .branch_nodes import with_branches
+from .draft_nodes import draft_group
 from .place_nodes import BOX, own_point, store_places, view_inputs
 from .realize_nodes import NORMAL, realize_group
-from .refine_nodes import refine_group
+from .refine_nodes import REFINE_INPUTS, refine_group
 
 # Attribute of the finished mesh: the numbers of faces without a place, and of folded samples.
 COUNTS = "SCFPF Left Out"
+
+# The input that a viewport's preview has on while things move.
+DRAFT = "Draft"
 
 REMAP_INPUTS = {
     "Table": ("Object", None, "The table object of a flexible camera"),
@@ -25,7 +29,22 @@ REMAP_INPUTS = {
     "Pixel Error": ("Float", 0.5, "How far, in pixels, edges and what is on faces may be off"),
     "Picture Width": ("Float", 1000.0, "Pixels across the picture"),
     "Rounds": ("Int", 12, "How often large faces are divided, at most"),
+    DRAFT: ("Bool", False, "Only in viewports: quickly and roughly, while things move"),
 }
+
+
+@defines_group("SCFPF Whole", REFINE_INPUTS, {"Mesh": "Geometry"})
+def whole_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """The mesh with the places of its vertices: large faces divided, in all branches, less what has no place.
+
+    A group of its own: Blender evaluates the sides of one Switch behind another one, needed or not.
+    """
+    nodes.open_frame("Where its vertices are in the viewbox")
+    placed = store_places(nodes, given["Mesh"], given | {"Point": own_point(nodes, given)})
+    nodes.open_frame("Large faces are divided, what has no place goes")
+    single = nodes.call(refine_group(), "Refine", {"Mesh": placed}, given)
+    refined = with_branches(nodes, given, single)
+    return {"Mesh": nodes.store(refined["Mesh"], COUNTS, refined["Left Out"], "FLOAT_VECTOR")}
 
 
 @defines_group(
@@ -48,16 +67,16 @@ def remap_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     # Where all projectors lie in one surface there is no inverse.
     flat = nodes.sample_attribute(view["Cloud"], BRANCHES, 0, "Branches").parts()[2]
     mesh = nodes.switch(flat > 0.5, mesh, None, "GEOMETRY", "Nothing if Flat")
-    nodes.open_frame("Where its vertices are in the viewbox")
     inverse = nodes.out("FunctionNodeInvertMatrix", "Into Camera's Space", {0: matrix})
-    options = given | {"Inverse": inverse}
-    placed = store_places(nodes, mesh, view | {"Point": own_point(nodes, options)})
-    nodes.open_frame("Large faces are divided, what has no place goes")
-    single = nodes.call(refine_group(), "Refine", {"Mesh": placed}, options | view)
-    refined = with_branches(nodes, options | view | {"Mesh": mesh}, single)
+    inputs = {"Mesh": mesh, "Inverse": inverse}
+    nodes.open_frame("Whole, or in viewports a draft while things move")
+    whole = nodes.call(whole_group(), "Whole", inputs, given | view)["Mesh"]
+    draft = nodes.call(draft_group(), "Draft", inputs, given | view)["Mesh"]
+    in_viewport = nodes.out("GeometryNodeIsViewport", "In a Viewport?", {})
+    drawn = nodes.switch(given[DRAFT] & in_viewport, whole, draft, "GEOMETRY", "Draft?")
     nodes.open_frame("Into the viewbox, with the shading of the scene")
     place = nodes.point(nodes.attribute(BOX, "FLOAT_VECTOR"), matrix, "In Own Space")
-    mesh = nodes.set_position(refined["Mesh"], place, "Into the Viewbox")
+    mesh = nodes.set_position(drawn, place, "Into the Viewbox")
     mesh = nodes.out(
         "GeometryNodeSetMeshNormal",
         "Shading Normals",
@@ -65,7 +84,6 @@ def remap_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         mode="FREE",
         domain="CORNER",
     )
-    mesh = nodes.store(mesh, COUNTS, refined["Left Out"], "FLOAT_VECTOR")
     return {"Geometry": remove_attributes(nodes, mesh, "scfpf_*")}
 
 
