@@ -3,10 +3,10 @@
 
 import bpy
 
-from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.bridge.render.render_errors import reason
+from ...scfpf_addon.scanline.preview import preview_building
 from ...scfpf_addon.scanline.preview.preview import show, switch_off, switch_on
 from ...scfpf_addon.scanline.preview.preview_data import is_flat, preview_of
 from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
@@ -18,6 +18,10 @@ FLAT = (
     "The nodes preview cannot show this volume, which is flat: all its projectors lie in one surface. "
     "Press Render instead"
 )
+
+
+# Seconds between two steps, in which Blender shows the progress and handles the Esc key.
+TICK = 0.01
 
 
 class SCFPF_OT_preview_toggle(bpy.types.Operator):
@@ -34,15 +38,56 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
 
     @classmethod
     def description(cls, context, _properties):
-        depsgraph, own = context.evaluated_depsgraph_get(), control_objects()
-        shown = (instance.object for instance in depsgraph.object_instances)
-        faces = sum(
-            len(obj.data.polygons) for obj in shown if obj.type == "MESH" and obj.name_full not in own
-        )
-        return f"{plain(cls.__doc__)}.\n\nPrice: the nodes place {faces:,} faces anew after each change"
+        return f"{plain(cls.__doc__)}.\n\nPrice: {preview_building.price(context.view_layer)}"
+
+    def invoke(self, context, _event):
+        camera = camera_of(context)
+        is_on = preview_of(camera, context.scene) is not None
+        if is_on or preview_building.is_built() or bpy.app.background or context.window is None:
+            return self.execute(context)
+        self._building, self._camera = preview_building.Building(camera), camera.name
+        window_manager = context.window_manager
+        window_manager.progress_begin(0.0, 1.0)
+        self._timer = window_manager.event_timer_add(TICK, window=context.window)
+        window_manager.modal_handler_add(self)
+        self._show_progress(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS":
+            self._leave(context)
+            self._building.give_up()
+            self.report({"INFO"}, "Canceled: nothing was changed")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        more = self._building.step()
+        self._show_progress(context)
+        if more:
+            return {"RUNNING_MODAL"}
+        self._leave(context)
+        # A modal operator's context lacks the camera of the button's panel.
+        camera = context.scene.objects.get(self._camera)
+        return self._switch(context, camera) if camera is not None else {"CANCELLED"}
+
+    def cancel(self, context):
+        """Leave the groups that are built: Blender closes the window, opens a file or quits."""
+        self._leave(context)
+
+    def _show_progress(self, context) -> None:
+        context.window_manager.progress_update(self._building.progress)
+        done = round(100 * self._building.progress)
+        context.workspace.status_text_set(f"{self.bl_label}: {done} % of the node groups    Esc: cancel")
+
+    def _leave(self, context) -> None:
+        context.window_manager.progress_end()
+        context.window_manager.event_timer_remove(self._timer)
+        context.workspace.status_text_set(None)
 
     def execute(self, context):
-        camera = camera_of(context)
+        return self._switch(context, camera_of(context))
+
+    def _switch(self, context, camera):
         source = preview_of(camera, context.scene)
         if source is not None and source.scfpf_preview.view_layer == context.view_layer.name:
             switch_off(source)

@@ -46,7 +46,7 @@ def toggle(driver, area=None):
     area = area or artist_area(driver)
     region = next(region for region in area.regions if region.type == "WINDOW")
     with bpy.context.temp_override(window=driver.window, area=area, region=region):
-        assert bpy.ops.scfpf.preview_toggle("INVOKE_DEFAULT", True) == {"FINISHED"}
+        assert bpy.ops.scfpf.preview_toggle("EXEC_DEFAULT", True) == {"FINISHED"}
 
 
 def look(driver, area, name):

@@ -26,6 +26,7 @@ from ..generated_collection import (
     remove_unused_groups,
 )
 from ..remap import remap_nodes
+from ..remap.remap_nodes import DRAFT
 from ..table import table_object
 from ..table.table_object import TABLE_KEY
 
@@ -199,7 +200,7 @@ def set_draft(source, numbers, is_draft: bool) -> None:
         picture = source.scfpf_preview.parts[number].picture
         modifier = picture.modifiers.get(MODIFIER) if picture is not None else None
         group = modifier.node_group if modifier is not None else None
-        identifier = input_identifiers(group).get(remap_nodes.DRAFT) if group is not None else None
+        identifier = input_identifiers(group).get(DRAFT) if group is not None else None
         if identifier is not None and bool(versions.modifier_input(modifier, identifier)) != is_draft:
             versions.set_modifier_input(modifier, identifier, is_draft)
             picture.update_tag()

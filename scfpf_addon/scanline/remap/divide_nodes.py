@@ -72,9 +72,10 @@ def round_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     view = given | {"Point": point}
     mesh = store_places(nodes, given["Mesh"], view, EDGE_BOX, "EDGE")
     mesh = store_places(nodes, mesh, view, FACE_BOX, "FACE")
+    mesh = nodes.call(judge_edges_group(), "Judge Edges", {"Mesh": mesh}, given)["Mesh"]
+    judged = nodes.call(judge_faces_group(), "Judge Faces", {"Mesh": mesh}, given)
+    mesh, left = judged["Mesh"], judged["Left"]
     turn = period(nodes, given)
-    mesh = _judge_edges(nodes, given, mesh, turn)
-    mesh, left = _judge_faces(nodes, given, mesh, turn, point)
     nodes.open_frame("Kept, or divided")
     fate = nodes.attribute(FATE)
     done, other = nodes.separate(mesh, (fate > 0.5) & (fate < 1.5), "Kept")
@@ -130,13 +131,15 @@ def _ends(nodes: GeometryBuilder, given, period: Value) -> tuple[Value, Value, V
     return first, last, _nearest_turn(nodes, given, last - first, period)
 
 
-def _judge_edges(nodes: GeometryBuilder, given, mesh: Value, period: Value) -> Value:
-    """Store which edges must bend, and which are divided at least."""
+@defines_group("SCFPF Judge Edges", DIVIDE_INPUTS, {"Mesh": "Geometry"})
+def judge_edges_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """Stores which edges must bend, and which are divided at least."""
     nodes.open_frame("Edges: is the middle where a straight line has it?")
+    mesh, turn = given["Mesh"], period(nodes, given)
     weights = (1.0, 1.0, DEPTH_WEIGHT)
-    first, last, straight = _ends(nodes, given, period)
+    first, last, straight = _ends(nodes, given, turn)
     middle = nodes.attribute(EDGE_BOX, "FLOAT_VECTOR")
-    off = _nearest_turn(nodes, given, middle - first - straight * 0.5, period) * weights
+    off = _nearest_turn(nodes, given, middle - first - straight * 0.5, turn) * weights
     pixel = 1.0 / given["Picture Width"]
     bent = (off.length() > pixel * given["Pixel Error"]) & ((straight * weights).length() > pixel * SHORTEST)
     nowhere = first.parts()[2].max(last.parts()[2]).max(middle.parts()[2]) > 0.0
@@ -147,7 +150,7 @@ def _judge_edges(nodes: GeometryBuilder, given, mesh: Value, period: Value) -> V
     at_rim = (beyond < 0.0) & (straight.length() > pixel * SHORTEST_AT_RIM)
     need = mark | at_rim
     mesh = nodes.store(mesh, NEED, need, "FLOAT", "EDGE")
-    return nodes.store(mesh, MARK, mark, "BOOLEAN", "EDGE")
+    return {"Mesh": nodes.store(mesh, MARK, mark, "BOOLEAN", "EDGE")}
 
 
 class _Faces(NamedTuple):
@@ -166,15 +169,17 @@ class _Faces(NamedTuple):
     pixel: Value
 
 
-def _judge_faces(
-    nodes: GeometryBuilder, given, mesh: Value, period: Value, point: Value
-) -> tuple[Value, Value]:
-    """Store each face's fate; also return the number of faces that are left out for having no place."""
+@defines_group("SCFPF Judge Faces", DIVIDE_INPUTS, {"Mesh": "Geometry", "Left": "Float"})
+def judge_faces_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """Stores each face's fate, and counts the faces that are left out for having no place."""
+    mesh, point = given["Mesh"], own_point(nodes, given)
     nodes.open_frame("Faces: is the middle where a flat face has it?")
     centre = nodes.attribute(FACE_BOX, "FLOAT_VECTOR")
     face = nodes.face_of_corner()
     own_centre = nodes.at_index(centre, face, "FACE", "FLOAT_VECTOR")
-    away = _nearest_turn(nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR") - own_centre, period)
+    away = _nearest_turn(
+        nodes, given, nodes.attribute(BOX, "FLOAT_VECTOR") - own_centre, period(nodes, given)
+    )
     off = nodes.evaluate_on(away, "CORNER", "FLOAT_VECTOR", "At Corners") * (1.0, 1.0, DEPTH_WEIGHT)
     pixel = 1.0 / given["Picture Width"]
     there = all_there(nodes) & (centre.parts()[2] < 0.0)
@@ -198,7 +203,7 @@ def _judge_faces(
     keep = ((there & ~leap) | at_crease) & ~(out | divide)
     lost = ~(out | (divide | keep))
     left = nodes.statistic(mesh, lost * 1.0, "Sum", "Left Out", domain="FACE")
-    return nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), left
+    return {"Mesh": nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), "Left": left}
 
 
 def _sides(nodes: GeometryBuilder, given, faces: _Faces) -> dict[str, Value]:

@@ -10,16 +10,15 @@ from __future__ import annotations
 
 from ..nodes.field_nodes import Value
 from ..nodes.geometry_nodes import GeometryBuilder, defines_group
-from .divide_nodes import face_radius
+from .divide_nodes import SPREAD
 from .place_nodes import BOX, VIEW_INPUTS, own_point, store_places
 from .refine_nodes import at_both_ends, trimmed
 from .visible_nodes import all_on_one_side
 
-# Faces with a radius above this share of the volume's size are cut, into this many parts at most together.
-LARGE = 1 / 24
-MOST_NEW = 16_000.0
-# Cuts of one face along each edge: two to the power of this at most.
-MOST_LEVELS = 5.0
+# Faces with a standard deviation of their corners above this share of the volume's size are cut.
+LARGE = 1 / 80
+# Cuts of a face's edges: two to the power of LEVELS each time, as often as TIMES; faces in all, at most.
+LEVELS, TIMES, MOST_NEW = 2.0, 5, 24_000.0
 
 DRAFT_INPUTS = VIEW_INPUTS | {
     "Mesh": ("Geometry", None, "The scene's mesh"),
@@ -47,12 +46,46 @@ def draft_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
 
 
 def _cut(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
-    """The mesh with its large faces cut into even parts: fewer parts each if there are many such faces."""
+    """The mesh with its large faces cut into even parts, again and again where they are near the volume."""
     nodes.open_frame("Large faces are cut")
+    large, small = nodes.separate(given["Mesh"], _is_large(nodes, given), "Large")
+
+    def body(state: dict[str, Value]) -> dict[str, Value]:
+        count = nodes.domain_size(state["Large"], "Face Count")
+        levels = nodes.combine("LOGARITHM", MOST_NEW / count.max(1.0), 2.0) * 0.5
+        levels = levels.max(0.0).min(LEVELS).floor()
+        cut = nodes.out("GeometryNodeSubdivideMesh", "Cut", {"Mesh": state["Large"], "Level": levels})
+        _, near = nodes.separate(cut, _is_far(nodes, given), "Far")
+        again, done = nodes.separate(near, _is_large(nodes, given), "Large")
+        return {"Large": again, "Small": nodes.join(state["Small"], done)}
+
+    def any_left(state: dict[str, Value]) -> Value:
+        return nodes.domain_size(state["Large"], "Face Count") > 0.5
+
+    state = {"Large": ("GEOMETRY", large), "Small": ("GEOMETRY", small)}
+    cut = nodes.repeat(TIMES, state, "Cut", body, any_left)
+    parts = nodes.join(cut["Small"], cut["Large"])
+    some = nodes.domain_size(large, "Face Count") > 0.5
+    return nodes.switch(some, given["Mesh"], parts, "GEOMETRY", "Any Large?")
+
+
+def _is_large(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
+    """Whether a face is large beside the volume."""
     limit = given["Extent"].length() * LARGE
-    large, small = nodes.separate(given["Mesh"], face_radius(nodes, nodes.position()) > limit, "Large")
-    count = nodes.domain_size(large, "Face Count")
-    levels = nodes.combine("LOGARITHM", MOST_NEW / count.max(1.0), 2.0) * 0.5
-    levels = levels.max(0.0).min(MOST_LEVELS).floor()
-    cut = nodes.out("GeometryNodeSubdivideMesh", "Cut", {"Mesh": large, "Level": levels})
-    return nodes.switch(count > 0.5, given["Mesh"], nodes.join(small, cut), "GEOMETRY", "Any Large?")
+    return _variance(nodes) > limit * limit
+
+
+def _variance(nodes: GeometryBuilder) -> Value:
+    """The variance of a face's corners."""
+    position = nodes.position()
+    square = nodes.evaluate_on(position.dot(position), "POINT", "FLOAT", "At Vertices")
+    middle = nodes.evaluate_on(position, "POINT", "FLOAT_VECTOR", "Middle")
+    return square - middle.dot(middle)
+
+
+def _is_far(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
+    """Whether a face lies outside of the box around the volume."""
+    half = given["Extent"] * 0.5
+    point = nodes.evaluate_on(own_point(nodes, given), "FACE", "FLOAT_VECTOR", "Middle")
+    away = ((point - given["Low"] - half).absolute() - half).max((0.0, 0.0, 0.0))
+    return away.length() > _variance(nodes).max(0.0).root() * SPREAD

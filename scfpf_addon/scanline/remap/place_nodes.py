@@ -204,8 +204,31 @@ def sure_place_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     nearest = nearest_in_branch(nodes, given, given["Point"])
     start, distance, reach = nearest_start(nodes, given["Cloud"], given["Point"], nearest)
     solved = _solved(nodes, given, start, CLOUD_STEPS)
-    nodes.open_frame("Of a branch, where it is; beyond a fold, how far that is from its crease")
-    by_branch = _on_branch(nodes, given, nearest, start, BRANCH_STEPS)
+    inputs = {"Nearest": nearest, "Start": start, "Distance": distance, "Reach": reach}
+    of_branch = nodes.call(place_on_branch_group(), "On the Branch", inputs, given)["Position"]
+    solved = nodes.switch(given["Branch"], solved, of_branch, "VECTOR", "Branch?")
+    nowhere = nodes.xyz(distance - reach, reach, NOWHERE, "Nowhere, and How Far")
+    known = is_known(solved.parts()[2])
+    return {"Position": nodes.switch(known, nowhere, solved, "VECTOR", "Place")}
+
+
+@defines_group(
+    "SCFPF Place on Branch",
+    POINT_INPUTS
+    | {
+        "Nearest": ("Int", 0, "The sample that is nearest to the point"),
+        "Start": ("Vector", None, "A first guess of x, y and t"),
+        "Distance": ("Float", None, "From that sample"),
+        "Reach": ("Float", None, "That sample's distance from its neighbors"),
+    },
+    PLACED,
+)
+def place_on_branch_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """The place of a point on a branch; beyond a fold, how far the point is from its crease.
+
+    A group of its own: Blender evaluates the sides of a Switch behind another one, needed or not.
+    """
+    by_branch = _on_branch(nodes, given, given["Nearest"], given["Start"], BRANCH_STEPS)
     x, y, t = given["Scale"].parts()
     least = x.min(y).min(t)
     found = (by_branch["Last Step"] < ACCEPTED) & (by_branch["Missing"] < least * MISSED)
@@ -213,13 +236,9 @@ def sure_place_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     across, up, _ = on_screen(nodes, given, by_branch["Nearest"]).parts()
     away = (by_branch["Missing"] / given["Extent"].length()).min(0.9)
     crease = nodes.xyz(across, up, away + BEYOND_CREASE, "Beyond the Crease")
-    crease = nodes.switch(distance < reach, (0.0, 0.0, NOWHERE), crease, "VECTOR", "Near It?")
-    of_branch = nodes.switch(found, crease, there, "VECTOR", "Found?")
-    solved = nodes.switch(given["Branch"], solved, of_branch, "VECTOR", "Branch?")
-    nodes.close_frame()
-    nowhere = nodes.xyz(distance - reach, reach, NOWHERE, "Nowhere, and How Far")
-    known = is_known(solved.parts()[2])
-    return {"Position": nodes.switch(known, nowhere, solved, "VECTOR", "Place")}
+    is_near = given["Distance"] < given["Reach"]
+    crease = nodes.switch(is_near, (0.0, 0.0, NOWHERE), crease, "VECTOR", "Near It?")
+    return {"Position": nodes.switch(found, crease, there, "VECTOR", "Found?")}
 
 
 def _on_branch(nodes: GeometryBuilder, given, nearest: Value, start: Value, steps: int) -> dict[str, Value]:

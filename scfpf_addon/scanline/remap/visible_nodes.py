@@ -98,7 +98,17 @@ def beyond_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Above 0 beyond the rim of a polar image, or off the piece that is shown."""
     nodes.open_frame("Beyond the rim?")
     rim = beyond_rim(nodes, given, given["Place"])
-    nodes.open_frame("On another piece?")
+    off = nodes.call(off_piece_group(), "Off Its Piece", {"Place": given["Place"]}, given)["Off"]
+    return {"Beyond": nodes.switch(given["In Pieces"], rim, rim.max(off), "FLOAT", "In Pieces?")}
+
+
+@defines_group(
+    "SCFPF Off Its Piece",
+    BORDER_INPUTS | {"Place": ("Vector", None, "In the viewbox")},
+    {"Off": "Float"},
+)
+def off_piece_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """1 off the piece that is shown, -1 on it."""
     place, _ = _over_image(nodes, given, given["Place"])
     away = nodes.call(piece_distance_group(), "How Far from Its Piece", {"Place": place}, given)["Away"]
     nodes.open_frame("By the nearest point of the table, where there are no borders")
@@ -108,8 +118,7 @@ def beyond_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     off_nearest = (nearest - given["Piece"]).absolute() > 0.25
     any_border = nodes.domain_size(given["Border"], "Face Count") > 0.5
     off = nodes.switch(any_border, off_nearest, away > ON_PIECE, "BOOLEAN", "Borders?")
-    off_piece = nodes.switch(off, rim, 1.0, "FLOAT", "Off Its Piece?")
-    return {"Beyond": nodes.switch(given["In Pieces"], rim, off_piece, "FLOAT", "In Pieces?")}
+    return {"Off": off * 2.0 - 1.0}
 
 
 @defines_group(

@@ -73,15 +73,16 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
         wrap = nodes.call(_periodic_group(), "Periodic", {"Table": table, "Size": size})["Wrap"]
         whole = whole_table(table, size, wrap)
         ratio = nodes.call(_ratio_group(), "Near over Far", whole)["Ratio"]
-        cloud = _places(nodes, cut, ratio, polar)
+        inputs = {"Cut": cut, "Ratio": ratio, "Polar": polar}
+        cloud = nodes.call(_places_group(), "Places", inputs)["Cloud"]
         pieces = nodes.call(pieces_group(), "Pieces", {"Cloud": cloud}, whole)["Cloud"]
         cloud = nodes.switch(cut, cloud, pieces, "GEOMETRY", "In Pieces?")
         whole |= cells_of_piece(nodes, whole, cut)
-        cloud = _cloud(nodes, whole, cloud, cut)
+        cloud = nodes.call(_cloud_group(), "Cloud", {"Cloud": cloud, "Cut": cut}, whole)["Cloud"]
         branches = nodes.call(branches_group(), "Branches", {"Cloud": cloud, "Cut": cut}, whole)
         cloud = branches["Cloud"]
-        box, low, extent = _box(nodes, cloud)
-        lattice = _lattice(nodes, whole, cloud, box, extent)
+        made = nodes.call(_lattice_group(), "Lattice", {"Cloud": cloud}, whole)
+        lattice, low, extent = made["Lattice"], made["Low"], made["Extent"]
         nodes.open_frame("What is true of the whole table")
         for name, value in (
             ("size", size),
@@ -149,8 +150,18 @@ def _sides(nodes: GeometryBuilder, cut: Value) -> tuple[Value, ...]:
     return tuple(nodes.switch(cut, float(one), float(other), "FLOAT", label) for label, one, other in counts)
 
 
-def _places(nodes: GeometryBuilder, cut: Value, ratio: Value, polar: Value) -> Value:
+@defines_group(
+    "SCFPF Cloud Places",
+    {
+        "Cut": ("Bool", False, "Is the volume in pieces?"),
+        "Ratio": ("Float", 1.0, "Near size over far size"),
+        "Polar": ("Float", 0.0, "1 in a polar picture"),
+    },
+    {"Cloud": "Geometry"},
+)
+def _places_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The cloud's points all over the volume, with their (x, y, t)."""
+    cut, ratio, polar = given["Cut"], given["Ratio"], given["Polar"]
     nodes.open_frame("Places of the cloud")
     across, up, along = _sides(nodes, cut)
     points = nodes.out("GeometryNodePoints", "Points of the Cloud", {"Count": across * up * along + 0.5})
@@ -178,11 +189,18 @@ def _places(nodes: GeometryBuilder, cut: Value, ratio: Value, polar: Value) -> V
     cloud = nodes.store(cloud, LAYER_AHEAD, after - t, "FLOAT")
     cloud = nodes.store(cloud, BLOCK, block_number(nodes, x, y, layer / along), "FLOAT")
     place = nodes.xyz(x, y, t, "Place")
-    return nodes.store(cloud, PLACE, place, "FLOAT_VECTOR")
+    return {"Cloud": nodes.store(cloud, PLACE, place, "FLOAT_VECTOR")}
 
 
-def _cloud(nodes: GeometryBuilder, whole, cloud: Value, cut: Value) -> Value:
+CLOUD_INPUTS = TABLE_INPUTS | {"Cloud": ("Geometry", None, "Points all over the volume")}
+
+
+@defines_group(
+    "SCFPF Cloud", CLOUD_INPUTS | {"Cut": ("Bool", False, "Is the volume in pieces?")}, {"Cloud": "Geometry"}
+)
+def _cloud_group(nodes: GeometryBuilder, whole: dict[str, Value]) -> dict:
     """The cloud with its points moved to Q(x, y, t), and with their inverse maps."""
+    cloud, cut = whole["Cloud"], whole["Cut"]
     nodes.open_frame("Where they are, and the inverse map around them")
     across, up, _ = _sides(nodes, cut)
     place = nodes.attribute(PLACE, "FLOAT_VECTOR")
@@ -204,7 +222,7 @@ def _cloud(nodes: GeometryBuilder, whole, cloud: Value, cut: Value) -> Value:
         side = gap(before).max(gap(after))
         reach = side if reach is None else reach + side
     cloud = nodes.store(cloud, REACH, reach, "FLOAT")
-    return nodes.set_position(cloud, found["Position"], "Cloud")
+    return {"Cloud": nodes.set_position(cloud, found["Position"], "Cloud")}
 
 
 def _box(nodes: GeometryBuilder, cloud: Value) -> tuple[Value, Value, Value]:
@@ -219,8 +237,11 @@ def _box(nodes: GeometryBuilder, cloud: Value) -> tuple[Value, Value, Value]:
     return low + extent * (cell * (1.0 / (LATTICE - 1))), low, extent
 
 
-def _lattice(nodes: GeometryBuilder, whole, cloud: Value, position: Value, extent: Value) -> Value:
+@defines_group("SCFPF Lattice", CLOUD_INPUTS, {"Lattice": "Geometry", "Low": "Vector", "Extent": "Vector"})
+def _lattice_group(nodes: GeometryBuilder, whole: dict[str, Value]) -> dict:
     """Inverse maps on a grid of the space: a first guess by arithmetic, for whole meshes."""
+    cloud = whole["Cloud"]
+    position, low, extent = _box(nodes, cloud)
     nodes.open_frame("Lattice of inverse maps")
     points = nodes.out(
         "GeometryNodePoints", "Points of the Lattice", {"Count": LATTICE**3, "Position": position}
@@ -237,4 +258,5 @@ def _lattice(nodes: GeometryBuilder, whole, cloud: Value, position: Value, exten
     zero = nodes.xyz(0.0, 0.0, 0.0, "Zero")
     far = nodes.matrix([zero, zero, zero, nodes.xyz(FAR_AWAY, away, reach, "How Far")])
     inverse = nodes.switch(away > 0.0, inverse_map(nodes, found, place), far, "MATRIX", "In or Out")
-    return nodes.store(points, PROJECTOR, inverse, "FLOAT4X4")
+    lattice = nodes.store(points, PROJECTOR, inverse, "FLOAT4X4")
+    return {"Lattice": lattice, "Low": low, "Extent": extent}
