@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Speed of the live preview: as ratios to Blender's Lattice modifier, and of small edits in large scenes.
+"""Speed of the live preview: on the demo's street, as ratios to Blender's Lattice modifier, of small edits.
 
     python3 dev.py bench [--json FILE] [--quick]
 
@@ -23,12 +23,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.document import check_files
 from benchmarks.scenes import bent_projection
+from demo.render_demo import ROOT, SHOTS, build_street, place_camera
 from scfpf_addon import bridge
 from scfpf_addon.bridge.blender import versions
 from scfpf_addon.bridge.camera import flexible_camera
 from scfpf_addon.bridge.render.type_registration import register_types
+from scfpf_addon.projection.presets.preset import load_preset
 from scfpf_addon.scanline.nodes.geometry_nodes import GeometryBuilder, node_group
-from scfpf_addon.scanline.preview import preview, preview_properties
+from scfpf_addon.scanline.preview import preview, preview_data, preview_drafts, preview_properties
 from scfpf_addon.scanline.remap import place_nodes
 from scfpf_addon.scanline.remap.remap_nodes import remap_group
 from scfpf_addon.scanline.table.table_object import table_object
@@ -36,6 +38,8 @@ from scfpf_addon.scanline.table.table_object import table_object
 # The goals, in times of the Lattice modifier.
 REMAP_GOAL, WHOLE_GOAL = 3.0, 6.0
 RUNS = 5
+# Seconds by the clock on the demo's street, on two cores: switched on, a draft, the whole picture.
+STREET_GOALS = {"perspective": (2.0, 0.15, 0.6), "around_the_car": (4.0, 0.3, 2.0)}
 
 
 def sheet_mesh(volume, columns: int, rows: int, share: float = 0.9):
@@ -163,6 +167,70 @@ def measure_moves(projection, vertices: int, runs: int) -> dict:
     return {"triangles": len(heavy.data.polygons) + len(small.data.polygons), "seconds": best}
 
 
+def street_camera(stem: str):
+    """The flexible camera of a preset on the demo's street, as the demo places it."""
+    scene, shot = build_street(), SHOTS[stem]
+    preset = load_preset((ROOT / "presets" / f"{stem}.json").read_text(encoding="utf-8"))
+    scene.render.resolution_x, scene.render.resolution_y = shot.size
+    scene.camera = camera = bpy.data.objects.new(preset.name, bpy.data.cameras.new(preset.name))
+    scene.collection.objects.link(camera)
+    place_camera(camera, shot)
+    flexible_camera.apply_preset(camera, preset, shot.size[0] / shot.size[1], shot.scale)
+    bpy.context.view_layer.update()
+    return camera
+
+
+def measure_street(stem: str, runs: int) -> dict:
+    """Switching the preview on, drafts while a surface moves, and the whole picture, on the demo's street.
+
+    Seconds by the clock and of processors: the least of some runs, except for switching on, which has one.
+    """
+    camera, view_layer = street_camera(stem), bpy.context.view_layer
+    timed = {"on": _timed(lambda: _switched_on(camera))}
+    source = preview_data.preview_of(camera, bpy.context.scene)
+    every = range(len(source.scfpf_preview.parts))
+    surface = camera.scfpf.surfaces[-1].object
+
+    def move():
+        surface.location.x += 0.01
+        view_layer.update()
+
+    def make_whole():
+        preview_drafts.finish()
+        view_layer.update()
+
+    drafts, wholes = [], []
+    for _ in range(runs):
+        preview_data.set_draft(source, every, True)
+        move()
+        drafts.append(_timed(move))
+        wholes.append(_timed(make_whole))
+    timed["draft"] = tuple(map(min, zip(*drafts, strict=True)))
+    timed["whole"] = tuple(map(min, zip(*wholes, strict=True)))
+    return {"preset": stem, "seconds": timed}
+
+
+def _switched_on(camera) -> None:
+    preview.switch_on(bpy.context, camera)
+    bpy.context.view_layer.update()
+
+
+def _timed(function) -> tuple[float, float]:
+    start, busy = perf_counter(), process_time()
+    function()
+    return perf_counter() - start, process_time() - busy
+
+
+def report_street(result: dict) -> None:
+    """Print one line of figures beside their goals."""
+    goals = STREET_GOALS[result["preset"]]
+    figures = ", ".join(
+        f"{title} {clock:.2f} s, {busy:.2f} s of processors (goal {goal:g} s)"
+        for (title, (clock, busy)), goal in zip(result["seconds"].items(), goals, strict=True)
+    )
+    print(f"  {result['preset']:15s} {figures}", flush=True)
+
+
 def report_moves(result: dict) -> None:
     """Print one line of figures."""
     small, whole, off = (result["seconds"][name] for name in ("small", "whole", "off"))
@@ -220,8 +288,15 @@ def main() -> None:
         for size in sizes:
             results.append(measure(title, projection, size, 2 if options.quick else RUNS))
             report(results[-1])
-    print("\nlive preview: a small object moved in a heavy scene")
     preview.register()
+    print("\nlive preview: the demo's street, 274,000 triangles, by the clock on two cores")
+    # As if a window were there to watch drafts.
+    preview_drafts.is_live = lambda: True
+    street = [measure_street(stem, 2 if options.quick else RUNS) for stem in STREET_GOALS]
+    for one in street:
+        report_street(one)
+    preview_drafts.is_live = lambda: False
+    print("\nlive preview: a small object moved in a heavy scene")
     moves = []
     for size in sizes[1:3]:
         moves.append(measure_moves(bent_projection(2, 1.05), size, 2 if options.quick else RUNS))
@@ -229,7 +304,9 @@ def main() -> None:
     if options.json:
         file = Path(options.json)
         figures = json.loads(file.read_text()) if file.exists() else {}
-        file.write_text(json.dumps(figures | {"scanline": results, "moves": moves}, indent=1) + "\n")
+        file.write_text(
+            json.dumps(figures | {"scanline": results, "moves": moves, "street": street}, indent=1) + "\n"
+        )
 
 
 if __name__ == "__main__":
