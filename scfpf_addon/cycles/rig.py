@@ -292,6 +292,10 @@ def _renew_table(rig) -> None:
 def _file_loaded(*_) -> None:
     _seen.clear()
     forget_all()
+    for rig in rigs():
+        # The file, or one that it links, may have been changed without the add-on.
+        if is_whole(rig):
+            stop_skipping(rig)
     hidden_surfaces.forget()
     prices.forget()
 

@@ -109,7 +109,7 @@ def check_surfaces(camera) -> None:
 def build_groups(camera) -> list[str]:
     """Build the node groups of a camera's rig, which takes long; return the names of the new ones."""
     before = {group.name for group in bpy.data.node_groups}
-    table_group_of(camera)
+    table_group_of(camera, with_inverse=False)
     portal_nodes.portal_group()
     return [group.name for group in bpy.data.node_groups if group.name not in before]
 
@@ -270,14 +270,15 @@ def has_old_nodes(rig) -> bool:
 
 def has_new_materials(rig) -> bool:
     """Whether a rig's materials can turn rays that skip chords."""
-    return len(rig.scfpf_rig.portals.data.materials) > portal_nodes.JUMP
+    return len(rig.scfpf_rig.portals.data.materials) > portal_nodes.PLAIN
 
 
 def update_nodes(rig) -> None:
     """Bring the table and the modifier in step with the camera's surfaces and settings. Raises RigError."""
     settings = rig.scfpf_rig
     check_surfaces(settings.camera)
-    settings.table = table_object(settings.camera, RIG_TABLE_KEY, "Cycles Table", settings.scene)
+    of_rig = {"key": RIG_TABLE_KEY, "label": "Cycles Table", "scene": settings.scene}
+    settings.table = table_object(settings.camera, **of_rig, with_inverse=False)
     settings.table[RIG_KEY] = settings.camera
     _place(settings.view_camera)
     modifier = settings.portals.modifiers[MODIFIER]

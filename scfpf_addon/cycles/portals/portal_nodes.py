@@ -20,6 +20,7 @@ from .sheets import (
     BREAKS,
     FAR_SLOT,
     JUMP_SLOT,
+    PLAIN_SLOT,
     REPEATED,
     SCREEN_SLOT,
     SHEET_SLOT,
@@ -211,7 +212,8 @@ def _screen(nodes: GeometryBuilder, given: dict[str, Value], polar: Value) -> Va
 
 
 # Slots of the materials on the sheets' mesh.
-SHEET, SCREEN, SURROUND, FAR, JUMP = SHEET_SLOT, SCREEN_SLOT, SURROUND_SLOT, FAR_SLOT, JUMP_SLOT
+SHEET, SCREEN, SURROUND, FAR = SHEET_SLOT, SCREEN_SLOT, SURROUND_SLOT, FAR_SLOT
+JUMP, PLAIN = JUMP_SLOT, PLAIN_SLOT
 
 
 def new_materials(scene, follow) -> list:
@@ -226,6 +228,7 @@ def new_materials(scene, follow) -> list:
         _surround(scene),
         _portal("SCFPF Far", FAR, follow),
         _portal("SCFPF Jump", JUMP, follow),
+        _portal("SCFPF Screen without Lens", PLAIN, follow),
     ]
 
 
@@ -249,7 +252,7 @@ def _portal(name: str, slot: int, follow):
     elif slot == FAR:
         onward = backwards * -1.0
         inputs = {"Position": place + onward * TELEPORT, "Direction": onward}
-    elif slot == JUMP:
+    elif slot in (JUMP, PLAIN):
         inputs = {
             "Position": nodes.shader_attribute(POSITION),
             "Direction": nodes.shader_attribute(DIRECTION),
@@ -261,7 +264,7 @@ def _portal(name: str, slot: int, follow):
     inputs["Direction"] = nodes.out("ShaderNodeVectorMath", "Unit", unit, operation="NORMALIZE")
     nodes.open_frame("The portal")
     shader, due = nodes.node("ShaderNodeBsdfRayPortal", "Ray Portal", inputs).outputs[0], None
-    if slot != SCREEN:
+    if slot not in (SCREEN, PLAIN):
         nodes.open_frame("Only for rays that begin where the chord before does")
         way = nodes.out("ShaderNodeLightPath", "Light Path", {}, "Ray Length")
         off = (place + backwards * way - nodes.shader_attribute(ORIGIN)).length()

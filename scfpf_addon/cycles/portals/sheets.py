@@ -16,9 +16,9 @@ import numpy as np
 from ...projection.typing import Array, IndexArray
 from .paths import Faces
 
-# Slots of the materials on the mesh: a sheet that turns rays, the screen, its surround, the far sheet, and a
-# sheet that sends rays to another place.
-SHEET_SLOT, SCREEN_SLOT, SURROUND_SLOT, FAR_SLOT, JUMP_SLOT = range(5)
+# Slots of the materials on the mesh: a sheet that turns rays, the screen, its surround, the far sheet, a
+# sheet that sends rays to another place, and a screen without a lens.
+SHEET_SLOT, SCREEN_SLOT, SURROUND_SLOT, FAR_SLOT, JUMP_SLOT, PLAIN_SLOT = range(6)
 
 # Pixels by which sheets extend beyond a rectangular image, for Cycles' filter.
 PADDING = 2.0
@@ -125,7 +125,7 @@ def _skipping(
     sheet, onward = np.divmod(keys // len(x), count + 1)
     vertex = keys % len(x)
     slots = np.where(faces.onward == faces.sheet, SHEET_SLOT, JUMP_SLOT)
-    slots = np.where(faces.sheet == count, FAR_SLOT, np.where(faces.sheet == 0, SCREEN_SLOT, slots))
+    slots = np.where(faces.sheet == count, FAR_SLOT, np.where(faces.sheet == 0, PLAIN_SLOT, slots))
     places = np.stack([x[vertex], y[vertex], sheet.astype(np.float64)])
     return places, onward.astype(np.float64), numbers.reshape(-1, 3), np.repeat(slots, 2)
 

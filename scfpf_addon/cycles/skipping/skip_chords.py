@@ -19,8 +19,9 @@ from ..rig_data import probe_mesh
 from .bodies import Bodies, Unbounded
 from .reasons import obstacle
 
-# A cell of sheets whose rays skip chords is at most as wide as this, in pixels.
-CELL_PIXELS = 16.0
+# Widths of a cell of sheets whose rays skip chords, in pixels: the first with at most so many cells counts.
+CELL_PIXELS = (8, 12, 16, 24, 32)
+MOST_CELLS = 16_000
 
 
 class NotSkipping(Exception):
@@ -42,11 +43,14 @@ def faces_that_skip(rig, chords: ChordPlan) -> Faces:
 
 
 def fine_cells(cells: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
-    """Cells across and up, multiples of the plan's, that are small enough."""
-    across, up = (
-        count * max(1, -(-pixels // int(CELL_PIXELS * count)))
-        for count, pixels in zip(cells, size, strict=True)
-    )
+    """Cells across and up, multiples of the plan's, that are small but not too many."""
+    across, up = cells
+    for width in CELL_PIXELS:
+        across, up = (
+            count * max(1, -(-pixels // (width * count))) for count, pixels in zip(cells, size, strict=True)
+        )
+        if across * up <= MOST_CELLS:
+            break
     return across, up
 
 

@@ -44,10 +44,10 @@ EVEN_RATIO = 1e-3
 LATTICE_ACCEPTED = 0.02
 
 
-def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None):
+def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None, with_inverse: bool = True):
     """Return the group "SCFPF Table" of a basis and a number of surfaces.
 
-    weights: of NURBS projectors, (count,).
+    weights: of NURBS projectors, (count,). with_inverse: False for projectors alone, which is much quicker.
     """
     inputs = {"Picture": ("Geometry", None, "u, v and what is shown of the table's corners, as positions")}
     for number in range(1, count + 1):
@@ -71,6 +71,8 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
         polar = given["Polar"] * given["Disc"]
         table, size, cut, border = store_projectors(nodes, given, powers, polar)
         wrap = nodes.call(_periodic_group(), "Periodic", {"Table": table, "Size": size})["Wrap"]
+        if not with_inverse:
+            return {"Table": nodes.join(table, _properties(nodes, size, wrap, polar))}
         whole = whole_table(table, size, wrap)
         ratio = nodes.call(_ratio_group(), "Near over Far", whole)["Ratio"]
         inputs = {"Cut": cut, "Ratio": ratio, "Polar": polar}
@@ -96,11 +98,22 @@ def table_group(basis: str, count: int, weights: tuple[float, ...] | None = None
         nodes.close_frame()
         return {"Table": nodes.join(table, lattice, cloud, border)}
 
+    kind = "Table" if with_inverse else "Projectors"
     weighted = "" if weights is None else " " + ":".join(f"{weight:.4g}" for weight in weights)
+    name = f"SCFPF {kind} {basis} {count}{weighted}"
     text = f"The projectors of a flexible camera: {count} surfaces, {basis.replace('_', '-').title()}"
-    return node_group(
-        f"SCFPF Table {basis} {count}{weighted}", text, inputs, {"Table": "Geometry"}, build, modifier=True
-    )
+    return node_group(name, text, inputs, {"Table": "Geometry"}, build, modifier=True)
+
+
+def _properties(nodes: GeometryBuilder, size: Value, wrap: Value, polar: Value) -> Value:
+    """A mesh of a single vertex with the properties of a table without an inverse."""
+    nodes.open_frame("What is true of the whole table")
+    vertex = nodes.out("GeometryNodeMeshLine", "A Vertex", {"Count": 1})
+    numbers = nodes.xyz(0.0, 0.0, polar, "Numbers")
+    for name, value in (("size", size), ("wrap", wrap), ("ratio, turn, polar", numbers)):
+        vertex = nodes.store(vertex, name, value, "FLOAT_VECTOR")
+    nodes.close_frame()
+    return vertex
 
 
 @defines_group("SCFPF Periodic", {key: TABLE_INPUTS[key] for key in ("Table", "Size")}, {"Wrap": "Vector"})

@@ -31,11 +31,12 @@ _FOLLOWED = {
 }
 
 
-def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
+def table_object(camera, key=TABLE_KEY, label="Table", scene=None, with_inverse=True):
     """Return the camera's table of projectors, a child of the camera, made or brought up to date.
 
     key: the camera's custom property that points to it. label: the end of its name. scene: the scene whose
-    image it is for, None for the context's; only image mappings depend on it.
+    image it is for, None for the context's; only image mappings depend on it. with_inverse: False for
+    projectors alone, without first guesses of the inverse.
     Call it when the list of surfaces, a kind, a weight, the basis, the re-parameterisation or
     ``mapping_table.image_signature`` has changed. The table follows shapes, transforms and animation by
     itself, without Python. It is linked to no collection: the modifier that reads it keeps it evaluated.
@@ -43,7 +44,7 @@ def table_object(camera, key=TABLE_KEY, label="Table", scene=None):
     table = _own_table(camera, key, label)
     settings = camera.scfpf
     surfaces = [slot.object for slot in settings.surfaces]
-    group = table_group_of(camera)
+    group = table_group_of(camera, with_inverse)
     modifier = table.modifiers.get(MODIFIER) or table.modifiers.new(MODIFIER, "NODES")
     modifier.show_viewport = modifier.show_render = True
     if modifier.node_group != group:
@@ -76,11 +77,11 @@ def _own_table(camera, key: str, label: str):
     return table
 
 
-def table_group_of(camera):
-    """Return the node group that computes a camera's table."""
+def table_group_of(camera, with_inverse=True):
+    """Return the node group that computes a camera's table. with_inverse: as for ``table_object``."""
     settings = camera.scfpf
     weights = tuple(slot.weight for slot in settings.surfaces) if settings.basis == "NURBS" else None
-    return table_group(settings.basis, len(settings.surfaces), weights)
+    return table_group(settings.basis, len(settings.surfaces), weights, with_inverse)
 
 
 def _is_of_another(table, camera, key: str) -> bool:

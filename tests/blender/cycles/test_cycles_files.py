@@ -109,10 +109,10 @@ def test_portals_get_directions_of_length_1(camera, rig_of):
         trees = [material.node_tree for material in mesh.materials]
         return [node for tree in trees for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfRayPortal"]
 
-    assert len(portals()) == 4 and all(map(normalised, portals()))
+    assert len(portals()) == 5 and all(map(normalised, portals()))
     portals()[0].inputs["Direction"].links[0].from_node.operation = "ADD"
     assert bpy.ops.scfpf.cycles_rig_update() == {"FINISHED"}
-    assert len(portals()) == 4 and all(map(normalised, portals()))
+    assert len(portals()) == 5 and all(map(normalised, portals()))
     assert {kind: len(names) for kind, names in everything().items()} == {
         kind: len(names) for kind, names in before.items()
     }

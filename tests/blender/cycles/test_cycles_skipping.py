@@ -111,3 +111,93 @@ def test_skipping_shows_what_all_chords_show(addon, skipping, rig_of, tmp_path, 
     print(name, len(breaks) - 1, faces, other.sum(), moved.sum(), off.max())
     assert (every["Object Index"] > 0).mean() > 0.02
     assert other.sum() <= ROUNDED and moved.sum() <= ROUNDED
+
+
+def moved_object(_scene):
+    bpy.data.objects["Object 1"].location.x += 0.01
+
+
+def moved_vertex(_scene):
+    mesh = next(obj.data for obj in bpy.data.objects if obj.type == "MESH" and obj.pass_index)
+    mesh.vertices[0].co.x += 0.01
+    mesh.update()
+    bpy.context.view_layer.objects.active = None
+
+
+def new_object(scene):
+    scene.collection.objects.link(bpy.data.objects.new("New", bpy.data.meshes["Sphere"]))
+
+
+def hidden_object(_scene):
+    bpy.data.objects["Object 2"].hide_render = True
+
+
+def wider_lamp(scene):
+    lamp = bpy.data.lights.get("Lamp")
+    lamp.shadow_soft_size += 1.0
+
+
+def keyed_object(_scene):
+    bpy.data.objects["Object 1"].keyframe_insert("location", frame=1)
+
+
+def foggy_world(scene):
+    tree = scene.world.node_tree
+    output = next(node for node in tree.nodes if node.type == "OUTPUT_WORLD")
+    tree.links.new(tree.nodes.new("ShaderNodeVolumeScatter").outputs[0], output.inputs["Volume"])
+
+
+def moved_surface(scene):
+    scene.objects["Camera"].scfpf.surfaces[1].object.location.x += 0.1
+
+
+EDITS = (moved_object, moved_vertex, new_object, hidden_object, wider_lamp, moved_surface)
+OBSTACLES = {keyed_object: "'Object 1' may change", foggy_world: "filled with a volume"}
+
+
+@pytest.fixture
+def rigged(addon, rig_of):
+    camera = volume_scene(addon, "nonlinear_twist")
+    scene = bpy.context.scene
+    scene.world = bpy.data.worlds.new("World")
+    if scene.world.node_tree is None:
+        scene.world.use_nodes = True
+    scene.collection.objects.link(bpy.data.objects.new("Lamp", bpy.data.lights.new("Lamp", "POINT")))
+    bpy.context.view_layer.update()
+    assert switch(camera) == {"FINISHED"}
+    for group in bpy.data.node_groups:
+        group.use_fake_user = True
+    bpy.context.view_layer.update()
+    return rig_of()
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edit_stops_skipping_until_the_next_render(skipping, rigged, tmp_path, edit):
+    assert skipping.skips(rigged) and skipping.TEXT_KEY in rigged.scfpf_rig.portals
+    edit(bpy.context.scene)
+    bpy.context.view_layer.update()
+    assert not skipping.skips(rigged) and rigged.scfpf_rig.travels_all == skipping.CHANGED
+    render_passes(tmp_path / "some")
+    assert skipping.skips(rigged) and rigged.scfpf_rig.travels_all == ""
+
+
+@pytest.mark.parametrize("edit", OBSTACLES)
+def test_what_has_no_bounds_keeps_all_chords(skipping, rigged, tmp_path, edit):
+    assert skipping.skips(rigged)
+    edit(bpy.context.scene)
+    bpy.context.view_layer.update()
+    assert not skipping.skips(rigged)
+    render_passes(tmp_path / "some")
+    assert not skipping.skips(rigged) and OBSTACLES[edit] in rigged.scfpf_rig.travels_all
+
+
+def test_skipping_stops_when_a_file_is_loaded(addon, skipping, rigged, rig_of, tmp_path):
+    """Somebody may have changed it without the add-on."""
+    path = str(tmp_path / "saved.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    assert skipping.skips(rigged)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    bpy.context.view_layer.update()
+    assert not skipping.skips(rig_of())
+    render_passes(tmp_path / "some")
+    assert skipping.skips(rig_of())

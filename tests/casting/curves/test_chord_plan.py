@@ -17,8 +17,8 @@ from scfpf_addon.cycles.portals.paths import faces_of
 from scfpf_addon.cycles.portals.sheets import (
     FAR_SLOT,
     JUMP_SLOT,
+    PLAIN_SLOT,
     REPEATED,
-    SCREEN_SLOT,
     SHEET_SLOT,
     SURROUND_SLOT,
     first_sheet,
@@ -154,7 +154,7 @@ def test_sheets_whose_rays_skip_chords_have_the_faces_that_they_meet(polar):
             corners = tuple(map(tuple, np.stack([x, y])[:, triangle].T.round(9)))
             slot, chord = known[corners, 0]
             travelled = []
-            assert slot == SCREEN_SLOT
+            assert slot == PLAIN_SLOT
             while chord < count:
                 travelled.append(chord)
                 at = chord + 1
