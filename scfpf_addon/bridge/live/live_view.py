@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from weakref import WeakValueDictionary
 
 import bpy
@@ -154,8 +153,7 @@ def read_scene(
     source.attributes = Attributes(*(a or b for a, b in zip(wanted, source.attributes, strict=True)))
     placements = source.objects.read(depsgraph, space, source.attributes)
     shown = camera.evaluated_get(depsgraph)
-    look = source.looks.read(source.objects, shading, overlay, depsgraph, shown, area, width)
-    return placements, replace(look, is_overlay=space is not None)
+    return placements, source.looks.read(source.objects, shading, overlay, depsgraph, shown, area, width)
 
 
 def shown_window(frame: Rectangle, region) -> tuple[LiveWindow, Rectangle] | None:

@@ -12,7 +12,7 @@ from mathutils import Color
 
 from ...projection.diagrams.line_colors import line_colors
 from ...projection.typing import Array, IndexArray
-from ...shading.live.background import Background
+from ...shading.live.background import Background, shown_as_overlay
 from ...shading.live.cavity import Cavity
 from ...shading.live.live_overlays import ACTIVE, SELECTED, Overlays
 from ...shading.live.matcap import Matcap
@@ -236,9 +236,9 @@ def _overlays(numbers: Numbers, overlay, view_layer, background: Background) -> 
         return Overlays()
     return Overlays(
         states=_states(numbers, view_layer) if overlay.show_outline_selected else None,
-        selected=tuple(theme.object_selected),
-        active=tuple(theme.object_active),
-        fold=line_colors(background.color)["FOLD"][:3],
+        selected=tuple(shown_as_overlay(theme.object_selected)),
+        active=tuple(shown_as_overlay(theme.object_active)),
+        fold=tuple(shown_as_overlay(line_colors(background.color)["FOLD"])),
     )
 
 

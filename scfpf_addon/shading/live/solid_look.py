@@ -28,9 +28,6 @@ from .view_space import camera_share, columns, seen_by_lights
 CHUNK = 8192
 # Steps of the table of display values. They are even in the square root, which follows the eye.
 DISPLAY_STEPS = 4096
-# The power by which Blender takes overlays for linear, and its inverse for encoded (``OCIO_process`` in
-# ``gpu_shader_display_transform``).
-OVERLAY_POWER = 2.2
 # Alpha of an image below which Blender does not show the surface (``workbench_image.bsl.hh``).
 CUT_OUT = np.float32(0.1)
 
@@ -74,8 +71,6 @@ class SolidLook:
     light: None for flat colours. highlights: whether lights are reflected. lines: those of Drawn Style, their
     widths in pixels of the screen. camera_axes: (3, 3), the camera's
     right, up and backward in world space as columns; None lights each pixel from its own axes.
-    is_overlay: whether the image is drawn with a viewport's overlays. Blender encodes these by a power of
-    1/2.2, so that the surfaces' colours differ a little from display values to become these on the screen.
     """
 
     light: StudioLight | Matcap | None
@@ -87,7 +82,6 @@ class SolidLook:
     overlays: Overlays = field(default_factory=Overlays)
     lines: Lines | None = None
     camera_axes: Array | None = None
-    is_overlay: bool = False
 
     @property
     def wants_uv(self) -> bool:
@@ -152,7 +146,7 @@ def paint(hits: LiveHits, look: SolidLook, pixel_size: float = 1.0) -> Single:
             if cover is not None:
                 behind = _linear_table().take((image[some, :3].T * (DISPLAY_STEPS - 1)).astype(np.intp))
                 color = behind + (color - behind) * cover
-            image[some, :3] = displayed(color, look.is_overlay).T
+            image[some, :3] = displayed(color).T
     result = image.reshape(hits.height, hits.width, 4)
     if look.lines is not None:
         draw_lines(result, hits, look.lines, pixel_size)
@@ -223,25 +217,19 @@ def _base(frame: _Frame, some: slice | IndexArray, rows: IndexArray) -> tuple[Si
     return base, cover
 
 
-def displayed(color: Single, is_overlay: bool = False) -> Single:
-    """The display values (sRGB) of linear colours of any shape, which are overwritten; from a table.
-
-    is_overlay: see ``SolidLook``.
-    """
+def displayed(color: Single) -> Single:
+    """The display values (sRGB) of linear colours of any shape, which are overwritten; from a table."""
     np.clip(color, 0, 1, out=color)
     np.sqrt(color, out=color)
     color *= DISPLAY_STEPS - 1
     color += np.float32(0.5)
-    return _display_table(is_overlay).take(color.astype(np.int32))
+    return _display_table().take(color.astype(np.int32))
 
 
-@lru_cache(maxsize=2)
-def _display_table(is_overlay: bool) -> Single:
+@lru_cache(maxsize=1)
+def _display_table() -> Single:
     steps = np.linspace(0.0, 1.0, DISPLAY_STEPS)
-    values = srgb_from_linear((steps * steps).astype(np.float32))
-    if is_overlay:
-        values = srgb_from_linear(values ** np.float32(OVERLAY_POWER))
-    return values.astype(np.float32)
+    return srgb_from_linear((steps * steps).astype(np.float32)).astype(np.float32)
 
 
 @lru_cache(maxsize=1)

