@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...casting.scene.cast_scene import CastScene
-from ...projection.typing import IndexArray
+from ...projection.typing import Array, IndexArray
 from ..materials.coefficients import MaterialCoefficients, ViewTerms, by_material
 from ..materials.microfacet import ggx_reflection
 from ..passes.light_passes import DIFFUSE, SPECULAR, LightParts
@@ -76,12 +76,13 @@ class Lighting:
         coefficients: MaterialCoefficients,
         sample: int | IndexArray,
         parts: LightParts | None = None,
+        weight: Array | None = None,
     ) -> Single:
         """Radiance that leaves the points towards the viewer, (3, N), scene-linear.
 
         Emission and the environment's light, plus for every lamp Lambert's share of the light that arrives
         and that of GGX facets, towards V against the projector's tangent.
-        parts: of the points, to be filled in.
+        parts: of the points, to be filled in. weight: (N,), see ``SkyLight.radiance``.
         """
         facing = dot(points.normal, points.view)
         view = coefficients.view_terms(points.material, facing)
@@ -95,7 +96,7 @@ class Lighting:
         if self.sky and coefficients.unit:
             unit = coefficients.unit
             reflectance = unit.unlit(points.material, unit.view_terms(points.material, facing)) * OVER_PI
-            lit = self.sky.radiance(points, reflectance, sample, color)
+            lit = self.sky.radiance(points, reflectance, sample, color, weight)
             color += lit
             if parts:
                 parts.rows[DIFFUSE] += lit

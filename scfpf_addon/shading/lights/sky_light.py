@@ -62,13 +62,14 @@ class SkyLight:
         reflectance: Single,
         sample: int | IndexArray,
         beside: Single | None = None,
+        weight: Array | None = None,
     ) -> Single:
         """Radiance of points from the soft light, (3, N). reflectance: (3, N) or (3, 1), over π.
 
         Each ray stands for an equal share of the irradiance, and takes it away where it is occluded: in the
         open there is no noise. Random numbers depend on the point's position; with fixed directions single
         shadows would be visible. beside: (3, N) radiance from other light, which hides noise: the more of it,
-        the fewer rays.
+        the fewer rays. weight: (N,) of points in their pixels: less of it, too, takes fewer rays.
         """
         arriving = self.irradiance(points.normal)
         if self.occluders is not None:
@@ -76,6 +77,7 @@ class SkyLight:
             share = (
                 np.ones(len(own)) if beside is None else own / np.maximum(own + luminance_of(beside), TINY)
             )
+            share = share if weight is None else share * np.minimum(weight, 1.0)
             self._hide(arriving, points, sample, self.occluders, self._ray_counts(share * (own > 0.0)))
         radiance: Single = reflectance * arriving
         return radiance
@@ -97,24 +99,26 @@ class SkyLight:
         counts: IndexArray,
     ) -> None:
         """Take the occluded share from the light that arrives at points, (3, N). counts: (N,) of rays."""
-        begin = np.broadcast_to(self.order[np.atleast_1d(sample)], len(counts))
-        for count in np.unique(counts[counts > 0]):
-            some = np.flatnonzero(counts == count)
-            there, light = points.take(some), arriving.take(some, axis=1)
-            lost = (luminance_of(light) / count).astype(np.float32)
-            seed = position_seeds(there.position)
-            row = self.directions.rows(there.normal, random_pairs(scramble(seed, 0)))
-            for number in range(count):
-                jitter = scramble(seed, number + 1) * 2.0**-BITS / len(self.order)
-                place = (number + begin[some] + jitter) / count
-                chosen = self.directions.table.take(row + (place * QUANTILES).astype(np.intp))
-                direction = self.directions.towards.take(chosen, axis=1)
-                facing = np.maximum(dot(there.normal, direction), 0)
-                seen = facing.copy()
-                cut_shadows(seen, there, Incidence(direction, facing, FAR), occluders)
-                hidden = np.flatnonzero(seen < facing)
-                light[:, hidden] -= self.directions.tint.take(chosen[hidden], axis=1) * lost[hidden]
-            arriving[:, some] = light
+        some = np.flatnonzero(counts)
+        there, count = points.take(some), counts.take(some)
+        begin = np.broadcast_to(self.order[np.atleast_1d(sample)], len(counts)).take(some)
+        lost = (luminance_of(arriving.take(some, axis=1)) / count).astype(np.float32)
+        seed = position_seeds(there.position)
+        row = self.directions.rows(there.normal, random_pairs(scramble(seed, 0)))
+        for number in range(int(count.max(initial=0))):
+            left = np.flatnonzero(count > number)
+            if len(left) < len(count):
+                there, some, seed, row = there.take(left), some.take(left), seed.take(left), row.take(left)
+                begin, lost, count = begin.take(left), lost.take(left), count.take(left)
+            jitter = scramble(seed, number + 1) * 2.0**-BITS / len(self.order)
+            place = (number + begin + jitter) / count
+            chosen = self.directions.table.take(row + (place * QUANTILES).astype(np.intp))
+            direction = self.directions.towards.take(chosen, axis=1)
+            facing = np.maximum(dot(there.normal, direction), 0)
+            seen = facing.copy()
+            cut_shadows(seen, there, Incidence(direction, facing, FAR), occluders)
+            hidden = np.flatnonzero(seen < facing)
+            arriving[:, some.take(hidden)] -= self.directions.tint.take(chosen[hidden], axis=1) * lost[hidden]
 
     def irradiance(self, normal: Single) -> Single:
         """Irradiance (3, N) by unit normals (3, N), without occluders."""

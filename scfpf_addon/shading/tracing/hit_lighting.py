@@ -130,12 +130,14 @@ class HitLighting:
             if not len(some.where):
                 continue
             parts = film.parts_of_hits(len(some.where))
+            share = wave.throughput.take(some.where, axis=1) * some.weight
             if far:
                 emission = by_material(some.coefficients.emission, some.points.material)
                 color = np.broadcast_to(emission, some.points.normal.shape)
                 if parts:
                     parts.rows[EMISSION] = color
             else:
-                color = self.lighting.radiance(some.points, some.coefficients, sample, parts)
-            share = wave.throughput.take(some.where, axis=1) * some.weight
+                color = self.lighting.radiance(
+                    some.points, some.coefficients, sample, parts, share.max(axis=0)
+                )
             film.gather(wave.pixel.take(some.where), share, color, parts, wave.on_ray.take(some.where))
