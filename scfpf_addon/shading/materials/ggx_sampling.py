@@ -64,14 +64,14 @@ def _albedo_table() -> Array:
     """Albedo of white facets by cosine and roughness, (1, STEPS, STEPS), of single scattering alone."""
     share = (np.arange(FACETS)[:, None] * R2_STEP % 1.0).T
     table = np.ones((STEPS, STEPS))
+    alpha = ((np.arange(1, STEPS) / (STEPS - 1)) ** 2).repeat(FACETS)
+    share = np.tile(share, STEPS - 1)
     for row in range(STEPS):
         cosine = max(row / (STEPS - 1), 1e-3)
-        view = np.repeat([[np.sqrt(1.0 - cosine**2)], [0.0], [cosine]], FACETS, axis=1)
-        for column in range(1, STEPS):
-            alpha = np.full(FACETS, (column / (STEPS - 1)) ** 2)
-            facet = visible_normals(view, alpha, share)
-            way = 2.0 * dot_row(facet, view) * facet - view
-            table[row, column] = masking_shadowing(view, way, alpha).mean()
+        view = np.repeat([[np.sqrt(1.0 - cosine**2)], [0.0], [cosine]], len(alpha), axis=1)
+        facet = visible_normals(view, alpha, share)
+        way = 2.0 * dot_row(facet, view) * facet - view
+        table[row, 1:] = masking_shadowing(view, way, alpha).reshape(STEPS - 1, FACETS).mean(axis=1)
     return table[None]
 
 

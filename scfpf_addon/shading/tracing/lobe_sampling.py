@@ -21,6 +21,7 @@ from ..materials.lobes import RoughReflectance
 from ..materials.parameters import ClosureRows
 from ..nodes.inputs import fresnel_dielectric
 from ..sampling.sample_positions import Bits, scramble
+from ..sampling.sample_sets import GOLDEN
 from ..scene.shading_scene import Scene
 from ..vectors import dot_row, unit
 from .closure_table import HitClosures
@@ -28,8 +29,10 @@ from .path_wave import TOTAL, PathWave
 
 # Kinds of lobes: straight through, into glass, off glass, off metal, off a dielectric layer.
 CLEAR, REFRACTED, MIRRORED, METAL, LAYER = range(5)
-# The dimension of the scramble that begins a pixel's sequence of rough reflections.
-REFLECTION = 6
+# The dimensions of the scrambles that begin a pixel's sequences of rough reflections and of survival.
+REFLECTION, SURVIVAL = 6, 7
+# The throughput below which paths survive at random, in proportion to it.
+SURE = float(__import__("os").environ.get("SURE", 1 / 32))
 
 
 class ReflectionSamples(NamedTuple):
@@ -51,6 +54,20 @@ class ReflectionSamples(NamedTuple):
         step = np.where(depth == 0, R2_STEP[:, None], R2_STEP[::-1, None])
         share: Array = (start + self.sample * step) % 1.0
         return share
+
+    def survival(self, wave: PathWave, lobes: SentLobes, throughput: Array) -> Array:
+        """The factor (m,) by which throughputs (3, m) of paths that go on along lobes grow; 0 for an end.
+
+        Faint paths end at random; the others make up for them, so that the mean stays.
+        """
+        chance = np.minimum(throughput.max(axis=0) / SURE, 1.0)
+        branch = (wave.depth[TOTAL] * 8 + lobes.kind).astype(np.uint32) ^ scramble(
+            wave.hits.triangle.astype(np.uint32), SURVIVAL
+        )
+        own = scramble(self.pixel[wave.pixel] ^ scramble(branch, SURVIVAL), SURVIVAL)
+        drawn = (own * 2.0**-32 + self.sample * GOLDEN) % 1.0
+        factor: Array = np.divide(drawn < chance, chance, out=np.zeros_like(chance), where=chance > 0.0)
+        return factor
 
 
 class SentLobes(NamedTuple):

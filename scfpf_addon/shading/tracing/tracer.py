@@ -177,8 +177,11 @@ class Tracer:
         if len(off):
             some, start = lobes.take(off), came.take(off)
             direction, share = self.sampler.directions(some, closures.take(some.closure), start, samples)
+            share *= samples.survival(start, some, throughput[:, off] * share)
             throughput[:, off] *= share
-            hits.put(off, self.sampler.cast(start, direction, from_glass[off]))
+            left = np.flatnonzero(share.any(axis=0))
+            off = off.take(left)
+            hits.put(off, self.sampler.cast(start.take(left), direction.take(left, axis=1), from_glass[off]))
         sent = PathWave(
             hits,
             pixel=came.pixel,
@@ -188,7 +191,7 @@ class Tracer:
             depth=depth[:, going],
         )
         missed = hits.triangle < 0
-        self._miss(sent.take(np.flatnonzero(missed)), film)
+        self._miss(sent.take(np.flatnonzero(missed & throughput.any(axis=0))), film)
         return sent.take(np.flatnonzero(~missed))
 
     def _lobes(self, wave: PathWave, closures: HitClosures) -> SentLobes:
