@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -159,12 +160,14 @@ class TileProjectors:
 
 @dataclass(frozen=True)
 class Continuation:
-    """Some projectors of a tile, to be continued past their hits.
+    """Some projectors of tiles, to be continued past their hits.
 
-    number: (n,) of the projectors in the tile. pixel: (n,) seeds of the random choices on their paths.
+    tiles: several if samples of the same pixels are traced together. tile: (n,) number of each projector's.
+    number: (n,) of the projectors in their tiles. pixel: (n,) seeds of the random choices on their paths.
     """
 
-    tile: TileProjectors
+    tiles: tuple[TileProjectors, ...]
+    tile: IndexArray
     number: IndexArray
     pixel: IndexArray
 
@@ -172,19 +175,45 @@ class Continuation:
     def of_tile(cls, tile: TileProjectors) -> Continuation:
         """All projectors of a tile, whose own numbers are the seeds."""
         number = np.arange(len(tile.x))
-        return cls(tile, number, number)
+        return cls((tile,), np.zeros_like(number), number, number)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Continuation]) -> Continuation:
+        """The projectors of all parts, in order."""
+        first = np.cumsum([0, *(len(part.tiles) for part in parts)])
+        return cls(
+            tuple(tile for part in parts for tile in part.tiles),
+            np.concatenate([part.tile + start for part, start in zip(parts, first[:-1], strict=True)]),
+            np.concatenate([part.number for part in parts]),
+            np.concatenate([part.pixel for part in parts]),
+        )
 
     def take(self, index: IndexArray) -> Continuation:
         """The projectors at ``index``."""
-        return Continuation(self.tile, self.number[index], self.pixel[index])
+        return Continuation(self.tiles, self.tile[index], self.number[index], self.pixel[index])
 
     def next_hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits:
         """The next hits of projectors ``which`` (m,) of these, see ``TileProjectors.next_hits``."""
-        return self.tile.next_hits(self.number[which], t, triangle)
+        found = Hits.empty(len(which))
+        for tile, some in self._by_tile(which):
+            number = self.number[which[some]]
+            found.put(some, self.tiles[tile].next_hits(number, t[some], triangle[some]))
+        return found
 
     def exit_tangents(self, which: IndexArray) -> Array:
         """Tangents (3, m) where the projectors ``which`` (m,) of these leave the volume."""
-        return self.tile.exit_tangents(self.number[which])
+        found = np.zeros((3, len(which)))
+        for tile, some in self._by_tile(which):
+            found[:, some] = self.tiles[tile].exit_tangents(self.number[which[some]])
+        return found
+
+    def _by_tile(self, which: IndexArray) -> Iterator[tuple[int, IndexArray]]:
+        """The tiles of projectors ``which`` (m,), and which of these belong to each."""
+        tile = self.tile[which]
+        for number in range(len(self.tiles)):
+            some = np.flatnonzero(tile == number)
+            if len(some):
+                yield number, some
 
 
 def cast_rays(scene: CastScene, origins: Array, directions: Array) -> Hits:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -30,6 +30,11 @@ class CastSample(NamedTuple):
     number: int
     hits: Hits
     continuation: Continuation | None
+
+    @property
+    def where(self) -> IndexArray:
+        """The pixels that hit the scene."""
+        return np.flatnonzero(self.hits.triangle >= 0)
 
     def take(self, index: IndexArray) -> CastSample:
         """The same sample of the pixels at ``index``."""
@@ -68,8 +73,29 @@ class SampleCaster:
         for sample in samples:
             yield found.pop(sample)
 
-    def color(self, cast: CastSample, where: IndexArray, parts: LightParts | None) -> Single:
-        """The colours of the hits at ``where``, see ``Shading.color``; (3, 0) without triangles."""
+    def colors(self, casts: Sequence[CastSample], parts: LightParts | None) -> Single:
+        """The colours of all hits of samples of one moment, see ``Shading.color``, in order.
+
+        parts: of them. Paths of all samples are traced at once.
+        """
+        wheres = [cast.where for cast in casts]
+        shading = casts[0].view.shading
+        continuations = [cast.continuation for cast in casts if cast.continuation is not None]
+        if shading is None or shading.tracer is None or len(casts) == 1 or len(continuations) < len(casts):
+            ends = np.cumsum([len(where) for where in wheres])
+            each = [
+                self._color(cast, where, parts and parts.part(slice(end - len(where), end)))
+                for cast, where, end in zip(casts, wheres, ends, strict=True)
+            ]
+            return each[0] if len(each) == 1 else np.concatenate(each, axis=1)
+        count = len(casts[0].hits.t)
+        number = np.repeat([cast.number for cast in casts], [len(where) for where in wheres])
+        where = np.concatenate([where + count * k for k, where in enumerate(wheres)])
+        hits = Hits.joined([cast.hits for cast in casts])
+        return shading.color(hits, where, number, Continuation.joined(continuations), parts)
+
+    def _color(self, cast: CastSample, where: IndexArray, parts: LightParts | None) -> Single:
+        """The colours of the hits at ``where`` of one sample; (3, 0) without triangles."""
         shading = cast.view.shading
         if shading is None or cast.continuation is None:
             return np.zeros((3, 0), np.float32)

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ from .typing import Single
 # Pixels whose data passes are made at once: motion vectors take tens of microseconds each, and a cancelled
 # render should end soon.
 PASS_PIXELS = 1 << 13
+# Pixel samples whose paths are traced at once: with fewer, NumPy's calls take longer than its work.
+TOGETHER = 1 << 17
 
 
 class TileCounts(NamedTuple):
@@ -63,23 +66,28 @@ class TileFilms:
     def take(self, samples: range, some: IndexArray | None = None) -> None:
         """Cast samples of the block's pixels, or of ``some`` (n,) of them, and add them to the films."""
         pixel = np.arange(self._count) if some is None else some
-        for cast in self._caster.cast(self._rows, samples, self._counts, some):
+        casts = self._caster.cast(self._rows, samples, self._counts, some)
+        for _, together in groupby(casts, lambda cast: id(cast.view)):
             raise_if_cancelled()
-            self._hits += int(np.count_nonzero(cast.hits.triangle >= 0))
-            self._add(cast if self._kept is None else cast.take(self._kept), pixel)
+            taken = list(together)
+            self._hits += sum(len(cast.where) for cast in taken)
+            self._add(taken if self._kept is None else [cast.take(self._kept) for cast in taken], pixel)
 
-    def _add(self, cast: CastSample, pixel: IndexArray) -> None:
-        """Add a sample of the films' pixels (n,)."""
-        view, hits = cast.view, cast.hits
-        where = np.flatnonzero(hits.triangle >= 0)
-        parts = LightParts(len(where)) if self._light else None
-        color = self._caster.color(cast, where, parts)
-        shown, color, parts = view.with_world(hits, where, color, parts)
-        self._image.add(pixel, hits.mask, shown, color)
-        if self._light and parts:
-            self._light.add(pixel, hits.mask, shown, parts)
-        if view.cast_scene:
-            self._crypto.add(pixel[where], view.scene.geometry, hits.triangle[where])
+    def _add(self, casts: Sequence[CastSample], pixel: IndexArray) -> None:
+        """Add samples of the films' pixels (n,), which see the same moment."""
+        wheres = [cast.where for cast in casts]
+        total = sum(len(where) for where in wheres)
+        parts = LightParts(total) if self._light else None
+        colors, first = self._caster.colors(casts, parts), 0
+        for cast, where in zip(casts, wheres, strict=True):
+            view, hits, some = cast.view, cast.hits, slice(first, first + len(where))
+            first = some.stop
+            shown, color, own = view.with_world(hits, where, colors[:, some], parts and parts.part(some))
+            self._image.add(pixel, hits.mask, shown, color)
+            if self._light and own:
+                self._light.add(pixel, hits.mask, shown, own)
+            if view.cast_scene:
+                self._crypto.add(pixel[where], view.scene.geometry, hits.triangle[where])
 
     def develop(self, pixel: IndexArray, pixels: Single, passes: dict[str, Single]) -> None:
         """Write the films' pixels (m,) into pixels (m, 4) and passes (m, channels)."""
@@ -125,9 +133,11 @@ def _sample_evenly(
     settings = pipeline.settings
     image = Film(count, pipeline.empty_color, settings.transparent)
     films = TileFilms(pipeline, job.rows, image, inside, names)
-    for sample in range(settings.samples):
-        films.take(range(sample, sample + 1))
-        job.done = (sample + 1) / settings.samples
+    step = max(1, TOGETHER // max(count, 1))
+    for first in range(0, settings.samples, step):
+        taken = range(first, min(first + step, settings.samples))
+        films.take(taken)
+        job.done = taken.stop / settings.samples
     return films
 
 

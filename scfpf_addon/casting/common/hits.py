@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
@@ -50,6 +51,11 @@ class Hits(NamedTuple):
             tangent=np.zeros((3, count)),
             mask=np.zeros(count, bool),
         )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Hits]) -> Hits:
+        """The hits of all parts, in order."""
+        return cls._make(np.concatenate(fields, axis=-1) for fields in zip(*parts, strict=True))
 
     def take(self, index: IndexArray) -> Hits:
         """Copy the hits at ``index``."""

@@ -101,10 +101,10 @@ class SkyLight:
         """Take the occluded share from the light that arrives at points, (3, N). counts: (N,) of rays."""
         some = np.flatnonzero(counts)
         there, count = points.take(some), counts.take(some)
-        begin = np.broadcast_to(self.order[np.atleast_1d(sample)], len(counts)).take(some)
+        begin: Array = np.broadcast_to(self.order[np.atleast_1d(sample)], len(counts)).take(some)
         lost = (luminance_of(arriving.take(some, axis=1)) / count).astype(np.float32)
         seed = position_seeds(there.position)
-        row = self.directions.rows(there.normal, random_pairs(scramble(seed, 0)))
+        row: IndexArray = self.directions.rows(there.normal, random_pairs(scramble(seed, 0)))
         for number in range(int(count.max(initial=0))):
             left = np.flatnonzero(count > number)
             if len(left) < len(count):
@@ -112,7 +112,8 @@ class SkyLight:
                 begin, lost, count = begin.take(left), lost.take(left), count.take(left)
             jitter = scramble(seed, number + 1) * 2.0**-BITS / len(self.order)
             place = (number + begin + jitter) / count
-            chosen = self.directions.table.take(row + (place * QUANTILES).astype(np.intp))
+            quantile = (place * QUANTILES).astype(np.intp)
+            chosen = self.directions.table.take(row + quantile)
             direction = self.directions.towards.take(chosen, axis=1)
             facing = np.maximum(dot(there.normal, direction), 0)
             seen = facing.copy()

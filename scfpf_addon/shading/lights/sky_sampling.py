@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...projection.colors import LUMINANCE
-from ...projection.typing import Array
+from ...projection.typing import Array, IndexArray
 from ..scene.sky_map import NORMAL_ROWS, Gathered, WorldLight, map_directions, map_places
 from ..typing import Single
 
@@ -56,7 +56,7 @@ class SkyDirections(NamedTuple):
             np.repeat(directions, counts.ravel()),
         )
 
-    def rows(self, normal: Single, random: Array) -> Array:
+    def rows(self, normal: Single, random: Array) -> IndexArray:
         """Begin of the rows of normals (3, N) in the table, (N,), at random one of the four around each.
 
         random: (2, N) in [0, 1). The probabilities are those of bilinear interpolation.
@@ -68,7 +68,7 @@ class SkyDirections(NamedTuple):
         # Past a pole the map continues half way around.
         column += NORMAL_ROWS * ((row < 0) | (row >= NORMAL_ROWS))
         np.clip(row, 0, NORMAL_ROWS - 1, out=row)
-        found: Array = (row * (2 * NORMAL_ROWS) + column % (2 * NORMAL_ROWS)) * QUANTILES
+        found: IndexArray = (row * (2 * NORMAL_ROWS) + column % (2 * NORMAL_ROWS)) * QUANTILES
         return found
 
 

@@ -46,6 +46,12 @@ class LightParts:
     def __init__(self, count: int, kind: DTypeLike = np.float32) -> None:
         self.rows = np.zeros((TAKEN.stop, count), kind)
 
+    def part(self, some: slice) -> LightParts:
+        """The parts of some of the hits, which share memory with these."""
+        part = LightParts(0)
+        part.rows = self.rows[:, some]
+        return part
+
     def shine(self, emission: Single, emitted: Single) -> None:
         """Add emission, and ``emitted``: emission with the world's light; each (3, count) or (3, 1)."""
         self.rows[EMISSION] += emission

@@ -64,7 +64,8 @@ def adaptive_batches(
     height, width = shape
     active: IndexArray | None = None
     while True:
-        step = 1 if active is None else max(1, min(goal - done, BATCH // len(active)))
+        count = height * width if active is None else len(active)
+        step = max(1, min(goal - done, BATCH // count))
         for first in range(done, goal, step):
             yield active, range(first, min(first + step, goal))
         if goal >= most:

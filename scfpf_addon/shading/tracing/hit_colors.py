@@ -70,11 +70,11 @@ class Shading:
     ) -> Single:
         """Radiance towards the viewer of the hits at ``where`` (n,), (3, n), and alpha if not 1, (4, n).
 
-        sample: a number, or without a tracer one for each hit. continuation: of the projectors of ``hits``.
+        sample: a number, or one for each hit. continuation: of the projectors of ``hits``.
         parts: of n hits, to be filled in.
         """
         tracer = self.tracer
-        if tracer and isinstance(sample, int) and tracer.needed(hits.triangle.take(where)):
+        if tracer and tracer.needed(hits.triangle.take(where)):
             return tracer.color(hits.take(where), sample, continuation.take(where), parts)
         triangle, barycentric, position, tangent = hits[1:5]
         if len(where) < len(triangle):

@@ -18,6 +18,7 @@ from ..scene.shading_scene import Scene
 from ..scene.surface import SurfacePoints, SurfaceTable
 from ..vectors import dot_row, unit
 from .closure_table import ClosureTable, HitClosures
+from .path_samples import PathSamples
 from .path_wave import PathFilm, PathWave
 
 
@@ -56,7 +57,7 @@ class HitLighting:
     coefficients: MaterialCoefficients
     lighting: Lighting
 
-    def gather(self, wave: PathWave, beyond: BoolArray, sample: int, film: PathFilm) -> HitClosures:
+    def gather(self, wave: PathWave, beyond: BoolArray, samples: PathSamples, film: PathFilm) -> HitClosures:
         """Add the light that leaves the wave's places to the film; return the closures that send light on.
 
         beyond: (n,) places beyond a limit of bounces, which as in Cycles emit, and let light through, but are
@@ -69,13 +70,13 @@ class HitLighting:
             here = (points if len(where) == len(beyond) else points.take(where))._replace(material=row)
             weight = table.rows["body"][0].take(row)
             body = _Bodies(where, here, self.coefficients, weight, beyond.take(where))
-            self._light(wave, body, sample, film)
+            self._light(wave, body, samples, film)
             some = np.flatnonzero(table.scatters.take(row))
             normal = here.normal.take(some, axis=1).astype(np.float64)
             sent.append(HitClosures(where.take(some), table.rows.take(row.take(some)), normal))
         made = table.made_at(points.material, lambda which: self._context(wave, points, which))
         if made:
-            self._light_made(wave, made, points, beyond, sample, film)
+            self._light_made(wave, made, points, beyond, samples, film)
             sent.append(made.scattering())
         return HitClosures.joined(sent)
 
@@ -105,7 +106,7 @@ class HitLighting:
         made: HitClosures,
         points: SurfacePoints,
         beyond: BoolArray,
-        sample: int,
+        samples: PathSamples,
         film: PathFilm,
     ) -> None:
         """Add the light of closures that graphs make."""
@@ -120,9 +121,9 @@ class HitLighting:
             normal=made.normal.astype(np.float32), material=np.arange(len(made.where))
         )
         weight, far = made.rows["body"][0], beyond.take(made.where)
-        self._light(wave, _Bodies(made.where, here, coefficients, weight, far), sample, film)
+        self._light(wave, _Bodies(made.where, here, coefficients, weight, far), samples, film)
 
-    def _light(self, wave: PathWave, bodies: _Bodies, sample: int, film: PathFilm) -> None:
+    def _light(self, wave: PathWave, bodies: _Bodies, samples: PathSamples, film: PathFilm) -> None:
         """Add the light of bodies: all of it, or emission beyond a limit of bounces."""
         shown = bodies.weight > 0.0
         for far in (False, True):
@@ -137,7 +138,8 @@ class HitLighting:
                 if parts:
                     parts.rows[EMISSION] = color
             else:
+                number = samples.of(wave.pixel.take(some.where))
                 color = self.lighting.radiance(
-                    some.points, some.coefficients, sample, parts, share.max(axis=0)
+                    some.points, some.coefficients, number, parts, share.max(axis=0)
                 )
             film.gather(wave.pixel.take(some.where), share, color, parts, wave.on_ray.take(some.where))

@@ -16,58 +16,18 @@ from ...casting.common.ray_visibility import GLASS, MIRROR, visible_to
 from ...casting.continuation import cast_rays
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray, IndexArray
-from ..materials.ggx_sampling import MIRROR_ROUGHNESS, R2_STEP, reflected, single_scatter_albedo
+from ..materials.ggx_sampling import MIRROR_ROUGHNESS, reflected, single_scatter_albedo
 from ..materials.lobes import RoughReflectance
 from ..materials.parameters import ClosureRows
 from ..nodes.inputs import fresnel_dielectric
-from ..sampling.sample_positions import Bits, scramble
-from ..sampling.sample_sets import GOLDEN
 from ..scene.shading_scene import Scene
 from ..vectors import dot_row, unit
 from .closure_table import HitClosures
+from .path_samples import PathSamples
 from .path_wave import TOTAL, PathWave
 
 # Kinds of lobes: straight through, into glass, off glass, off metal, off a dielectric layer.
 CLEAR, REFRACTED, MIRRORED, METAL, LAYER = range(5)
-# The dimensions of the scrambles that begin a pixel's sequences of rough reflections and of survival.
-REFLECTION, SURVIVAL = 6, 7
-# The throughput below which paths survive at random, in proportion to it.
-SURE = float(__import__("os").environ.get("SURE", 1 / 32))
-
-
-class ReflectionSamples(NamedTuple):
-    """The random choices of rough reflections in one sample of each pixel.
-
-    pixel: (n,) number in the image, by the pixel's place in the list.
-    """
-
-    pixel: Bits
-    sample: int
-
-    def at_depth(self, which: IndexArray, depth: IndexArray) -> Array:
-        """(2, m) in [0, 1) for pixels by place in the list, after ``depth`` (m,) scattering events.
-
-        A pixel's samples fill the square evenly; each pixel and depth begins its sequence elsewhere.
-        """
-        own = scramble(self.pixel[which] ^ scramble(depth.astype(np.uint32), REFLECTION), REFLECTION)
-        start = np.stack([own & np.uint32(0xFFFF), own >> np.uint32(16)]) / 65536.0
-        step = np.where(depth == 0, R2_STEP[:, None], R2_STEP[::-1, None])
-        share: Array = (start + self.sample * step) % 1.0
-        return share
-
-    def survival(self, wave: PathWave, lobes: SentLobes, throughput: Array) -> Array:
-        """The factor (m,) by which throughputs (3, m) of paths that go on along lobes grow; 0 for an end.
-
-        Faint paths end at random; the others make up for them, so that the mean stays.
-        """
-        chance = np.minimum(throughput.max(axis=0) / SURE, 1.0)
-        branch = (wave.depth[TOTAL] * 8 + lobes.kind).astype(np.uint32) ^ scramble(
-            wave.hits.triangle.astype(np.uint32), SURVIVAL
-        )
-        own = scramble(self.pixel[wave.pixel] ^ scramble(branch, SURVIVAL), SURVIVAL)
-        drawn = (own * 2.0**-32 + self.sample * GOLDEN) % 1.0
-        factor: Array = np.divide(drawn < chance, chance, out=np.zeros_like(chance), where=chance > 0.0)
-        return factor
 
 
 class SentLobes(NamedTuple):
@@ -131,7 +91,7 @@ class LobeSampler:
         return cls(cast_scene, mirrors, glass)
 
     def directions(
-        self, lobes: SentLobes, closures: HitClosures, wave: PathWave, samples: ReflectionSamples
+        self, lobes: SentLobes, closures: HitClosures, wave: PathWave, samples: PathSamples
     ) -> tuple[Array, Array]:
         """Unit directions (3, n) of lobes' straight rays, and the share (3, n) of light that counts.
 

@@ -26,7 +26,8 @@ from ..typing import Single
 from ..vectors import dot, unit
 from .closure_table import ClosureTable, HitClosures
 from .hit_lighting import HitLighting
-from .lobe_sampling import CLEAR, LAYER, METAL, MIRRORED, REFRACTED, LobeSampler, ReflectionSamples, SentLobes
+from .lobe_sampling import CLEAR, LAYER, METAL, MIRRORED, REFRACTED, LobeSampler, SentLobes
+from .path_samples import PathSamples
 from .path_wave import GLOSSY, TOTAL, TRANSMISSION, TRANSPARENT, PathFilm, PathWave
 
 # Paths with less throughput than this end: a tenth of a step of 8 bits.
@@ -78,7 +79,7 @@ class Tracer:
     def color(
         self,
         hits: Hits,
-        sample: int,
+        sample: int | IndexArray,
         continuation: Continuation,
         parts: LightParts | None = None,
     ) -> Single:
@@ -87,12 +88,12 @@ class Tracer:
         continuation: of their projectors. parts: of n hits, to be filled in.
         """
         film = PathFilm(len(hits.t), parts is not None)
-        samples = ReflectionSamples(continuation.pixel.astype(np.uint32), sample)
+        samples = PathSamples(continuation.pixel.astype(np.uint32), sample)
         wave = PathWave.first(hits)
         while len(wave.pixel):
             wave = self._hold_out(wave, film)
             if self.catchers:
-                wave = self._catch(wave, self.catchers, sample, film, continuation)
+                wave = self._catch(wave, self.catchers, samples, film, continuation)
             beyond = (wave.depth > self._limits).any(axis=0)
             if beyond.any():
                 shown = self.lighting.closures.shown_beyond.take(self._material(wave.hits.triangle))
@@ -100,7 +101,7 @@ class Tracer:
                 wave, beyond = wave.take(kept), beyond.take(kept)
             if not len(wave.pixel):
                 break
-            closures = self.lighting.gather(wave, beyond, sample, film)
+            closures = self.lighting.gather(wave, beyond, samples, film)
             wave = self._send(wave, closures, beyond, film, continuation, samples)
         if parts and film.parts:
             parts.rows[:] = film.parts.rows
@@ -134,7 +135,12 @@ class Tracer:
         return wave.take(np.flatnonzero(~held))
 
     def _catch(
-        self, wave: PathWave, catchers: Catchers, sample: int, film: PathFilm, continuation: Continuation
+        self,
+        wave: PathWave,
+        catchers: Catchers,
+        samples: PathSamples,
+        film: PathFilm,
+        continuation: Continuation,
     ) -> PathWave:
         """The paths that no shadow catcher ends; the others show the image's own background."""
         caught = catchers.meets(wave.hits.triangle) & ~wave.on_ray
@@ -144,7 +150,7 @@ class Tracer:
         hits = came.hits
         surface = self.lighting.surface
         points = surface.points(hits.triangle, hits.barycentric, hits.position, hits.tangent)
-        left = catchers.left(points, sample)
+        left = catchers.left(points, samples.of(came.pixel))
         film.catch(came, catchers.shown(left, continuation, came.pixel), left)
         return wave.take(np.flatnonzero(~caught))
 
@@ -155,7 +161,7 @@ class Tracer:
         beyond: BoolArray,
         film: PathFilm,
         continuation: Continuation,
-        samples: ReflectionSamples,
+        samples: PathSamples,
     ) -> PathWave:
         """Send paths along the lobes of closures; return those that hit, and add the others to the film."""
         lobes = self._lobes(wave, closures)
@@ -177,7 +183,7 @@ class Tracer:
         if len(off):
             some, start = lobes.take(off), came.take(off)
             direction, share = self.sampler.directions(some, closures.take(some.closure), start, samples)
-            share *= samples.survival(start, some, throughput[:, off] * share)
+            share *= samples.survival(start, some.kind, throughput[:, off] * share)
             throughput[:, off] *= share
             left = np.flatnonzero(share.any(axis=0))
             off = off.take(left)

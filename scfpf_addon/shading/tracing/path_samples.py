@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The random choices on paths: directions of rough reflections, and the ends of faint paths."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...projection.typing import Array, IndexArray
+from ..materials.ggx_sampling import R2_STEP
+from ..sampling.sample_positions import Bits, scramble
+from ..sampling.sample_sets import GOLDEN
+from .path_wave import TOTAL, PathWave
+
+# The dimensions of the scrambles that begin a pixel's sequences of rough reflections and of survival.
+REFLECTION, SURVIVAL = 6, 7
+# The throughput below which paths survive at random, in proportion to it. The noise of what a window or a
+# coat reflects in 16 samples is below a hundredth of its brightness.
+SURE = 1.0 / 8.0
+
+
+class PathSamples(NamedTuple):
+    """The random choices of the paths of pixel samples.
+
+    pixel: (n,) number in the image. sample: number of the sample in its pixel, (n,) or of all.
+    """
+
+    pixel: Bits
+    sample: int | IndexArray
+
+    def of(self, which: IndexArray) -> int | IndexArray:
+        """The numbers of pixel samples (m,) in their pixels, or of all."""
+        return self.sample if isinstance(self.sample, int) else self.sample.take(which)
+
+    def at_depth(self, which: IndexArray, depth: IndexArray) -> Array:
+        """(2, m) in [0, 1) for pixel samples, after ``depth`` (m,) scattering events.
+
+        A pixel's samples fill the square evenly; each pixel and depth begins its sequence elsewhere.
+        """
+        own = scramble(self.pixel[which] ^ scramble(depth.astype(np.uint32), REFLECTION), REFLECTION)
+        start = np.stack([own & np.uint32(0xFFFF), own >> np.uint32(16)]) / 65536.0
+        step = np.where(depth == 0, R2_STEP[:, None], R2_STEP[::-1, None])
+        share: Array = (start + self.of(which) * step) % 1.0
+        return share
+
+    def survival(self, wave: PathWave, kind: IndexArray, throughput: Array) -> Array:
+        """The factor (m,) by which throughputs (3, m) of paths along kinds of lobes grow; 0 for an end.
+
+        Faint paths end at random; the others make up for them, so that the mean stays.
+        """
+        chance = np.minimum(throughput.max(axis=0) / SURE, 1.0)
+        branch = (wave.depth[TOTAL] * 8 + kind).astype(np.uint32)
+        branch ^= scramble(wave.hits.triangle.astype(np.uint32), SURVIVAL)
+        own = scramble(self.pixel[wave.pixel] ^ scramble(branch, SURVIVAL), SURVIVAL)
+        drawn = (own * 2.0**-32 + self.of(wave.pixel) * GOLDEN) % 1.0
+        factor: Array = np.divide(drawn < chance, chance, out=np.zeros_like(chance), where=chance > 0.0)
+        return factor
