@@ -30,6 +30,8 @@ from .typing import Single
 PASS_PIXELS = 1 << 13
 # Pixel samples whose paths are traced at once: with fewer, NumPy's calls take longer than its work.
 TOGETHER = 1 << 17
+# The most samples of a tile between two messages of progress.
+MOST_SAMPLES = 8
 
 
 class TileCounts(NamedTuple):
@@ -133,7 +135,7 @@ def _sample_evenly(
     settings = pipeline.settings
     image = Film(count, pipeline.empty_color, settings.transparent)
     films = TileFilms(pipeline, job.rows, image, inside, names)
-    step = max(1, TOGETHER // max(count, 1))
+    step = max(1, min(MOST_SAMPLES, TOGETHER // max(count, 1)))
     for first in range(0, settings.samples, step):
         taken = range(first, min(first + step, settings.samples))
         films.take(taken)

@@ -61,10 +61,10 @@ class SkyDirections(NamedTuple):
 
         random: (2, N) in [0, 1). The probabilities are those of bilinear interpolation.
         """
-        row, column = map_places(normal, NORMAL_ROWS)
-        row += random[0] - 0.5
-        column += random[1] - 0.5
-        row, column = np.floor(row).astype(np.intp), np.floor(column).astype(np.intp)
+        up, along = map_places(normal, NORMAL_ROWS)
+        up += random[0] - 0.5
+        along += random[1] - 0.5
+        row, column = np.floor(up).astype(np.intp), np.floor(along).astype(np.intp)
         # Past a pole the map continues half way around.
         column += NORMAL_ROWS * ((row < 0) | (row >= NORMAL_ROWS))
         np.clip(row, 0, NORMAL_ROWS - 1, out=row)
