@@ -36,6 +36,12 @@ class CastSample(NamedTuple):
         """The pixels that hit the scene."""
         return np.flatnonzero(self.hits.triangle >= 0)
 
+    @property
+    def group(self) -> tuple[int, int]:
+        """A key that samples share whose paths can be traced at once: of one moment, in a scene with graphs."""
+        shading = self.view.shading
+        return id(self.view), -1 if shading and shading.tracer else self.number
+
     def take(self, index: IndexArray) -> CastSample:
         """The same sample of the pixels at ``index``."""
         continuation = self.continuation and self.continuation.take(index)
@@ -74,21 +80,16 @@ class SampleCaster:
             yield found.pop(sample)
 
     def colors(self, casts: Sequence[CastSample], parts: LightParts | None) -> Single:
-        """The colours of all hits of samples of one moment, see ``Shading.color``, in order.
+        """The colours of all hits of samples, in order, see ``Shading.color``. parts: of them.
 
-        parts: of them. Paths of all samples are traced at once.
+        casts: one, or several whose paths can be traced at once.
         """
-        wheres = [cast.where for cast in casts]
-        shading = casts[0].view.shading
+        first, wheres = casts[0], [cast.where for cast in casts]
+        shading = first.view.shading
         continuations = [cast.continuation for cast in casts if cast.continuation is not None]
-        if shading is None or shading.tracer is None or len(casts) == 1 or len(continuations) < len(casts):
-            ends = np.cumsum([len(where) for where in wheres])
-            each = [
-                self._color(cast, where, parts and parts.part(slice(end - len(where), end)))
-                for cast, where, end in zip(casts, wheres, ends, strict=True)
-            ]
-            return each[0] if len(each) == 1 else np.concatenate(each, axis=1)
-        count = len(casts[0].hits.t)
+        if shading is None or len(continuations) < 2:
+            return self._color(first, wheres[0], parts)
+        count = len(first.hits.t)
         number = np.repeat([cast.number for cast in casts], [len(where) for where in wheres])
         where = np.concatenate([where + count * k for k, where in enumerate(wheres)])
         hits = Hits.joined([cast.hits for cast in casts])

@@ -69,14 +69,14 @@ class TileFilms:
         """Cast samples of the block's pixels, or of ``some`` (n,) of them, and add them to the films."""
         pixel = np.arange(self._count) if some is None else some
         casts = self._caster.cast(self._rows, samples, self._counts, some)
-        for _, together in groupby(casts, lambda cast: id(cast.view)):
+        for _, together in groupby(casts, lambda cast: cast.group):
             raise_if_cancelled()
             taken = list(together)
             self._hits += sum(len(cast.where) for cast in taken)
             self._add(taken if self._kept is None else [cast.take(self._kept) for cast in taken], pixel)
 
     def _add(self, casts: Sequence[CastSample], pixel: IndexArray) -> None:
-        """Add samples of the films' pixels (n,), which see the same moment."""
+        """Add samples of the films' pixels (n,), of one ``CastSample.group``."""
         wheres = [cast.where for cast in casts]
         total = sum(len(where) for where in wheres)
         parts = LightParts(total) if self._light else None

@@ -15,9 +15,9 @@ from .path_wave import TOTAL, PathWave
 
 # The dimensions of the scrambles that begin a pixel's sequences of rough reflections and of survival.
 REFLECTION, SURVIVAL = 6, 7
-# The throughput below which paths survive at random, in proportion to it. The noise of what a window or a
-# coat reflects in 16 samples is below a hundredth of its brightness.
-SURE = 1.0 / 8.0
+# The throughput below which paths survive at random, in proportion to it: less than what a window or a coat
+# reflects, so that only reflections of reflections have noise.
+SURE = 1.0 / 32.0
 
 
 class PathSamples(NamedTuple):
