@@ -38,7 +38,7 @@ class CastSample(NamedTuple):
 
     @property
     def group(self) -> tuple[int, int]:
-        """A key that samples share whose paths can be traced at once: of one moment, in a scene with graphs."""
+        """A key of samples whose paths can be traced at once: of one moment, in a scene with graphs."""
         shading = self.view.shading
         return id(self.view), -1 if shading and shading.tracer else self.number
 
