@@ -24,6 +24,8 @@ from .live_objects import Placements
 STEPS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
 # Seconds that the first image should take at most.
 FIRST_SECONDS = 0.05
+# The share of a gain in speed that is believed at once.
+GAIN = 0.3
 # A final image that should take no longer than so many seconds follows the first one at once.
 FINAL_SECONDS = 0.4
 # Seconds without a change after which finer images are begun; sooner, they would slow down a drag.
@@ -158,7 +160,7 @@ class LivePainter:
             # Nothing cancels a first image: a drag would show none if it were asked for too often.
             hits = cast_live(scene, view, request.window.coarser(step))
             self._answer(asked, _image(request, hits, step))
-            self._seconds_per_pixel = (perf_counter() - begun) / (hits.width * hits.height)
+            self._note_speed((perf_counter() - begun) / (hits.width * hits.height))
             self._seen = _Seen(key, hits, step)
         while step > 1.0 and self._is_idle(IDLE_SECONDS):
             step = self._finer_step(request.window, step)
@@ -174,6 +176,12 @@ class LivePainter:
             view = view or LiveProjection.of(request.projection)
             cast_live(scene, view, request.window.coarser(SMALL), self)
             self._seen = _Seen((scene, *key[1:]), hits, step)
+
+    def _note_speed(self, seconds: float) -> None:
+        """Note the seconds that a pixel took. A gain counts in part, lest the size of pixels flickers."""
+        known = self._seconds_per_pixel
+        is_slower = known == 0.0 or seconds > known
+        self._seconds_per_pixel = seconds if is_slower else known + GAIN * (seconds - known)
 
     def _first_step(self, window: LiveWindow) -> float:
         """The finest step whose image takes no longer than it should, by the last first image."""
