@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview where the volume is not one-to-one: what no ray reaches, and flat volumes."""
 
-from types import SimpleNamespace
-
 import bpy
 import numpy as np
 import pytest
@@ -85,7 +83,7 @@ def test_faces_that_no_ray_reaches_wholly_are_counted(addon, flexible, camera, s
     # A corner within float32 of the crease may count either way.
     assert abs(counts["unreachable"] - expected) <= 1
     assert counts["folded"] > 100
-    shown = addon("panels.preview").reported(counts)
+    shown = addon("panels.ways").reported(counts)
     assert any(text.startswith(f"{counts['unreachable']:,} faces") for text in shown)
 
 
@@ -108,8 +106,7 @@ def test_a_flat_volume_shows_nothing_and_says_so(addon, flexible, camera, switch
 
     assert state() == (True, 0)
     layout = RecordingLayout()
-    section = SimpleNamespace(layout=layout)
-    bpy.types.SCFPF_PT_view_preview.draw_settings(section, bpy.context, camera, camera.scfpf)
+    addon("panels.ways").draw_ways(layout, bpy.context, camera)
     assert addon("operators.camera.preview").FLAT in " ".join(
         one[1] for one in layout.record if one[0] == "label"
     )
