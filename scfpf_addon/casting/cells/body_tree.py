@@ -11,12 +11,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
+from .cut_triangles import cut_triangles
 
 # Children of a node.
 CHILDREN = 4
 
 # Bodies in a tree at most, for its memory: 200 bytes a triangle, and twice that while it is made.
 BODIES = 1 << 21
+
+# Points of a triangle.
+TRIANGLE = 3
 
 # Bits of a body's place along each axis, by which bodies are sorted.
 PLACE_BITS = 10
@@ -60,18 +64,23 @@ def boxes_as_bodies(lower: Array, upper: Array) -> Array:
 
 
 def trees_of(points: Array, lower: Array, upper: Array) -> Iterator[BodyTree]:
-    """Trees of the bodies ``points`` (K, 3, M), finite, that may meet a box (3,); BODIES in each at most."""
+    """Trees of the bodies ``points`` (K, 3, M), finite, that may meet a box (3,); BODIES in each, about."""
     for start in range(0, points.shape[2], BODIES):
         some = points[:, :, start : start + BODIES]
         least, most = some.min(axis=0), some.max(axis=0)
         room = ROUNDING * np.maximum(-least, most).max(axis=0)
         near = (least - room <= upper[:, None]).all(axis=0) & (most + room >= lower[:, None]).all(axis=0)
-        if near.any():
-            yield _tree_of(some[:, :, near], least[:, near], most[:, near], room[near])
+        some, room = some[:, :, near], room[near]
+        if len(some) == TRIANGLE and len(room):
+            some, owner = cut_triangles(some, lower - room.max(), upper + room.max())
+            room = room[owner]
+        if len(room):
+            yield _tree_of(some, room)
 
 
-def _tree_of(points: Array, lower: Array, upper: Array, room: Array) -> BodyTree:
-    """The tree of bodies (K, 3, M) in boxes from lower to upper (3, M), which are widened by room (M,)."""
+def _tree_of(points: Array, room: Array) -> BodyTree:
+    """The tree of bodies (K, 3, M), whose boxes are widened by room (M,)."""
+    lower, upper = points.min(axis=0), points.max(axis=0)
     order = _order(lower, upper)
     lower, upper, room = lower[:, order], upper[:, order], room[order]
     low, high = rounded_out(lower - room, upper + room)

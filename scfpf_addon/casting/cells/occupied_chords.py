@@ -13,7 +13,7 @@ import numpy as np
 
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..common.parallel import parallel_map
-from .body_tree import BodyTree, facing, meet, trees_of
+from .body_tree import CHILDREN, TRIANGLE, BodyTree, facing, meet, trees_of
 from .chord_cells import SLACK, CellTree, cells_of, planes_around
 
 # Cells of all chords that are tested at a time, about.
@@ -22,8 +22,9 @@ CELLS_AT_ONCE = 1 << 16
 # Pairs of boxes that are tested at a time.
 PAIRS = 1 << 16
 
-# Points of a triangle.
-TRIANGLE = 3
+# Pairs that are tested for each cell, and for each body, at most; a million triangles take 50 a cell. Blocks
+# of cells that are still undecided then count as occupied.
+MOST_PAIRS_EACH, MOST_PAIRS_BODY = 256, 32
 
 # A box of triangles counts as one of them where it is narrower than this share of a cell.
 SMALL = 0.25
@@ -101,7 +102,8 @@ class _Search:
         """Find the cells."""
         cells, roots = self._cells.roots, self._tree.roots
         waiting = [(np.repeat(cells, len(roots)), np.tile(roots, len(cells)))]
-        while waiting:
+        left = MOST_PAIRS_EACH * len(self._held) + MOST_PAIRS_BODY * len(self._tree.points)
+        while waiting and left > 0:
             # The latest first: what they find spares the others.
             taken, count = [], 0
             while waiting and count < PAIRS:
@@ -112,6 +114,18 @@ class _Search:
                 waiting.append((cell[PAIRS:], node[PAIRS:]))
                 cell, node = cell[:PAIRS], node[:PAIRS]
             waiting.extend(self._step(cell, node))
+            left -= len(cell)
+        self._hold(np.unique(np.concatenate([np.zeros(0, np.intp), *(cell for cell, _ in waiting)])))
+
+    def _hold(self, blocks: IndexArray) -> None:
+        """Mark all cells of blocks, which are those in between in their order."""
+        start, level, length = 0, len(self._held), 1
+        while len(blocks):
+            here = blocks[blocks < start + level]
+            cells = (here - start)[:, None] * length + np.arange(length)
+            self._held[cells.ravel()] = self._cells.number[cells.ravel()] >= 0
+            blocks = blocks[len(here) :]
+            start, level, length = start + level, level // CHILDREN, length * CHILDREN
 
     def _step(self, cell: IndexArray, node: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
         """Test pairs of a block or cell and a node or body; the pairs of children that are left."""
@@ -205,9 +219,9 @@ def separated(corners: Array, triangles: Array, room: Array) -> BoolArray:
 def _expanded(
     child: IndexArray, parent: IndexArray, other: IndexArray
 ) -> Iterator[tuple[IndexArray, IndexArray]]:
-    """The pairs of the four children of each parent and its partner, if there are any."""
+    """The pairs of the children of each parent and its partner, if there are any."""
     if len(parent):
-        yield (child.take(parent)[:, None] + np.arange(4)).ravel(), np.repeat(other, 4)
+        yield (child.take(parent)[:, None] + np.arange(CHILDREN)).ravel(), np.repeat(other, CHILDREN)
 
 
 def _swapped(pairs: Iterator[tuple[IndexArray, IndexArray]]) -> Iterator[tuple[IndexArray, IndexArray]]:

@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from benchmarks.scenes import SCENES, bent_projection
 from scfpf_addon.casting.cells import body_tree
+from scfpf_addon.casting.cells import cut_triangles as cut_triangles_module
 from scfpf_addon.casting.cells import occupied_chords as module
 from scfpf_addon.casting.cells.body_tree import boxes_as_bodies
 from scfpf_addon.casting.cells.chord_cells import SLACK, planes_around
+from scfpf_addon.casting.cells.cut_triangles import cut_triangles
 from scfpf_addon.casting.cells.occupied_chords import occupied_chords, separated
 from scfpf_addon.casting.scene.embree_meshes import build_mesh
 
@@ -196,6 +198,9 @@ def test_the_trees_find_what_all_pairs_do(seed, monkeypatch):
         box &= (least - reach <= planes.limits).all(axis=1)
         wanted |= box & ~separated(corners, np.broadcast_to(triangle, (len(corners), 3, 3)), room + reach)
     assert 0.05 < wanted.mean() < 0.8
+    # Pieces are easier to separate than their triangles.
+    assert (occupied_chords(ends, [triangles]).reshape(-1) & ~wanted).mean() < 0.01
+    monkeypatch.setattr(cut_triangles_module, "WASTE", np.inf)
     found = occupied_chords(ends, [triangles]).reshape(-1)
     assert not (wanted & ~found).any() and (found & ~wanted).mean() < 0.01
     monkeypatch.setattr(module, "SMALL", 0.0)
@@ -206,6 +211,53 @@ def test_the_trees_find_what_all_pairs_do(seed, monkeypatch):
         assert np.array_equal(occupied_chords(ends, [triangles]).reshape(-1), wanted)
         parts = [triangles[:, :, :50], triangles[:, :, 50:]]
         assert np.array_equal(occupied_chords(ends, parts).reshape(-1), wanted)
+
+
+def test_what_takes_too_long_counts_as_occupied(monkeypatch):
+    """At every stage of the search all that it would have found is marked."""
+    generator = np.random.default_rng(6)
+    ends = bent_cells(6, chords=5, rows=21, columns=19, wild=0.003)
+    inside = hull_corners(ends).reshape(-1, 3)
+    middle = inside[generator.integers(0, len(inside), 300)]
+    triangles = (middle[:, None] + generator.normal(size=(300, 3, 3)) * 0.05).transpose(1, 2, 0)
+    wanted = occupied_chords(ends, [triangles])
+    shares = []
+    monkeypatch.setattr(module, "PAIRS", 256)
+    monkeypatch.setattr(module, "MOST_PAIRS_BODY", 0)
+    for most in (0, 0.1, 0.5, 1, 2, 100):
+        monkeypatch.setattr(module, "MOST_PAIRS_EACH", most)
+        found = occupied_chords(ends, [triangles])
+        assert not (wanted & ~found).any()
+        shares.append(found.mean())
+    assert shares[0] == 1.0 and wanted.mean() == pytest.approx(shares[-1], abs=0.01) and shares[-1] < 0.6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_cut_triangles_are_their_pieces(seed):
+    """Points of triangles in a box lie in a piece of their own, and slanted wires have small boxes."""
+    generator = np.random.default_rng(seed)
+    start, way = generator.uniform(-1, 1, (3, 40)), generator.normal(size=(3, 40)) * 3
+    thin = generator.normal(size=(3, 40)) * 10.0 ** generator.uniform(-4, 0, 40)
+    triangles = np.stack([start - way, start + way, start + way + thin])
+    lower, upper = -np.ones(3), np.ones(3)
+    pieces, owner = cut_triangles(triangles, lower, upper)
+    shares = generator.dirichlet(np.ones(3), (300, 40))
+    points = np.einsum("smk,kcm->mcs", shares, triangles)
+    size = np.ptp(pieces, axis=0).prod(axis=0).sum()
+    assert size < 0.2 * np.ptp(np.clip(triangles, -1, 1), axis=0).prod(axis=0).sum()
+    for number in range(40):
+        own = pieces[:, :, owner == number]
+        inside = (np.abs(points[number]) <= 1).all(axis=0)
+        for point in points[number][:, inside].T[:20]:
+            edges = np.concatenate(
+                [own[1:] - own[:1], np.cross(own[1] - own[0], own[2] - own[0], axis=0)[None]]
+            )
+            with np.errstate(all="ignore"):
+                weights = np.linalg.solve(edges.transpose(2, 1, 0), (point[:, None] - own[0]).T[..., None])[
+                    ..., 0
+                ]
+            least = np.minimum(weights[:, :2].min(axis=1), 1 - weights[:, :2].sum(axis=1))
+            assert least.max() > -1e-6
 
 
 def test_only_what_cannot_be_hit_is_ignored():
