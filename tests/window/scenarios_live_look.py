@@ -14,7 +14,7 @@ from mathutils import Vector
 # Pixels of the viewport between two that are compared.
 STEP = 4
 # Mean difference off edges, of 255.
-CLOSE = 2.0
+CLOSE = 1.0
 
 
 def product(name):
@@ -353,6 +353,29 @@ def live_folds(driver):
     assert counts[True] > counts[False] + 2000, counts
 
 
+def live_pick(driver):
+    """A cross marks the picked position in the camera's frame."""
+    build()
+    space = prepare(driver)
+    driver.add_camera()
+    settings = bpy.context.scene.camera.scfpf
+    space.region_3d.view_perspective = "CAMERA"
+    space.overlay.show_overlays = True
+    bpy.context.scene.camera.select_set(False)
+    yellow = {}
+    for shown in (False, True):
+        settings.pick, settings.show_pick = (0.5, 0.5), shown
+        yield from settled()
+        red, green, blue = np.moveaxis(driver.region_pixels(), 2, 0)
+        found = np.argwhere((red > 220) & (green > 200) & (blue < 110))
+        yellow[shown] = found
+        driver.shot("cross" if shown else "none")
+    assert len(yellow[True]) > len(yellow[False]) + 20
+    region = driver.region("VIEW_3D")
+    middle = np.array([region.height, region.width]) / 2
+    assert np.abs(yellow[True].mean(axis=0) - middle).max() < 20, yellow[True].mean(axis=0)
+
+
 def settled():
     """Generator: wait for the final image."""
     end = time.monotonic() + PATIENCE
@@ -367,4 +390,4 @@ def settled():
     yield 2 * DRAW
 
 
-SCENARIOS = live_studio, live_matcaps, live_colors, live_cavity, live_beside_solid, live_folds
+SCENARIOS = live_studio, live_matcaps, live_colors, live_cavity, live_beside_solid, live_folds, live_pick

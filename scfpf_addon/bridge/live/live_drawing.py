@@ -8,6 +8,7 @@ import gpu
 from bpy.app.handlers import persistent
 
 from ..blender.app_handlers import DrawHandler, add_handlers, remove_handlers
+from ..overlays.image_marks import draw_cross
 from ..render.render_errors import failure_message
 from ..render.render_viewport import camera_rectangle, viewport_eye
 from ..render.view_painter import Rectangle
@@ -36,7 +37,7 @@ class _Viewport:
         self.message = ""
         self._drawn = -1
         self._texture: gpu.types.GPUTexture | None = None
-        self._rectangle = Rectangle(0.0, 0.0, 0.0, 0.0)
+        self._rectangle = self._frame = Rectangle(0.0, 0.0, 0.0, 0.0)
 
     @property
     def is_late(self) -> bool:
@@ -60,6 +61,7 @@ class _Viewport:
             if frame is None or shown is None:
                 self._texture = None
                 return
+            self._frame = frame
             if self.view.request(depsgraph, camera, frame, *shown, space, eye):
                 painter.wait(PATIENCE)
             self.message = painter.message
@@ -74,8 +76,8 @@ class _Viewport:
         self._texture = None if image is None else image_texture(image.pixels)
         self._rectangle = self._rectangle if image is None else image.rectangle
 
-    def draw(self, context) -> None:
-        """Draw the image, or the message."""
+    def draw(self, context, camera) -> None:
+        """Draw the image and the cross of the picked projector, or the message."""
         message = self.message
         if self._texture is None and self.view.painter.busy:
             message = message or BUILDING
@@ -84,6 +86,14 @@ class _Viewport:
                 draw_text(message, self._rectangle, context.preferences.system.ui_scale)
             elif self._texture is not None:
                 draw_image(self._texture, self._rectangle)
+                if camera.scfpf.show_pick and context.space_data.overlay.show_overlays:
+                    self._draw_pick(context, camera.scfpf.pick)
+
+    def _draw_pick(self, context, pick) -> None:
+        """Draw the cross where the picked projector is seen from its beginning, as a point."""
+        left, bottom, width, height = self._frame
+        region, scale = context.region, context.preferences.system.ui_scale
+        draw_cross(left + pick[0] * width, bottom + pick[1] * height, (region.width, region.height), scale)
 
     def draw_wires(self, context, camera, depsgraph) -> None:
         """Draw the wires of the surfaces that are selected or edited, with the matrices that are set."""
@@ -129,7 +139,7 @@ def draw_viewport() -> None:
     viewport.update(context, camera, depsgraph)
     gpu.state.depth_test_set("NONE")
     gpu.state.depth_mask_set(False)
-    viewport.draw(context)
+    viewport.draw(context, camera)
     viewport.draw_wires(context, camera, depsgraph)
     gpu.state.depth_mask_set(True)
     if (viewport.view.painter.busy or viewport.is_waiting) and not bpy.app.timers.is_registered(_tick):

@@ -36,10 +36,17 @@ def mark_lines(settings, to_region: Callable, scale: float) -> list[tuple[float,
         corners = [(left, low), (right, low), (right, high), (left, high)]
         lines += [end for i in range(4) for end in (corners[i], corners[(i + 1) % 4])]
     if settings.show_pick:
-        x, y = to_region(*settings.pick)
-        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            lines += [(x + dx * r * scale, y + dy * r * scale) for r in (GAP, ARM)]
+        lines += _cross(*to_region(*settings.pick), scale)
     return lines
+
+
+def _cross(x: float, y: float, scale: float) -> list[tuple[float, float]]:
+    """End points of the arms of a cross."""
+    return [
+        (x + dx * r * scale, y + dy * r * scale)
+        for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1))
+        for r in (GAP, ARM)
+    ]
 
 
 def _box(settings, to_region, scale) -> tuple[float, float, float, float]:
@@ -56,6 +63,18 @@ def draw_marks(settings, to_region: Callable, size: tuple[int, int], scale: floa
     lines = mark_lines(settings, to_region, scale)
     if not lines:
         return
+    _draw_lines(lines, size, scale)
+    if settings.show_found:
+        left, _, _, high = _box(settings, to_region, scale)
+        _write(settings.found_object.split(" · ")[0], left, high + TEXT_GAP * scale, size, scale)
+
+
+def draw_cross(x: float, y: float, size: tuple[int, int], scale: float) -> None:
+    """Draw the cross of a picked position at a pixel of a region. size, scale: as for ``draw_marks``."""
+    _draw_lines(_cross(x, y, scale), size, scale)
+
+
+def _draw_lines(lines: list[tuple[float, float]], size: tuple[int, int], scale: float) -> None:
     shader = gpu.shader.from_builtin(SHADER)
     batch = batch_for_shader(shader, "LINES", {"pos": [(x, y, 0.0) for x, y in lines]})
     gpu.state.blend_set("ALPHA")
@@ -66,9 +85,6 @@ def draw_marks(settings, to_region: Callable, size: tuple[int, int], scale: floa
         shader.uniform_float("color", color)
         batch.draw(shader)
     gpu.state.blend_set("NONE")
-    if settings.show_found:
-        left, _, _, high = _box(settings, to_region, scale)
-        _write(settings.found_object.split(" · ")[0], left, high + TEXT_GAP * scale, size, scale)
 
 
 def _write(text: str, x: float, y: float, size: tuple[int, int], scale: float) -> None:
