@@ -201,3 +201,62 @@ def test_skipping_stops_when_a_file_is_loaded(addon, skipping, rigged, rig_of, t
     assert not skipping.skips(rig_of())
     render_passes(tmp_path / "some")
     assert skipping.skips(rig_of())
+
+
+def shown(path):
+    """The image, (H, W, 4), of samples in the middle of each pixel; smoke is random from 5.0 on."""
+    bpy.context.scene.cycles.max_bounces = 0
+    return next(v for name, v in render_passes(path, 64).items() if "Combined" in name)
+
+
+def test_smoke_wide_lamps_and_holdouts_are_seen(addon, skipping, rigged, rig_of, tmp_path, monkeypatch):
+    """What has no faces, or is seen from within: the chords inside a cube of smoke meet none of its faces."""
+    scene = bpy.context.scene
+    camera = scene.objects["Camera"]
+    projection = project(addon, camera)
+    middle = projection.volume.evaluate(
+        np.array([0.4, 0.6]), np.array([0.5, 0.4]), np.array([0.4, 0.6])
+    ).position
+    size = np.linalg.norm(np.ptp(middle, axis=1))
+    bpy.ops.mesh.primitive_cube_add(size=3 * size, location=middle[:, 0])
+    smoke = bpy.data.materials.new("Smoke")
+    if smoke.node_tree is None:
+        smoke.use_nodes = True
+    nodes = smoke.node_tree.nodes
+    nodes.clear()
+    absorption, output = nodes.new("ShaderNodeVolumeAbsorption"), nodes.new("ShaderNodeOutputMaterial")
+    absorption.inputs["Density"].default_value = 0.3 / size
+    smoke.node_tree.links.new(absorption.outputs[0], output.inputs["Volume"])
+    bpy.context.object.data.materials.append(smoke)
+    lamp = bpy.data.objects.new("Panel", bpy.data.lights.new("Panel", "AREA"))
+    lamp.data.size = 0.7 * size
+    lamp.location = middle[:, 1]
+    scene.collection.objects.link(lamp)
+    bpy.data.objects["Object 3"].is_holdout = True
+    # Things that glow: no sample of a lamp is random.
+    glow = bpy.data.materials.new("Glow")
+    if glow.node_tree is None:
+        glow.use_nodes = True
+    glow.node_tree.nodes.clear()
+    emission, output = (
+        glow.node_tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial")
+    )
+    glow.node_tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    for obj in scene.objects:
+        if obj.pass_index:
+            obj.data.materials.clear()
+            obj.data.materials.append(glow)
+    scene.render.film_transparent = True
+    bpy.context.view_layer.update()
+    some = shown(tmp_path / "some")
+    assert skipping.skips(rigged)
+    monkeypatch.setattr(addon("cycles.rig"), "renew", lambda *_: None)
+    skipping.stop_skipping(rigged)
+    every = shown(tmp_path / "every")
+    assert not skipping.skips(rigged)
+    off = np.abs(some - every).max(axis=2)
+    print(off.max(), (off > 0.1).mean(), off.mean(), some.mean(axis=(0, 1)) - every.mean(axis=(0, 1)))
+
+    assert every[..., 3].std() > 0.05
+    assert (off > 0.15).mean() < 0.005 and abs(some - every).mean() < 0.01
+    assert np.abs(some.mean(axis=(0, 1)) - every.mean(axis=(0, 1))).max() < 1e-3
