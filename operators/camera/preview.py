@@ -38,7 +38,8 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
 
     @classmethod
     def description(cls, context, _properties):
-        return f"{plain(cls.__doc__)}.\n\nPrice: {preview_building.price(context.view_layer)}"
+        price = preview_building.price(context.view_layer, context.evaluated_depsgraph_get())
+        return f"{plain(cls.__doc__)}.\n\nPrice: {price}"
 
     def invoke(self, context, _event):
         camera = camera_of(context)

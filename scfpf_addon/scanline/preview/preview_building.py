@@ -78,9 +78,9 @@ def is_built() -> bool:
     return any(is_current(group) and group.get(NAME_KEY) == "SCFPF Preview" for group in _groups())
 
 
-def price(view_layer) -> str:
-    """What switching on a preview of a view layer costs, in words."""
-    faces = sum(face_count(shown) for shown in shown_objects(view_layer).values())
+def price(view_layer, depsgraph) -> str:
+    """The cost of switching on a preview of a view layer, in words. depsgraph: its own, evaluated."""
+    faces = sum(face_count(shown, depsgraph) for shown in shown_objects(view_layer).values())
     move = DRAFT_BASE + DRAFT_SECONDS * faces / 1e6
     begin = move * 3 + (0.0 if is_built() else BUILDING)
     return f"{faces:,} faces: about {begin:.1f} s to switch on, {move:.1f} s a move"

@@ -148,7 +148,7 @@ def test_the_tooltip_of_nodes_counts_the_faces_of_the_scene(addon, camera):
         if obj.type == "MESH" and not obj.hide_get() and obj.visible_get() and obj.parent != camera
     )
     assert faces == 6 + 3 * 6
-    assert f"place {faces:,} faces" in tooltip and "  " not in tooltip
+    assert f"Price: {faces:,} faces" in tooltip and "  " not in tooltip
 
 
 def test_a_refused_cycles_setup_is_one_message(camera):
