@@ -57,6 +57,14 @@ class Bench(NamedTuple):
     live: Any
     size: tuple[int, int]
 
+    @property
+    def space(self) -> Any:
+        """A 3D viewport of the file, whose Solid shading the images have."""
+        import bpy
+
+        areas = (area for screen in bpy.data.screens for area in screen.areas)
+        return next(area.spaces.active for area in areas if area.type == "VIEW_3D")
+
     def ask(self) -> None:
         """Ask for the image, as the viewport's drawing does, and wait for the first one."""
         import bpy
@@ -68,7 +76,7 @@ class Bench(NamedTuple):
         frame = modules[1].Rectangle(0.0, 0.0, *map(float, self.size))
         part = modules[0].LiveWindow(0.0, 0.0, 1.0, 1.0, *self.size)
         depsgraph = bpy.context.evaluated_depsgraph_get()
-        self.live.request(depsgraph, self.camera, frame, part, frame)
+        self.live.request(depsgraph, self.camera, frame, part, frame, self.space)
         if not self.live.painter.wait(PATIENCE) or self.live.painter.message:
             sys.exit(f"{self.camera.name}: {self.live.painter.message or 'no image came'}")
 
@@ -97,6 +105,7 @@ def prepared(scene, camera, path: Path) -> Bench:
     flexible.apply_preset(camera, presets.read_preset(path), aspect, shot.scale)
     bpy.context.view_layer.update()
     bench = Bench(camera, live_view.LiveView(), (WIDTH, round(WIDTH / aspect)))
+    bench.space.shading.color_type = "MATERIAL"
     bench.ask()
     bench.finished()
     return bench
