@@ -16,7 +16,7 @@ FOLDER = ROOT / "docs" / "pictures"
 PAGE = ROOT / "docs" / "presets.md"
 # Files that are put beside the scenarios of tests/window for the run.
 SCENARIOS = {"scenarios_guide.py": ROOT / "demo" / "guide_pictures.py"}
-LARGEST_BYTES = 150_000
+LARGEST_BYTES, LARGEST_MOVING_BYTES = 150_000, 2_000_000
 LIMIT = 840.0  # seconds
 HEAD = """# Presets
 

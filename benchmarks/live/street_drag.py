@@ -5,7 +5,7 @@
 
 Without a window, a surface of each preset is moved step by step, as a drag does; then vertices, sliders,
 objects and the animation of two presets. Then the same two are dragged by the mouse in a Blender with a
-window, beside Blender's own Solid view of the same scene.
+window, beside Blender's own Solid view of the same scene, which also writes the README's moving picture.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import importlib
 import json
 import math
 import os
+import shutil
 import statistics
 import sys
 import time
@@ -44,7 +45,7 @@ CLOSELY = ("perspective", "around_the_car")
 PATIENCE = 30.0
 SECTION = "live"
 SCENARIO = "scenarios_live_drag"
-FIGURES = "live.json"
+FIGURES, RECORDING = "live.json", "live-drag.webp"
 LIMIT = 900.0
 
 Row = dict[str, Any]
@@ -273,6 +274,7 @@ def in_window(blender: str | None) -> dict[str, Row]:
         return {}
     if warnings or not all(result.ended_well for result in results):
         sys.exit(" ".join(warnings) or "the drag in a window failed; see tests/window/shots")
+    shutil.copy(window.SHOTS / RECORDING, ROOT / "docs" / "pictures")
     rows: dict[str, Row] = json.loads((window.SHOTS / FIGURES).read_text(encoding="utf-8"))
     for name, row in rows.items():
         print(

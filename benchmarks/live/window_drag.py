@@ -24,8 +24,10 @@ HERE = pathlib.Path(__file__).resolve().parent
 # Moves of the mouse, and pixels of each.
 MOVES, PIXELS = 24, 6
 FAR_CLIP = 1000.0
-# Every so many moves of a recorded drag there is a picture of it, this wide, and shown for so long (1/100 s).
-RECORDED, RECORDED_WIDTH, HUNDREDTHS = 1, 720, 9
+# The width of the moving picture, and how long it shows each move (1/100 s).
+RECORDED_WIDTH, HUNDREDTHS = 720, 9
+# The final image is shown for so long.
+LAST_HUNDREDTHS = 150
 RECORDING = "live-drag.webp"
 
 
@@ -94,9 +96,9 @@ def street():
 
 
 def dragged(driver, seen):
-    """Generator: drag what is selected; yields to Blender, and calls seen(number) after each move's image.
+    """Generator: drag what is selected, and return the seconds from each move to its image, and to the final.
 
-    Returns the seconds from each move of the mouse to its image.
+    seen(number): called after each move's image, and with MOVES after the final one; it may be a generator.
     """
     region, window = driver.region("VIEW_3D"), driver.window
     x, y = region.x + region.width // 2, region.y + region.height // 2
@@ -121,6 +123,7 @@ def dragged(driver, seen):
     begun = time.perf_counter()
     yield from final()
     last = time.perf_counter() - begun
+    yield from seen(MOVES) or ()
     window.event_simulate("ESC", "PRESS", x=x, y=y)
     window.event_simulate("ESC", "RELEASE", x=x, y=y)
     yield DRAW
@@ -172,14 +175,14 @@ def record(driver):
     names = []
 
     def seen(number):
-        if number % RECORDED == 0:
-            yield 0.02
-            names.append(str(driver.folder / f"drag-{number:02d}.png"))
-            subprocess.run(["import", "-window", "root", "-crop", box, "+repage", names[-1]], check=True)
+        yield 0.02 if number < MOVES else DRAW
+        names.append(str(driver.folder / f"drag-{number:02d}.png"))
+        subprocess.run(["import", "-window", "root", "-crop", box, "+repage", names[-1]], check=True)
 
     yield from dragged(driver, seen)
-    small = ["-resize", f"{RECORDED_WIDTH}x", "-delay", str(HUNDREDTHS), "-loop", "0", "-quality", "70"]
-    subprocess.run(["convert", *names, *small, str(driver.folder / RECORDING)], check=True)
+    frames = ["-delay", str(HUNDREDTHS), *names[:-1], "-delay", str(LAST_HUNDREDTHS), names[-1]]
+    small = ["-resize", f"{RECORDED_WIDTH}x", "-loop", "0", "-quality", "70"]
+    subprocess.run(["convert", *frames, *small, str(driver.folder / RECORDING)], check=True)
 
 
 SCENARIOS = (drag, record)
