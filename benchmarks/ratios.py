@@ -4,7 +4,7 @@
     python3 dev.py bench --ratios [--quick] [--json FILE] [--markdown docs/performance.md]
     python3 dev.py bench --ratios --from FILE [--markdown docs/performance.md]
 
-Runs the benchmarks of casting, the live preview, the Cycles rig and the engine one after the other; half an
+Runs the benchmarks of casting, the nodes preview, the Cycles rig and the engine one after the other; half an
 hour on a quiet machine. --json keeps all their figures, --from makes the table of such a file and runs none.
 """
 
@@ -94,7 +94,7 @@ def of_casting(figures: Figures) -> Iterator[Ratio]:
 
 
 def of_preview(figures: Figures) -> Iterator[Ratio]:
-    """The live preview against Blender's Lattice modifier, at a million vertices, and a million triangles."""
+    """The nodes preview against Blender's Lattice modifier, at a million vertices and triangles."""
     for key, of, what, goal, prototype in (
         ("vertices", "vertices", "remap of 1M vertices", scanline.REMAP_GOAL, "2.1–3.1"),
         ("whole", "triangles", "the whole chain, 1M triangles", scanline.WHOLE_GOAL, "12"),
@@ -105,11 +105,11 @@ def of_preview(figures: Figures) -> Iterator[Ratio]:
             for row in figures["scanline"]
             if row[of] == most
         }
-        yield Ratio(f"live preview, {what}: × the Lattice modifier", goal, True, prototype, now)
+        yield Ratio(f"nodes preview, {what}: × the Lattice modifier", goal, True, prototype, now)
     move = max(figures["moves"], key=lambda row: row["triangles"])
     now = {"all / one": move["seconds"]["whole"] / move["seconds"]["small"]}
     yield Ratio(
-        "live preview, 1M triangles, all things moved: × one small thing moved", MOVE_GOAL, False, "", now
+        "nodes preview, 1M triangles, all things moved: × one small thing moved", MOVE_GOAL, False, "", now
     )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Speed of the live preview: on the demo's street, as ratios to Blender's Lattice modifier, of small edits.
+"""Speed of the nodes preview: on the demo's street, as ratios to Blender's Lattice modifier, of small edits.
 
     python3 dev.py bench [--json FILE] [--quick]
 
@@ -279,7 +279,7 @@ def main() -> None:
     register_types((*bridge.TYPES, preview_properties))
     bridge.register()
     sizes = (10_000, 100_000) if options.quick else (10_000, 100_000, 500_000, 1_000_000)
-    print("\nlive preview: evaluation in times of the Lattice modifier on the same mesh")
+    print("\nnodes preview: evaluation in times of the Lattice modifier on the same mesh")
     results = []
     for title, projection in (
         ("straight", bent_projection(1, 0.0)),
@@ -289,14 +289,14 @@ def main() -> None:
             results.append(measure(title, projection, size, 2 if options.quick else RUNS))
             report(results[-1])
     preview.register()
-    print("\nlive preview: the demo's street, 274,000 triangles, by the clock on two cores")
+    print("\nnodes preview: the demo's street, 274,000 triangles, by the clock on two cores")
     # As if a window were there to watch drafts.
     preview_drafts.is_live = lambda: True
     street = [measure_street(stem, 2 if options.quick else RUNS) for stem in STREET_GOALS]
     for one in street:
         report_street(one)
     preview_drafts.is_live = lambda: False
-    print("\nlive preview: a small object moved in a heavy scene")
+    print("\nnodes preview: a small object moved in a heavy scene")
     moves = []
     for size in sizes[1:3]:
         moves.append(measure_moves(bent_projection(2, 1.05), size, 2 if options.quick else RUNS))

@@ -39,7 +39,7 @@ from .portals.portal_nodes import AWAY, BEFORE_SCREEN, ONWARD, TO_SCREEN
 from .portals.sheets import Portals, portals, sheet_shape
 
 MODIFIER = "SCFPF Portals"
-# The camera's custom property that points to the rig's table; the live preview has a table of its own.
+# The camera's custom property that points to the rig's table; the nodes preview has a table of its own.
 RIG_TABLE_KEY = "scfpf_rig_table"
 # Ray visibilities that are off: by the object, not by its material, at no cost.
 UNSEEN_BY = tuple(ray for ray in HIDDEN_RAYS if ray != "visible_camera")

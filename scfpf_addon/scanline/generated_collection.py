@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Collections of generated objects: the rules that the live preview and the Cycles rig share.
+"""Collections of generated objects: the rules that the nodes preview and the Cycles rig share.
 
 The settings of both name the flexible ``camera``, its ``scene``, and the ``table`` object.
 """

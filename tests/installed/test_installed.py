@@ -179,7 +179,7 @@ def test_without_a_caster_all_else_works(installed, wheel_finder, monkeypatch, t
     scene.render.engine = "SCFPF"
     with pytest.raises(RuntimeError, match=f"{fault}.*install SCFPF again"):
         bpy.ops.render.render()
-    # Editing, the live preview and Cycles do without it.
+    # Editing, the nodes preview and Cycles do without it.
     assert bpy.ops.scfpf.preset_apply(preset="angular_fisheye") == {"FINISHED"}
     assert bpy.ops.scfpf.preview_toggle() == {"FINISHED"}
     assert bpy.ops.scfpf.preview_toggle() == {"FINISHED"}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview's viewport: its look, what it follows, its end, undo, save and reload."""
+"""The nodes preview's viewport: its look, what it follows, its end, undo, save and reload."""
 
 import tempfile
 import time

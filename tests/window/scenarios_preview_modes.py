@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview beside the artist's work: switching on, drags, other workspaces, edit and sculpt mode."""
+"""The nodes preview beside the artist's work: switching on, drags, other workspaces, edit and sculpt mode."""
 
 import sys
 import time

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The node group of each parametric kind: the drawn mesh, its UV map, its handles.
 
-The mesh holds the kind and its parameters as attributes, from which other node groups (the live preview's
+The mesh holds the kind and its parameters as attributes, from which other node groups (the nodes preview's
 table) have the exact surface.
 """
 

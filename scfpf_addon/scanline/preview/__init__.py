@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview: datablocks, members, viewports."""
+"""The nodes preview: datablocks, members, viewports."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview of a flexible camera: switched on, kept in step with the scene, switched off.
+"""The nodes preview of a flexible camera: switched on, kept in step with the scene, switched off.
 
 Nodes do all computation. Python only keeps the members of the source's collections, and notices a camera's
 new list of surfaces and strokes of brushes. A preview that no viewport shows sleeps; one that has lost its

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node groups of a live preview, built one by one before it is switched on.
+"""The node groups of a nodes preview, built one by one before it is switched on.
 
 A file without a preview has none of them. They have more than three thousand nodes, and Blender updates a
 whole group at each node and link: building them takes longer than evaluating them.

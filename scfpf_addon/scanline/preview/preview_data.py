@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The datablocks of a live preview: made when it is switched on, all removed when it is switched off.
+"""The datablocks of a nodes preview: made when it is switched on, all removed when it is switched off.
 
 They live in the artist's own scene: only there do they follow its frame changes. A collection that the view
 layer hides, the shelf, holds picture objects and the orthographic camera that frames them. The node modifier

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drafts of live previews: quick and rough while things move, whole when they have been still for a moment.
+"""Drafts of nodes previews: quick and rough while things move, whole when they have been still for a moment.
 
 A handler before the evaluation switches the parts to drafts that show an edited object. A timer switches
 them back. Blender tells beforehand which datablocks an edit has tagged, and afterwards which pictures it has

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The objects that the live preview shows, and the members of its source collections.
+"""The objects that the nodes preview shows, and the members of its source collections.
 
 Collection Info shows everything in a collection, hidden or not. So objects that are hidden in renders,
 control surfaces and the like must not be in it.

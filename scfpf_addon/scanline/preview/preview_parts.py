@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The distribution of objects among the parts of a live preview: a heavy object has a part of its own.
+"""The distribution of objects among the parts of a nodes preview: a heavy object has a part of its own.
 
 An edit has Blender recompute the part that shows the edited object, and no other. Each part has a cost of its
 own, so there are few.

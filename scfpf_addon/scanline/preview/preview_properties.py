@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""``Collection.scfpf_preview``: the properties that make a collection the live preview of a flexible camera.
+"""``Collection.scfpf_preview``: the properties that make a collection the nodes preview of a flexible camera.
 
 They belong to the *source* collection, which is linked to no scene and so is not copied with one. They do not
 belong to the camera: a duplicate of the camera then has no preview. The *shelf*, the collection in the scene
@@ -15,7 +15,7 @@ from ..tracked_properties import camera_pointer, pointer, text, tracked
 
 
 class SCFPF_PreviewPart(bpy.types.PropertyGroup):
-    """A part of a live preview: an edit has only the part recomputed that shows the edited object."""
+    """A part of a nodes preview: an edit has only the part recomputed that shows the edited object."""
 
     members: pointer(
         "Members",
@@ -26,12 +26,12 @@ class SCFPF_PreviewPart(bpy.types.PropertyGroup):
 
 
 class SCFPF_Preview(bpy.types.PropertyGroup):
-    """The parts of a live preview, its camera and its scene."""
+    """The parts of a nodes preview, its camera and its scene."""
 
     is_source: tracked(
         BoolProperty,
         "Is Source",
-        "The objects in this collection are what a live preview shows",
+        "The objects in this collection are what a nodes preview shows",
         default=False,
     )
     camera: camera_pointer("Flexible Camera", "The flexible camera whose picture this collection shows")
@@ -59,7 +59,7 @@ CLASSES = (SCFPF_PreviewPart, SCFPF_Preview)
 def register():
     for each in CLASSES:
         bpy.utils.register_class(each)
-    bpy.types.Collection.scfpf_preview = PointerProperty(name="Live Preview", type=SCFPF_Preview)
+    bpy.types.Collection.scfpf_preview = PointerProperty(name="Nodes Preview", type=SCFPF_Preview)
 
 
 def unregister():

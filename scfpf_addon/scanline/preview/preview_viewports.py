@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The 3D viewport that shows a live preview: split off the artist's own, or in a window of its own.
+"""The 3D viewport that shows a nodes preview: split off the artist's own, or in a window of its own.
 
 Its local collections show what the view layer hides; its local view shows nothing else.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node groups of the live preview: the view of a flexible camera, as geometry in its viewbox.
+"""The node groups of the nodes preview: the view of a flexible camera, as geometry in its viewbox.
 
 The viewbox stands in the camera's space: x from -½ to ½ across the image, y from -½/aspect to ½/aspect up it,
 z from -1 (near surface) to -2 (far surface). A child camera of the flexible one frames it exactly if it is

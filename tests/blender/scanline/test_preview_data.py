@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview's data: what switching it on makes, what it follows, what switching it off leaves."""
+"""The nodes preview's data: what switching it on makes, what it follows, what switching it off leaves."""
 
 import bpy
 import pytest

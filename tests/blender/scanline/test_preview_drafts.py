@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Drafts of the live preview: when parts show one, when they are whole, what renders and files have."""
+"""Drafts of the nodes preview: when parts show one, when they are whole, what renders and files have."""
 
 import bpy
 import numpy as np

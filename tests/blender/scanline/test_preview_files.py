@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview in saved files, without the add-on, and with what other files hold."""
+"""The nodes preview in saved files, without the add-on, and with what other files hold."""
 
 import os
 import subprocess

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The objects that the live preview shows."""
+"""The objects that the nodes preview shows."""
 
 import bpy
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview in parts: what is made anew after an edit, and what is not."""
+"""The nodes preview in parts: what is made anew after an edit, and what is not."""
 
 import bpy
 import numpy as np

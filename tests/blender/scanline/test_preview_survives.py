@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview keeps normals, materials, UVs and colours as Blender evaluates them."""
+"""The nodes preview keeps normals, materials, UVs and colours as Blender evaluates them."""
 
 import bpy
 import numpy as np

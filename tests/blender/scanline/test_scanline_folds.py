@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The live preview where the volume is not one-to-one: what no ray reaches, and flat volumes."""
+"""The nodes preview where the volume is not one-to-one: what no ray reaches, and flat volumes."""
 
 import bpy
 import numpy as np

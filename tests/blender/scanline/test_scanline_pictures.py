@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of the live preview, drawn by Workbench, against the exact caster."""
+"""Pictures of the nodes preview, drawn by Workbench, against the exact caster."""
 
 from types import SimpleNamespace
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node groups of the live preview against the viewing volume in float64."""
+"""The node groups of the nodes preview against the viewing volume in float64."""
 
 import json
 from types import SimpleNamespace

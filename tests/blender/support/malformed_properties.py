@@ -317,7 +317,7 @@ def rig_of(s):
 
 
 def preview_of(s):
-    """The settings of a new live preview of the camera."""
+    """The settings of a new nodes preview of the camera."""
     s.activate(s.camera)
     bpy.ops.scfpf.preview_toggle()
     return next(c for c in bpy.data.collections if c.scfpf_preview.is_source).scfpf_preview
@@ -424,5 +424,5 @@ SPOILED = {
     for name, made in list(globals().items())
     if getattr(made, "__module__", "") == __name__ and made not in HELPERS
 } | {f"all settings are {value!r}": all_settings_are(value) for value in WRONG}
-# Those that need the nodes of the Cycles rig or the live preview, which take seconds to build.
+# Those that need the nodes of the Cycles rig or the nodes preview, which take seconds to build.
 WITH_NODES = {name for name in SPOILED if name.startswith(("a_rig_", "a_preview_"))}

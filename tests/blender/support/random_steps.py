@@ -270,7 +270,7 @@ class ArtistSteps(EditSteps):
         return self.do_delete()
 
     def do_mode(self):
-        """Any mode, then the live preview, as that looks at the screen and the mode."""
+        """Any mode, then the nodes preview, as that looks at the screen and the mode."""
         obj = bpy.context.view_layer.objects.active
         mode = self.random.choice(MODES)
         if bpy.ops.object.mode_set.poll():

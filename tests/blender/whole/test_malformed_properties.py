@@ -9,7 +9,7 @@ from malformed_properties import SPOILED, WITH_NODES, Scene, put
 from random_sessions import FAULT, Errors
 from recorded_layout import drawn
 
-# The Cycles rig and the live preview as well; building their nodes takes seconds.
+# The Cycles rig and the nodes preview as well; building their nodes takes seconds.
 FULL = bool(os.environ.get("SCFPF_FULL_TESTS"))
 
 
