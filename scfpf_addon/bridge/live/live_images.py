@@ -103,7 +103,7 @@ def live_pixels(image) -> Single:
 
 
 def image_use(node) -> ImageUse | None:
-    """How an Image Texture or Environment Texture node uses its image, None if it has none."""
+    """The image of an Image Texture or Environment Texture node with its settings, or None."""
     if node is None or node.type not in IMAGE_NODES or node.image is None:
         return None
     extension = getattr(node, "extension", "REPEAT")

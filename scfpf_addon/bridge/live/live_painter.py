@@ -142,6 +142,7 @@ class LivePainter:
             try:
                 self._paint(request, asked)
             except Cancelled:
+                # A newer request waits, or the view has ended.
                 pass
             except Exception as error:  # A thread has nowhere to raise.
                 self._answer(asked, None, failure_message(error))

@@ -23,14 +23,14 @@ COLOR_INPUTS = ("Base Color", "Color")
 
 
 class MaterialValues(NamedTuple):
-    """What viewports show of M materials: (M, 6) linear colour, alpha, metallic, roughness; and images."""
+    """The viewport display of M materials: (M, 6) linear colour, alpha, metallic, roughness; and images."""
 
     values: np.ndarray
     images: tuple[ImageUse | None, ...]
 
 
 class ObjectValues(NamedTuple):
-    """What viewports show of n objects: (n, 4) linear colour and alpha; and whether meshes have the layers.
+    """The viewport display of n objects: (n, 4) linear colour and alpha; and whether meshes have the layers.
 
     has_color: (n,) a colour attribute. has_uv: (n,) texture coordinates.
     """

@@ -66,7 +66,7 @@ def occupied_chords(ends: Array, bodies: Iterable[Array], slack: float = 0.0) ->
 
 
 def _bounds(ends: Array, slack: float) -> tuple[Array, Array]:
-    """A box around all finite ends, with their slack, (3,) both; lower is above upper if there are none."""
+    """A box around all finite ends, with their slack, (3,) both; without any, lower exceeds upper."""
     finite = np.isfinite(ends).all(axis=1, keepdims=True)
     reach = slack + SLACK * np.abs(ends).max(initial=0.0, where=finite)
     lower = ends.min(axis=(0, 2, 3), initial=np.inf, where=finite) - reach

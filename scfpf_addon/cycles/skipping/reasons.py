@@ -11,7 +11,7 @@ from .stillness import moving
 
 
 def obstacle(rig) -> str:
-    """The reason, as a sentence without its end; empty if there is none."""
+    """The reason as a sentence without its full stop, or an empty text."""
     settings = rig.scfpf_rig
     scene = settings.scene
     if settings.animated or may_move(settings.camera):

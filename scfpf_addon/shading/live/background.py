@@ -24,7 +24,7 @@ OUTSIDE = 0.5
 
 @dataclass(frozen=True)
 class Background:
-    """What is seen where nothing is hit; colours in sRGB, as themes have them.
+    """The background, shown where projectors miss; colours in sRGB, as themes have them.
 
     color: the only one, or at the top of a linear gradient and in the middle of a radial one. other: at the
     gradient's other end. area: left, bottom, right and top of the image in the viewport, as shares of it.

@@ -72,6 +72,7 @@ def projector_at(projection: Projection, x: float, y: float) -> Callable[[Array]
     spans, controls = projection.volume.spans, projectors.points[:, :, 0]
 
     def curve_at(t: Array) -> Array:
+        """The points (S, 3) at t (S,)."""
         weights, _ = spans.weights(t)
         points: Array = np.einsum("ks,kc->sc", weights, controls)
         return points
