@@ -276,7 +276,7 @@ def in_own_process(path: Path, subject: str, persistent: bool) -> dict[str, Any]
 
 
 def run_apart(*arguments: str) -> dict[str, Any]:
-    """What this file prints in a Blender of its own."""
+    """The output of this file in a Blender of its own."""
     command = [sys.executable, __file__, *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:

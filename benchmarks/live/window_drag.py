@@ -38,7 +38,7 @@ def module(name):
 
 
 def painter():
-    """The painter of the live viewport, None if there is none yet."""
+    """The painter of the live viewport, or None before it is drawn."""
     found = list(module("bridge.live.live_drawing")._viewports.values())
     return found[0].view.painter if found else None
 

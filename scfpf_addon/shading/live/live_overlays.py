@@ -28,7 +28,7 @@ Color = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Overlays:
-    """What is drawn over the surfaces; display colours (sRGB).
+    """The overlays drawn over the surfaces; display colours (sRGB).
 
     states: (O,) state of each object, None for no outlines. selected, active: the outlines' colours. fold:
     the stripes' colour, None for no stripes.

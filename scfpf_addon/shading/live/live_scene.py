@@ -21,7 +21,7 @@ COLOR_LAYER = "COLOR:"
 
 
 class LiveTables(NamedTuple):
-    """What is known of T triangles besides their places.
+    """The attributes of T triangles besides their positions.
 
     normals: (T, 3, 3) float32, unit, of the corners, or None if all triangles are flat. look, object: (T,)
     int32, see ``LiveHits``. uv: (T, 3, 2) float32, 0 where a mesh has none, or None if no look asks for it.

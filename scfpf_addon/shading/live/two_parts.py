@@ -87,7 +87,7 @@ class StillPart:
 class TwoPartScene(CastScene):
     """A still part and a moving scene in its cast space, whose triangles come after.
 
-    moving: None if there is none. The empty space of the whole scene is kept for its still part: it is a
+    moving: the moving part, or None. The empty space of the whole scene is kept for its still part: it is a
     little less than there is.
     """
 

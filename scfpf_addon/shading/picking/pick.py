@@ -65,7 +65,7 @@ def pick(
 
 
 def projector_at(projection: Projection, x: float, y: float) -> Callable[[Array], Array] | None:
-    """A function from t (S,) to the points (S, 3) of the projector at (x, y); None where there is none."""
+    """A function from t (S,) to the points (S, 3) of the projector at (x, y), or None without a projector."""
     projectors = projection.projectors(np.array([x]), np.array([y]))
     if not projectors.valid[0] or not np.isfinite(projectors.points).all():
         return None

@@ -210,7 +210,7 @@ def shown(path):
 
 
 def test_smoke_wide_lamps_and_holdouts_are_seen(addon, skipping, rigged, rig_of, tmp_path, monkeypatch):
-    """What has no faces, or is seen from within: the chords inside a cube of smoke meet none of its faces."""
+    """Smoke and lamps are not skipped: the chords inside a cube of smoke meet none of its faces."""
     scene = bpy.context.scene
     camera = scene.objects["Camera"]
     projection = project(addon, camera)

@@ -101,7 +101,7 @@ class Followed:
 
     @property
     def built(self):
-        """How often the whole scene and a part of it have been built."""
+        """The numbers of builds of the whole scene and of a part of it."""
         return self.source.kept.wholes, self.source.kept.parts
 
 
