@@ -26,6 +26,7 @@ GROUPS = (
     ),
     ("A blend", (("settings/camera_properties", "SCFPF_BlendEnds"),)),
     ("Image Mappings", (("settings/mapping_properties", "SCFPF_ImageMapping"),)),
+    ("Aim", tuple(("settings/aim_properties", f"SCFPF_Aim{name}") for name in ("", "Target"))),
     ("Sampling, Film, Motion Blur", (("settings/sampling", "SCFPF_Sampling"),)),
     ("Passes", (("render/render_passes", "SCFPF_ViewLayer"),)),
     ("Drawn Style", (("settings/stylised_properties", "SCFPF_Drawn"),)),
@@ -121,7 +122,7 @@ def interface() -> tuple[set[str], dict[str, str]]:
                 text = value(argument(node, "text", 99), {})
                 if isinstance(identifier, str) and isinstance(text, str) and text:
                     labels.setdefault(identifier, text)
-    return shown - {"active_surface", "active_mapping", "statistics"}, labels
+    return shown - {"active_surface", "active_mapping", "active_aim", "statistics"}, labels
 
 
 def settings(tree: ast.Module, owner: ast.ClassDef, labels: dict[str, str]) -> Iterator[tuple[str, Row]]:

@@ -8,6 +8,7 @@ from .mappings import st_map_image
 from .overlays import image_marks, viewport_overlay
 from .render import command_line, render_engine, render_passes, result_image
 from .settings import (
+    aim_properties,
     camera_properties,
     mapping_properties,
     sampling,
@@ -18,6 +19,7 @@ from .sync import handlers
 
 # Modules whose types files and Blender's render job use: see ``render.type_registration``.
 TYPES = (
+    aim_properties,
     mapping_properties,
     camera_properties,
     sampling,

@@ -21,6 +21,7 @@ from ..camera.camera_blend import LARGEST_BLEND, SMALLEST_BLEND
 from ..surfaces import surface_object
 from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
+from .aim_properties import SCFPF_Aim, SCFPF_AimTarget
 from .mapping_properties import SCFPF_ImageMapping
 from .property_options import (
     MARK,
@@ -252,6 +253,20 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         step=1,
     )
     blend_ends: pointer("Blend Ends", "The two ends of a blend", SCFPF_BlendEnds)
+    aim_targets: CollectionProperty(
+        name="Aim Targets",
+        description="What the picture is to show, for Solve",
+        type=SCFPF_AimTarget,
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+    )
+    active_aim: IntProperty(
+        name="Active Aim Target",
+        description="The target that is selected in the list",
+        default=0,
+        min=0,
+        **STATIC,
+    )
+    aim: pointer("Aim", "Settings and results of Aim", SCFPF_Aim)
     pixel_error: number(
         "Pixel Error",
         "Largest error of a curved projector, in pixels: smaller is slower, 1 is for drafts, "
