@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators ``bpy.ops.scfpf``, in modules by task."""
 
+from .aim import targets as aim_targets
 from .camera import (
     blend,
     camera,
@@ -40,6 +41,7 @@ MODULES = (
     ways,
     stylised,
     tutorial,
+    aim_targets,
 )
 
 

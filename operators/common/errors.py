@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The errors that mean bad input, which operators report in one line. Other errors are bugs and propagate."""
 
+from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ...scfpf_addon.bridge.blender.slot_animation import SlotError
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
@@ -16,6 +17,7 @@ from ...scfpf_addon.scanline.preview.preview_data import PreviewError
 from ...scfpf_addon.scanline.preview.preview_viewports import ViewportError
 
 BAD_INPUT = (
+    AimError,
     BlendError,
     EditVolumeError,
     EditingError,
