@@ -36,7 +36,7 @@ PARKED = (
 SKY, SKY_STRENGTH = (0.30, 0.50, 0.86), 0.85
 # From the front right of the car, steep enough to reach the crossing between the houses; degrees.
 SUN_STRENGTH, SUN_ANGLES = 4.2, (46.0, 0.0, -20.0)
-EXPOSURE = 0.2
+EXPOSURE = 0.5
 
 
 def street_materials() -> dict[str, bpy.types.Material]:

@@ -18,7 +18,7 @@ from .mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
 from .read_layers import read_layer
 from .read_materials import MaterialTable, listing
 from .read_visibility import LightLinks, ShownInRenders, has_hair, unshown_parts
-from .read_world import light_warnings, read_world, world_seen
+from .read_world import light_warnings, read_world, with_shadows, world_seen
 
 # Types of objects without faces that Blender's own renders show.
 FACELESS = {"CURVES", "POINTCLOUD", "VOLUME", "GREASEPENCIL"}
@@ -97,7 +97,7 @@ def read_scene(
         world=world,
         world_seen=world_seen(depsgraph.scene_eval, depsgraph.view_layer_eval),
     )
-    return replace(made, warnings=made.warnings + light_warnings(made))
+    return replace(with_shadows(made), warnings=made.warnings + light_warnings(made))
 
 
 class _SceneReader:

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The light of the world: a colour if it is uniform, else a graph by direction."""
+"""The light of the world: a colour if it is uniform and faint, else a graph by direction."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from ...projection.typing import Array
 from ...shading.nodes.graph import MaterialGraph
 from ...shading.scene.shading_scene import Scene
-from ...shading.scene.world import World
+from ...shading.scene.world import UP, World
 from ..blender import versions
 from ..blender.shader_nodes import output_shaders
 from .light_paths import ends_early
@@ -21,11 +22,7 @@ DARK = (
     "or use Cycles through the rig of the Cycles panel"
 )
 
-EVEN = (
-    "The world is one color, whose light has no shadows here: use a sky or an image in the world, "
-    "or Cycles through the rig of the Cycles panel"
-)
-# The world of a new file. Beside lamps, the missing shadows of such a faint one hardly show.
+# The world of a new file. Beside lamps, the shadows of such a faint one hardly show.
 FAINT = 0.051
 
 
@@ -53,7 +50,15 @@ def read_world(scene, view_layer) -> tuple[Array, World | None, tuple[str, ...]]
 def uniform_radiance(graph: MaterialGraph) -> Array | None:
     """The radiance (3,) of a graph's light, None if it depends on the direction."""
     light = World(graph)
-    return light.radiance(np.array([[0.0], [0.0], [1.0]]))[:, 0] if light.uniform else None
+    return light.radiance(UP)[:, 0] if light.uniform else None
+
+
+def with_shadows(scene: Scene) -> Scene:
+    """The scene whose uniform world is a sky that casts shadows, unless they would hardly show."""
+    faint = FAINT if scene.lights else 0.0
+    if scene.world is not None or np.max(scene.world_color) <= faint or not shows_world(scene):
+        return scene
+    return replace(scene, world=World.of_color(scene.world_color), world_color=np.zeros(3))
 
 
 def world_seen(scene, view_layer) -> bool:
@@ -85,14 +90,9 @@ def _warning(note: str, world) -> str:
 
 
 def light_warnings(scene: Scene) -> tuple[str, ...]:
-    """Warnings about a scene that only glowing surfaces light, or a world without shadows."""
-    if scene.world is not None or not shows_world(scene):
-        return ()
-    even = np.max(scene.world_color)
-    if even > (FAINT if scene.lights else 0.0):
-        return (EVEN,)
-    # Glowing surfaces light no others here.
-    return () if scene.lights or even > 0.0 or not _glows(scene) else (DARK,)
+    """A warning about a scene that only glowing surfaces light: they light no others here."""
+    lit = scene.world is not None or scene.lights or np.any(scene.world_color)
+    return () if lit or not shows_world(scene) or not _glows(scene) else (DARK,)
 
 
 def _glows(scene: Scene) -> bool:

@@ -7,7 +7,6 @@ As in Cycles the catcher's own material has no effect: the darkening is the shar
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -18,9 +17,8 @@ from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..passes.light_passes import LightParts
 from ..scene.shading_scene import Scene
-from ..scene.sky_map import COLUMNS, ROWS, WorldLight
 from ..scene.surface import SurfacePoints
-from ..scene.world import World
+from ..scene.world import World, uniform_light
 from ..settings.frame_settings import FrameSettings
 from ..typing import Single
 from ..vectors import dot
@@ -65,10 +63,8 @@ class Catchers:
         kept = visible_to(visibility, SHADOW)
         others = cast_scene.only(caught if kept is None else caught & kept)
         sky = None
-        light = (
-            scene.world.light if scene.world else uniform_light(*np.asarray(scene.world_color, np.float64))
-        )
-        if light is not None:
+        if scene.world or np.any(scene.world_color):
+            light = scene.world.light if scene.world else uniform_light(*map(float, scene.world_color))
             made = SkyLight.of(light, settings.samples)
             full = replace(made, occluders=shadow_scene(scene.geometry, cast_scene))
             sky = full, replace(made, occluders=others)
@@ -170,12 +166,3 @@ class Catchers:
                 color = self.world.radiance(continuation.exit_tangents(which))
             shown[:3], shown[3] = color * share, 1.0
         return shown
-
-
-@lru_cache(maxsize=2)
-def uniform_light(red: float, green: float, blue: float) -> WorldLight | None:
-    """The light of a uniform environment; None of a black one."""
-    color = np.array([red, green, blue])
-    if not color.any():
-        return None
-    return WorldLight.of(np.broadcast_to(color[:, None, None], (3, ROWS, COLUMNS)).copy())

@@ -75,7 +75,7 @@ class Scene:
     left out. object_index, material_index: the number that the user gave
     each object of ``geometry.object_names`` and each of the materials. material_names: of these.
     images: those that materials read, by name, without missing ones. bounces: of light.
-    world: the light that differs by direction, None for a uniform environment; ``world_color`` is then black.
+    world: the light by direction, whose shadows are cast; None for the uniform environment ``world_color``.
     world_seen: whether projectors see the world, not only mirrors, glass and the surfaces that it lights.
     """
 

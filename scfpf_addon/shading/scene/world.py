@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A world of nodes: the light that comes from each direction, and a map of it."""
+"""The light that comes from each direction of a world, and a map of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ...casting.common.geometry import Geometry
 from ...projection.colors import linear_from_srgb
 from ...projection.typing import Array, IndexArray
 from ..nodes.context import ShadingContext, fit
-from ..nodes.graph import MaterialGraph, finite, registers
+from ..nodes.graph import Closure, MaterialGraph, Operation, Ref, finite, registers
 from ..nodes.image import ImageData
 from ..nodes.operations import OPERATIONS
 from ..typing import Single
@@ -25,6 +25,7 @@ from .sky_map import COLUMNS, ROWS, WorldLight, map_directions
 MOST_AT_ONCE = 1 << 15
 # The greatest radiance of a world: float32 sums of more would overflow.
 BRIGHTEST = 1e12
+UP = np.array([[0.0], [0.0], [1.0]])
 
 
 class WorldContext(ShadingContext):
@@ -77,6 +78,13 @@ class World:
     graph: MaterialGraph
     images: Mapping[str, ImageData] = field(default_factory=dict)
 
+    @classmethod
+    def of_color(cls, color: Array) -> World:
+        """A uniform world of radiance (3,)."""
+        values = np.reshape(color, (3, 1)), np.ones((1, 1))
+        operations = tuple(Operation("CONSTANT", (), {"value": value}) for value in values)
+        return cls(MaterialGraph(operations, (Closure("EMISSION", Ref(1), {"color": Ref(0)}),)))
+
     @property
     def uniform(self) -> bool:
         """Whether the light is the same in all directions: its emission depends on no input."""
@@ -99,9 +107,18 @@ class World:
 
         Images are averaged to texels at least as large as the map's, so that no sun is missed between two.
         """
+        if self.uniform:
+            return uniform_light(*self.radiance(UP)[:, 0].tolist())
         images = {name: reduced(image) for name, image in self.images.items()}
         light = radiance_of(self.graph, images, map_directions(COLUMNS, ROWS), np.pi / ROWS)
         return WorldLight.of(light.reshape(3, ROWS, COLUMNS))
+
+
+@lru_cache(maxsize=2)
+def uniform_light(red: float, green: float, blue: float) -> WorldLight:
+    """The light of a uniform world."""
+    color = np.reshape([red, green, blue], (3, 1, 1))
+    return WorldLight.of(np.broadcast_to(color, (3, ROWS, COLUMNS)).copy())
 
 
 def radiance_of(

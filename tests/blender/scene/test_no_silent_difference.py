@@ -381,20 +381,22 @@ def test_lamps_behind_glass_are_named(stage, warnings):
     assert not named()
 
 
-def test_worlds_of_one_color_are_named(stage, warnings):
-    """A faint one beside lamps is not: Cycles' image differs by hundredths."""
+def test_worlds_of_one_color_cast_shadows(stage, addon):
+    """A faint one beside lamps does not: Cycles' image differs by hundredths."""
+    prepare = addon("bridge.render.render_inputs").prepare
 
-    def named():
-        return any(line.startswith("The world is one color") for line in warnings())
+    def shadowed():
+        scene = prepare(stage, bpy.context.view_layer, stage.camera).scene
+        assert not any("world" in line for line in scene.warnings)
+        return scene.world is not None
 
     tree = stage.world.node_tree
     background = next(each for each in tree.nodes if each.type == "BACKGROUND")
-    assert not named()
     tree.links.remove(background.inputs["Color"].links[0])
     background.inputs["Color"].default_value = (0.2, 0.2, 0.2, 1.0)
-    assert named()
+    assert shadowed()
     background.inputs["Color"].default_value = (0.05, 0.05, 0.05, 1.0)
-    assert not named()
+    assert not shadowed()
     for each in bpy.data.objects:
         each.hide_render = each.type == "LIGHT"
-    assert named()
+    assert shadowed()

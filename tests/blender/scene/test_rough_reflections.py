@@ -92,8 +92,9 @@ def test_balls_are_as_bright_as_those_of_cycles(light, mean, each, tmp_path):
         at = (number % 3 - 1) * 2, (number // 3 - 1) * 2, 0
         bpy.ops.mesh.primitive_uv_sphere_add(segments=48, ring_count=24, radius=0.8, location=at)
         bpy.ops.object.shade_smooth()
-        # They are to see the light alone.
-        bpy.context.object.visible_glossy = bpy.context.object.visible_diffuse = False
+        # The light alone reaches them.
+        seen = bpy.context.object
+        seen.visible_glossy = seen.visible_diffuse = seen.visible_shadow = False
         values = {"Roughness": roughness, "IOR": ior, "Metallic": metallic}
         material = shader("BsdfPrincipled", Base_Color=(base,) * 3, **values)
         bpy.context.object.data.materials.append(material)

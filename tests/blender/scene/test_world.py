@@ -202,12 +202,14 @@ def test_images_of_a_world_that_nothing_shows_are_not_read(addon):
         assert (world is not None and bool(world.images)) is wanted
 
 
-@pytest.mark.parametrize("name", ["sun", "clear sky"])
+@pytest.mark.parametrize("name", ["sun", "clear sky", "one color"])
 def test_light_and_shadows_of_the_sky_are_those_of_cycles(name, tmp_path):
     """A ball on a floor: means, and pixel by pixel up to noise."""
     scene = scene_with_camera(SIZE)
     if name == "clear sky":
         new_world(clear_sky, 0.1)
+    elif name == "one color":
+        new_world(lambda tree: add(tree, "ShaderNodeGamma", Color=(0.6, 0.7, 0.9)).outputs[0])
     else:
         new_world(environment(lambda: sky_image(256, 128, sun=400.0)))
     bpy.ops.mesh.primitive_plane_add(size=20, location=(0, 0, -0.5))
