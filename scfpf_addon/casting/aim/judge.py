@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The judge of a solution: what the caster sees in it, independent of the solver."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...projection.aim.energies import nearest_t
+from ...projection.aim.problem import AimPins
+from ...projection.typing import Array, BoolArray, IndexArray
+from ...projection.volume.inverse import Inverse, find_in_image, follow
+from ...projection.volume.viewing_volume import Projection, VolumeSample, determinant
+from ..frame import pixel_centres
+from .aim_scene import AimScene
+from .stays import halo_weights
+
+# Columns of the image that is judged.
+COLUMNS = 192
+# Shares of the way to the first hit at which folds are looked for; the last is the hit.
+SHARES = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.97, 1.0)
+# A hit is before a point if it is nearer by more pixels than this; a nearer one is the point's own surface.
+HIDING_PIXELS = 8.0
+# Of a better image at most these shares of the pixels may be mirrored or folded more than before.
+MORE_MIRRORED, MORE_FOLDED = 0.005, 0.02
+# A pin is solved within so many pixels; residuals beyond the largest do not count more.
+SOLVED, LARGEST = 1.5, 200.0
+# The background of a better image moves by a median of at most so many pixels.
+MOST_MOVED = 25.0
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the caster finds.
+
+    pixels: (P,), distances of the pins' points from their positions, inf where the volume misses a point.
+    angles: (P,), degrees between wanted and found directions, NaN where free. seen: (P,), whether nothing
+    hides the point. hidden_by: (P,), the number of the object that does, -1 without one. mirrored, folded:
+    shares of the pixels that are mirrored, and with a fold before the first hit. moved: (N,), pixels by which
+    the visible background outside the halos moved, inf for points that were lost.
+    """
+
+    pixels: Array
+    angles: Array
+    seen: BoolArray
+    hidden_by: IndexArray
+    mirrored: float
+    folded: float
+    moved: Array
+
+    @property
+    def background_median(self) -> float:
+        """The median of ``moved``, 0 without a background."""
+        return float(np.percentile(self.moved, 50, method="lower")) if len(self.moved) else 0.0
+
+    @property
+    def background_most(self) -> float:
+        """The 95th percentile of ``moved``, 0 without a background."""
+        return float(np.percentile(self.moved, 95, method="lower")) if len(self.moved) else 0.0
+
+    def worse_than(self, old: Judgement) -> str:
+        """Why the image is worse than ``old``: PINS, MIRRORED, FOLDED or BACKGROUND; empty if it is not."""
+        if np.minimum(self.pixels, LARGEST).sum() > np.minimum(old.pixels, LARGEST).sum() + SOLVED:
+            return "PINS"
+        if self.mirrored > old.mirrored + MORE_MIRRORED:
+            return "MIRRORED"
+        if self.folded > old.folded + MORE_FOLDED:
+            return "FOLDED"
+        if self.background_median > max(MOST_MOVED, old.background_median):
+            return "BACKGROUND"
+        return ""
+
+
+def judge(
+    scene: AimScene,
+    before: Projection,
+    after: Projection,
+    pins: AimPins,
+    halos: Array,
+    wanted: BoolArray,
+    width: int,
+    columns: int = COLUMNS,
+) -> Judgement:
+    """Judge an image by casting it.
+
+    before, after: in world space. pins, halos, wanted: as for ``find_stays``. width: of the image in pixels.
+    columns: of the image that is cast for the judgement. To judge the image before, pass it twice.
+    """
+    place = _places(after, pins)
+    pixels = np.hypot(place.u - pins.positions[0], (place.v - pins.positions[1]) / after.aspect) * width
+    pixels = np.where(place.found, pixels, np.inf)
+    seen, hidden_by = _visibility(scene, after, place, width)
+    sample = after.volume.evaluate(*(np.nan_to_num(a) for a in place[:3]))
+    cosine = np.einsum("cn,cn->n", sample.dt, pins.directions) / np.linalg.norm(sample.dt, axis=0)
+    angles = np.where(place.found, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), np.nan)
+    rows = max(1, round(columns / after.aspect))
+    x, y = pixel_centres(columns, rows, (0, rows))
+    mirrored, folded = _folds(scene, before, after, x, y, columns)
+    moved = _moved(scene, before, after, pins, halos, wanted, width, (x[::4], y[::4]))
+    return Judgement(pixels, angles, seen, hidden_by, mirrored, folded, moved)
+
+
+def _places(projection: Projection, pins: AimPins) -> Inverse:
+    """The parameters at which the volume shows the pins' points, those nearest to the pins if it folds."""
+    near = _follow(projection, pins.points, pins.positions)
+    lost = np.flatnonzero(~near.found)
+    if len(lost):
+        other = find_in_image(projection, pins.points[:, lost])
+        for mine, found in zip(near, other, strict=True):
+            mine[lost] = found
+    return near
+
+
+def _follow(projection: Projection, points: Array, positions: Array) -> Inverse:
+    """Newton's method from the nearest points of the projectors at image positions (2, N)."""
+    controls = projection.volume.controls(*positions)
+    stacked = np.stack([controls.points, controls.du, controls.dv]).transpose(0, 3, 1, 2)
+    t = nearest_t(stacked, points.T)
+    return follow(projection.volume, points, np.stack([*positions, t]))
+
+
+def _visibility(
+    scene: AimScene, projection: Projection, place: Inverse, width: int
+) -> tuple[BoolArray, IndexArray]:
+    """Whether points at parameters are seen, (P,), and the numbers of the objects that hide them."""
+    u, v, t = (np.nan_to_num(a) for a in place[:3])
+    inside = place.found & (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
+    hits = scene.hits(projection, np.clip(u, 0, 1), np.clip(v, 0, 1), width)
+    sample = projection.volume.evaluate(u, v, t)
+    ahead = (t - hits.t) * np.linalg.norm(sample.dt, axis=0)
+    hidden = inside & (hits.triangle >= 0) & (ahead > HIDING_PIXELS * _footprint(sample, width))
+    return inside & ~hidden, np.where(hidden, scene.objects[hits.triangle], -1)
+
+
+def _footprint(sample: VolumeSample, width: int) -> Array:
+    """World units across a pixel, (N,)."""
+    tangent = sample.dt / np.maximum(np.linalg.norm(sample.dt, axis=0), 1e-300)
+    across = sample.du - np.einsum("cn,cn->n", sample.du, tangent) * tangent
+    footprint: Array = np.linalg.norm(across, axis=0) / width
+    return footprint
+
+
+def _folds(
+    scene: AimScene, before: Projection, after: Projection, x: Array, y: Array, columns: int
+) -> tuple[float, float]:
+    """The shares of pixels that are mirrored, and with a fold before the hit or the projector's end."""
+    usual = np.sign(determinant(before.volume.evaluate(x, y, np.full(len(x), 0.5))).sum())
+    hits = scene.hits(after, x, y, columns)
+    hit = hits.triangle >= 0
+    end = np.minimum(hits.t, 1.0)
+    controls = after.volume.controls(x, y)
+    against = np.stack(
+        [determinant(after.volume.evaluate_controls(controls, end * s)) * usual < 0 for s in SHARES]
+    )
+    mirrored = float(against[-1][hit].mean()) if hit.any() else 0.0
+    return mirrored, float(against.any(axis=0).mean())
+
+
+def _moved(
+    scene: AimScene,
+    before: Projection,
+    after: Projection,
+    pins: AimPins,
+    halos: Array,
+    wanted: BoolArray,
+    width: int,
+    places: tuple[Array, Array],
+) -> Array:
+    """See ``Judgement.moved``, of the hits at places of the old image."""
+    x, y = places
+    hits = scene.hits(before, x, y, width)
+    kept = np.flatnonzero((hits.triangle >= 0) & ~wanted[hits.triangle])
+    points = scene.world(hits.position[:, kept])
+    outside = halo_weights(points, pins, halos) >= 1.0
+    kept, points = kept[outside], points[:, outside]
+    x, y = x[kept], y[kept]
+    place = _follow(after, points, np.stack([x, y]))
+    moved = np.where(place.found, np.hypot(place.u - x, (place.v - y) / after.aspect) * width, np.inf)
+    # What a wanted thing hides is meant to be hidden.
+    covered = scene.hits(after, x, y, width)
+    hides = (covered.triangle >= 0) & wanted[covered.triangle]
+    return moved[~hides]

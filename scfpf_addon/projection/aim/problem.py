@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The input and the output of aiming: pins, lines, stays, weights, and the solved control surfaces.
+
+Image positions are (2, N) in [0, 1] from the lower left, world points (3, N), all float64. A volume is
+parameterised by the image itself: u = x and v = y (``start.start_volume``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from ..surfaces.nurbs import NurbsPatch
+from ..typing import Array, BoolArray, IndexArray
+from ..volume.viewing_volume import Projection, ViewingVolume
+
+
+def _no_points(components: int) -> Callable[[], Array]:
+    return lambda: np.zeros((components, 0))
+
+
+@dataclass(frozen=True)
+class AimPins:
+    """Points of the scene and the image positions that shall show them.
+
+    points: (3, P). positions: (2, P). directions: (3, P), the unit direction in which the point is seen, NaN
+    where free. across, upward: (3, P), the world vectors that a step of 1 along x and y of the image shall
+    cover at the point, perpendicular to the direction, NaN where free. weights: (P,). views: (P,), the number
+    of the view that a pin belongs to, -1 for a pin by itself. Omitted arrays are free, 1 and -1.
+    """
+
+    points: Array
+    positions: Array
+    directions: Array = field(default_factory=_no_points(3))
+    across: Array = field(default_factory=_no_points(3))
+    upward: Array = field(default_factory=_no_points(3))
+    weights: Array = field(default_factory=lambda: np.zeros(0))
+    views: IndexArray = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __post_init__(self) -> None:
+        count = self.count
+        for name in ("directions", "across", "upward"):
+            if getattr(self, name).shape[1] != count:
+                object.__setattr__(self, name, np.full((3, count), np.nan))
+        if len(self.weights) != count:
+            object.__setattr__(self, "weights", np.ones(count))
+        if len(self.views) != count:
+            object.__setattr__(self, "views", np.full(count, -1))
+
+    @property
+    def count(self) -> int:
+        """The number of pins."""
+        return int(self.points.shape[1])
+
+    @classmethod
+    def joined(cls, parts: list[AimPins]) -> AimPins:
+        """The pins of all parts, in order; without parts no pins."""
+        if not parts:
+            return cls(np.zeros((3, 0)), np.zeros((2, 0)))
+        names = ("points", "positions", "directions", "across", "upward", "weights", "views")
+        return cls(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in names))
+
+
+@dataclass(frozen=True)
+class AimStays:
+    """Points that shall stay where the image shows them.
+
+    points: (3, S). positions: (2, S). weights: (S,), 0 to 1 for those found in the old image, more for locked
+    regions.
+    """
+
+    points: Array = field(default_factory=_no_points(3))
+    positions: Array = field(default_factory=_no_points(2))
+    weights: Array = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True)
+class AimLines:
+    """Pairs of pins between which the scene's line shall be straight in the image. pins: (2, L) indices."""
+
+    pins: IndexArray = field(default_factory=lambda: np.zeros((2, 0), np.int64))
+
+
+class FirstHits(NamedTuple):
+    """The first hits of N projectors. t: (N,), inf on a miss. wanted: (N,), whether a pinned thing is hit."""
+
+    t: Array
+    wanted: BoolArray
+
+
+# From control points of projectors (K, 3, N) to their first hits.
+FindHits = Callable[[Array], FirstHits]
+
+
+@dataclass(frozen=True)
+class AimWeights:
+    """The weights of the residuals, which are in pixels unless stated otherwise.
+
+    pin: of a pin's distance. depth: of a pin's change of t, in its whole range. direction: of an angle, in
+    degrees. frame: of a relative error of across and upward, in percent. line: of a line's distance. stay: of
+    a stay's distance; stays farther than ``robust`` pixels lose their influence. stay_direction: of an angle
+    of a stay, in degrees. smooth: of the differences of displacements. home: of displacements. fold: of the
+    barrier.
+    """
+
+    pin: float = 200.0
+    depth: float = 6000.0
+    direction: float = 10.0
+    frame: float = 2.0
+    line: float = 20.0
+    stay: float = 1.0
+    robust: float = 25.0
+    stay_direction: float = 0.05
+    smooth: float = 0.02
+    home: float = 0.004
+    fold: float = 150.0
+
+
+@dataclass(frozen=True)
+class AimProblem:
+    """A start and what its image shall show instead.
+
+    patches: the control surfaces of the start, near to far, cubic B-splines with equal nets, joined by a
+    Bézier projector. The first one stays fixed. width: of the image in pixels. aspect: its width / height.
+    first_hits: finds what projectors see; None: nothing hides anything, and folds count along the whole
+    projector.
+    """
+
+    patches: tuple[NurbsPatch, ...]
+    width: int
+    aspect: float
+    pins: AimPins
+    stays: AimStays = field(default_factory=AimStays)
+    lines: AimLines = field(default_factory=AimLines)
+    weights: AimWeights = field(default_factory=AimWeights)
+    first_hits: FindHits | None = None
+
+
+@dataclass(frozen=True)
+class AimResult:
+    """The solved control surfaces.
+
+    patches: near to far. t: (P,), where each pin lies on its projector. residuals: (P,), distances of the
+    pins from their positions in the image, in pixels. steps: Gauss–Newton steps taken.
+    """
+
+    patches: tuple[NurbsPatch, ...]
+    t: Array
+    residuals: Array
+    steps: int
+
+    def projection(self, aspect: float) -> Projection:
+        """The projection of the solved volume."""
+        return Projection(ViewingVolume(self.patches), aspect=aspect)

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Aiming: control surfaces from pins, by Gauss–Newton steps with Levenberg and Marquardt's damping.
+
+The targets of the pins move from the start's own image to what is wanted (a homotopy), a few steps each, so
+that each step stays where the linearisation holds. Then steps follow until they move nothing. A drag takes
+one step an event, from where the last one ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..arrays import median
+from ..typing import Array
+from .banded import Normal
+from .control_net import Along, Net
+from .energies import (
+    FIRST_T,
+    FOOTPRINT_RANGE,
+    LAST_T,
+    FoldEnergy,
+    PinEnergy,
+    PinTargets,
+    StayEnergy,
+    across_of,
+    dot,
+    smoothness,
+    unit,
+)
+from .problem import AimPins, AimProblem, AimResult
+
+# The homotopy: its stages, the steps in each, and the steps at its end.
+STAGES, STEPS, FINAL_STEPS = 8, 2, 20
+# Steps at the end are enough when the control points move by less than so many pixels and no fold is left.
+SETTLED = 1.0
+# The barrier grows to this multiple during the last steps.
+FOLD_GROWTH = 8.0
+# The longest move of a control point in a step, as a share of the image's width where the pins are.
+LONGEST_MOVE = 0.6
+# Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
+DAMPING, LEAST_DAMPING, RAISED_DAMPING = 1e-5, 1e-7, 1e-4
+EASED, TIGHTENED, ATTEMPTS = 0.3, 8.0, 5
+# Where pins start on their projectors.
+PIN_T = (0.2, 0.85)
+# Projectors along x and y on which folds are tested.
+FOLD_GRID = (24, 14)
+
+
+class Aim:
+    """A problem being solved. points: (net points, surfaces, 3), the control points so far."""
+
+    def __init__(self, problem: AimProblem) -> None:
+        self.problem, weights = problem, problem.weights
+        rows, columns = problem.patches[0].points.shape[:2]
+        self.net = Net(columns, rows, len(problem.patches))
+        self.start = self.net.gather(problem.patches)
+        self.points = self.start.copy()
+        self.damping, self.steps = DAMPING, 0
+        self._begin_pins(problem.pins)
+        self.footprint = float(median(self.pin_energy.footprint))
+        self.stiffness = smoothness(self.net, weights, self.footprint)
+        self.stays = StayEnergy(self.net, problem.stays, weights, self.points, problem.width)
+        u, v = (a.ravel() for a in np.meshgrid(*(np.linspace(0, 1, n) for n in FOLD_GRID), indexing="ij"))
+        places = self.net.at(u, v)
+        middle = Along.of(places.controls(self.points), np.full(len(u), 0.5))
+        orientation = float(np.sign(dot(np.cross(middle.du, middle.dv), middle.dt).sum()))
+        self.folds = FoldEnergy(places, orientation, weights.fold)
+
+    def _begin_pins(self, pins: AimPins) -> None:
+        """Find the pins' projectors in the start, and where on them they begin."""
+        width = self.problem.width
+        places = self.net.at(*pins.positions)
+        controls = places.controls(self.start)
+        near = controls[0, :, 0]
+        distance = np.linalg.norm(pins.points.T - near, axis=1)
+        t = np.clip(_t_at_distance(controls, distance), *PIN_T)
+        along = Along.of(controls, t)
+        tangent = unit(along.dt)
+        across, upward = across_of(along.du, tangent), across_of(along.dv, tangent)
+        self.old = PinTargets(along.position, tangent, across, upward)
+        self.t = t
+        footprint = np.sqrt(dot(across, across)) / width
+        typical = float(median(footprint)) if len(footprint) else 1.0
+        footprint = np.clip(footprint, typical / FOOTPRINT_RANGE, typical * FOOTPRINT_RANGE)
+        self.pin_energy = PinEnergy(places, pins, self.problem.weights, t, footprint, width)
+        self.pins = pins
+
+    def targets(self, share: float) -> PinTargets:
+        """What the pins aim at after a share of the way from the old image to what is wanted."""
+        old, pins = self.old, self.pins
+        directions = np.where(np.isfinite(pins.directions), pins.directions, old.directions.T).T
+        across = np.where(np.isfinite(pins.across), pins.across, old.across.T).T
+        upward = np.where(np.isfinite(pins.upward), pins.upward, old.upward.T).T
+        turned = turn_between(old.directions, unit(directions), share)
+        return PinTargets(
+            old.points + share * (pins.points.T - old.points),
+            turned,
+            across_of(old.across + share * (across - old.across), turned),
+            across_of(old.upward + share * (upward - old.upward), turned),
+        )
+
+    def solve(self, is_cancelled: Callable[[], bool] | None = None) -> AimResult | None:
+        """Solve from the old image to the wanted one; None if cancelled."""
+        for stage in range(1, STAGES + 1):
+            targets = self.targets(stage / STAGES)
+            final = stage == STAGES
+            for step in range(FINAL_STEPS if final else STEPS):
+                if is_cancelled is not None and is_cancelled():
+                    return None
+                growth = FOLD_GROWTH ** min(1.0, step / (FINAL_STEPS - 4)) if final else 1.0
+                self.folds.strength = self.problem.weights.fold * growth
+                moved = self.step(targets)
+                if final and moved < SETTLED and self.folds.jacobians(self.points)[0].min() > 0.0:
+                    break
+        return self.result()
+
+    def drag(self, pins: AimPins) -> AimResult:
+        """Take one step to pins that have moved a little, as many as before and in their order."""
+        t = self.t
+        home = self.pin_energy.home_t
+        self._begin_pins(pins)
+        self.t, self.pin_energy.home_t = t, home
+        self.step(self.targets(1.0))
+        return self.result()
+
+    def step(self, targets: PinTargets) -> float:
+        """Take a damped Gauss–Newton step. Returns the longest move of a control point in pixels."""
+        self._look()
+        offset = (self.points - self.start)[:, 1:].reshape(-1)
+        normal = Normal(self.net, self.stiffness.copy(), -(self.stiffness @ offset))
+        pin_rows, elimination = self.pin_energy.linearise(self.points, self.t, targets)
+        for rows in (pin_rows, self.stays.linearise(self.points), self.folds.linearise(self.points)):
+            normal.add(rows)
+        before = self._value(self.points, self.t, targets)
+        longest = LONGEST_MOVE * self.footprint * self.problem.width
+        for attempt in range(ATTEMPTS):
+            step = normal.solve(self.damping)
+            step *= min(1.0, longest / max(float(np.abs(step).max()), 1e-300))
+            points = self.net.moved(self.points, step)
+            t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
+            if self._value(points, t, targets) < before or attempt == ATTEMPTS - 1:
+                break
+            self.damping = max(self.damping * TIGHTENED, RAISED_DAMPING)
+        self.damping = max(self.damping * EASED, LEAST_DAMPING)
+        self.points, self.t = points, t
+        self.steps += 1
+        return float(np.abs(step).max()) / self.footprint
+
+    def _look(self) -> None:
+        """Let the stays and the fold samples know what projectors see."""
+        if self.problem.first_hits is None:
+            return
+        count = len(self.folds.places.column)
+        controls = [energy.places.controls(self.points)[0] for energy in (self.folds, self.stays)]
+        hits = self.problem.first_hits(np.ascontiguousarray(np.concatenate(controls).transpose(1, 2, 0)))
+        self.folds.look(hits.t[:count])
+        self.stays.hide(hits.t[count:], hits.wanted[count:])
+
+    def _value(self, points: Array, t: Array, targets: PinTargets) -> float:
+        offset = (points - self.start)[:, 1:].reshape(-1)
+        parts = self.pin_energy.value(points, t, targets), self.stays.value(points), self.folds.value(points)
+        return float(sum(parts) + offset @ (self.stiffness @ offset))
+
+    def result(self) -> AimResult:
+        """The control surfaces so far."""
+        residuals = pin_residuals(self.pin_energy, self.points, self.t, self.pins.points.T, self.problem)
+        return AimResult(self.net.patches(self.points), self.t.copy(), residuals, self.steps)
+
+
+def pin_residuals(energy: PinEnergy, points: Array, t: Array, wanted: Array, problem: AimProblem) -> Array:
+    """Distances in the image, in pixels, (P,), by Newton's step from each pin's place to its point."""
+    along = Along.of(energy.places.controls(points), t)
+    jacobian = np.stack([along.du, along.dv, along.dt], axis=2)
+    step = np.matmul(np.linalg.pinv(jacobian), (wanted - along.position)[:, :, None])[:, :, 0]
+    result: Array = np.hypot(step[:, 0], step[:, 1] / problem.aspect) * problem.width
+    return result
+
+
+def turn_between(start: Array, end: Array, share: float) -> Array:
+    """Unit vectors (N, 3) a share of the way on great circles from ``start`` to ``end``."""
+    side = across_of(end, start)
+    lengths = np.sqrt(dot(side, side))
+    angle = share * np.arctan2(lengths, dot(start, end))
+    # Opposite vectors have no great circle of their own: any side will do.
+    other = np.eye(3)[np.abs(start).argmin(axis=1)] if len(start) else np.zeros((0, 3))
+    side = unit(np.where((lengths > 1e-9)[:, None], side, across_of(other, start)))
+    result: Array = start * np.cos(angle)[:, None] + side * np.sin(angle)[:, None]
+    return result
+
+
+def _t_at_distance(controls: Array, distance: Array) -> Array:
+    """Where projectors are so far from their near points, (N,)."""
+    t = np.linspace(0.0, 1.0, 97)
+    many = np.repeat(controls[:, :, None], len(t), axis=2).reshape(
+        3, len(distance) * len(t), *controls.shape[2:]
+    )
+    position = Along.of(many, np.tile(t, len(distance))).position.reshape(len(distance), len(t), 3)
+    away = np.linalg.norm(position - controls[0, :, :1], axis=2)
+    found: Array = t[np.abs(away - distance[:, None]).argmin(axis=1)]
+    return found
+
+
+def solve(problem: AimProblem, is_cancelled: Callable[[], bool] | None = None) -> AimResult | None:
+    """Solve a problem; None if cancelled."""
+    return Aim(problem).solve(is_cancelled)
