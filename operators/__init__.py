@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators ``bpy.ops.scfpf``, in modules by task."""
 
+from .aim import pin_click as aim_pin_click
 from .aim import targets as aim_targets
 from .camera import (
     blend,
@@ -42,6 +43,7 @@ MODULES = (
     stylised,
     tutorial,
     aim_targets,
+    aim_pin_click,
 )
 
 

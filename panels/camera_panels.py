@@ -91,7 +91,8 @@ class _MainSection:
             layout.label(text="The scene has no camera", icon="INFO")
             layout.operator("scfpf.camera_add", icon="OUTLINER_OB_CAMERA")
             return
-        if self.names_camera:
+        # In the Data tab of a camera that Aim sees a view from, the panel is that of the aimed one.
+        if self.names_camera or camera != context.object:
             layout.label(text=camera.name, icon="OUTLINER_OB_CAMERA")
         if camera.scfpf.enabled:
             draw_render(layout, context, camera)

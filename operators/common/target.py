@@ -7,6 +7,7 @@ from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.blender.scene_objects import missing_text
 from ...scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ...scfpf_addon.bridge.render.render_errors import RenderError
+from ...scfpf_addon.bridge.sync.handlers import camera_objects
 
 NO_CAMERA = (
     "There is no flexible camera to render: add one with Add > Camera > Flexible Camera, or select one"
@@ -23,14 +24,27 @@ def camera_with_surface(scene, surface):
     return None
 
 
+def camera_aimed_with(scene, obj):
+    """The camera of a scene with a target of Aim that is seen from an object or held by it, or None."""
+    for camera in camera_objects():
+        is_used = any(obj in (target.eye, target.handle) for target in camera.scfpf.aim_targets)
+        if is_used and scene.objects.get(camera.name) == camera:
+            return camera
+    return None
+
+
 def camera_of(context):
     """The camera object to work on, flexible or not, or None.
 
     The active object if it is a camera, else the camera that the active object is a control surface of, else
-    the scene's camera.
+    the scene's camera. An object that a target of Aim is seen from or held by stands for the aimed camera.
     """
     active = context.object
     if active is not None:
+        if active.type in {"CAMERA", "EMPTY"} and not active.scfpf.enabled:
+            aimed = camera_aimed_with(context.scene, active)
+            if aimed is not None:
+                return aimed
         if active.type == "CAMERA":
             return camera_behind(active)
         # Panels call this at every redraw: only control surfaces are searched for.

@@ -61,6 +61,10 @@ class ImageClick:
         if context.window is None or not image_regions(context.window):
             self.report({"ERROR"}, NO_PICTURE)
             return {"CANCELLED"}
+        return self.wait(context)
+
+    def wait(self, context):
+        """Begin to wait for the click."""
         context.window_manager.modal_handler_add(self)
         context.window.cursor_modal_set(self.cursor)
         context.workspace.status_text_set(f"{self.hint}    Esc: cancel")
@@ -71,7 +75,7 @@ class ImageClick:
             self.cancel(context)
             return {"CANCELLED"}
         if event.type == "LEFTMOUSE" and event.value == "PRESS":
-            position = image_position(context.window, event.mouse_x, event.mouse_y)
+            position = self.position_at(context, event.mouse_x, event.mouse_y)
             if position is None:
                 return {"RUNNING_MODAL"}
             self.cancel(context)
@@ -81,6 +85,10 @@ class ImageClick:
             self.x, self.y = position
             return self.execute(context)
         return {"PASS_THROUGH"}
+
+    def position_at(self, context, x: int, y: int) -> tuple[float, float] | None:
+        """The position that a click at a pixel of the window chooses, None to wait for another."""
+        return image_position(context.window, x, y)
 
     def cancel(self, context):
         """Restore the cursor and the status bar."""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from .aim import scene_marks
 from .live import live_drawing
 from .mappings import st_map_image
 from .overlays import image_marks, viewport_overlay
@@ -35,6 +36,7 @@ MODULES = (
     live_drawing,  # under the volumes' lines
     viewport_overlay,
     image_marks,
+    scene_marks,
     result_image,
     command_line,
 )

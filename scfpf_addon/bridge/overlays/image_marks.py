@@ -63,38 +63,39 @@ def draw_marks(settings, to_region: Callable, size: tuple[int, int], scale: floa
     lines = mark_lines(settings, to_region, scale)
     if not lines:
         return
-    _draw_lines(lines, size, scale)
+    draw_lines(lines, size, scale)
     if settings.show_found:
         left, _, _, high = _box(settings, to_region, scale)
-        _write(settings.found_object.split(" · ")[0], left, high + TEXT_GAP * scale, size, scale)
+        write(settings.found_object.split(" · ")[0], left, high + TEXT_GAP * scale, size, scale)
 
 
 def draw_cross(x: float, y: float, size: tuple[int, int], scale: float) -> None:
     """Draw the cross of a picked position at a pixel of a region. size, scale: as for ``draw_marks``."""
-    _draw_lines(_cross(x, y, scale), size, scale)
+    draw_lines(_cross(x, y, scale), size, scale)
 
 
-def _draw_lines(lines: list[tuple[float, float]], size: tuple[int, int], scale: float) -> None:
+def draw_lines(lines, size: tuple[int, int], scale: float, color=MARK) -> None:
+    """Draw lines with a dark rim, given by their end points in pixels. size, scale: as above."""
     shader = gpu.shader.from_builtin(SHADER)
     batch = batch_for_shader(shader, "LINES", {"pos": [(x, y, 0.0) for x, y in lines]})
     gpu.state.blend_set("ALPHA")
     shader.bind()
     shader.uniform_float("viewportSize", size)
-    for color, width in ((RIM, RIM_LINE), (MARK, LINE)):
+    for tone, width in ((RIM, RIM_LINE), (color, LINE)):
         shader.uniform_float("lineWidth", width * scale)
-        shader.uniform_float("color", color)
+        shader.uniform_float("color", tone)
         batch.draw(shader)
     gpu.state.blend_set("NONE")
 
 
-def _write(text: str, x: float, y: float, size: tuple[int, int], scale: float) -> None:
+def write(text: str, x: float, y: float, size: tuple[int, int], scale: float, color=MARK) -> None:
     """Draw a line of text inside the region."""
     font = 0
     blf.size(font, TEXT_SIZE * scale)
     width, height = blf.dimensions(font, text)
     blf.enable(font, blf.SHADOW)
     blf.shadow(font, 5, 0.0, 0.0, 0.0, 1.0)
-    blf.color(font, *MARK)
+    blf.color(font, *color)
     blf.position(font, max(0.0, min(x, size[0] - width)), max(0.0, min(y, size[1] - height)), 0.0)
     blf.draw(font, text)
     blf.disable(font, blf.SHADOW)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The frame of a view in an image: its corners and turning handle, and what dragging them does.
+
+Places are pixels of a region, x to the right and y up. A view lies in the image by a similarity, so that a
+drag changes its origin, its size by a factor, and its turn.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ...projection.typing import Array
+
+# Parts of a frame: its corners have the numbers 0 to 3, counterclockwise from the lower left. A key chooses
+# SIZE, which scales about the origin.
+TURN, BODY, SIZE = 4, 5, 6
+# Pixels at a display scale of 1: how near a handle a press may be, and how far the turning handle stands off.
+REACH, STALK = 10.0, 26.0
+# A drag makes nothing smaller than this share of its size.
+LEAST_FACTOR = 0.05
+
+
+class Change(NamedTuple):
+    """What a drag does to a view: the shift of its origin in pixels, the factor of its size, its turn."""
+
+    shift: tuple[float, float] = (0.0, 0.0)
+    factor: float = 1.0
+    turn: float = 0.0
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame in a region.
+
+    origin: (2,), the pixel of the view's position. box: left, lower, right and upper border as seen from the
+    origin, in pixels and before turning. turn: radians, counterclockwise.
+    """
+
+    origin: Array
+    box: tuple[float, float, float, float]
+    turn: float
+
+    @classmethod
+    def around(cls, points: Array, origin: Array, turn: float) -> Frame:
+        """The smallest frame of a turn around pixels (2, N), N > 0."""
+        flat = _turned(points - origin[:, None], -turn)
+        low, high = flat.min(axis=1), flat.max(axis=1)
+        return cls(origin, (float(low[0]), float(low[1]), float(high[0]), float(high[1])), turn)
+
+    def _placed(self, flat: Array) -> Array:
+        """Pixels (2, N) of places as seen from the origin before turning."""
+        return self.origin[:, None] + _turned(flat, self.turn)
+
+    @property
+    def corners(self) -> Array:
+        """The pixels of the corners, (2, 4)."""
+        left, low, right, high = self.box
+        return self._placed(np.array([[left, right, right, left], [low, low, high, high]]))
+
+    def stalk(self, scale: float) -> Array:
+        """The middle of the upper side and the turning handle above it, (2, 2). scale: of the display."""
+        left, _low, right, high = self.box
+        middle = (left + right) / 2
+        return self._placed(np.array([[middle, middle], [high, high + STALK * scale]]))
+
+    def part_at(self, x: float, y: float, scale: float) -> int | None:
+        """The part of the frame at a pixel; handles come before the body. scale: of the display."""
+        place = np.array([x, y])
+        handles = np.concatenate([self.corners, self.stalk(scale)[:, 1:]], axis=1)
+        away = np.linalg.norm(handles - place[:, None], axis=0)
+        nearest = int(np.argmin(away))
+        if away[nearest] <= REACH * scale:
+            return nearest
+        across, up = _turned((place - self.origin)[:, None], -self.turn)[:, 0]
+        left, low, right, high = self.box
+        return BODY if left <= across <= right and low <= up <= high else None
+
+    def dragged(self, part: int, start: Array, end: Array) -> Change:
+        """The change when a part is dragged from one pixel to another, (2,) each.
+
+        The corner opposite to a dragged one stays where it is; the frame turns about its origin.
+        """
+        if part == BODY:
+            return Change(shift=(float(end[0] - start[0]), float(end[1] - start[1])))
+        then, now = start - self.origin, end - self.origin
+        if part == TURN:
+            angle = math.atan2(now[1], now[0]) - math.atan2(then[1], then[0])
+            return Change(turn=math.remainder(angle, math.tau))
+        if part == SIZE:
+            reach = float(np.linalg.norm(then))
+            return Change(factor=max(float(np.linalg.norm(now)) / reach, LEAST_FACTOR) if reach else 1.0)
+        corners = self.corners
+        fixed = corners[:, (part + 2) % 4]
+        diagonal = corners[:, part] - fixed
+        length = float(diagonal @ diagonal)
+        factor = max(1.0 + float((end - start) @ diagonal) / length, LEAST_FACTOR) if length else 1.0
+        shift = (factor - 1.0) * (self.origin - fixed)
+        return Change(shift=(float(shift[0]), float(shift[1])), factor=factor)
+
+
+def _turned(flat: Array, angle: float) -> Array:
+    """Vectors (2, N) turned counterclockwise."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    turned: Array = np.array([[cos, -sin], [sin, cos]]) @ flat
+    return turned
