@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators ``bpy.ops.scfpf``, in modules by task."""
 
-from .aim import pin_click as aim_pin_click
-from .aim import targets as aim_targets
+from .aim import pin_click, solve, targets
 from .camera import (
     blend,
     camera,
@@ -42,8 +41,9 @@ MODULES = (
     ways,
     stylised,
     tutorial,
-    aim_targets,
-    aim_pin_click,
+    targets,
+    pin_click,
+    solve,
 )
 
 

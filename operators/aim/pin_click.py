@@ -4,10 +4,11 @@
 import bpy
 
 from ...scfpf_addon.bridge.aim.shown_targets import shown_image
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.render.render_viewport import free_view
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import flexible_camera_of, object_by_uid, poll_flexible_camera
+from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..image.image_click import ImageClick
 from ..image.preparation import poll_no_render, prepared_inputs
 

@@ -3,22 +3,19 @@
 
 from __future__ import annotations
 
-import math
-
 import bpy
 import numpy as np
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty
+from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty
 
 from ...scfpf_addon.bridge.aim import new_targets
 from ...scfpf_addon.bridge.aim.target_views import AimError
-from ...scfpf_addon.bridge.blender.scene_objects import link_beside
+from ...scfpf_addon.bridge.blender.scene_objects import link_beside, object_by_uid
 from ...scfpf_addon.bridge.blender.slot_animation import AIM_TARGETS, move_slot
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.projection.volume.inverse import find_in_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..camera.camera_placement import camera_like_view
-from ..common.target import object_by_uid
 from ..common.tool import STEPS
 from ..image.preparation import prepared_inputs
 from .aim_camera import AimAction, camera_name, chosen, own_projection, target_at, target_index, thing_name
@@ -243,38 +240,6 @@ class SCFPF_OT_aim_move(AimAction, bpy.types.Operator):
         move_slot(camera.scfpf, index, index + STEPS[self.direction], AIM_TARGETS)
 
 
-class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
-    """Move the view's camera round what it shows, by angles"""
-
-    bl_idname = "scfpf.aim_turn"
-    bl_label = "Turn View"
-
-    camera: camera_name()
-    index: target_index()
-    left: FloatProperty(
-        name="Left", description="Angle by which the camera moves to its left", subtype="ANGLE"
-    )
-    up: FloatProperty(
-        name="Up",
-        description="Angle by which the camera moves up",
-        subtype="ANGLE",
-        min=-math.pi,
-        max=math.pi,
-    )
-    to_free: BoolProperty(
-        name="To Nearest Free Direction",
-        description="Turn to where nothing hides the target, as the last Solve has found",
-        options={"SKIP_SAVE"},
-    )
-
-    def edit(self, context, camera):
-        target, _ = target_at(camera, self.index)
-        if target.kind != "VIEW":
-            raise AimError(f"'{target.name}' is not a view: choose one")
-        left, up = target.free_turn if self.to_free else (self.left, self.up)
-        new_targets.turn_eye(target, context.evaluated_depsgraph_get(), left, up)
-
-
 register, unregister = bpy.utils.register_classes_factory(
     (
         SCFPF_OT_aim_view_add,
@@ -283,6 +248,5 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_OT_aim_stay_add,
         SCFPF_OT_aim_remove,
         SCFPF_OT_aim_move,
-        SCFPF_OT_aim_turn,
     )
 )

@@ -181,8 +181,3 @@ def take_up_edits(context) -> None:
     """Write the edits of objects in Edit Mode or another mode to their data."""
     for edited in context.objects_in_mode if context.mode != "OBJECT" else ():
         edited.update_from_editmode()
-
-
-def object_by_uid(session_uid: int):
-    """The object with a ``session_uid``, which survives renaming and undo; None if it was removed."""
-    return next((obj for obj in bpy.data.objects if obj.session_uid == session_uid), None)

@@ -4,11 +4,12 @@
 import bpy
 import numpy as np
 
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.camera.flexible_camera import control_objects
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import editable_camera, object_by_uid
+from ..common.target import editable_camera
 from .pick import store_pick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 

@@ -4,10 +4,11 @@
 import bpy
 from bpy.props import StringProperty
 
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import editable_camera, object_by_uid
+from ..common.target import editable_camera
 from .image_click import ImageClick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 

@@ -7,6 +7,7 @@ import bpy
 from bpy.app.handlers import persistent
 from bpy.props import StringProperty
 
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.render import render_job
 from ...scfpf_addon.bridge.render.result_image import (
     discard_progress,
@@ -16,7 +17,7 @@ from ...scfpf_addon.bridge.render.result_image import (
     show_progress,
 )
 from ..common.errors import BAD_INPUT, refused
-from ..common.target import chosen_camera, object_by_uid
+from ..common.target import chosen_camera
 from .image_editors import image_editors, open_image_editor
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 

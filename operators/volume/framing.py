@@ -7,9 +7,10 @@ import bpy
 from bpy.props import FloatProperty
 from mathutils import Matrix, Vector
 
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.camera.volume_fit import move_volume
 from ...scfpf_addon.projection.editing.volume_edits import framing
-from ..common.target import flexible_camera_of, object_by_uid, poll_slot
+from ..common.target import flexible_camera_of, poll_slot
 from ..common.tool import Action
 
 # The effect of a drag across the region: radians, the logarithm of a factor, a share of the volume's depth.

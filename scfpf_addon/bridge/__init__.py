@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from .aim import scene_marks
+from .aim import live_aim, scene_marks
 from .live import live_drawing
 from .mappings import st_map_image
 from .overlays import image_marks, viewport_overlay
@@ -33,6 +33,7 @@ MODULES = (
     validation,  # before all others that read a loaded file
     st_map_image,
     handlers,
+    live_aim,  # after the handlers that know the cameras
     live_drawing,  # under the volumes' lines
     viewport_overlay,
     image_marks,

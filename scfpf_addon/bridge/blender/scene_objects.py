@@ -91,3 +91,8 @@ def absent_text(obj, scene, otherwise: str, camera=None) -> str:
         f"'{obj.name}' is in the scene '{home}', not in '{scene.name}': link it to this one with "
         f"{LINK_MENU}, or {otherwise}"
     )
+
+
+def object_by_uid(session_uid: int):
+    """The object with a ``session_uid``, which survives renaming and undo; None if it was removed."""
+    return next((obj for obj in bpy.data.objects if obj.session_uid == session_uid), None)

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A drag of targets: the problem is read once, and each event takes one warm step of the solver."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...projection.aim.energies import nearest_t
+from ...projection.aim.problem import AimPins
+from ...projection.aim.solver import Aim
+from ...projection.typing import Array
+from ..blender.scene_objects import object_by_uid
+from ..settings.aim_properties import PIN, VIEW
+from .aimed_volume import moved, note_solution, present_patches, start_of, write_points, write_volume
+from .read_problem import AimInputs, own_pin, read_inputs
+from .solve_targets import solve_camera
+from .target_views import AimError, view_map
+
+
+class AimDrag:
+    """Arrays and session ids of a drag; no Blender data. Every method raises AimError or RENDER_ERRORS.
+
+    Before the first step a volume that is no solution becomes one, with the same image.
+    """
+
+    def __init__(self, camera, depsgraph) -> None:
+        self._camera = camera.session_uid
+        self._inputs: AimInputs = read_inputs(camera, depsgraph)
+        self._solver = Aim(self._inputs.problem())
+        outward = np.linalg.inv(self._inputs.inward)
+        if start_of(camera) is not None and self._fits(camera):
+            self._resume(self._solver.net.gather(moved(present_patches(camera), outward)))
+        else:
+            start = moved(self._inputs.start, self._inputs.inward)
+            write_volume(camera, start, start)
+        self._before = present_patches(camera)
+
+    def _fits(self, camera) -> bool:
+        present = [patch.points.shape for patch in present_patches(camera)]
+        return present == [patch.points.shape for patch in self._inputs.start]
+
+    def _resume(self, points: Array) -> None:
+        """Continue from control points (net points, surfaces, 3)."""
+        solver = self._solver
+        solver.points = points
+        controls = solver.pin_energy.places.controls(points)
+        solver.t = nearest_t(controls, self._inputs.targets.pins.points.T)
+
+    def step(self, depsgraph) -> float:
+        """Let the volume follow the targets by one step; return the largest residual in pixels."""
+        camera = self._found()
+        result = self._solver.drag(self._pins(camera, depsgraph))
+        if not all(np.isfinite(patch.points).all() for patch in result.patches):
+            raise AimError("The volume cannot follow: move the targets back a little")
+        write_points(camera, moved(result.patches, self._inputs.inward))
+        note_solution(camera)
+        return float(result.residuals.max())
+
+    def _found(self):
+        camera = object_by_uid(self._camera)
+        if camera is None or start_of(camera) is None or not self._fits(camera):
+            raise AimError("The camera or its control surfaces have changed: begin again")
+        return camera
+
+    def _pins(self, camera, depsgraph) -> AimPins:
+        """The pins where the targets are by now: the same points of things, seen in new directions."""
+        targets = self._inputs.targets
+        pins = targets.pins
+        values = {
+            name: getattr(pins, name).copy()
+            for name in ("points", "positions", "directions", "across", "upward")
+        }
+        listed = camera.scfpf.aim_targets
+        for number in np.unique(targets.owners):
+            if number >= len(listed):
+                raise AimError("The targets have changed: begin again")
+            target, own = listed[number], np.flatnonzero(targets.owners == number)
+            if target.kind == VIEW:
+                shown = view_map(target, depsgraph, self._inputs.present.aspect)
+                points = values["points"][:, own]
+                values["positions"][:, own] = shown.positions(points)
+                values["directions"][:, own] = shown.directions(points)
+                values["across"][:, own], values["upward"][:, own] = shown.steps(points)
+            elif target.kind == PIN:
+                pin = own_pin(target, depsgraph)
+                for name in ("points", "positions", "directions"):
+                    values[name][:, own] = getattr(pin, name)
+        values["positions"] = np.clip(np.nan_to_num(values["positions"], nan=0.5), 0.0, 1.0)
+        return replace(pins, **values)
+
+    def finish(self, depsgraph) -> str:
+        """Solve anew from the start and judge; return the line to report.
+
+        If the solution is not taken, the volume is as before the drag.
+        """
+        camera = self._found()
+        self.restore()
+        return solve_camera(camera, depsgraph)
+
+    def restore(self) -> None:
+        """Write the points from before the drag."""
+        camera = self._found()
+        write_points(camera, self._before)
+        note_solution(camera)

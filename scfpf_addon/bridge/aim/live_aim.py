@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Live Aim: the volume takes a warm step whenever an eye, a handle or a target of its camera has moved.
+
+The handler writes control points of volumes that are solutions already: it links and removes nothing. Undo
+restores points with everything else, so the handler forgets its drags then and waits for the next move.
+"""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from ..blender.app_handlers import add_handlers, remove_handlers
+from ..camera.flexible_camera import control_objects
+from ..render.render_errors import RENDER_ERRORS, reason
+from ..surfaces.surface_object import SurfaceError
+from ..sync.handlers import camera_objects
+from .aimed_volume import start_of
+from .drag import AimDrag
+from .target_views import AimError
+
+# Drags by the session id of their camera, and what its targets were at the last call.
+_drags: dict[int, AimDrag] = {}
+_seen: dict[int, bytes] = {}
+
+
+def is_live(camera) -> bool:
+    """Whether the volume of a camera follows its targets."""
+    settings = camera.scfpf
+    return settings.enabled and settings.aim.live and len(settings.aim_targets) > 0 and camera.is_editable
+
+
+def _facts(camera, depsgraph) -> bytes:
+    """Everything that a drag follows, as bytes by which changes are noticed."""
+    values: list[float] = []
+    for target in camera.scfpf.aim_targets:
+        values += [*target.position, target.width, target.turn, target.is_on]
+        for obj in (target.eye, target.handle):
+            if obj is not None:
+                values += [v for row in obj.evaluated_get(depsgraph).matrix_world for v in row]
+    return np.array(values, np.float64).tobytes()
+
+
+def follow(camera, depsgraph) -> None:
+    """Take a step if a target of a camera has moved since the last call."""
+    uid, facts = camera.session_uid, _facts(camera, depsgraph)
+    before = _seen.get(uid)
+    _seen[uid] = facts
+    if before is None or before == facts:
+        return
+    if len(before) != len(facts):
+        _drags.pop(uid, None)
+    if start_of(camera) is None:
+        camera.scfpf.aim.message = "Press Solve once: the volume follows from then on"
+        return
+    try:
+        if uid not in _drags:
+            _drags[uid] = AimDrag(camera, depsgraph)
+        residual = _drags[uid].step(depsgraph)
+    except (AimError, SurfaceError, *RENDER_ERRORS) as error:
+        _drags.pop(uid, None)
+        camera.scfpf.aim.message = reason(error)
+    else:
+        camera.scfpf.aim.message = f"Follows within {residual:.3g} px: press Solve to finish"
+
+
+@persistent
+def _evaluated(_scene, depsgraph):
+    if depsgraph.mode != "VIEWPORT" or bpy.app.is_job_running("RENDER"):
+        return
+    live = [camera for camera in camera_objects() if is_live(camera)]
+    if not live:
+        forget()
+        return
+    if _drags and _scene_has_changed(depsgraph):
+        _drags.clear()
+    for camera in live:
+        if camera.name in depsgraph.scene.objects:
+            follow(camera, depsgraph)
+
+
+def _scene_has_changed(depsgraph) -> bool:
+    """Whether anything that images show has changed, so that the arrays of drags are stale."""
+    own = control_objects()
+    return any(
+        isinstance(update.id, bpy.types.Object)
+        and update.id.type not in {"CAMERA", "EMPTY", "LIGHT"}
+        and update.id.original.name_full not in own
+        and (update.is_updated_geometry or update.is_updated_transform)
+        for update in depsgraph.updates
+    )
+
+
+def forget() -> None:
+    """Drop all drags, and what targets were."""
+    _drags.clear()
+    _seen.clear()
+
+
+@persistent
+def _forget(*_):
+    forget()
+
+
+HANDLERS = {
+    "depsgraph_update_post": _evaluated,
+    "undo_pre": _forget,
+    "undo_post": _forget,
+    "redo_pre": _forget,
+    "redo_post": _forget,
+    "load_post": _forget,
+}
+
+
+def register():
+    add_handlers(HANDLERS)
+
+
+def unregister():
+    forget()
+    remove_handlers(HANDLERS)

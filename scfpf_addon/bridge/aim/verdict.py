@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The judgement of a solution in words and as properties of targets."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...casting.aim.judge import Judgement
+from .read_problem import AimInputs
+from .target_views import AimError, title_of
+
+# Pixels within which a target is met, and those that a user is not told of.
+MET, UNSEEN = 1.5, 0.5
+# A residual in a property is this at most.
+LARGEST = 1e9
+WORSE = {
+    "PINS": "the targets would be farther from their places than before",
+    "MIRRORED": "parts of the picture would be mirrored",
+    "FOLDED": "the volume would fold before what is seen",
+    "BACKGROUND": "the background would move too far",
+}
+REMEDY = (
+    "bring the targets nearer to where the picture shows them, widen their halos, or switch one of them off"
+)
+
+
+def require_better(found: Judgement, old: Judgement) -> None:
+    """Raise AimError if a solution makes the image worse."""
+    reason = found.worse_than(old)
+    if reason:
+        raise AimError(f"Not taken, because {WORSE[reason]}: {REMEDY}")
+
+
+def store_verdict(camera, inputs: AimInputs, found: Judgement) -> str:
+    """Store a judgement in the properties of a camera and its targets; return the line to report."""
+    aim, targets = camera.scfpf.aim, inputs.targets
+    for number, target in enumerate(camera.scfpf.aim_targets):
+        own = np.flatnonzero(targets.owners == number)
+        if len(own):
+            _store_target(target, inputs, found, own)
+        else:
+            target.residual_median = target.residual_max = -1.0
+            target.hidden, target.hidden_by, target.message = 0.0, "", ""
+    aim.mirrored, aim.folds = found.mirrored, found.folded
+    aim.background_median = min(found.background_median, LARGEST)
+    aim.background_95 = min(found.background_most, LARGEST)
+    aim.message = _summary(camera, inputs, found)
+    return aim.message
+
+
+def _store_target(target, inputs: AimInputs, found: Judgement, own) -> None:
+    pixels = np.minimum(found.pixels[own], LARGEST)
+    target.residual_median, target.residual_max = float(np.median(pixels)), float(pixels.max())
+    hidden = ~found.seen[own]
+    target.hidden = float(hidden.mean())
+    by = found.hidden_by[own]
+    by = by[by >= 0]
+    target.hidden_by = inputs.arrays.name(int(np.bincount(by).argmax())) if len(by) else ""
+    target.message = _target_text(target)
+
+
+def _target_text(target) -> str:
+    """How well a target is met, in a sentence or two."""
+    worst = target.residual_max
+    met = f"Met within {worst:.2g} px" if worst <= MET else f"Up to {_pixels(worst)} from its place"
+    if not target.hidden_by:
+        return met
+    part = "hidden" if target.hidden >= 1.0 else f"hidden to {target.hidden:.0%}".replace("%", " %")
+    left, up = target.free_turn
+    way = f": nearest free direction {_direction(left, up)}" if left or up else ""
+    return f"{met}, {part} by {target.hidden_by}{way}"
+
+
+def _pixels(value: float) -> str:
+    return f"{value:.3g} px" if value < 1e5 else "very far"
+
+
+def _direction(left: float, up: float) -> str:
+    """A turn in words."""
+    parts = []
+    for angle, ways in ((left, ("to the left", "to the right")), (up, ("up", "down"))):
+        degrees = round(math.degrees(abs(angle)))
+        if degrees:
+            parts.append(f"{degrees}° {ways[angle < 0]}")
+    return " and ".join(parts)
+
+
+def _summary(camera, inputs: AimInputs, found: Judgement) -> str:
+    """The result in one line: the points that are met, the background, and what is wrong."""
+    met, count = int((found.pixels <= MET).sum()), len(found.pixels)
+    parts = [f"{met} of {count} points within {MET} px"]
+    hidden = [title_of(target) for target in camera.scfpf.aim_targets if target.hidden_by]
+    if hidden:
+        parts.append(f"partly hidden: {', '.join(hidden)}")
+    if len(found.moved):
+        parts.append(f"background moved {found.background_median:.1f} px")
+    for share, what in ((found.mirrored, "mirrored"), (found.folded, "folded")):
+        if share > 0.0:
+            parts.append(f"{100 * share:.2g} % {what}")
+    if inputs.error > UNSEEN:
+        parts.append(f"the start differs by up to {_pixels(inputs.error)}: use more control points")
+    return " · ".join(parts)
