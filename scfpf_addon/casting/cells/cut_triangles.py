@@ -49,10 +49,13 @@ def _is_wasteful(points: Array, size: float) -> BoolArray:
     """Whether the boxes of triangles (3, 3, M) are mostly empty, in cells of a size, (M,)."""
     with np.errstate(over="ignore", invalid="ignore"):
         whole = ((points.max(axis=0) - points.min(axis=0)) / size + 1.0).prod(axis=0)
+        # Few are left, so that the rest is computed for these alone.
+        wasteful: BoolArray = whole > WASTE
+        points = points[:, :, wasteful]
         edges = (points[[1, 2, 0]] - points) / size
-        length = np.sqrt((edges**2).sum(axis=1)).max(axis=0)
+        length = np.sqrt((edges**2).sum(axis=1)).max(axis=0, initial=0.0)
         area = np.sqrt((np.cross(edges[0], edges[1], axis=0) ** 2).sum(axis=0))
-        wasteful: BoolArray = whole > WASTE * (area + length + 1.0)
+        wasteful[wasteful] = whole[wasteful] > WASTE * (area + length + 1.0)
     return wasteful
 
 

@@ -29,6 +29,9 @@ MOST_PAIRS_EACH, MOST_PAIRS_BODY = 256, 32
 # A box of triangles counts as one of them where it is narrower than this share of a cell.
 SMALL = 0.25
 
+# Cells of a block that has planes of its own. Chords are long and narrow, and their boxes mostly empty.
+BLOCK = CHILDREN**2
+
 
 def occupied_chords(ends: Array, bodies: Iterable[Array], slack: float = 0.0) -> BoolArray:
     """Whether anything may lie in each chord of each cell, (chords, rows, columns).
@@ -94,6 +97,10 @@ class _Search:
         self._cells, self._tree, self._held = cells, tree, held
         self._facing = facing(tree.boxes)
         count = len(held)
+        first = count + count // CHILDREN
+        self._of_block = slice(first, first + count // BLOCK)
+        # Of cells, then of the nodes up to the blocks.
+        count = self._of_block.stop
         self._planned = np.zeros(count, bool)
         self._normals, self._limits = np.empty((count, 6, 3)), np.empty((count, 6))
         self._width = np.empty(count)
@@ -132,9 +139,12 @@ class _Search:
         cells, tree = self._cells, self._tree
         met = np.flatnonzero(meet(cells.boxes.take(cell, 0), self._facing.take(node, 0)))
         cell, node = cell.take(met), node.take(met)
+        cell, node = self._left_of_blocks(cell, node)
         inner = cells.child.take(cell) >= 0
         body = tree.child.take(node) < 0
-        larger = inner & (body | (cells.extent.take(cell) >= tree.extent.take(node)))
+        size, block = cells.extent.take(cell), self._are_blocks(cell)
+        size[block] = self._width.take(cell[block])
+        larger = inner & (body | (size >= tree.extent.take(node)) | (cell < self._of_block.start))
         yield from _expanded(cells.child, cell[larger], node[larger])
         smaller = inner & ~larger
         yield from _swapped(_expanded(tree.child, node[smaller], cell[smaller]))
@@ -142,6 +152,46 @@ class _Search:
         cell, node, body = cell.take(single), node.take(single), body.take(single)
         left = np.flatnonzero(~self._held.take(cell))
         yield from self._of_cells(cell.take(left), node.take(left), body.take(left))
+
+    def _are_blocks(self, cell: IndexArray) -> BoolArray:
+        """Whether nodes of the tree of cells are blocks."""
+        return (cell >= self._of_block.start) & (cell < self._of_block.stop)
+
+    def _left_of_blocks(self, cell: IndexArray, node: IndexArray) -> tuple[IndexArray, IndexArray]:
+        """The pairs without those of blocks that are settled: beyond a plane, or with all cells held."""
+        some = np.flatnonzero(self._are_blocks(cell))
+        if len(some) == 0:
+            return cell, node
+        held = (self._held | (self._cells.number < 0)).reshape(-1, BLOCK).all(axis=1)
+        done = held.take(cell.take(some) - self._of_block.start)
+        some, settled = some[~done], some[done]
+        self._plan_blocks(cell.take(some))
+        beyond = self._beyond_planes(cell.take(some), node.take(some))
+        left = np.ones(len(cell), bool)
+        left[settled] = left[some[beyond]] = False
+        return cell[left], node[left]
+
+    def _plan_blocks(self, block: IndexArray) -> None:
+        """Make the planes of blocks that have none yet: those of a cell in each, moved out around all."""
+        new = block[~self._planned.take(block)]
+        if len(new) == 0:
+            return
+        new = np.unique(new)
+        self._planned[new] = True
+        own = (new - self._of_block.start)[:, None] * BLOCK + np.arange(BLOCK)
+        # Cells that fill up a block meet nothing, nor do those with a corner that is not finite.
+        real = np.isfinite(self._cells.boxes.take(own, 0)[..., 0])
+        one = own[np.arange(len(new)), real.argmax(axis=1)]
+        corners = self._cells.points.take(self._cells.corner.take(own, 0), 0)
+        own_corners = self._cells.points.take(self._cells.corner.take(one, 0), 0)
+        normals = planes_around(own_corners, np.zeros(len(new))).normals
+        with np.errstate(invalid="ignore"):
+            height = np.einsum("mpc,mbkc->bkpm", normals, corners, order="C")
+        real = real.T[:, None, None]
+        limits = np.where(real, height, -np.inf).max(axis=(0, 1))
+        width = (limits - np.where(real, height, np.inf).min(axis=(0, 1))).min(axis=0)
+        room = self._cells.room.take(own).max(axis=1, initial=0.0, where=real[:, 0, 0].T)
+        self._normals[new], self._limits[new], self._width[new] = normals, (limits + room).T, width
 
     def _of_cells(
         self, cell: IndexArray, node: IndexArray, body: BoolArray
