@@ -56,6 +56,7 @@ def _camera_entries(menu, _context):
         "scfpf.camera_add", text="Flexible Camera", icon="OUTLINER_OB_CAMERA"
     ).preset = "VIEW"
     menu.layout.menu("SCFPF_MT_camera_add_preset", icon="PRESET")
+    menu.layout.operator("scfpf.camera_from_screen", icon="DESKTOP")
     menu.layout.operator("scfpf.tutorial_scene", text="Flexible Camera Tutorial Scene", icon="SCENE_DATA")
 
 

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Make the camera whose image, shown on a screen, looks right from an eye."""
+
+import bpy
+import numpy as np
+
+from ...scfpf_addon.bridge.camera.read_projection import read_projection, world_to_camera
+from ...scfpf_addon.bridge.camera.screen_camera import look_at, screen_points, volume_from_screen
+from ...scfpf_addon.bridge.camera.shown_lens import approximate_lens
+from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ..common.errors import BAD_INPUT
+from ..common.scene_box import scene_box
+from ..common.target import poll_object_mode, poll_scene
+from ..common.tool import Action, select_only, show_in_local_view
+
+
+class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
+    """Add a flexible camera for the active mesh as a screen: an LED wall, a dome, a billboard. Its picture
+    fills the screen's UV map, and looks right from the eye: the other selected object, or the 3D cursor"""
+
+    bl_idname = "scfpf.camera_from_screen"
+    bl_label = "Flexible Camera from Screen"
+
+    @classmethod
+    def poll(cls, context):
+        if not (poll_scene(cls, context) and poll_object_mode(cls, context)):
+            return False
+        if context.object is None or context.object.type != "MESH":
+            cls.poll_message_set("Select the eye (a camera or an empty), then the mesh of the screen")
+            return False
+        return True
+
+    def act(self, context):
+        scene, screen = context.scene, context.object
+        depsgraph = context.evaluated_depsgraph_get()
+        points = screen_points(screen, depsgraph)
+        eye = next((o for o in context.selected_objects if o != screen and o.type != "MESH"), None)
+        place = scene.cursor.location if eye is None else eye.matrix_world.translation
+        box = scene_box(context)
+        data = bpy.data.cameras.new(f"{screen.name} Camera")
+        camera = bpy.data.objects.new(data.name, data)
+        look_at(camera, np.array(place, np.float64), points)
+        if eye is not None:
+            follow = camera.constraints.new("COPY_LOCATION")
+            follow.name, follow.target = "Eye", eye
+        holder = context.collection if context.collection.is_editable else scene.collection
+        holder.objects.link(camera)
+        context.view_layer.update()
+        try:
+            volume_from_screen(camera, screen, points, box.corners if box else points.T)
+            projection = read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(scene))
+        except BAD_INPUT:
+            bpy.data.cameras.remove(data)
+            raise
+        approximate_lens(camera, projection.transformed(world_to_camera(camera)))
+        select_only(context, camera)
+        show_in_local_view(context, [camera, *(slot.object for slot in camera.scfpf.surfaces)])
+        if scene.camera is None:
+            scene.camera = camera
+        at = "the 3D cursor" if eye is None else f"'{eye.name}'"
+        return f"'{camera.name}' fills the UV map of '{screen.name}', seen from {at}"
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_camera_from_screen,))
