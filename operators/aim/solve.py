@@ -9,7 +9,7 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty
 
 from ...scfpf_addon.bridge.aim import new_targets
-from ...scfpf_addon.bridge.aim.solve_targets import solve_camera
+from ...scfpf_addon.bridge.aim.keyed_targets import solve_animation
 from ...scfpf_addon.bridge.aim.target_views import AimError
 from .aim_camera import AimAction, camera_name, target_at, target_index
 
@@ -47,8 +47,8 @@ class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
 
 
 class SCFPF_OT_aim_solve(AimAction, bpy.types.Operator):
-    """Change the control surfaces until the picture shows the targets as they ask. If that would make the
-    picture worse, the volume stays as it is"""
+    """Change the control surfaces until the picture shows the targets as they ask, at each of their keys.
+    If that would make the picture worse, the volume stays as it is"""
 
     bl_idname = "scfpf.aim_solve"
     bl_label = "Solve"
@@ -57,7 +57,7 @@ class SCFPF_OT_aim_solve(AimAction, bpy.types.Operator):
     camera: camera_name()
 
     def edit(self, context, camera):
-        return solve_camera(camera, context.evaluated_depsgraph_get())
+        return solve_animation(camera, context)
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_aim_turn, SCFPF_OT_aim_solve))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 
+import bpy
 import numpy as np
 
 from ...projection.aim.start import start_volume
@@ -126,16 +127,31 @@ def write_volume(camera, start: Patches, solved: Patches) -> None:
         surface = slot.object
         if surface.data.users > 1:
             surface.data = surface.data.copy()
-        if surface.data.shape_keys is not None:
-            surface.shape_key_clear()
+        _clear_shapes(surface)
         surface[START_KEY] = np.asarray(patch.points, np.float64).ravel().tolist()
     write_points(camera, solved)
     note_solution(camera)
 
 
+def _clear_shapes(surface) -> None:
+    """Remove shape keys, and their action if nothing else uses it."""
+    keys = surface.data.shape_keys
+    if keys is None:
+        return
+    action = None if keys.animation_data is None else keys.animation_data.action
+    surface.shape_key_clear()
+    if action is not None and action.users == 0 and action.is_editable:
+        bpy.data.actions.remove(action)
+
+
 def _has_room(camera, patches: Patches) -> bool:
     present = [_points(slot.object).shape for slot in camera.scfpf.surfaces]
     return present == [np.shape(patch.points) for patch in patches]
+
+
+def is_keyed(camera) -> bool:
+    """Whether shape keys move the surfaces of a camera."""
+    return any(getattr(slot.object.data, "shape_keys", None) for slot in camera.scfpf.surfaces if slot.object)
 
 
 def write_points(camera, solved: Patches) -> None:

@@ -13,7 +13,15 @@ from ...projection.aim.solver import Aim
 from ...projection.typing import Array
 from ..blender.scene_objects import object_by_uid
 from ..settings.aim_properties import PIN, VIEW
-from .aimed_volume import moved, note_solution, present_patches, start_of, write_points, write_volume
+from .aimed_volume import (
+    is_keyed,
+    moved,
+    note_solution,
+    present_patches,
+    start_of,
+    write_points,
+    write_volume,
+)
 from .read_problem import AimInputs, own_pin, read_inputs
 from .solve_targets import solve_camera
 from .target_views import AimError, view_map
@@ -26,6 +34,8 @@ class AimDrag:
     """
 
     def __init__(self, camera, depsgraph) -> None:
+        if is_keyed(camera):
+            raise AimError("The volume is keyframed: move the targets at their keys, then press Solve")
         self._camera = camera.session_uid
         self._inputs: AimInputs = read_inputs(camera, depsgraph)
         self._solver = Aim(self._inputs.problem())

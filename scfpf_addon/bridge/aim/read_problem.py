@@ -194,15 +194,18 @@ def _line(target, by_handle: dict[int, int]) -> tuple[int, int]:
     return ends[0], ends[1]
 
 
-def read_inputs(camera, depsgraph) -> AimInputs:
-    """Everything that a solution of a camera's targets needs. Raises one of RENDER_ERRORS, or AimError."""
+def read_inputs(camera, depsgraph, kept: Patches | None = None) -> AimInputs:
+    """Everything that a solution of a camera's targets needs. Raises one of RENDER_ERRORS, or AimError.
+
+    kept: the start in camera space, by default that of the camera's present volume.
+    """
     scene = depsgraph.scene
     width, aspect = image_size(scene)[0], image_aspect(scene)
     present = read_projection(camera, depsgraph, aspect)
     inward = world_to_camera(camera.evaluated_get(depsgraph))
     arrays = read_arrays(depsgraph)
     targets = read_targets(camera, depsgraph, arrays, aspect)
-    kept, settings, error = start_of(camera), camera.scfpf.aim, 0.0
+    kept, settings, error = kept or start_of(camera), camera.scfpf.aim, 0.0
     if kept is not None:
         start = moved(kept, np.linalg.inv(inward))
         if not fits(start, settings):

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...casting.aim.judge import Judgement, judge
+from ...casting.aim.judge import COLUMNS, Judgement, judge
 from ...projection.aim.problem import AimResult
 from ...projection.aim.solver import solve
 from ...projection.aim.start import projection_of
 from ...projection.volume.viewing_volume import Projection
-from .aimed_volume import moved, write_volume
+from .aimed_volume import Patches, moved, write_volume
 from .read_problem import AimInputs, read_inputs
 from .target_views import AimError
 from .verdict import require_better, store_verdict
@@ -27,9 +27,12 @@ class Solution:
     judgement: Judgement
 
 
-def solution_for(camera, depsgraph) -> Solution:
-    """Solve for the targets as they are. Raises AimError, or one of RENDER_ERRORS; nothing is changed."""
-    inputs = read_inputs(camera, depsgraph)
+def solution_for(camera, depsgraph, start: Patches | None = None) -> Solution:
+    """Solve for the targets as they are. Raises AimError, or one of RENDER_ERRORS; nothing is changed.
+
+    start: in camera space, by default that of the camera's present volume.
+    """
+    inputs = read_inputs(camera, depsgraph, start)
     old = judged(inputs, inputs.before)
     result = solve(inputs.problem())
     if result is None or not all(np.isfinite(patch.points).all() for patch in result.patches):
@@ -39,8 +42,8 @@ def solution_for(camera, depsgraph) -> Solution:
     return Solution(inputs, result, found)
 
 
-def judged(inputs: AimInputs, after: Projection) -> Judgement:
-    """The judgement of a projection whose parameters are those of the image."""
+def judged(inputs: AimInputs, after: Projection, columns: int = COLUMNS) -> Judgement:
+    """The judgement of a projection whose parameters are those of the image; columns: that are cast."""
     targets = inputs.targets
     return judge(
         inputs.arrays.scene,
@@ -50,6 +53,7 @@ def judged(inputs: AimInputs, after: Projection) -> Judgement:
         targets.halos,
         targets.wanted,
         inputs.width,
+        columns,
     )
 
 
@@ -67,4 +71,4 @@ def take_solution(camera, found: Solution) -> None:
     """Write a solution to the control surfaces."""
     inward = found.inputs.inward
     write_volume(camera, moved(found.inputs.start, inward), moved(found.result.patches, inward))
-    camera.scfpf.aim.is_solved = True
+    camera.scfpf.aim.is_solved, camera.scfpf.aim.between = True, -1.0

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Keyframed targets: a solution for each key, as shape keys whose values are keyframed.
+
+Between two keys Blender interpolates the control points linearly.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from itertools import pairwise
+
+import bpy
+import numpy as np
+
+from ...projection.aim.start import projection_of
+from ...projection.surfaces.nurbs import NurbsPatch
+from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
+from .aimed_volume import Patches, moved, note_solution, start_of, write_volume
+from .read_problem import read_inputs
+from .solve_targets import Solution, judged, solution_for, solve_camera
+from .target_views import AimError
+from .verdict import LARGEST, store_verdict
+
+# The shape key of the start, and the beginning of the names of others, which the frame follows.
+START_SHAPE, SHAPE = "Start", "Aim "
+# More keys are refused: each is a solution and a shape.
+MOST_KEYS = 64
+# Columns of the image that is judged between two keys, where only the pins count.
+FEW_COLUMNS = 16
+
+
+def key_frames(camera) -> list[float]:
+    """The frames at which targets in use, their eyes or their handles have keyframes, ascending."""
+    frames: set[float] = set()
+    targets = camera.scfpf.aim_targets
+    for curve in _curves(camera):
+        found = SLOT_PATH.match(curve.data_path)
+        number = int(found[2]) if found is not None and found[1] == AIM_TARGETS else len(targets)
+        if number < len(targets) and targets[number].is_on:
+            frames.update(_frames(curve))
+    for target in targets:
+        for obj in (target.eye, target.handle) if target.is_on else ():
+            if obj is not None:
+                for curve in _curves(obj):
+                    frames.update(_frames(curve))
+    return sorted(frames)
+
+
+def _curves(owner):
+    """The F-curves of an object that are no drivers."""
+    return (curve for curves in curve_collections(owner) for curve in curves if curve.driver is None)
+
+
+def _frames(curve) -> list[float]:
+    return [float(point.co[0]) for point in curve.keyframe_points]
+
+
+def solve_animation(camera, context) -> str:
+    """Solve for the targets, at each of their keys if they have several; return the line to report.
+
+    The scene ends at its present frame. Raises the errors of ``solve_camera``; then the volume is as before.
+    """
+    frames = key_frames(camera)
+    if len(frames) < 2:
+        return solve_camera(camera, context.evaluated_depsgraph_get())
+    if len(frames) > MOST_KEYS:
+        raise AimError(f"The targets have keys at {len(frames)} frames: {MOST_KEYS} are the most")
+    if bpy.app.is_job_running("RENDER"):
+        raise AimError("Keyframed targets cannot be solved during a render: wait until it has ended")
+    scene = context.scene
+    present = scene.frame_current, scene.frame_subframe
+    try:
+        solutions = _solutions(camera, context, frames)
+        between = _worst_between(camera, context, frames, solutions)
+    finally:
+        scene.frame_set(present[0], subframe=present[1])
+    _write(camera, frames, solutions)
+    context.view_layer.update()
+    nearest = int(np.abs(np.array(frames) - sum(present)).argmin())
+    message = store_verdict(camera, solutions[nearest].inputs, solutions[nearest].judgement)
+    worst = max(float(solution.judgement.pixels.max()) for solution in solutions)
+    aim = camera.scfpf.aim
+    aim.between, aim.is_solved = between, True
+    aim.message = f"{len(frames)} keys, up to {worst:.2g} px at them and {between:.2g} px between · {message}"
+    return aim.message
+
+
+def _set_frame(context, frame: float):
+    """Go to a frame; return the depsgraph."""
+    whole = int(np.floor(frame))
+    context.scene.frame_set(whole, subframe=frame - whole)
+    return context.evaluated_depsgraph_get()
+
+
+def _solutions(camera, context, frames: list[float]) -> list[Solution]:
+    """The solutions at all keys, of one start in camera space."""
+    start, found = start_of(camera), []
+    for frame in frames:
+        with _at(frame):
+            solution = solution_for(camera, _set_frame(context, frame), start)
+        start = moved(solution.inputs.start, solution.inputs.inward)
+        found.append(solution)
+    return found
+
+
+@contextmanager
+def _at(frame: float):
+    """Name the frame in the messages of AimError."""
+    try:
+        yield
+    except AimError as error:
+        raise AimError(f"At frame {frame:g}: {error}") from error
+
+
+def _own_nets(solution: Solution) -> Patches:
+    """The control surfaces of a solution in camera space."""
+    return moved(solution.result.patches, solution.inputs.inward)
+
+
+def _write(camera, frames: list[float], solutions: list[Solution]) -> None:
+    """Write solutions as shape keys of one volume."""
+    first = solutions[0].inputs
+    start = moved(first.start, first.inward)
+    write_volume(camera, start, start)
+    nets = [_own_nets(solution) for solution in solutions]
+    for number, slot in enumerate(camera.scfpf.surfaces):
+        surface = slot.object
+        surface.shape_key_add(name=START_SHAPE, from_mix=False)
+        keys = []
+        for frame, net in zip(frames, nets, strict=True):
+            key = surface.shape_key_add(name=f"{SHAPE}{frame:g}", from_mix=False)
+            points = np.asarray(net[number].points, np.float32)
+            key.data.foreach_set("co", points.ravel())
+            keys.append(key)
+        _key_values(surface, keys, frames)
+    note_solution(camera)
+
+
+def _key_values(surface, keys: list, frames: list[float]) -> None:
+    """Keyframe each shape to act fully at its own frame and not at the neighbours'."""
+    for number, key in enumerate(keys):
+        for near in (number - 1, number, number + 1):
+            if 0 <= near < len(frames):
+                key.value = float(near == number)
+                key.keyframe_insert("value", frame=frames[near])
+    for curve in _curves(surface.data.shape_keys):
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+
+
+def _worst_between(camera, context, frames: list[float], solutions: list[Solution]) -> float:
+    """The largest residual of the pins midway between keys, in pixels."""
+    first, worst = solutions[0].inputs, 0.0
+    start = moved(first.start, first.inward)
+    for (one, other), (left, right) in zip(pairwise(frames), pairwise(solutions), strict=True):
+        middle = (one + other) / 2
+        with _at(middle):
+            inputs = read_inputs(camera, _set_frame(context, middle), start)
+        nets = zip(_own_nets(left), _own_nets(right), strict=True)
+        mixed = tuple(NurbsPatch((a.points + b.points) / 2) for a, b in nets)
+        after = projection_of(moved(mixed, np.linalg.inv(inputs.inward)), inputs.present.aspect)
+        pixels = judged(inputs, after, FEW_COLUMNS).pixels
+        worst = max(worst, float(np.minimum(pixels, LARGEST).max()))
+    return worst
