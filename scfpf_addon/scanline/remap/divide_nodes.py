@@ -44,6 +44,10 @@ TINY_OF_BRANCH = 1 / 8
 TORN = 1.5
 # A torn face that is smaller than this in (x, y, t) is judged by the corners that have a place.
 CELL = 0.08
+# A face is out of the image if its middle by linear guess, and those of its middle and corners that have a
+# place, lie farther outside than this many times its size by linear guess. They may lie on different sides:
+# beyond both ends of a view all round.
+ALL_OUTSIDE = 4.0
 # A face that covers less than this share of a pixel is not divided. The area of a triangle is 2.6 times the
 # root of the determinant of its corners' second moments.
 THIN = 0.25
@@ -52,7 +56,8 @@ MOST_FACES, MOST_FACES_OF_SHEETS, MOST_FACES_OF_PIECE = 400_000.0, 100_000.0, 20
 
 EDGE_BOX, FACE_BOX = "scfpf_edge_box", "scfpf_face_box"
 NEED, MARK, FROZEN, FATE = "scfpf_need", "scfpf_mark", "scfpf_frozen", "scfpf_fate"
-KEEP, DIVIDE = 1.0, 2.0
+# Fates of faces; 0 is that of those out of the image.
+LOST, KEEP, DIVIDE = -1.0, 1.0, 2.0
 
 DIVIDE_INPUTS = VIEW_INPUTS | {
     "Mesh": ("Geometry", None, "A mesh whose vertices know their places"),
@@ -148,9 +153,9 @@ def judge_edges_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     # Across the rim of a polar image even straight edges are divided, and stay straight.
     beyond = past_border(nodes, given, first) * past_border(nodes, given, last)
     at_rim = (beyond < 0.0) & (straight.length() > pixel * SHORTEST_AT_RIM)
-    need = mark | at_rim
-    mesh = nodes.store(mesh, NEED, need, "FLOAT", "EDGE")
-    return {"Mesh": nodes.store(mesh, MARK, mark, "BOOLEAN", "EDGE")}
+    mesh = nodes.store(mesh, MARK, mark, "BOOLEAN", "EDGE")
+    need = nodes.attribute(MARK, "BOOLEAN") | at_rim
+    return {"Mesh": nodes.store(mesh, NEED, need, "FLOAT", "EDGE")}
 
 
 class _Faces(NamedTuple):
@@ -190,7 +195,7 @@ def judge_faces_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     at_crease, gone = _judge_on_branch(nodes, given, faces)
     sides = _sides(nodes, given, faces)
     gone = ~there & (sides["Any"] & (size.largest() < CELL)) | gone
-    out = _is_out(nodes, given, faces, sides["Face"])
+    out = _is_out(nodes, given, faces, sides)
     out = out | nodes.switch(given["Branch"], False, gone, "BOOLEAN", "Branch?")
     at_crease = nodes.switch(is_sheet(given), False, at_crease, "BOOLEAN", "Sheets?")
     tiny, too_small = _is_tiny(nodes, given, faces)
@@ -202,8 +207,10 @@ def judge_faces_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     divide = wanted & few & ~(out | (too_small | at_crease))
     keep = ((there & ~leap) | at_crease) & ~(out | divide)
     lost = ~(out | (divide | keep))
-    left = nodes.statistic(mesh, lost * 1.0, "Sum", "Left Out", domain="FACE")
-    return {"Mesh": nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP, "FLOAT", "FACE"), "Left": left}
+    mesh = nodes.store(mesh, FATE, divide * DIVIDE + keep * KEEP + lost * LOST, "FLOAT", "FACE")
+    # By the attribute: each use of a field computes it anew.
+    are_lost = nodes.attribute(FATE) < LOST / 2
+    return {"Mesh": mesh, "Left": nodes.statistic(mesh, are_lost * 1.0, "Sum", "Left Out", domain="FACE")}
 
 
 def _sides(nodes: GeometryBuilder, given, faces: _Faces) -> dict[str, Value]:
@@ -227,19 +234,23 @@ def _spread(nodes: GeometryBuilder, faces: _Faces) -> Value:
     return nodes.evaluate_on(flat.dot(flat), "CORNER", "FLOAT", "At Corners").root()
 
 
-def _is_out(nodes: GeometryBuilder, given, faces: _Faces, beyond_a_side: Value) -> Value:
+def _is_out(nodes: GeometryBuilder, given, faces: _Faces, sides: dict[str, Value]) -> Value:
     """Whether a face is out of the image, or by linear guess so if it has no place."""
-    nodes.open_frame("Without a place: out of the picture by linear guess?")
+    nodes.open_frame("Out of the picture? By linear guess without a place")
     ratio, guess, size = given["Numbers"].parts()[0], faces.guess, faces.size
     size_there = (ratio + guess.parts()[2] * (1.0 - ratio)).max(0.0)
     margin = nodes.xyz(GUESS_MARGIN, GUESS_MARGIN, size_there * GUESS_MARGIN_T, "Margin")
-    beyond = (given["From"] - guess).max(guess - given["To"]) - margin - size
-    far = (beyond - given["Wrap"] * 1e9).largest() > 0.0
+    off = (given["From"] - guess).max(guess - given["To"]) - given["Wrap"] * 1e9
+    far = (off - margin - size).largest() > 0.0
+    largest, (x, y, _) = size.largest(), off.parts()
+    tall = (1.0 / given["Aspect"]).max(1.0)
+    apart = (sides["Least Outside"] / tall).min(x.max(y)) > largest * ALL_OUTSIDE
+    around = apart & (largest < CELL) & ~all_nowhere(nodes)
     z = faces.centre.parts()[2]
     # Near a crease linear guesses lead astray.
     unsure = ~(given["Branch"] & is_known(z))
     nowhere = all_nowhere(nodes) & (z > 0.0) & (size.largest() < NOTHING_SIZE)
-    return (faces.there & beyond_a_side) | (~faces.there & unsure & far) | nowhere
+    return (faces.there & sides["Face"]) | (~faces.there & unsure & far) | (nowhere | around)
 
 
 def _judge_on_branch(nodes: GeometryBuilder, given, faces: _Faces) -> tuple[Value, Value]:

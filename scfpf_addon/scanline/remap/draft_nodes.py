@@ -16,7 +16,7 @@ from .refine_nodes import at_both_ends, trimmed
 from .visible_nodes import all_on_one_side
 
 # Faces with a standard deviation of their corners above this share of the volume's size are cut.
-LARGE = 1 / 80
+LARGE = 1 / 50
 # Cuts of a face's edges: two to the power of LEVELS each time, as often as TIMES; faces in all, at most.
 LEVELS, TIMES, MOST_NEW = 2.0, 5, 24_000.0
 
@@ -57,14 +57,14 @@ def _cut(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
         cut = nodes.out("GeometryNodeSubdivideMesh", "Cut", {"Mesh": state["Large"], "Level": levels})
         _, near = nodes.separate(cut, _is_far(nodes, given), "Far")
         again, done = nodes.separate(near, _is_large(nodes, given), "Large")
-        return {"Large": again, "Small": nodes.join(state["Small"], done)}
+        return {"Large": again, "Done": nodes.join(state["Done"], done)}
 
     def any_left(state: dict[str, Value]) -> Value:
         return nodes.domain_size(state["Large"], "Face Count") > 0.5
 
-    state = {"Large": ("GEOMETRY", large), "Small": ("GEOMETRY", small)}
+    state = {"Large": ("GEOMETRY", large), "Done": ("GEOMETRY", None)}
     cut = nodes.repeat(TIMES, state, "Cut", body, any_left)
-    parts = nodes.join(cut["Small"], cut["Large"])
+    parts = nodes.join(small, cut["Done"], cut["Large"])
     some = nodes.domain_size(large, "Face Count") > 0.5
     return nodes.switch(some, given["Mesh"], parts, "GEOMETRY", "Any Large?")
 

@@ -20,6 +20,8 @@ ON_PIECE = 1e-6
 FAR_OFF = 10.0
 
 SIDES = ("Corners", "Face", "Any")
+# The most corners of a face that is divided: triangles become quads.
+MOST_CORNERS = 4.0
 
 
 def all_on_one_side(
@@ -28,6 +30,7 @@ def all_on_one_side(
     """Whether a face lies beyond one side of the visible part of the volume.
 
     "Corners": all its corners do. "Face": its middle does as well. "Any": all of these that have a place do.
+    "Least Outside": at most how far any that has a place lies outside, along an axis of the image; 0 inside.
     """
     inputs = {"Box": box} | ({} if centre is None else {"Middle": centre})
     return nodes.call(one_side_group(), "Beyond One Side", inputs, given)
@@ -40,7 +43,7 @@ def all_on_one_side(
         "Box": ("Vector", None, "Places of vertices in the viewbox"),
         "Middle": ("Vector", None, "Places of faces' middles"),
     },
-    dict.fromkeys(SIDES, "Bool"),
+    dict.fromkeys(SIDES, "Bool") | {"Least Outside": "Float"},
 )
 def one_side_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """Whether corners and middles of faces lie beyond one side of the visible part of the volume."""
@@ -63,7 +66,20 @@ def one_side_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
             sides = (corners, corners & own, present & (own | none))
             for label, side in zip(SIDES, sides, strict=True):
                 result[label] = side if result[label] is None else result[label] | side
-    return result
+    nodes.open_frame("How far outside of the picture? The mean of inverse squares bounds the least")
+    outside = [
+        _outside(nodes, place, low * turned, high * turned).max(1e-6)
+        for place in (given["Box"], given["Middle"])
+    ]
+    crowd = nodes.evaluate_on(1.0 / (outside[0] * outside[0]), "POINT", "FLOAT", "At Corners")
+    least = (1.0 / (crowd * MOST_CORNERS)).root()
+    return result | {"Least Outside": least.min(outside[1])}
+
+
+def _outside(nodes: GeometryBuilder, place: Value, low: Value, high: Value) -> Value:
+    """The distance of a place from what is shown, across or up the image; below 0 inside, large for none."""
+    x, y, _ = (low - place).max(place - high).parts()
+    return nodes.switch(place.parts()[2] > 0.0, x.max(y), FAR_OFF, "FLOAT", "Nowhere?")
 
 
 def beyond_rim(nodes: GeometryBuilder, given, place: Value) -> Value:

@@ -237,6 +237,21 @@ def test_what_is_behind_the_eye_or_far_outside_is_left_out(addon, scanline, flex
     assert not inside.any()
 
 
+def test_faces_beyond_both_ends_of_a_view_all_round_are_left_out(addon, scanline, flexible, camera, remapped):
+    preset = (PRESETS[0].parent / "around_the_car.json").read_text(encoding="utf-8")
+    flexible.apply_preset(camera, addon("projection.presets.preset").load_preset(preset), ASPECT)
+    camera.location, camera.rotation_euler = (0.0, -10.0, 1.0), (np.pi / 2, 0.0, 0.0)
+    # A strip on the road behind the car: the image's left and right borders meet there.
+    corners = [(x, y, 0.006) for y in (1.9, 3.6) for x in (-4.0, 4.0)]
+    picture = remapped(camera, corners, 1)
+    bpy.data.objects["Points"].data = strip = bpy.data.meshes.new("Strip")
+    strip.from_pydata(corners, [], [(0, 1, 3, 2)])
+    seen = picture.evaluated_get(bpy.context.evaluated_depsgraph_get())
+    assert 0 < len(seen.data.polygons) < 20_000
+    # All of its points have a place, though faces across the seam have corners at both ends.
+    assert scanline.remap_counts(seen)["unreachable"] == 0
+
+
 def test_normals_materials_uvs_and_colours_survive(addon, scanline, flexible, camera, remapped):
     preset = (PRESETS[0].parent / "orthographic.json").read_text(encoding="utf-8")
     flexible.apply_preset(camera, addon("projection.presets.preset").load_preset(preset), ASPECT)
