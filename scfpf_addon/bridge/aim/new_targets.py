@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ...projection.aim.view_map import LocalEye, local_eye
+from ...projection.aim.view_map import LocalEye, local_eye, orbit
 from ...projection.typing import Array
 from ...projection.volume.inverse import find_in_image
 from ...projection.volume.viewing_volume import Projection
@@ -54,8 +54,10 @@ def add_view(camera, depsgraph, projection: Projection, collection=None, obj=Non
 def _new_target(camera, kind: str, name: str):
     """Append a target to a camera's list and make it active."""
     settings = camera.scfpf
+    taken = {target.name for target in settings.aim_targets}
+    names = (name, *(f"{name} {number}" for number in range(2, len(taken) + 2)))
     target = settings.aim_targets.add()
-    target.kind, target.name = kind, name
+    target.kind, target.name = kind, next(free for free in names if free not in taken)
     settings.active_aim = len(settings.aim_targets) - 1
     return target
 
@@ -171,11 +173,5 @@ def turn_eye(target, depsgraph, left: float, up: float) -> None:
             f"The view '{target.name}' has no camera that can be turned: choose one under Seen From"
         )
     low, high = thing_box(target_objects(target), depsgraph)
-    centre = Vector((low + high) / 2)
-    world = eye.matrix_world
-    right, upward = world.col[0].to_3d().normalized(), Vector((0.0, 0.0, 1.0))
-    # An eye that looks straight down has no left but its own.
-    if abs(world.col[2].to_3d().normalized() @ upward) > 0.999:
-        upward = world.col[1].to_3d().normalized()
-    turn = Matrix.Rotation(-left, 4, upward) @ Matrix.Rotation(-up, 4, right)
-    eye.matrix_world = Matrix.Translation(centre) @ turn @ Matrix.Translation(-centre) @ world
+    world = np.array(eye.matrix_world, np.float64)
+    eye.matrix_world = Matrix((orbit(world, (low + high) / 2, left, up) @ world).tolist())

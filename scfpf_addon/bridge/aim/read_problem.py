@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ...casting.aim.views import sample_view
 from ...casting.common.hits import CastError
 from ...projection.aim.problem import AimLines, AimPins, AimProblem, AimStays
 from ...projection.aim.start import projection_of
+from ...projection.aim.view_map import ViewMap
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.inverse import find_in_image
 from ...projection.volume.viewing_volume import Projection
@@ -53,10 +55,17 @@ class SceneArrays:
         return self.names[number][0]
 
 
+class View(NamedTuple):
+    """A view. own: (T,), the triangles of its thing."""
+
+    map: ViewMap
+    own: BoolArray
+
+
 @dataclass(frozen=True)
 class Targets:
     """The pins of all targets. owners: (P,), the place of each pin's target in the list. halos: (P,), in
-    world units. wanted: (T,), the triangles of things that views show."""
+    world units. wanted: (T,), the triangles of things that views show. views: by their places in the list."""
 
     pins: AimPins
     owners: Array
@@ -64,6 +73,7 @@ class Targets:
     lines: AimLines
     wanted: BoolArray
     alone: bool
+    views: dict[int, View]
 
 
 @dataclass(frozen=True)
@@ -117,11 +127,12 @@ def read_targets(camera, depsgraph, arrays: SceneArrays, aspect: float) -> Targe
     parts, owners, halos = [], [], []
     wanted = np.zeros(len(arrays.scene.objects), bool)
     by_handle: dict[int, int] = {}
+    views: dict[int, View] = {}
     listed = [(n, t) for n, t in enumerate(camera.scfpf.aim_targets) if t.is_on]
     for number, target in listed:
         if target.kind == VIEW:
-            part, own = _view_pins(target, number, depsgraph, arrays, aspect)
-            wanted |= own
+            part, views[number] = _view_pins(target, number, depsgraph, arrays, aspect)
+            wanted |= views[number].own
         elif target.kind == PIN:
             part = own_pin(target, depsgraph)
             by_handle[target.handle.session_uid] = sum(p.count for p in parts)
@@ -141,13 +152,12 @@ def read_targets(camera, depsgraph, arrays: SceneArrays, aspect: float) -> Targe
         AimLines(np.array(lines, np.int64).reshape(-1, 2).T),
         wanted,
         alone,
+        views,
     )
 
 
-def _view_pins(
-    target, number: int, depsgraph, arrays: SceneArrays, aspect: float
-) -> tuple[AimPins, BoolArray]:
-    """The pins of a view, and its triangles (T,)."""
+def _view_pins(target, number: int, depsgraph, arrays: SceneArrays, aspect: float) -> tuple[AimPins, View]:
+    """The pins of a view, and where it shows what."""
     shown = view_map(target, depsgraph, aspect)
     own = arrays.triangles_of(target_objects(target))
     if not own.any():
@@ -160,7 +170,7 @@ def _view_pins(
     inside = ((pins.positions >= 0.0) & (pins.positions <= 1.0)).all(axis=0)
     if not inside.any():
         raise AimError(f"The view '{title_of(target)}' is outside the picture: move its frame into it")
-    return _taken(pins, inside), own
+    return _taken(pins, inside), View(shown, own)
 
 
 def _taken(pins: AimPins, which: BoolArray) -> AimPins:

@@ -38,7 +38,7 @@ def solution_for(camera, depsgraph, start: Patches | None = None) -> Solution:
     if result is None or not all(np.isfinite(patch.points).all() for patch in result.patches):
         raise AimError("Not taken, because no volume was found: bring the targets nearer to their places")
     found = judged(inputs, projection_of(result.patches, inputs.present.aspect))
-    require_better(found, old)
+    require_better(camera, inputs, found, old)
     return Solution(inputs, result, found)
 
 

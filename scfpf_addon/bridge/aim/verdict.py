@@ -4,15 +4,20 @@
 from __future__ import annotations
 
 import math
+from itertools import permutations
 
 import numpy as np
 
 from ...casting.aim.judge import Judgement
+from ...casting.aim.sight import free_turn, sees
 from .read_problem import AimInputs
 from .target_views import AimError, title_of
 
 # Pixels within which a target is met, and those that a user is not told of.
 MET, UNSEEN = 1.5, 0.5
+# Two views contradict each other if the second sees more than this share of the first one's points, farther
+# from their places than this, as shares of the image.
+TWICE, APART = 0.25, 0.05
 # A residual in a property is this at most.
 LARGEST = 1e9
 WORSE = {
@@ -26,11 +31,30 @@ REMEDY = (
 )
 
 
-def require_better(found: Judgement, old: Judgement) -> None:
+def require_better(camera, inputs: AimInputs, found: Judgement, old: Judgement) -> None:
     """Raise AimError if a solution makes the image worse."""
     reason = found.worse_than(old)
     if reason:
-        raise AimError(f"Not taken, because {WORSE[reason]}: {REMEDY}")
+        raise AimError(f"Not taken, because {WORSE[reason]}: {_contradiction(camera, inputs) or REMEDY}")
+
+
+def _contradiction(camera, inputs: AimInputs) -> str:
+    """Two views that show the same points in two places, in words; empty if there are none."""
+    targets, listed = inputs.targets, camera.scfpf.aim_targets
+    for one, other in permutations(targets.views, 2):
+        view, thing = targets.views[other], targets.views[other].own & targets.views[one].own
+        pins = np.flatnonzero(targets.owners == one)
+        points = targets.pins.points[:, pins]
+        if not thing.any():
+            continue
+        apart = np.hypot(*(view.map.positions(points) - targets.pins.positions[:, pins]))
+        twice = (apart > APART) & sees(inputs.arrays.scene, thing, view.map, points)
+        if twice.mean() > TWICE:
+            names = " and ".join(f"'{title_of(listed[n])}'" for n in sorted((one, other)))
+            return (
+                f"the views {names} show the same part in two places, so switch one off or use another camera"
+            )
+    return ""
 
 
 def store_verdict(camera, inputs: AimInputs, found: Judgement) -> str:
@@ -39,10 +63,11 @@ def store_verdict(camera, inputs: AimInputs, found: Judgement) -> str:
     for number, target in enumerate(camera.scfpf.aim_targets):
         own = np.flatnonzero(targets.owners == number)
         if len(own):
-            _store_target(target, inputs, found, own)
+            _store_target(target, number, inputs, found, own)
         else:
             target.residual_median = target.residual_max = -1.0
             target.hidden, target.hidden_by, target.message = 0.0, "", ""
+            target.free_turn = 0.0, 0.0
     aim.mirrored, aim.folds = found.mirrored, found.folded
     aim.background_median = min(found.background_median, LARGEST)
     aim.background_95 = min(found.background_most, LARGEST)
@@ -50,14 +75,16 @@ def store_verdict(camera, inputs: AimInputs, found: Judgement) -> str:
     return aim.message
 
 
-def _store_target(target, inputs: AimInputs, found: Judgement, own) -> None:
+def _store_target(target, number: int, inputs: AimInputs, found: Judgement, own) -> None:
     pixels = np.minimum(found.pixels[own], LARGEST)
     target.residual_median, target.residual_max = float(np.median(pixels)), float(pixels.max())
-    hidden = ~found.seen[own]
-    target.hidden = float(hidden.mean())
     by = found.hidden_by[own]
-    by = by[by >= 0]
-    target.hidden_by = inputs.arrays.name(int(np.bincount(by).argmax())) if len(by) else ""
+    target.hidden = float((by >= 0).mean())
+    target.hidden_by = inputs.arrays.name(int(np.bincount(by[by >= 0]).argmax())) if target.hidden else ""
+    view, target.free_turn = inputs.targets.views.get(number), (0.0, 0.0)
+    if view is not None and target.hidden:
+        points = inputs.targets.pins.points[:, own]
+        target.free_turn = free_turn(inputs.arrays.scene, ~view.own, view.map, points) or (0.0, 0.0)
     target.message = _target_text(target)
 
 
@@ -99,6 +126,8 @@ def _summary(camera, inputs: AimInputs, found: Judgement) -> str:
     for share, what in ((found.mirrored, "mirrored"), (found.folded, "folded")):
         if share > 0.0:
             parts.append(f"{100 * share:.2g} % {what}")
+    if met < count and (contradiction := _contradiction(camera, inputs)):
+        parts.append(contradiction)
     if inputs.error > UNSEEN:
         parts.append(f"the start differs by up to {_pixels(inputs.error)}: use more control points")
     return " · ".join(parts)

@@ -11,6 +11,8 @@ import numpy as np
 from ..typing import Array
 from ..volume.viewing_volume import Projection, image_derivatives
 
+# The cosine between an eye's axis and the vertical from which its own up is the axis of turns.
+UPRIGHT = 0.999
 # Of t, the step by which the growth of the image along a projector is measured.
 STEP = 1e-4
 # An eye whose rays meet farther off than so many widths of the image at the point has parallel rays.
@@ -138,3 +140,27 @@ def local_eye(projection: Projection, x: float, y: float, t: float) -> LocalEye:
     matrix[:3, :3] = np.stack([right, up, back], axis=1)
     matrix[:3, 3] = sample.position[:, 1] - sight * (width if is_parallel else width / growth)
     return LocalEye(matrix, bool(is_parallel), width)
+
+
+def orbit(eye: Array, centre: Array, left: float, up: float) -> Array:
+    """The (4, 4) rotation of world space that leads an eye round a centre, to its own left and up (radians).
+
+    eye: (4, 4), to world space. An eye that looks along the vertical turns about its own up axis.
+    """
+    right, back = (eye[:3, column] / np.linalg.norm(eye[:3, column]) for column in (0, 2))
+    axis = np.array([0.0, 0.0, -1.0 if eye[2, 1] < 0.0 else 1.0])
+    if abs(back @ axis) > UPRIGHT:
+        axis = eye[:3, 1] / np.linalg.norm(eye[:3, 1])
+    turn = _rotation(axis, -left) @ _rotation(right, -up)
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn
+    matrix[:3, 3] = centre - turn @ centre
+    return matrix
+
+
+def _rotation(axis: Array, angle: float) -> Array:
+    """The rotation (3, 3) about a unit axis, by Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    result: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
+    return result

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.aim.view_map import ViewMap, local_eye
+from scfpf_addon.projection.aim.view_map import ViewMap, local_eye, orbit
 from scfpf_addon.projection.surfaces.surface import Plane
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
@@ -93,3 +93,18 @@ def test_points_behind_the_eye_have_no_position():
     view = ViewMap(np.eye(4), False, np.array([0.0, 0.0, -5.0]), 1.0, (0.5, 0.5), 0.2, 0.0, 1.0)
     assert np.isnan(view.positions(np.array([[0.0], [0.0], [2.0]]))).all()
     assert view.is_visible
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_an_orbit_goes_left_and_up_as_the_eye_sees_it(seed):
+    place = rigid(seed)
+    centre = point_at(place, 0.5, 0.5, 4.0)
+    for left, up, axis in ((1e-4, 0.0, 0), (0.0, 1e-4, 1)):
+        moved = orbit(place, centre, left, up) @ place
+        step = (np.linalg.inv(place) @ moved[:, 3])[:3] / 1e-4
+        assert np.linalg.norm(moved[:3, 3] - centre) == pytest.approx(4.0)
+        assert step[axis] * (-1.0, 1.0)[axis] > 0.0
+    # Up is along the eye's own up axis by the angle itself.
+    assert step == pytest.approx([0.0, 4.0, 0.0], abs=1e-3)
+    # Left goes round the vertical.
+    assert (orbit(place, centre, 0.7, 0.0) @ place)[2, 3] == pytest.approx(place[2, 3])
