@@ -37,7 +37,7 @@ class Judgement:
     pixels: (P,), distances of the pins' points from their positions, inf where the volume misses a point.
     angles: (P,), degrees between wanted and found directions, NaN where free. seen: (P,), whether nothing
     hides the point. hidden_by: (P,), the number of the object that does, -1 without one. mirrored, folded:
-    shares of the pixels that are mirrored, and with a fold before the first hit. moved: (N,), pixels by which
+    shares of the pixels that are mirrored, and with a fold before their hit. moved: (N,), pixels by which
     the visible background outside the halos moved, inf for points that were lost.
     """
 
@@ -144,7 +144,7 @@ def _footprint(sample: VolumeSample, width: int) -> Array:
 def _folds(
     scene: AimScene, before: Projection, after: Projection, x: Array, y: Array, columns: int
 ) -> tuple[float, float]:
-    """The shares of pixels that are mirrored, and with a fold before the hit or the projector's end."""
+    """The shares of pixels that are mirrored, and with a fold before their hit."""
     usual = np.sign(determinant(before.volume.evaluate(x, y, np.full(len(x), 0.5))).sum())
     hits = scene.hits(after, x, y, columns)
     hit = hits.triangle >= 0
@@ -154,7 +154,7 @@ def _folds(
         [determinant(after.volume.evaluate_controls(controls, end * s)) * usual < 0 for s in SHARES]
     )
     mirrored = float(against[-1][hit].mean()) if hit.any() else 0.0
-    return mirrored, float(against.any(axis=0).mean())
+    return mirrored, float((against.any(axis=0) & hit).mean())
 
 
 def _moved(

@@ -41,7 +41,7 @@ def find_stays(
     projection: of the start, in world space. halos: (P,), see ``halo_weights``. wanted: (T,), the
     triangles of these things. width: of the image in pixels.
     """
-    axes = [(np.arange(count) + 0.5) / count for count in grid]
+    axes = [np.linspace(0.0, 1.0, count) for count in grid]
     x, y = (a.ravel() for a in np.meshgrid(*axes, indexing="ij"))
     hits = scene.hits(projection, x, y, width)
     kept = np.flatnonzero((hits.triangle >= 0) & ~wanted[hits.triangle])

@@ -26,7 +26,7 @@ LONGEST_SLIDE = 0.1
 # Footprints of pixels are limited to this factor about that of the start, since they divide.
 FOOTPRINT_RANGE = 10.0
 # The scaled Jacobian det / (|Qu| |Qv| |Qt|) is kept above this; it is 1 for a right-angled frame.
-LEAST_JACOBIAN = 0.08
+LEAST_JACOBIAN = 0.15
 # Shares of the way to the first hit at which folds are tested. A little more than 1: the hit itself counts.
 FOLD_SHARES = (0.12, 0.3, 0.5, 0.7, 0.85, 0.95, 1.01)
 
@@ -76,26 +76,30 @@ class PinEnergy:
         )
 
     def residuals(self, points: Array, t: Array, targets: PinTargets) -> tuple[Array, Array, Along, Array]:
-        """Residuals (P, 9), the vectors (P, 9, 3) that they measure along, samples and controls."""
+        """Residuals (P, 10), the vectors (P, 10, 3) that they measure along, samples and controls."""
         controls = self.places.controls(points)
         along = Along.of(controls, t)
         e1 = unit(across_of(targets.across, targets.directions))
         e2 = np.cross(targets.directions, e1)
-        vectors = np.zeros((len(t), 9, 3))
+        vectors = np.zeros((len(t), 10, 3))
         vectors[:, :3] = np.eye(3) * (self.weights.pin * self.strength / self.footprint)[:, None, None]
         turn = self.weights.direction * DEGREES * self.strength * self.has_direction
-        turn = turn / np.sqrt(dot(along.dt, along.dt))
-        vectors[:, 3], vectors[:, 4] = e1 * turn[:, None], e2 * turn[:, None]
+        speed = np.sqrt(dot(along.dt, along.dt))
+        tangent = along.dt / speed[:, None]
+        # The derivative of the unit tangent is the part of that of Qt perpendicular to it.
+        sideways = np.eye(3) - tangent[:, :, None] * tangent[:, None]
+        vectors[:, 3:6] = sideways * (turn / speed)[:, None, None]
         frame = 100.0 * self.weights.frame * self.strength * self.has_frame
-        for first, wanted in ((5, targets.across), (7, targets.upward)):
+        for first, wanted in ((6, targets.across), (8, targets.upward)):
             scale = (frame / np.maximum(np.sqrt(dot(wanted, wanted)), 1e-300))[:, None]
             vectors[:, first], vectors[:, first + 1] = e1 * scale, e2 * scale
-        missing = np.empty((len(t), 9, 3))
+        missing = np.zeros((len(t), 10, 3))
         missing[:, :3] = (targets.points - along.position)[:, None]
-        missing[:, 3:5] = -along.dt[:, None]
-        missing[:, 5:7] = (targets.across - along.du)[:, None]
-        missing[:, 7:] = (targets.upward - along.dv)[:, None]
-        return dot(vectors, missing), vectors, along, controls
+        missing[:, 6:8] = (targets.across - along.du)[:, None]
+        missing[:, 8:] = (targets.upward - along.dv)[:, None]
+        residuals = dot(vectors, missing)
+        residuals[:, 3:6] = (targets.directions - tangent) * turn[:, None]
+        return residuals, vectors, along, controls
 
     def value(self, points: Array, t: Array, targets: PinTargets) -> float:
         """The energy."""
@@ -111,13 +115,13 @@ class PinEnergy:
         """
         residuals, vectors, along, controls = self.residuals(points, t, targets)
         count = len(t)
-        kinds = (0, 0, 0, 0, 0, 1, 1, 2, 2)
-        functions = (along.value,) * 3 + (along.slope,) * 2 + (along.value,) * 4
+        kinds = (0, 0, 0, 0, 0, 0, 1, 1, 2, 2)
+        functions = (along.value,) * 3 + (along.slope,) * 3 + (along.value,) * 4
         parts = zip(kinds, functions, vectors.swapaxes(0, 1), strict=True)
         rows = np.stack([self.places.rows_of(*part) for part in parts], axis=1)
         bend = along.bend(controls, t)
         ut, vt = np.matmul(along.slope[:, None], controls[1:])[:, :, 0]
-        slopes = np.stack([along.dt] * 3 + [bend] * 2 + [ut] * 2 + [vt] * 2, axis=1)
+        slopes = np.stack([along.dt] * 3 + [bend] * 3 + [ut] * 2 + [vt] * 2, axis=1)
         by_t = dot(vectors, slopes)
         back = self.home_t - t
         residuals = residuals - by_t * back[:, None]
@@ -128,8 +132,8 @@ class PinEnergy:
         reduced = rows - onto[:, :, None] * np.matmul(by_t[:, None], rows)
         right = residuals - onto * dot(by_t, residuals)[:, None]
         # Rows of weight 0 would only cost time.
-        used = np.ones((count, 9), bool)
-        used[:, 3:5], used[:, 5:] = self.has_direction[:, None], self.has_frame[:, None]
+        used = np.ones((count, 10), bool)
+        used[:, 3:6], used[:, 6:] = self.has_direction[:, None], self.has_frame[:, None]
         pin, _ = np.nonzero(used)
         return Rows(self.places.column[pin], self.places.row[pin], reduced[used], right[used]), elimination
 
@@ -238,13 +242,29 @@ class FoldEnergy:
 
     def __init__(self, places: Places, orientation: float, strength: float) -> None:
         self.places, self.orientation, self.strength = places, orientation, strength
-        self.at: IndexArray = np.repeat(np.arange(len(places.column)), len(FOLD_SHARES))
-        self.t = np.tile(FOLD_SHARES, len(places.column)).clip(0.0, 1.0)
+        self.look(np.ones(len(places.column)))
 
     def look(self, hits_t: Array) -> None:
         """Test up to the first hits (N,)."""
+        self.at: IndexArray = np.repeat(np.arange(len(hits_t)), len(FOLD_SHARES))
         ends = np.minimum(hits_t, 1.0)
         self.t = (ends[:, None] * np.array(FOLD_SHARES)).clip(0.0, 1.0).ravel()
+
+    def worst(self, points: Array) -> Array:
+        """The least scaled Jacobian of each projector, (N,)."""
+        least: Array = self.jacobians(points)[0].reshape(-1, len(FOLD_SHARES)).min(axis=1)
+        return least
+
+    def joined(self, places: Places) -> FoldEnergy:
+        """The barrier with more places, tested along whole projectors until the next look."""
+        mine = self.places
+        both = Places(
+            mine.net,
+            np.concatenate([mine.column, places.column]),
+            np.concatenate([mine.row, places.row]),
+            np.concatenate([mine.local, places.local], axis=1),
+        )
+        return FoldEnergy(both, self.orientation, self.strength)
 
     def jacobians(self, points: Array) -> tuple[Array, Along]:
         """The scaled Jacobians and the samples."""
@@ -289,7 +309,7 @@ def nearest_t(controls: Array, points: Array) -> Array:
     return t[dot(miss, miss).argmin(axis=1)]
 
 
-def smoothness(net: Net, weights: AimWeights, footprint: float) -> Array:
+def smoothness(net: Net, weights: AimWeights, footprints: Array) -> Array:
     """The matrix of the smoothness of displacements and of the pull home, (unknowns, unknowns).
 
     Second differences along u and v and the mixed one (a thin plate), weak first differences along u, v and
@@ -300,7 +320,7 @@ def smoothness(net: Net, weights: AimWeights, footprint: float) -> Array:
     def difference(count: int, order: int) -> Array:
         return np.diff(np.eye(count), order, axis=0)
 
-    columns, rows, free = np.eye(net.columns), np.eye(net.rows), np.eye(net.surfaces - 1)
+    columns, rows, free = np.eye(net.columns), np.eye(net.rows), np.diag(1.0 / footprints)
     fine_u, fine_v = net.columns / 8, net.rows / 6
     terms = [
         (difference(net.columns, 2), rows, free, weights.smooth * fine_u**1.5),
@@ -308,10 +328,10 @@ def smoothness(net: Net, weights: AimWeights, footprint: float) -> Array:
         (difference(net.columns, 1), difference(net.rows, 1), free, 1.4 * weights.smooth),
         (difference(net.columns, 1), rows, free, 0.3 * weights.smooth * fine_u**0.5),
         (columns, difference(net.rows, 1), free, 0.3 * weights.smooth * fine_v**0.5),
-        (columns, rows, difference(net.surfaces - 1, 1), 0.3 * weights.smooth),
+        (columns, rows, difference(net.surfaces - 1, 1) @ free, 0.3 * weights.smooth),
         (columns, rows, free, weights.home),
     ]
     total = np.zeros((net.unknowns // 3, net.unknowns // 3))
     for a, b, c, weight in terms:
-        total += np.kron(a.T @ a, np.kron(b.T @ b, c.T @ c)) * (weight / footprint) ** 2
+        total += np.kron(a.T @ a, np.kron(b.T @ b, c.T @ c)) * weight**2
     return np.asarray(np.kron(total, np.eye(3)), np.float64)

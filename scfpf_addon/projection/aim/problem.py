@@ -111,11 +111,11 @@ class AimWeights:
     direction: float = 10.0
     frame: float = 2.0
     line: float = 20.0
-    stay: float = 1.0
-    robust: float = 25.0
+    stay: float = 1.5
+    robust: float = 50.0
     stay_direction: float = 0.05
-    smooth: float = 0.02
-    home: float = 0.004
+    smooth: float = 0.01
+    home: float = 0.002
     fold: float = 150.0
 
 

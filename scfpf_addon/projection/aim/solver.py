@@ -15,11 +15,12 @@ import numpy as np
 from ..arrays import median
 from ..typing import Array
 from .banded import Normal
-from .control_net import Along, Net
+from .control_net import Along, Net, Places
 from .energies import (
     FIRST_T,
     FOOTPRINT_RANGE,
     LAST_T,
+    LEAST_JACOBIAN,
     FoldEnergy,
     PinEnergy,
     PinTargets,
@@ -44,8 +45,9 @@ DAMPING, LEAST_DAMPING, RAISED_DAMPING = 1e-5, 1e-7, 1e-4
 EASED, TIGHTENED, ATTEMPTS = 0.3, 8.0, 5
 # Where pins start on their projectors.
 PIN_T = (0.2, 0.85)
-# Projectors along x and y on which folds are tested.
-FOLD_GRID = (24, 14)
+# Projectors along x and y on which folds are tested, and a finer grid on which they are looked for after each
+# so many of the last steps; those found are tested from then on.
+FOLD_GRID, FINE_GRID, FOLD_SEARCH = (32, 18), (96, 48), 4
 
 
 class Aim:
@@ -59,14 +61,34 @@ class Aim:
         self.points = self.start.copy()
         self.damping, self.steps = DAMPING, 0
         self._begin_pins(problem.pins)
-        self.footprint = float(median(self.pin_energy.footprint))
-        self.stiffness = smoothness(self.net, weights, self.footprint)
+        self.footprints = self._footprints()
+        self.stiffness = smoothness(self.net, weights, self.footprints)
         self.stays = StayEnergy(self.net, problem.stays, weights, self.points, problem.width)
-        u, v = (a.ravel() for a in np.meshgrid(*(np.linspace(0, 1, n) for n in FOLD_GRID), indexing="ij"))
-        places = self.net.at(u, v)
-        middle = Along.of(places.controls(self.points), np.full(len(u), 0.5))
+        places = self._grid(FOLD_GRID)
+        middle = Along.of(places.controls(self.points), np.full(len(places.column), 0.5))
         orientation = float(np.sign(dot(np.cross(middle.du, middle.dv), middle.dt).sum()))
         self.folds = FoldEnergy(places, orientation, weights.fold)
+
+    def _grid(self, counts: tuple[int, int]) -> Places:
+        axes = [np.linspace(0.0, 1.0, count) for count in counts]
+        u, v = (a.ravel() for a in np.meshgrid(*axes, indexing="ij"))
+        return self.net.at(u, v)
+
+    def _add_folds(self) -> None:
+        """Test the folds between the tested projectors, too."""
+        fine = FoldEnergy(self._grid(FINE_GRID), self.folds.orientation, self.folds.strength)
+        if self.problem.first_hits is not None:
+            controls = fine.places.controls(self.points)[0]
+            fine.look(self.problem.first_hits(np.ascontiguousarray(controls.transpose(1, 2, 0))).t)
+        folded = np.flatnonzero(fine.worst(self.points) < 0.2 * LEAST_JACOBIAN)
+        if len(folded):
+            self.folds = self.folds.joined(fine.places.take(folded))
+
+    def _footprints(self) -> Array:
+        """World units in a pixel on each moving surface of the start, (surfaces - 1,)."""
+        nets = self.start.reshape(self.net.columns, self.net.rows, self.net.surfaces, 3)[:, :, 1:]
+        spans = np.linalg.norm(np.diff(nets, axis=0), axis=3).sum(axis=0)
+        return np.asarray(median(spans) / self.problem.width)
 
     def _begin_pins(self, pins: AimPins) -> None:
         """Find the pins' projectors in the start, and where on them they begin."""
@@ -111,8 +133,10 @@ class Aim:
                     return None
                 growth = FOLD_GROWTH ** min(1.0, step / (FINAL_STEPS - 4)) if final else 1.0
                 self.folds.strength = self.problem.weights.fold * growth
+                if final and step % FOLD_SEARCH == FOLD_SEARCH - 1:
+                    self._add_folds()
                 moved = self.step(targets)
-                if final and moved < SETTLED and self.folds.jacobians(self.points)[0].min() > 0.0:
+                if final and moved < SETTLED and self.folds.worst(self.points).min() > 0.0:
                     break
         return self.result()
 
@@ -134,19 +158,22 @@ class Aim:
         for rows in (pin_rows, self.stays.linearise(self.points), self.folds.linearise(self.points)):
             normal.add(rows)
         before = self._value(self.points, self.t, targets)
-        longest = LONGEST_MOVE * self.footprint * self.problem.width
-        for attempt in range(ATTEMPTS):
+        longest = LONGEST_MOVE * self.problem.width
+        self.steps += 1
+        for _ in range(ATTEMPTS):
             step = normal.solve(self.damping)
-            step *= min(1.0, longest / max(float(np.abs(step).max()), 1e-300))
+            pixels = float(
+                (np.abs(step).reshape(-1, len(self.footprints), 3) / self.footprints[:, None]).max()
+            )
+            step *= min(1.0, longest / max(pixels, 1e-300))
             points = self.net.moved(self.points, step)
             t = np.clip(self.t + elimination.slide(step), FIRST_T, LAST_T)
-            if self._value(points, t, targets) < before or attempt == ATTEMPTS - 1:
-                break
+            if self._value(points, t, targets) < before:
+                self.damping = max(self.damping * EASED, LEAST_DAMPING)
+                self.points, self.t = points, t
+                return min(pixels, longest)
             self.damping = max(self.damping * TIGHTENED, RAISED_DAMPING)
-        self.damping = max(self.damping * EASED, LEAST_DAMPING)
-        self.points, self.t = points, t
-        self.steps += 1
-        return float(np.abs(step).max()) / self.footprint
+        return 0.0
 
     def _look(self) -> None:
         """Let the stays and the fold samples know what projectors see."""
@@ -198,8 +225,12 @@ def _t_at_distance(controls: Array, distance: Array) -> Array:
     )
     position = Along.of(many, np.tile(t, len(distance))).position.reshape(len(distance), len(t), 3)
     away = np.linalg.norm(position - controls[0, :, :1], axis=2)
-    found: Array = t[np.abs(away - distance[:, None]).argmin(axis=1)]
-    return found
+    nearest = np.abs(away - distance[:, None]).argmin(axis=1)
+    row = np.arange(len(distance))
+    # Newton's step from the nearest sample.
+    slope = np.gradient(away, t, axis=1)[row, nearest]
+    found: Array = t[nearest] - (away[row, nearest] - distance) / np.maximum(slope, 1e-300)
+    return np.clip(found, 0.0, 1.0)
 
 
 def solve(problem: AimProblem, is_cancelled: Callable[[], bool] | None = None) -> AimResult | None:
