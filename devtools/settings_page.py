@@ -122,7 +122,14 @@ def interface() -> tuple[set[str], dict[str, str]]:
                 text = value(argument(node, "text", 99), {})
                 if isinstance(identifier, str) and isinstance(text, str) and text:
                     labels.setdefault(identifier, text)
-    return shown - {"active_surface", "active_mapping", "active_aim", "statistics"}, labels
+    return shown - {
+        "active_surface",
+        "active_mapping",
+        "active_aim",
+        "aim",
+        "aim_targets",
+        "statistics",
+    }, labels
 
 
 def settings(tree: ast.Module, owner: ast.ClassDef, labels: dict[str, str]) -> Iterator[tuple[str, Row]]:

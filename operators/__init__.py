@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators ``bpy.ops.scfpf``, in modules by task."""
 
-from .aim import pin_click, solve, targets
+from .aim import drag, pin_click, solve, targets
 from .camera import (
     blend,
     camera,
@@ -46,6 +46,7 @@ MODULES = (
     targets,
     pin_click,
     solve,
+    drag,
 )
 
 

@@ -2,6 +2,7 @@
 """Panels, lists and menus. They draw, and leave decisions to operators and the bridge."""
 
 from . import (
+    aim,
     camera_panels,
     cycles,
     engine_panels,
@@ -21,6 +22,7 @@ MODULES = (
     preset_menus,
     menus,
     camera_panels,
+    aim,
     cycles,
     engine_panels,
     stylised,

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from .aim import live_aim, scene_marks
+from .aim import live_aim, scene_marks, widgets
 from .live import live_drawing
 from .mappings import st_map_image
 from .overlays import image_marks, viewport_overlay
@@ -38,6 +38,7 @@ MODULES = (
     viewport_overlay,
     image_marks,
     scene_marks,
+    widgets,
     result_image,
     command_line,
 )

@@ -74,9 +74,11 @@ def enable_extension(zip_file: str | None) -> None:
 
 
 def collect(wanted: list[str]) -> list:
-    """The scenarios in the modules beside this file: one by name, those of a module, or all."""
+    """The scenarios in the modules of this folder: one by name, those of a module, or all."""
     chosen = []
-    for path in sorted(FOLDER.glob("scenarios_*.py")):
+    for path in sorted(FOLDER.rglob("scenarios_*.py")):
+        if str(path.parent) not in sys.path:
+            sys.path.append(str(path.parent))
         for scenario in importlib.import_module(path.stem).SCENARIOS:
             if not wanted or path.stem in wanted or scenario.__name__ in wanted:
                 chosen.append(scenario)

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Drag a view or a pin of Aim in the image, by mouse, keys or numbers; the volume follows."""
+
+import math
+
+import bpy
+import numpy as np
+from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
+
+from ...scfpf_addon.bridge.aim.drag import AimDrag
+from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, shown_targets, target_at
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.render.image_size import image_size
+from ...scfpf_addon.bridge.render.view_painter import Rectangle
+from ...scfpf_addon.bridge.settings.aim_properties import PIN, VIEW
+from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
+from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, Frame
+from ..common.errors import BAD_INPUT, refused
+from ..common.target import flexible_camera_of, poll_flexible_camera
+
+# Seconds between two steps while the mouse rests, and how many there are until the volume has settled.
+TICK, RESTING_STEPS = 0.05, 4
+PARTS = {"G": BODY, "S": SIZE, "R": TURN}
+ARROWS = {"LEFT_ARROW": (-1, 0), "RIGHT_ARROW": (1, 0), "DOWN_ARROW": (0, -1), "UP_ARROW": (0, 1)}
+KEYS = (
+    "G: move    S: size    R: turn    X, Y: along an axis    Arrows or a number: exactly    Shift: fine    "
+    "Ctrl: steps    Release or Enter: solve    Esc, right click: restore"
+)
+
+
+class SCFPF_OT_aim_drag(bpy.types.Operator):
+    """Move, scale or turn the active view or pin in the picture, and solve: the volume follows while you
+    drag. G, S and R choose, arrow keys and numbers are exact"""
+
+    bl_idname = "scfpf.aim_drag"
+    bl_label = "Drag Target"
+    bl_options = {"REGISTER", "UNDO"}
+
+    shift: FloatVectorProperty(
+        name="Move", description="How far it moves, as shares of the picture's width and height", size=2
+    )
+    factor: FloatProperty(
+        name="Size", description="How many times as large it becomes", default=1.0, min=0.01
+    )
+    turn: FloatProperty(name="Turn", description="How far it is turned, counterclockwise", subtype="ANGLE")
+    index: IntProperty(
+        name="Target",
+        description="Number of the target in the list; -1 for the active one",
+        default=-1,
+        min=-1,
+    )
+
+    @classmethod
+    def poll(cls, context):
+        if not poll_flexible_camera(cls, context):
+            return False
+        if not any(t.kind in (VIEW, PIN) for t in flexible_camera_of(context).scfpf.aim_targets):
+            cls.poll_message_set("Add a view or a pin to the list first")
+            return False
+        return True
+
+    def execute(self, context):
+        camera = flexible_camera_of(context)
+        try:
+            drag = AimDrag(camera, context.evaluated_depsgraph_get())
+            self._choose(camera)
+            self._place()
+            self.report({"INFO"}, drag.finish(context.evaluated_depsgraph_get()))
+        except BAD_INPUT as error:
+            self._put_back()
+            return refused(self, error)
+        return {"FINISHED"}
+
+    def invoke(self, context, event):
+        image = shown_image(context)
+        camera = flexible_camera_of(context) if image is None else image.camera
+        mouse = np.array([event.mouse_region_x, event.mouse_region_y], np.float64)
+        scale = context.preferences.system.ui_scale
+        hit = None if image is None else target_at(shown_targets(context, image), *mouse, scale)
+        is_press = event.type == "LEFTMOUSE" and event.value == "PRESS"
+        self.shift, self.factor, self.turn = (0.0, 0.0), 1.0, 0.0
+        self.index, part = hit if is_press and hit is not None else (-1, BODY)
+        try:
+            self._choose(camera)
+            self._volume = AimDrag(camera, context.evaluated_depsgraph_get())
+            # Live Aim would take a second step at each event.
+            self._is_live, camera.scfpf.aim.live = camera.scfpf.aim.live, False
+            image = image or ShownImage(camera, Rectangle(0.0, 0.0, *map(float, image_size(context.scene))))
+        except BAD_INPUT as error:
+            return refused(self, error)
+        self._size = image.rectangle.width, image.rectangle.height
+        own = [shown for shown in shown_targets(context, image) if shown.index == self.index]
+        origin = own[0].origin if own else mouse
+        frame = own[0].frame if own else None
+        unit = image.rectangle.width / image_size(context.scene)[0]
+        self._drag = FrameDrag(
+            frame or Frame(origin, (0.0, 0.0, 0.0, 0.0), 0.0), part, mouse, unit, is_point=self._is_pin
+        )
+        self._mouse, self._resting = (event.mouse_x, event.mouse_y), 0
+        self._timer = context.window_manager.event_timer_add(TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        self._say(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        if object_by_uid(self._camera) is None:
+            self._stop(context)
+            return {"CANCELLED"}
+        is_press = event.value == "PRESS"
+        if event.type in {"ESC", "RIGHTMOUSE"} and is_press:
+            self.cancel(context)
+            return {"CANCELLED"}
+        if (event.type == "LEFTMOUSE") or (event.type in {"RET", "NUMPAD_ENTER"} and is_press):
+            return self._finish(context)
+        if event.type == "TIMER":
+            if self._resting > 0:
+                self._resting -= 1
+                return self._follow(context)
+            return {"PASS_THROUGH"}
+        self._drag.is_snapped = event.ctrl
+        if event.type == "MOUSEMOVE":
+            x, y = self._mouse
+            self._mouse = event.mouse_x, event.mouse_y
+            self._drag.move(event.mouse_x - x, event.mouse_y - y, event.shift)
+        elif is_press:
+            self._press(event)
+        else:
+            return {"RUNNING_MODAL"}
+        self._resting = RESTING_STEPS
+        return self._follow(context)
+
+    def _press(self, event) -> None:
+        """Apply a key."""
+        if event.type in PARTS:
+            self._drag.choose(PARTS[event.type])
+        elif event.type in {"X", "Y"}:
+            self._drag.constrain(event.type)
+        elif event.type in ARROWS:
+            self._drag.nudge(*ARROWS[event.type])
+        elif event.type == "BACK_SPACE":
+            self._drag.type("\b")
+        elif event.unicode and event.unicode in DIGITS + ",":
+            self._drag.type(event.unicode)
+
+    def _follow(self, context):
+        """Put the target where the drag has it, and let the volume follow by one step."""
+        (x, y), self.factor, self.turn = self._drag.change
+        self.shift = x / self._size[0], y / self._size[1]
+        self._place()
+        try:
+            self._volume.step(context.evaluated_depsgraph_get())
+        except BAD_INPUT as error:
+            self.cancel(context)
+            return refused(self, error)
+        self._say(context)
+        return {"RUNNING_MODAL"}
+
+    def _choose(self, camera) -> None:
+        """Make the target active, and keep where it is."""
+        settings = camera.scfpf
+        if 0 <= self.index < len(settings.aim_targets):
+            settings.active_aim = self.index
+        self.index = settings.active_aim
+        self._camera = camera.session_uid
+        target = self._target()
+        self._is_pin = target.kind == PIN
+        self._before = tuple(target.position), target.width, target.turn
+
+    def _target(self):
+        return object_by_uid(self._camera).scfpf.aim_targets[self.index]
+
+    def _place(self) -> None:
+        """Put the target where the properties say, from where it was."""
+        target, (position, width, turn) = self._target(), self._before
+        target.position = position[0] + self.shift[0], position[1] + self.shift[1]
+        target.width, target.turn = width * self.factor, turn + self.turn
+
+    def _put_back(self) -> None:
+        target = self._target()
+        target.position, target.width, target.turn = self._before
+
+    def _finish(self, context):
+        """Solve, and report how well; a solve that is refused restores everything."""
+        context.window.cursor_modal_set("WAIT")
+        try:
+            message = self._volume.finish(context.evaluated_depsgraph_get())
+        except BAD_INPUT as error:
+            self.cancel(context)
+            return refused(self, error)
+        finally:
+            context.window.cursor_modal_restore()
+        self._stop(context)
+        self.report({"INFO"}, message)
+        return {"FINISHED"}
+
+    def _say(self, context):
+        """Tell the keys and the numbers, and redraw the frames."""
+        target = self._target()
+        text = f"{target.name}: x {target.position[0]:.1%}  y {target.position[1]:.1%}"
+        if not self._is_pin:
+            text += f"  size {target.width:.1%}  turn {math.degrees(target.turn):.1f}°"
+        typed = f"    {self._drag.typed}" if self._drag.typed else ""
+        axis = f"    along {self._drag.axis}" if self._drag.axis else ""
+        context.workspace.status_text_set(f"{text}{axis}{typed}    {KEYS}")
+        _redraw(context)
+
+    def _stop(self, context):
+        """Leave the drag as Live Aim, the timer and the status bar were."""
+        camera = object_by_uid(self._camera)
+        if camera is not None:
+            camera.scfpf.aim.live = self._is_live
+        context.window_manager.event_timer_remove(self._timer)
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        _redraw(context)
+
+    def cancel(self, context):
+        """Restore the target and the volume; Blender calls this too when the window is closed."""
+        if object_by_uid(self._camera) is not None:
+            self._put_back()
+            self._volume.restore()
+        self._stop(context)
+
+
+def _redraw(context) -> None:
+    """Redraw the regions that may show frames."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type in {"VIEW_3D", "IMAGE_EDITOR"}:
+                area.tag_redraw()
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_aim_drag,))

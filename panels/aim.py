@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel Aim: the list of what the picture shall show, the active target, and how well it is met."""
+
+import bpy
+
+from ..operators.common.target import flexible_camera_of
+from ..scfpf_addon.bridge.settings.aim_properties import LINE, PIN, STAY, VIEW
+from .base import Subsection, draw_lines, draw_text, section_panels
+
+ICONS = {VIEW: "VIEW_CAMERA", PIN: "PINNED", LINE: "IPO_LINEAR", STAY: "LOCKED"}
+# What each kind of target shows below the list: what it is about, and how it is shown.
+THINGS = {
+    VIEW: ("collection", "object", "eye"),
+    PIN: ("handle",),
+    LINE: ("first", "second"),
+    STAY: ("collection", "object", "mask"),
+}
+NUMBERS = {
+    VIEW: ("position", "width", "turn", "halo", "alone", "weight"),
+    PIN: ("position", "use_direction", "weight"),
+    LINE: ("weight",),
+    STAY: ("weight",),
+}
+# A target is met well whose points are all within so many pixels.
+WELL_MET = 1.5
+
+
+class SCFPF_UL_aim(bpy.types.UIList):
+    """What the picture shall show"""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index):
+        row = layout.row(align=True)
+        row.active = item.is_on
+        # A row has no room for the panel's split into name and value.
+        row.use_property_split = row.use_property_decorate = False
+        row.prop(item, "name", text="", emboss=False, icon=ICONS[item.kind])
+        if item.is_on and (text := residual_text(item)):
+            right = row.row()
+            right.alignment = "RIGHT"
+            right.alert = item.hidden > 0.0 or item.residual_max > WELL_MET
+            right.label(text=text, icon="HIDE_ON" if item.hidden > 0.0 else "NONE")
+        icon = "CHECKBOX_HLT" if item.is_on else "CHECKBOX_DEHLT"
+        row.prop(item, "is_on", text="", emboss=False, icon=icon)
+
+
+def residual_text(target) -> str:
+    """How far a target's points are from their places, in a few characters; empty before Solve."""
+    return f"{target.residual_max:.1f} px" if target.residual_max >= 0.0 else ""
+
+
+class SCFPF_MT_aim_add(bpy.types.Menu):
+    """Add a target: a thing, a point, a line or what stays"""
+
+    bl_label = "Add Target"
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.operator("scfpf.aim_view_add", icon=ICONS[VIEW])
+        layout.operator(
+            "scfpf.aim_view_add", text="Add View from Viewport", icon="RESTRICT_VIEW_OFF"
+        ).from_viewport = True
+        layout.separator()
+        layout.operator("scfpf.aim_pin_click", icon="EYEDROPPER")
+        layout.operator("scfpf.aim_pin_add", text="Add Pin at 3D Cursor", icon="PIVOT_CURSOR")
+        layout.operator("scfpf.aim_line_add", icon=ICONS[LINE])
+        layout.separator()
+        layout.operator("scfpf.aim_stay_add", icon=ICONS[STAY])
+
+
+class _AimSection(Subsection):
+    bl_label = "Aim"
+    bl_order = 0
+
+    def draw_settings(self, _context, camera, settings):
+        layout = self.layout
+        if not len(settings.aim_targets):
+            column = layout.column(align=True)
+            column.operator("scfpf.aim_view_add", icon=ICONS[VIEW])
+            column.operator("scfpf.aim_pin_click", icon="EYEDROPPER")
+            return
+        row = layout.row()
+        row.template_list(
+            "SCFPF_UL_aim", "", settings, "aim_targets", settings, "active_aim", rows=4, sort_lock=True
+        )
+        column = row.column(align=True)
+        column.menu("SCFPF_MT_aim_add", text="", icon="ADD")
+        column.operator("scfpf.aim_remove", text="", icon="REMOVE")
+        column.separator()
+        column.operator("scfpf.aim_move", text="", icon="TRIA_UP").direction = "UP"
+        column.operator("scfpf.aim_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+        row = layout.row(align=True)
+        row.scale_y = 1.3
+        row.operator("scfpf.aim_solve", icon="CON_TRACKTO")
+        row.prop(settings.aim, "live", text="", icon="PLAY", toggle=True)
+        column = layout.column(align=True)
+        for number, part in enumerate(settings.aim.message.split(" · ") if settings.aim.message else ()):
+            draw_text(column, part, "BLANK1" if number else "INFO")
+        if settings.active_aim < len(settings.aim_targets):
+            draw_target(layout, settings.aim_targets[settings.active_aim])
+
+
+def draw_target(layout, target) -> None:
+    """Draw the settings of a target, what its last solve has reached, and remedies."""
+    column = layout.column()
+    column.active = target.is_on
+    if target.kind in (VIEW, STAY):
+        # One of them is the thing: an object is not asked for beside a collection.
+        column.prop(target, "collection")
+        if target.collection is None:
+            column.prop(target, "object")
+    for name in THINGS[target.kind]:
+        if name not in ("collection", "object"):
+            column.prop(target, name)
+    for name in NUMBERS[target.kind]:
+        column.prop(target, name)
+    if target.kind in (VIEW, PIN):
+        column.operator("scfpf.aim_drag", icon="VIEW_PAN")
+    if target.message:
+        draw_text(layout, target.message, "ERROR" if target.hidden > 0.0 else "INFO")
+    if target.kind == VIEW and target.hidden > 0.0 and any(target.free_turn):
+        turn = layout.operator("scfpf.aim_turn", text="Turn to Free Direction", icon="ORIENTATION_GIMBAL")
+        turn.to_free = True
+
+
+class _AimSettingsSection(Subsection):
+    bl_label = "Aim Settings"
+    bl_order = 0
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and len(flexible_camera_of(context).scfpf.aim_targets) > 0
+
+    def draw_settings(self, _context, _camera, settings):
+        layout, aim = self.layout, settings.aim
+        column = layout.column(align=True)
+        column.prop(aim, "columns")
+        column.prop(aim, "rows", text="Up")
+        layout.prop(aim, "degree")
+        draw_lines(layout, outcome_lines(aim), height=1.0)
+
+
+def outcome_lines(aim) -> list[str]:
+    """What the last solve did to the rest of the picture; nothing before one."""
+    lines = []
+    if aim.background_median >= 0.0:
+        lines += [
+            f"Rest moved {aim.background_median:.1f} px, 95 % at most {aim.background_95:.0f} px",
+            f"Mirrored {aim.mirrored:.2%}, folded {aim.folds:.2%}".replace("%", " %"),
+        ]
+    if aim.between >= 0.0:
+        lines.append(f"Between keyframes at most {aim.between:.1f} px off")
+    return lines
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (
+        SCFPF_UL_aim,
+        SCFPF_MT_aim_add,
+        *section_panels(_AimSection, "aim"),
+        *section_panels(_AimSettingsSection, "aim_settings"),
+    )
+)

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames and marks of Aim's targets over the image, as gizmos in Image Editors and in Live View.
+
+A gizmo highlights what is under the mouse, and a press on it calls the operator that drags.
+"""
+
+from __future__ import annotations
+
+import math
+
+import bpy
+import gpu
+from gpu_extras.batch import batch_for_shader
+
+from ...shading.picking.frame_handles import TURN
+from ..overlays.image_marks import MARK, RIM, TEXT_GAP, draw_lines, write
+from .shown_targets import ShownImage, ShownTarget, shown_image, shown_targets, straight_lines, target_at
+
+DRAG = "scfpf.aim_drag"
+POINT_SHADER = "POINT_UNIFORM_COLOR"
+# Display colours of the targets that are not active, and of what the mouse is over.
+QUIET, HOVERED = (0.75, 0.75, 0.75, 1.0), (1.0, 1.0, 1.0, 1.0)
+# Pixels at a display scale of 1: handles, the turning handle, their rims; the ring of a pin.
+HANDLE, TURNER, HANDLE_RIM, RING = 8.0, 10.0, 3.0, 8.0
+RING_SIDES = 16
+# A residual above so many pixels is told in the label.
+WELL_MET = 1.5
+
+
+def label_of(target) -> str:
+    """The name of a target, with what is wrong with it."""
+    if target.hidden > 0.0 and target.hidden_by:
+        return f"{target.name}: hidden by {target.hidden_by}"
+    if target.residual_max > WELL_MET:
+        return f"{target.name}: {target.residual_max:.1f} px off"
+    return target.name
+
+
+def outline(shown: ShownTarget, scale: float) -> list[tuple[float, float]]:
+    """End points of the lines of a target: its frame with the stalk, or the ring of a pin."""
+    if shown.frame is None:
+        x, y = shown.origin
+        around = [
+            (x + RING * scale * math.cos(a), y + RING * scale * math.sin(a))
+            for a in (math.tau * n / RING_SIDES for n in range(RING_SIDES))
+        ]
+    else:
+        around = [tuple(corner) for corner in shown.frame.corners.T]
+    ends = [end for n in range(len(around)) for end in (around[n], around[(n + 1) % len(around)])]
+    if shown.frame is not None:
+        ends += [tuple(end) for end in shown.frame.stalk(scale).T]
+    return ends
+
+
+def draw_targets(context, image: ShownImage, hovered: tuple[int, int] | None) -> None:
+    """Draw all targets of a camera. hovered: index and part under the mouse, or None."""
+    region, scale = context.region, context.preferences.system.ui_scale
+    size, settings = (region.width, region.height), image.camera.scfpf
+    for ends in straight_lines(settings, image):
+        draw_lines([tuple(end) for end in ends], size, scale, QUIET)
+    for shown in shown_targets(context, image):
+        target = settings.aim_targets[shown.index]
+        is_active = shown.index == settings.active_aim
+        color = MARK if is_active else QUIET
+        part = hovered[1] if hovered is not None and hovered[0] == shown.index else None
+        draw_lines(outline(shown, scale), size, scale, color if part is None else HOVERED)
+        handles = [] if shown.frame is None else [tuple(corner) for corner in shown.frame.corners.T]
+        _draw_points(handles or [tuple(shown.origin)], HANDLE * scale, color)
+        if shown.frame is not None:
+            handles.append(tuple(shown.frame.stalk(scale)[:, 1]))
+            _draw_points(handles[TURN:], TURNER * scale, color)
+        if part is not None and part < len(handles):
+            _draw_points([handles[part]], TURNER * scale, HOVERED)
+        if is_active or part is not None:
+            around = outline(shown, scale)[:-2]
+            left, top = min(x for x, _ in around), max(y for _, y in around)
+            write(label_of(target), left, top + TEXT_GAP * scale, size, scale, color)
+
+
+def _draw_points(points, diameter: float, color) -> None:
+    """Draw dots with a dark rim."""
+    shader = gpu.shader.from_builtin(POINT_SHADER)
+    batch = batch_for_shader(shader, "POINTS", {"pos": [(x, y, 0.0) for x, y in points]})
+    gpu.state.blend_set("ALPHA")
+    shader.bind()
+    for tone, wide in ((RIM, diameter + HANDLE_RIM), (color, diameter)):
+        gpu.state.point_size_set(wide)
+        shader.uniform_float("color", tone)
+        batch.draw(shader)
+    gpu.state.blend_set("NONE")
+
+
+class SCFPF_GT_aim(bpy.types.Gizmo):
+    """The frames and marks of all targets in a region"""
+
+    bl_idname = "SCFPF_GT_aim"
+    __slots__ = ("_hovered",)
+
+    def setup(self):
+        self._hovered = None
+
+    def draw(self, context):
+        image = shown_image(context)
+        if image is not None:
+            draw_targets(context, image, self._hovered if self.is_highlight else None)
+
+    def test_select(self, context, location):
+        image = shown_image(context)
+        scale = context.preferences.system.ui_scale
+        before = self._hovered
+        self._hovered = None if image is None else target_at(shown_targets(context, image), *location, scale)
+        if self._hovered != before:
+            context.region.tag_redraw()
+        return -1 if self._hovered is None else 0
+
+
+class _Group:
+    """The gizmos of one editor."""
+
+    bl_label = "Aim"
+    bl_region_type = "WINDOW"
+    bl_options = {"PERSISTENT", "SHOW_MODAL_ALL"}
+
+    @classmethod
+    def poll(cls, context):
+        image = shown_image(context)
+        return image is not None and len(image.camera.scfpf.aim_targets) > 0
+
+    def setup(self, _context):
+        gizmo = self.gizmos.new(SCFPF_GT_aim.bl_idname)
+        gizmo.target_set_operator(DRAG)
+        gizmo.use_draw_modal = True
+
+
+class SCFPF_GGT_aim_viewport(_Group, bpy.types.GizmoGroup):
+    bl_idname = "SCFPF_GGT_aim_viewport"
+    bl_space_type = "VIEW_3D"
+
+
+class SCFPF_GGT_aim_image(_Group, bpy.types.GizmoGroup):
+    bl_idname = "SCFPF_GGT_aim_image"
+    bl_space_type = "IMAGE_EDITOR"
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (SCFPF_GT_aim, SCFPF_GGT_aim_viewport, SCFPF_GGT_aim_image)
+)

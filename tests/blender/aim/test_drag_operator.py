@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operator that drags targets, with numbers instead of the mouse, and the panel of targets."""
+
+import math
+
+import bpy
+import numpy as np
+import pytest
+from aim_scenes import box_scene, points_of, solve, turned_view
+from recorded_layout import RecordingLayout, drawn, texts
+
+CORNER = [(1.0, -0.8, 1.0)]
+
+
+@pytest.fixture
+def camera():
+    """An aimed camera, active, with a solved view of a box."""
+    camera = turned_view(box_scene(bpy.context.scene), 5.0)
+    assert solve(camera) == {"FINISHED"}
+    for obj in bpy.context.selected_objects:
+        obj.select_set(False)
+    bpy.context.view_layer.objects.active = camera
+    bpy.context.view_layer.update()
+    return camera
+
+
+def test_the_image_moves_by_the_numbers(camera, places):
+    before, target = places(camera, CORNER), camera.scfpf.aim_targets[0]
+    place = np.array(target.position)
+    assert bpy.ops.scfpf.aim_drag(shift=(0.03, -0.02)) == {"FINISHED"}
+    bpy.context.view_layer.update()
+    assert np.allclose(np.array(target.position) - place, (0.03, -0.02), atol=1e-6)
+    moved = places(camera, CORNER) - before
+    assert np.abs(moved - (0.03 * 960, -0.02 * 540)).max() < 2.0
+    assert target.residual_max >= 0.0
+
+
+def test_size_and_turn_are_relative(camera):
+    target = camera.scfpf.aim_targets[0]
+    width = target.width
+    assert bpy.ops.scfpf.aim_drag(factor=1.1, turn=math.radians(4)) == {"FINISHED"}
+    assert target.width == pytest.approx(1.1 * width) and target.turn == pytest.approx(math.radians(4))
+
+
+def test_what_is_not_taken_leaves_the_target_and_the_volume(camera, addon, monkeypatch):
+    module, error = addon("operators.aim.drag"), addon("bridge.aim.target_views").AimError
+    target, before = camera.scfpf.aim_targets[0], points_of(camera)
+    place = tuple(target.position)
+
+    def refuse(_self, _depsgraph):
+        raise error("Not taken, because of the test")
+
+    monkeypatch.setattr(module.AimDrag, "finish", refuse)
+    with pytest.raises(RuntimeError, match="Not taken"):
+        bpy.ops.scfpf.aim_drag(shift=(0.2, 0.0))
+    assert tuple(target.position) == place
+    assert np.array_equal(points_of(camera), before)
+
+
+def test_a_list_without_views_and_pins_has_nothing_to_drag(camera):
+    camera.scfpf.aim_targets[0].kind = "STAY"
+    assert not bpy.ops.scfpf.aim_drag.poll()
+
+
+@pytest.mark.parametrize("place", ["data", "view"])
+def test_the_panel_shows_the_active_target_and_its_remedy(camera, place):
+    section = getattr(bpy.types, f"SCFPF_PT_{place}_aim")
+    record = drawn(section)
+    assert ("list", "SCFPF_UL_aim") in record and ("operator", "scfpf.aim_solve") in record
+    assert "24 of 24 points within 1.5 px" in texts(record)
+    assert ("operator", "scfpf.aim_turn") not in record
+    target = camera.scfpf.aim_targets[0]
+    target.hidden, target.hidden_by, target.free_turn = 0.5, "Left Wall", (0.2, 0.0)
+    assert ("operator", "scfpf.aim_turn") in drawn(section)
+    bpy.ops.scfpf.aim_pin_add(camera=camera.name, point=(0, 0, 0), position=(0.5, 0.4))
+    names = {entry[2] for entry in drawn(section) if entry[0] == "prop"}
+    assert {"handle", "position", "use_direction"} <= names and "eye" not in names
+    settings = drawn(getattr(bpy.types, f"SCFPF_PT_{place}_aim_settings"))
+    assert {"columns", "rows", "degree"} <= {entry[2] for entry in settings if entry[0] == "prop"}
+    camera.scfpf.aim_targets.clear()
+    assert ("operator", "scfpf.aim_view_add") in drawn(section)
+
+
+def test_every_kind_of_target_is_drawn(camera, addon):
+    panel = addon("panels.aim")
+    for kind in ("VIEW", "PIN", "LINE", "STAY"):
+        camera.scfpf.aim_targets[0].kind = kind
+        one = RecordingLayout()
+        panel.draw_target(one, camera.scfpf.aim_targets[0])
+        assert {"weight"} <= {entry[2] for entry in one.record if entry[0] == "prop"}
+        assert kind in panel.ICONS

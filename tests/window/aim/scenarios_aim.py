@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Aim by hand: a view's frame is dragged in Live View, its camera is turned, and the image follows."""
+
+import math
+
+import bpy
+import numpy as np
+from scenarios_clicks import STEP, place_in_frame, select_only, undo
+from scenarios_live import settled
+
+# Of 255: the mean change of an image in which something has moved, and of one that is the same.
+MOVED, SAME = 0.5, 0.3
+
+
+def block(name, place, size, color):
+    """A box on the ground."""
+    bpy.ops.mesh.primitive_cube_add(size=1.0, location=place)
+    obj = bpy.context.object
+    obj.name, obj.scale = name, size
+    material = bpy.data.materials.new(name)
+    material.diffuse_color = (*color, 1.0)
+    obj.data.materials.append(material)
+    return obj
+
+
+def prepare(driver):
+    """Generator: a car between houses, a view of it, and Live View through the camera."""
+    for obj in list(bpy.data.objects):
+        bpy.data.objects.remove(obj)
+    bpy.ops.mesh.primitive_plane_add(size=60)
+    car = bpy.data.collections.new("Car")
+    bpy.context.scene.collection.children.link(car)
+    parts = [
+        block("Body", (0.0, 0.0, 0.65), (1.8, 4.2, 0.8), (0.05, 0.4, 0.5)),
+        block("Cabin", (0.0, 0.3, 1.3), (1.5, 2.0, 0.6), (0.1, 0.1, 0.12)),
+        block("Lamps", (0.0, -2.12, 0.75), (1.4, 0.06, 0.2), (1.0, 0.9, 0.4)),
+    ]
+    for part in parts:
+        for collection in part.users_collection:
+            collection.objects.unlink(part)
+        car.objects.link(part)
+    for number, (x, y, high) in enumerate(((-9, 14, 7), (-3, 20, 11), (5, 18, 5), (11, 13, 9))):
+        block(f"House {number}", (x, y, high / 2), (5.0, 4.0, high), (0.7, 0.3 + 0.1 * number, 0.3))
+    bpy.ops.object.camera_add(location=(0, -12, 2), rotation=(math.radians(89), 0, 0))
+    scene, camera = bpy.context.scene, bpy.context.object
+    scene.camera = camera
+    scene.render.resolution_x, scene.render.resolution_y = 1200, 600
+    select_only("Cabin", "Body", "Lamps")
+    with driver.override():
+        done = bpy.ops.scfpf.aim_view_add("INVOKE_DEFAULT", True, camera=camera.name, collection="Car")
+    assert done == {"FINISHED"} and camera.scfpf.enabled
+    space = driver.area("VIEW_3D").spaces.active
+    space.shading.color_type = "MATERIAL"
+    select_only(camera.name)
+    with driver.override():
+        assert bpy.ops.scfpf.view_live("INVOKE_DEFAULT", True) == {"FINISHED"}
+        bpy.ops.view3d.view_center_camera()
+    yield from driver.show_sidebar()
+    yield from settled()
+    return camera
+
+
+def in_frame(driver, target, u, v):
+    """The pixel of the window at a place of a target's sphere, each from -1 to 1."""
+    scene = bpy.context.scene
+    aspect = scene.render.resolution_x / scene.render.resolution_y
+    x, y = target.position[0] + u * target.width / 2, target.position[1] + v * target.width / 2 * aspect
+    return place_in_frame(driver, x, y)
+
+
+def drag_mouse(driver, start, end, name, steps=6):
+    """Generator: press at a pixel of the window, move to another, and take a picture before the release."""
+    for step in range(-1, steps + 1):
+        share = max(step, 0) / steps
+        x, y = (round(a + share * (b - a)) for a, b in zip(start, end, strict=True))
+        driver.window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
+        yield STEP
+        if step == -1:
+            driver.shot(f"{name}-before")
+            driver.window.event_simulate("LEFTMOUSE", "PRESS", x=x, y=y)
+            yield STEP
+    driver.shot(f"{name}-dragged")
+    driver.window.event_simulate("LEFTMOUSE", "RELEASE", x=x, y=y)
+
+
+def a_frame_is_dragged(driver):
+    """The car's frame is dragged in Live View: the image follows, and undo leads back."""
+    camera = yield from prepare(driver)
+    target = camera.scfpf.aim_targets[0]
+    first, place = driver.region_pixels(), tuple(target.position)
+    start = in_frame(driver, target, 0.0, 0.0)
+    yield from drag_mouse(driver, start, (start[0] + 90, start[1] + 10), "move")
+    yield from settled()
+    driver.shot("moved")
+    target = bpy.context.scene.camera.scfpf.aim_targets[0]
+    assert target.position[0] > place[0] + 0.03, f"the view is at {tuple(target.position)}"
+    assert np.abs(driver.region_pixels() - first).mean() > MOVED, "the image is as before"
+    undo(driver)
+    yield from settled()
+    target = bpy.context.scene.camera.scfpf.aim_targets[0]
+    assert np.allclose(target.position, place), "undo leaves the view where it was dragged"
+    assert np.abs(driver.region_pixels() - first).mean() < SAME, "undo leaves another image"
+
+
+SCENARIOS = (a_frame_is_dragged,)
