@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What aiming minimises: residuals of pins and stays in pixels, smoothness, and a barrier against folds.
+"""What aiming minimises: residuals in pixels of pins, lines and stays, smoothness, and a fold barrier.
 
 Each energy is a sum of squares. It gives its value, and its residuals linearised by the control points (Gauss
 and Newton). A parameter t that belongs to one residual alone is eliminated from them, by the Schur complement
@@ -16,11 +16,13 @@ import numpy as np
 from ..typing import Array, BoolArray, IndexArray
 from .banded import Rows
 from .control_net import Along, Net, Places
-from .problem import AimPins, AimStays, AimWeights
+from .problem import AimLines, AimPins, AimStays, AimWeights
 
 DEGREES = 180.0 / np.pi
 # Projectors do not use these shares of t at their ends: pins need projector on both sides.
 FIRST_T, LAST_T = 0.05, 0.98
+# Pieces of a line between whose ends projectors shall meet it.
+LINE_SAMPLES = 12
 # The longest change of a t in a step.
 LONGEST_SLIDE = 0.1
 # Footprints of pixels are limited to this factor about that of the start, since they divide.
@@ -230,6 +232,48 @@ class StayEnergy:
             rows.append(places.rows_of(0, along.slope, e * (turn * share / speed)[:, None]))
             residuals.append(dot(self.old_tangent[some], e) * turn * share)
         return Rows.of(places, np.stack(rows, axis=1), np.stack(residuals, axis=1))
+
+
+class LineEnergy:
+    """Lines of the scene that are straight in the image: projectors between two pins meet the line there.
+
+    The distance of a projector from the line is measured at the nearest t, along n = L × Qt.
+    """
+
+    def __init__(self, net: Net, pins: AimPins, lines: AimLines, energy: PinEnergy) -> None:
+        shares = np.arange(1, LINE_SAMPLES) / LINE_SAMPLES
+        self.pins = np.repeat(lines.pins, len(shares), axis=1)
+        share = np.tile(shares, lines.pins.shape[1])
+        first, last = pins.positions[:, self.pins[0]], pins.positions[:, self.pins[1]]
+        self.places = net.at(*(first + share * (last - first)))
+        self.t = energy.home_t[self.pins[0]] * (1.0 - share) + energy.home_t[self.pins[1]] * share
+        footprint = energy.footprint[self.pins].mean(axis=0)
+        self.strength = energy.weights.line / footprint
+
+    def _measure(self, points: Array, targets: PinTargets) -> tuple[Array, Array, Along, Array]:
+        """Residuals (N,), the vectors (N, 3) that they measure along, samples, and t."""
+        start = targets.points[self.pins[0]]
+        along_line = unit(targets.points[self.pins[1]] - start)
+        controls, t = self.places.controls(points), self.t
+        for _ in range(2):
+            along = Along.of(controls, t)
+            off, way = across_of(along.position - start, along_line), across_of(along.dt, along_line)
+            change = -dot(off, way) / np.maximum(dot(way, way), 1e-300)
+            t = np.clip(t + np.clip(change, -LONGEST_SLIDE, LONGEST_SLIDE), 0.0, 1.0)
+        along = Along.of(controls, t)
+        vectors = unit(np.cross(along_line, along.dt)) * self.strength[:, None]
+        return dot(vectors, start - along.position), vectors, along, t
+
+    def value(self, points: Array, targets: PinTargets) -> float:
+        """The energy."""
+        residuals = self._measure(points, targets)[0]
+        return float(residuals @ residuals)
+
+    def linearise(self, points: Array, targets: PinTargets) -> Rows:
+        """The rows at the nearest t."""
+        residuals, vectors, along, self.t = self._measure(points, targets)
+        rows = self.places.rows_of(0, along.value, vectors)
+        return Rows(self.places.column, self.places.row, rows, residuals)
 
 
 class FoldEnergy:

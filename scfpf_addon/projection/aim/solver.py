@@ -22,6 +22,7 @@ from .energies import (
     LAST_T,
     LEAST_JACOBIAN,
     FoldEnergy,
+    LineEnergy,
     PinEnergy,
     PinTargets,
     StayEnergy,
@@ -108,6 +109,7 @@ class Aim:
         footprint = np.clip(footprint, typical / FOOTPRINT_RANGE, typical * FOOTPRINT_RANGE)
         self.pin_energy = PinEnergy(places, pins, self.problem.weights, t, footprint, width)
         self.pins = pins
+        self.lines = LineEnergy(self.net, pins, self.problem.lines, self.pin_energy)
 
     def targets(self, share: float) -> PinTargets:
         """What the pins aim at after a share of the way from the old image to what is wanted."""
@@ -155,8 +157,10 @@ class Aim:
         offset = (self.points - self.start)[:, 1:].reshape(-1)
         normal = Normal(self.net, self.stiffness.copy(), -(self.stiffness @ offset))
         pin_rows, elimination = self.pin_energy.linearise(self.points, self.t, targets)
-        for rows in (pin_rows, self.stays.linearise(self.points), self.folds.linearise(self.points)):
-            normal.add(rows)
+        normal.add(pin_rows)
+        normal.add(self.lines.linearise(self.points, targets))
+        normal.add(self.stays.linearise(self.points))
+        normal.add(self.folds.linearise(self.points))
         before = self._value(self.points, self.t, targets)
         longest = LONGEST_MOVE * self.problem.width
         self.steps += 1
@@ -187,8 +191,9 @@ class Aim:
 
     def _value(self, points: Array, t: Array, targets: PinTargets) -> float:
         offset = (points - self.start)[:, 1:].reshape(-1)
-        parts = self.pin_energy.value(points, t, targets), self.stays.value(points), self.folds.value(points)
-        return float(sum(parts) + offset @ (self.stiffness @ offset))
+        total = self.pin_energy.value(points, t, targets) + self.lines.value(points, targets)
+        total += self.stays.value(points) + self.folds.value(points)
+        return float(total + offset @ (self.stiffness @ offset))
 
     def result(self) -> AimResult:
         """The control surfaces so far."""

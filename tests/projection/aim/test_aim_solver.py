@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Solutions against closed forms, SciPy, and the inverse of the volume."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from scfpf_addon.projection.aim.banded import Normal, Rows
 from scfpf_addon.projection.aim.control_net import Net
-from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimStays, AimWeights
+from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimStays, AimWeights
 from scfpf_addon.projection.aim.solver import Aim, solve, turn_between
 from scfpf_addon.projection.aim.start import projection_of, start_volume
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
@@ -101,6 +103,25 @@ def test_turning_follows_great_circles():
     np.testing.assert_allclose(half, [[np.sqrt(0.5), 0.0, -np.sqrt(0.5)]], atol=1e-12)
     opposite = turn_between(start, -start, 0.5)
     assert abs(opposite @ start[0]) < 1e-12 and np.isclose(np.linalg.norm(opposite), 1.0)
+
+
+def test_a_line_between_two_pins_is_straight():
+    ends = np.array([[0.25, 0.7], [0.35, 0.6]])
+    points = at(ends, np.array([9.0, 14.0]))
+    # A pin beside the line pulls the image out of shape.
+    third = at(np.array([[0.48], [0.42]]), 10.0)
+    pins = AimPins(np.hstack([points, third]), np.hstack([ends, [[0.5], [0.36]]]))
+    share = np.linspace(0.1, 0.9, 9)
+    between = points[:, :1] * (1 - share) + points[:, 1:] * share
+    bends = []
+    for lines in (AimLines(), AimLines(np.array([[0], [1]]))):
+        result = solve(replace(problem(pins), lines=lines))
+        guess = np.stack([*(ends[:, :1] * (1 - share) + ends[:, 1:] * share), 0.4 + 0 * share])
+        place = follow(ViewingVolume(result.patches), between, guess)
+        across = np.array([-(ends[1, 1] - ends[1, 0]) / ASPECT, ends[0, 1] - ends[0, 0]])
+        off = np.stack([place.u - ends[0, 0], (place.v - ends[1, 0]) / ASPECT])
+        bends.append(np.abs(across @ off / np.linalg.norm(across)).max() * WIDTH)
+    assert bends[0] > 5.0 and bends[1] < 0.5
 
 
 def test_a_drag_follows_with_one_step_an_event():
