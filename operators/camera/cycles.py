@@ -175,7 +175,7 @@ class SCFPF_OT_cycles_render(bpy.types.Operator):
         return True
 
     def invoke(self, context, _event):
-        rigs.prepare_render(context, rig_of(context.scene))
+        rigs.prepare_render(context, rig_of(context.scene), self.animation)
         bpy.ops.render.render("INVOKE_DEFAULT", animation=self.animation, use_viewport=False)
         return {"FINISHED"}
 

@@ -90,12 +90,15 @@ def update(context, rig, plan: tuple[ChordPlan, bool] | None = None) -> None:
     _note(rig, context.evaluated_depsgraph_get(), chords)
 
 
-def prepare_render(context, rig) -> None:
-    """Let the rays of a rig skip what is empty at present, before its scene is rendered."""
+def prepare_render(context, rig, animation: bool = False, apart: bool = False) -> None:
+    """Let the rays of a rig skip what is empty at present, before its scene is rendered.
+
+    animation, apart: as of ``renew``.
+    """
     context.view_layer.update()
     if is_whole(rig) and not rig.scfpf_rig.problem:
         with suppress(ProjectionError, RenderError, RigError):
-            renew(rig, context.view_layer)
+            renew(rig, context.view_layer, animation, apart)
 
 
 def set_passes(rig, on: bool) -> None:
@@ -156,7 +159,7 @@ def sync(scene, depsgraph, may_remove: bool = True) -> None:
                 switch_off(rig)
         elif rig.scfpf_rig.scene == scene:
             _follow(rig, depsgraph)
-            watch(rig, depsgraph)
+            watch(rig, depsgraph, has_new_frame=not may_remove)
             if depsgraph.id_type_updated("MATERIAL") or depsgraph.id_type_updated("NODETREE"):
                 _note_materials(rig)
     if may_remove:
@@ -306,9 +309,17 @@ def _render_begins(*_) -> None:
     # the scene was evaluated before it.
     if not bpy.app.is_job_running("RENDER"):
         _hide_surfaces()
-        for rig in rigs():
-            if rig.scfpf_rig.scene == bpy.context.scene:
-                prepare_render(bpy.context, rig)
+
+
+@persistent
+def _frame_begins(scene, *_) -> None:
+    """Look for empty chords at each frame: in the background the scene is at it only when it is rendered."""
+    if bpy.app.is_job_running("RENDER"):
+        return
+    for rig in rigs():
+        is_seen = scene.render.engine == CYCLES and scene.camera == rig.scfpf_rig.view_camera
+        if is_seen and rig.scfpf_rig.scene == scene == bpy.context.scene:
+            prepare_render(bpy.context, rig, apart=True)
 
 
 HANDLERS = {
@@ -320,6 +331,7 @@ HANDLERS = {
     "redo_post": _after_history,
     "load_post": _file_loaded,
     "render_init": _render_begins,
+    "render_pre": _frame_begins,
 }
 
 

@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
 from ...bridge.blender.rig_mark import has_other_animation, is_rig_part
 from ...bridge.scene.mesh_arrays import corner_vertices, foreach, of_mesh, triangle_corners
-from ...projection.typing import Array
+from ...projection.typing import Array, IndexArray
 from .reasons import links
 
 # Objects of these types show nothing to Cycles' rays.
@@ -24,73 +26,118 @@ class Unbounded(ValueError):
     """Something of unknown extent. The message names it, as a sentence without its end."""
 
 
+class Part(NamedTuple):
+    """A convex part of an object, or its triangles. points: (V, 3), its own space.
+
+    triangles: (T, 3), None for the hull of the points.
+    """
+
+    points: Array
+    triangles: IndexArray | None
+
+
 class Bodies:
     """Bodies in world space, gathered from depsgraphs."""
 
     def __init__(self) -> None:
-        self._meshes: dict[int, tuple[Array, Array]] = {}
         self._triangles: list[Array] = []
         self._boxes: list[Array] = []
         self._count = 0
 
-    def read(self, depsgraph) -> None:
-        """Add what a render depsgraph's view layer shows. Raises Unbounded."""
-        self._meshes.clear()
-        override = depsgraph.view_layer_eval.material_override
-        for instance in depsgraph.object_instances:
-            obj = instance.object
-            if obj.type in UNSEEN or _is_hidden(obj):
-                continue
-            matrix = np.array(instance.matrix_world, np.float64)
-            if obj.type == "LIGHT":
-                self._add_light(obj, matrix)
-            elif obj.type == "MESH":
-                self._add_mesh(obj, matrix, override)
-            else:
-                self._add_box(_box_of(obj), matrix)
+    def read(self, depsgraph, wanted: Callable[..., bool] | None = None) -> None:
+        """Add what a render depsgraph's view layer shows. Raises Unbounded.
+
+        wanted: of instances, None for all.
+        """
+        for _, matrix, parts in seen_parts(depsgraph, wanted):
+            for part in parts:
+                self._add(part, matrix)
+
+    def add_boxes(self, boxes: Array) -> None:
+        """Add boxes in world space by their corners (8, 3, M)."""
+        self._boxes.append(boxes)
 
     def points(self) -> list[Array]:
         """Triangles (3, 3, M) and boxes (8, 3, M): points, coordinates, bodies."""
         triangles = np.concatenate(self._triangles, axis=2) if self._triangles else np.empty((3, 3, 0))
-        boxes = np.stack(self._boxes, axis=2) if self._boxes else np.empty((8, 3, 0))
+        boxes = np.concatenate(self._boxes, axis=2) if self._boxes else np.empty((8, 3, 0))
         return [triangles, boxes]
 
-    def _add_mesh(self, obj, matrix: Array, override) -> None:
-        _require_bounded(obj)
-        key = obj.data.as_pointer()
-        if key not in self._meshes:
-            self._meshes[key] = of_mesh(obj, _triangles)
-        vertices, triangles = self._meshes[key]
-        if len(triangles) == 0:
-            return
-        self._count += len(triangles)
-        as_box = self._count > MOST_TRIANGLES or _is_diced(obj)
-        if as_box or _is_filled(obj, override):
-            self._add_box(np.stack([vertices.min(axis=0), vertices.max(axis=0)]), matrix)
-        if as_box:
-            return
-        with np.errstate(invalid="ignore", over="ignore"):
-            placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-        self._triangles.append(placed[triangles].transpose(1, 2, 0))
-
-    def _add_box(self, box: Array, matrix: Array) -> None:
-        """Add a box given by its lower and upper corner (2, 3)."""
-        corners = box[0] + CORNERS * (box[1] - box[0])
-        self._boxes.append(corners @ matrix[:3, :3].T + matrix[:3, 3])
-
-    def _add_light(self, obj, matrix: Array) -> None:
-        lamp = obj.data
-        if lamp.type == "SUN":
-            return
-        if lamp.type == "AREA":
-            sides = 0.5 * max(lamp.size, lamp.size_y)
-            half = np.array([sides, sides, 0.0])
+    def _add(self, part: Part, matrix: Array) -> None:
+        points, triangles = part
+        if triangles is not None:
+            self._count += len(triangles)
+            if self._count > MOST_TRIANGLES:
+                points, triangles = corners_of(points), None
+        placed = placed_points(points, matrix)
+        if triangles is None:
+            self._boxes.append(placed[:, :, None])
         else:
-            half = np.full(3, lamp.shadow_soft_size)
-            # Cycles ignores the scale of these lamps, or does not, by version.
-            half = half * max(1.0, np.abs(matrix[:3, :3]).max() * np.sqrt(3.0))
-            matrix = np.vstack([np.hstack([np.eye(3), matrix[:3, 3:]]), [0.0, 0.0, 0.0, 1.0]])
-        self._add_box(np.stack([-half, half]), matrix)
+            self._triangles.append(placed[triangles].transpose(1, 2, 0))
+
+
+def seen_parts(depsgraph, wanted: Callable[..., bool] | None = None) -> Iterator[tuple]:
+    """Each instance that camera rays may meet: its key, its matrix (4, 4) and its parts. Raises Unbounded.
+
+    The key is the same at all times of a scene.
+    """
+    meshes: dict[int, list[Part]] = {}
+    override = depsgraph.view_layer_eval.material_override
+    for instance in depsgraph.object_instances:
+        obj = instance.object
+        if obj.type in UNSEEN or _is_hidden(obj) or (wanted is not None and not wanted(instance)):
+            continue
+        matrix = np.array(instance.matrix_world, np.float64)
+        if obj.type == "LIGHT":
+            matrix, parts = _lamp_parts(obj.data, matrix)
+        elif obj.type == "MESH":
+            parts = _mesh_parts(obj, override, meshes)
+        else:
+            parts = [_box_of(obj)]
+        parent = instance.parent.original.session_uid if instance.is_instance else 0
+        yield (parent, obj.original.session_uid, *instance.persistent_id), matrix, parts
+
+
+def placed_points(points: Array, matrix: Array) -> Array:
+    """Points (V, 3) in world space."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        placed: Array = points @ matrix[:3, :3].T + matrix[:3, 3]
+    return placed
+
+
+def corners_of(points: Array) -> Array:
+    """The corners (8, 3) of the box around points (V, 3)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    corners: Array = low + CORNERS * (high - low)
+    return corners
+
+
+def _mesh_parts(obj, override, meshes: dict[int, list[Part]]) -> list[Part]:
+    """The parts of an evaluated mesh object. meshes: the triangles of meshes that were read."""
+    _require_bounded(obj)
+    key = obj.data.as_pointer()
+    if key not in meshes:
+        vertices, triangles = of_mesh(obj, _triangles)
+        meshes[key] = [Part(vertices, triangles)] if len(triangles) else []
+    whole = [Part(corners_of(part.points), None) for part in meshes[key]]
+    if _is_diced(obj):
+        return whole
+    return meshes[key] + (whole if _is_filled(obj, override) else [])
+
+
+def _lamp_parts(lamp, matrix: Array) -> tuple[Array, list[Part]]:
+    """The matrix of a lamp and the box around what it shows, if it shows anything."""
+    if lamp.type == "SUN":
+        return matrix, []
+    if lamp.type == "AREA":
+        sides = 0.5 * max(lamp.size, lamp.size_y)
+        half = np.array([sides, sides, 0.0])
+    else:
+        half = np.full(3, lamp.shadow_soft_size)
+        # Cycles ignores the scale of these lamps, or does not, by version.
+        half = half * max(1.0, np.abs(matrix[:3, :3]).max() * np.sqrt(3.0))
+        matrix = np.vstack([np.hstack([np.eye(3), matrix[:3, 3:]]), [0.0, 0.0, 0.0, 1.0]])
+    return matrix, [Part(corners_of(np.stack([-half, half])), None)]
 
 
 def _is_hidden(obj) -> bool:
@@ -129,8 +176,8 @@ def _is_diced(obj) -> bool:
     return any(getattr(modifier, "use_adaptive_subdivision", False) for modifier in obj.original.modifiers)
 
 
-def _box_of(obj) -> Array:
-    """The box around hair curves, points or a volume, its lower and upper corner (2, 3). Raises Unbounded."""
+def _box_of(obj) -> Part:
+    """The box around hair curves, points or a volume. Raises Unbounded."""
     corners = np.array(obj.bound_box, np.float64)
     low, high = corners.min(axis=0), corners.max(axis=0)
     if not (high > low).any() or not np.isfinite(corners).all():
@@ -140,4 +187,4 @@ def _box_of(obj) -> Array:
         low, high = (
             side + sign * foreach(radius.data, "value").max() for side, sign in ((low, -1), (high, 1))
         )
-    return np.stack([low, high])
+    return Part(corners_of(np.stack([low, high])), None)

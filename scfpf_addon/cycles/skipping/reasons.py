@@ -5,26 +5,41 @@ from __future__ import annotations
 
 import bpy
 
+from ...bridge.blender.rig_mark import has_other_animation
 from ..chord_planning import may_move
 from ..hidden_surfaces import hidden_from_rigs
-from .stillness import moving
+from .stillness import motion_of
 
 
 def obstacle(rig) -> str:
     """The reason as a sentence without its full stop, or an empty text."""
     settings = rig.scfpf_rig
-    scene = settings.scene
-    if settings.animated or may_move(settings.camera):
-        return "The volume may change with the frame"
+    scene, render = settings.scene, settings.scene.render
     if any(other != scene and rig in other.collection.children_recursive for other in bpy.data.scenes):
         return "Another scene renders through this rig, too"
     if has_volume(scene.world):
         return "The world is filled with a volume"
-    if mover := moving(scene, hidden_from_rigs()):
-        return f"'{mover}' may change with the frame"
+    if simulated := motion_of(scene, hidden_from_rigs()).simulated:
+        return f"'{simulated}' is simulated"
+    if render.frame_map_old != render.frame_map_new:
+        return "The scene's time is stretched"
     if displaced := _displacing(scene):
         return f"The displacement of '{displaced}' has no known bounds"
     return ""
+
+
+def moves(rig) -> bool:
+    """Whether a rig's volume may change with the frame."""
+    return rig.scfpf_rig.animated or may_move(rig.scfpf_rig.camera)
+
+
+def movers_of(rig) -> frozenset[int]:
+    """Session ids of the objects of a rig's scene that may change with the frame."""
+    scene = rig.scfpf_rig.scene
+    if has_other_animation(scene):
+        # It may hide collections.
+        return frozenset(obj.session_uid for obj in bpy.data.objects)
+    return motion_of(scene, hidden_from_rigs()).movers
 
 
 def has_volume(world) -> bool:

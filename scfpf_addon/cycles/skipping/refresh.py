@@ -2,28 +2,38 @@
 """Skipping kept true: found when a rig is made or rendered, off as soon as the scene or the volume changes.
 
 Switching it off is a setting of the rig's nodes, which then make whole sheets. The next render through the
-add-on's operator, or in the background, looks for empty chords again.
+add-on's operator, or in the background, looks for empty chords again. If anything moves, a driver lets rays
+skip chords only at the frames for which the scene was looked at.
 """
 
 from __future__ import annotations
 
-from ...bridge.blender import versions
-from ...bridge.blender.modifier_inputs import input_identifiers, set_inputs
+import bpy
+
+from ...bridge.blender.drivers import add_scene_property, new_driver
+from ...bridge.blender.modifier_inputs import input_property, set_inputs
 from ...projection.mappings.stack import is_disc
 from ..chord_planning import look
 from ..chords.chord_plan import ChordPlan
 from ..rig_data import MODIFIER, has_new_materials, present_chords, write_sheets
-from .reasons import obstacle
-from .scene_state import has_unwatched, shape_edits, state_of
-from .skip_chords import NotSkipping, faces_that_skip
+from .reasons import movers_of, moves, obstacle
+from .scene_state import SceneState, has_unwatched, shape_edits, state_of
+from .skip_chords import Look, NotSkipping, faces_that_skip
+from .swept_bodies import shutter_of
 
-CHANGED = "The scene has changed since empty chords were found"
+CHANGED = "The scene or the frame has changed since empty chords were found"
 # The custom property of the rig's sheets that says what they were made for.
 TEXT_KEY = "scfpf_skips"
 MADE_FOR = (
-    "Rays skip the chords of '{camera}' in which '{scene}' showed nothing at frame {frame}. After a change "
-    "of the scene or the volume render with the add-on SCFPF, or switch off Skip in the modifier"
+    "Rays skip the chords of '{camera}' in which '{scene}' with its {objects} objects shows nothing at "
+    "{when}, found by Blender {version}. {others}After a change of the scene or the volume "
+    "render with the add-on SCFPF, or switch off Skip in the modifier"
 )
+OTHER_FRAMES = "At other frames, and with other motion blur, they travel all chords. "
+# Seconds that a rig that is made may take for the frames of a scene, and a render of an animation.
+PATIENCE, PATIENCE_OF_ANIMATION = 5.0, 60.0
+# Frames that differ by less are one.
+ONE_FRAME = 1e-3
 # Edits of these may change what rays meet.
 WATCHED = (
     "OBJECT",
@@ -38,8 +48,8 @@ WATCHED = (
     "CURVE",
 )
 
-# The state of the scene that each rig skips for, by session id of the rig.
-_made_for: dict[int, tuple] = {}
+# The states of the scene that each rig skips for by frame, None for all, by session id of the rig.
+_made_for: dict[int, dict[float | None, SceneState]] = {}
 
 
 def forget_all() -> None:
@@ -47,14 +57,36 @@ def forget_all() -> None:
     _made_for.clear()
 
 
-def write_skipping(rig, chords: ChordPlan) -> None:
-    """Write a plan's sheets, whose rays skip what is certainly empty. Raises RigError without Cycles."""
+def write_skipping(rig, chords: ChordPlan, patience: float = PATIENCE) -> None:
+    """Write a plan's sheets, whose rays skip what is certainly empty.
+
+    In a scene that moves it is empty at all frames of the scene, if these take no more than ``patience``, in
+    seconds, and the volume is still; else at the present one. Raises RigError without Cycles.
+    """
+    scene = rig.scfpf_rig.scene
+    frames = present_frames(rig)
+    if frames and not moves(rig):
+        every = tuple(float(frame) for frame in range(scene.frame_start, scene.frame_end + 1))
+        if _write(rig, chords, Look(every, patience)):
+            return
+    _write(rig, chords, Look(frames))
+
+
+def present_frames(rig) -> tuple[float, ...]:
+    """The present frame of a rig's scene, or nothing if neither the scene nor the volume moves."""
+    return (rig.scfpf_rig.scene.frame_current_final,) if moves(rig) or movers_of(rig) else ()
+
+
+def _write(rig, chords: ChordPlan, look: Look) -> bool:
+    """Write sheets for the frames of a look; return whether their rays skip chords."""
     settings = rig.scfpf_rig
     faces, reason = None, ""
+    _unguard(rig)
     try:
         if not has_new_materials(rig):
             raise NotSkipping("Another version of the add-on has made the rig: press Update Chords")
-        faces = faces_that_skip(rig, chords)
+        found = faces_that_skip(rig, chords, look)
+        faces = found.faces
     except NotSkipping as error:
         reason = str(error)
     write_sheets(rig, chords, faces)
@@ -62,55 +94,112 @@ def write_skipping(rig, chords: ChordPlan) -> None:
     if faces is None:
         _made_for.pop(rig.session_uid, None)
         settings.portals.pop(TEXT_KEY, None)
-        return
-    _made_for[rig.session_uid] = state_of(rig)
-    scene = settings.scene
+        return False
+    present = state_of(rig)
+    states: dict[float | None, SceneState] = {look.frames[0] if look.frames else None: present}
+    states |= {frame: present._replace(objects=objects) for frame, objects in found.objects.items()}
+    _made_for[rig.session_uid] = states
+    if look.frames:
+        _guard(rig, look.frames)
+    scene, frames = settings.scene, look.frames
+    when = "any frame"
+    if frames:
+        when = f"frame {frames[0]:g}" if len(frames) == 1 else f"frames {frames[0]:g} to {frames[-1]:g}"
     settings.portals[TEXT_KEY] = MADE_FOR.format(
-        camera=settings.camera.name, scene=scene.name, frame=scene.frame_current
+        camera=settings.camera.name,
+        scene=scene.name,
+        objects=len(scene.objects),
+        when=when,
+        version=bpy.app.version_string,
+        others=OTHER_FRAMES if frames else "",
     )
+    return True
+
+
+def _guard(rig, frames: tuple[float, ...]) -> None:
+    """Let the rays of a rig skip chords at these frames only, with the scene's present motion blur.
+
+    A driver does so, with or without the add-on.
+    """
+    render = rig.scfpf_rig.scene.render
+    shutter, modifier = shutter_of(render), rig.scfpf_rig.portals.modifiers[MODIFIER]
+    frame = f"(frame - {shutter.centre!r})"
+    low, high = frames[0] - ONE_FRAME, frames[-1] + ONE_FRAME
+    parts = [f"{frame} > {low!r}", f"{frame} < {high!r}", f"blur == {int(render.use_motion_blur)}"]
+    if len(frames) > 1:
+        parts.append(f"abs({frame} - round({frame})) < {ONE_FRAME}")
+    if render.use_motion_blur:
+        parts.append(f"abs(shutter - {render.motion_blur_shutter!r}) < {ONE_FRAME}")
+        position = render.bl_rna.properties["motion_blur_position"].enum_items[render.motion_blur_position]
+        parts.append(f"place == {position.value}")
+    driver = new_driver(*input_property(modifier, "Skip"), " and ".join(parts))
+    add_scene_property(driver, "render.use_motion_blur", "blur")
+    add_scene_property(driver, "render.motion_blur_shutter", "shutter")
+    add_scene_property(driver, "render.motion_blur_position", "place")
+
+
+def _unguard(rig) -> None:
+    """Remove the driver of ``_guard``."""
+    owner, name = input_property(rig.scfpf_rig.portals.modifiers[MODIFIER], "Skip")
+    owner.driver_remove(name)
 
 
 def skips(rig) -> bool:
-    """Whether rays of a rig skip chords."""
-    modifier = rig.scfpf_rig.portals.modifiers[MODIFIER]
-    if modifier.node_group is None:
-        return False
-    identifier = input_identifiers(modifier.node_group).get("Skip")
-    return identifier is not None and bool(versions.modifier_input(modifier, identifier))
+    """Whether rays of a rig skip chords, if at some frames only."""
+    return rig.scfpf_rig.passed > 0.0 and rig.scfpf_rig.portals.modifiers[MODIFIER].node_group is not None
 
 
 def stop_skipping(rig, reason: str = CHANGED) -> None:
     """Let rays travel all chords."""
     _made_for.pop(rig.session_uid, None)
     if skips(rig):
+        _unguard(rig)
         set_inputs(rig.scfpf_rig.portals.modifiers[MODIFIER], {"Skip": False})
         rig.scfpf_rig.passed = 0.0
         rig.scfpf_rig.portals.update_tag()
         _note_reason(rig.scfpf_rig, reason)
 
 
-def watch(rig, depsgraph) -> None:
-    """Stop skipping if the scene has changed."""
+def watch(rig, depsgraph, has_new_frame: bool = False) -> None:
+    """Stop skipping if the scene has changed, or is at a frame for which no empty chords were found.
+
+    has_new_frame: whether the depsgraph was updated for another frame, at which moving shapes change.
+    """
     if not skips(rig):
         return
-    made_for = _made_for.get(rig.session_uid)
-    if made_for is None or shape_edits(depsgraph):
+    made_for = _state_made_for(rig)
+    expected = movers_of(rig) if has_new_frame else frozenset()
+    if made_for is None or shape_edits(depsgraph, expected):
         stop_skipping(rig)
         return
-    has_edits = any(depsgraph.id_type_updated(kind) for kind in WATCHED)
+    has_edits = has_new_frame or any(depsgraph.id_type_updated(kind) for kind in WATCHED)
     if has_edits and state_of(rig) != made_for:
         stop_skipping(rig)
 
 
-def renew(rig, view_layer) -> None:
-    """Find empty chords again if the scene has changed, or may have. The view layer is evaluated."""
+def _state_made_for(rig) -> SceneState | None:
+    """The state of the scene at the present frame that a rig skips for, None if it skips nothing there."""
+    states = _made_for.get(rig.session_uid, {})
+    return states.get(None, states.get(rig.scfpf_rig.scene.frame_current_final))
+
+
+def renew(rig, view_layer, animation: bool = False, apart: bool = False) -> None:
+    """Find empty chords again if the scene has changed, or may have. The view layer is evaluated.
+
+    animation: all frames of the scene are to be rendered, without further notice. apart: Blender is already
+    rendering the present one.
+    """
     settings = rig.scfpf_rig
     if reason := obstacle(rig):
         stop_skipping(rig)
         _note_reason(settings, reason)
         return
-    known = _made_for.get(rig.session_uid)
-    if known is not None and known == state_of(rig) and not has_unwatched(settings.scene, view_layer):
+    frames = present_frames(rig)
+    known = _state_made_for(rig)
+    is_known = known is not None and known == state_of(rig) and not has_unwatched(settings.scene, view_layer)
+    is_one = animation and len(_made_for.get(rig.session_uid, {})) == 1
+    # Scripts may set a frame and edit things before anything is evaluated.
+    if is_known and not (frames and (apart or is_one)):
         return
     projection, _ = look(settings.camera, settings.scene, view_layer.depsgraph)
     plan = ChordPlan(
@@ -120,7 +209,10 @@ def renew(rig, view_layer) -> None:
         missing=settings.missing,
         disc=is_disc(projection.reparameterisation, projection.aspect),
     )
-    write_skipping(rig, plan)
+    if animation:
+        write_skipping(rig, plan, PATIENCE_OF_ANIMATION)
+    else:
+        _write(rig, plan, Look(frames, apart=apart))
 
 
 def _note_reason(settings, reason: str) -> None:

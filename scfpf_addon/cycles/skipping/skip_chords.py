@@ -6,29 +6,60 @@ The ends of the chords are those that the rig's own nodes compute, so that what 
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import bpy
+
 from ...bridge.camera.read_projection import ProjectionError
 from ...bridge.render.image_size import image_size
 from ...bridge.scene.mesh_arrays import foreach
 from ...bridge.scene.render_depsgraph import RenderDepsgraphError, with_render_depsgraph
 from ...casting.cells.occupied_chords import occupied_chords
-from ...projection.typing import BoolArray
+from ...projection.typing import Array, BoolArray
 from ..chords.chord_plan import ChordPlan
 from ..portals.paths import Faces, faces_of
 from ..portals.sheets import first_sheet, sheet_shape
 from ..rig_data import probe_mesh
 from .bodies import Bodies, Unbounded
-from .reasons import obstacle
+from .reasons import movers_of, moves, obstacle
+from .scene_state import objects_state, shown_objects
+from .swept_bodies import SweptBodies, shutter_of
 
 # Widths of a cell of sheets whose rays skip chords, in pixels: the first with at most so many cells counts.
 CELL_PIXELS = (8, 12, 16, 24, 32)
 MOST_CELLS = 16_000
 
 
+class Look(NamedTuple):
+    """A look at a scene for empty chords.
+
+    frames: at which chords are to be empty; none if nothing moves. patience: seconds that it may take.
+    apart: whether Blender is rendering the scene, which is then evaluated as a copy.
+    """
+
+    frames: Sequence[float] = ()
+    patience: float = math.inf
+    apart: bool = False
+
+
+class Found(NamedTuple):
+    """Faces of sheets whose rays skip chords, and the states of objects that they are for, by frame.
+
+    objects: empty for a look at the present frame.
+    """
+
+    faces: Faces
+    objects: dict[float, tuple]
+
+
 class NotSkipping(Exception):
     """Rays have to travel all chords. The message is the reason, as a sentence without its end."""
 
 
-def faces_that_skip(rig, chords: ChordPlan) -> Faces:
+def faces_that_skip(rig, chords: ChordPlan, look: Look) -> Found:
     """The faces of sheets whose rays skip the chords in which nothing is. Raises NotSkipping.
 
     The rig's mesh is a probe afterwards: call ``write_sheets`` in any case.
@@ -38,8 +69,8 @@ def faces_that_skip(rig, chords: ChordPlan) -> Faces:
         raise NotSkipping(reason)
     cells = fine_cells(chords.cells, image_size(scene))
     probe_mesh(rig, chords, cells)
-    occupied = _occupied(rig, chords, cells)
-    return faces_of(occupied, cells)
+    search = _Search(rig, chords, cells, look)
+    return Found(faces_of(search.run(), cells), search.objects)
 
 
 def fine_cells(cells: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
@@ -54,25 +85,101 @@ def fine_cells(cells: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]
     return across, up
 
 
-def _occupied(rig, chords: ChordPlan, cells: tuple[int, int]) -> BoolArray:
-    """Whether anything may be in each chord of each cell, (n, rows, columns). Raises NotSkipping."""
-    settings = rig.scfpf_rig
-    scene, name = settings.scene, settings.portals.name_full
-    rows, columns = sheet_shape(cells, chords.disc)
-    bodies, found = Bodies(), []
+class _Search:
+    """The search for chords in which anything may be at some frames."""
 
-    def read(depsgraph) -> None:
-        bodies.read(depsgraph)
-        if not found:
-            mesh = depsgraph.objects[name].data
-            ends = foreach(mesh.attributes["position"].data, "vector", 3)[first_sheet(chords.count) :]
-            found.append(ends.reshape(chords.count + 1, rows, columns, 3).transpose(0, 3, 1, 2))
+    def __init__(self, rig, chords: ChordPlan, cells: tuple[int, int], look: Look) -> None:
+        settings = rig.scfpf_rig
+        self._rig, self._look, self._count = rig, look, chords.count
+        self._name, self._shape = settings.portals.name_full, sheet_shape(cells, chords.disc)
+        self._movers, self._volume_moves = movers_of(rig), moves(rig)
+        self._shutter = shutter_of(settings.scene.render)
+        self._ends: Array | None = None
+        self._occupied: BoolArray | None = None
+        self._shown = shown_objects(rig)
+        self.objects: dict[float, tuple] = {}
 
-    try:
-        for layer in scene.view_layers:
-            with_render_depsgraph(scene, layer, read)
-    except Unbounded as error:
-        raise NotSkipping(str(error)) from error
-    except (RenderDepsgraphError, ProjectionError) as error:
-        raise NotSkipping(str(error)) from error
-    return occupied_chords(found[0], bodies.points())
+    def run(self) -> BoolArray:
+        """Whether anything may be in each chord of each cell, (n, rows, columns). Raises NotSkipping."""
+        scene = self._rig.scfpf_rig.scene
+        if self._look.apart:
+            scene = scene.copy()
+        try:
+            for layer in scene.view_layers:
+                with_render_depsgraph(scene, layer, self._of_layer, with_time=True)
+        except (Unbounded, RenderDepsgraphError, ProjectionError) as error:
+            raise NotSkipping(str(error)) from error
+        finally:
+            if self._look.apart:
+                bpy.data.scenes.remove(scene)
+        assert self._occupied is not None
+        return self._occupied
+
+    def _of_layer(self, depsgraph, set_frame) -> None:
+        settings, frames = self._rig.scfpf_rig, self._look.frames
+        if not frames:
+            self._of_frame(depsgraph, lambda _: None, True)
+            return
+        own = settings.scene.frame_current_final
+        begun = time.monotonic()
+
+        def go_to(frame: float) -> None:
+            whole = math.floor(frame)
+            set_frame(whole, subframe=frame - whole)
+
+        try:
+            for number, frame in enumerate(frames):
+                self._of_frame(
+                    depsgraph,
+                    lambda share, frame=frame: go_to(
+                        frame + self._shutter.centre + share * self._shutter.half
+                    ),
+                    number == 0,
+                )
+                if len(frames) > 1:
+                    self._note_state(depsgraph, frame, go_to)
+                taken = (time.monotonic() - begun) * len(frames) / (number + 1)
+                if taken > self._look.patience:
+                    raise NotSkipping("The frames of the scene take too long to look through")
+        finally:
+            go_to(own)
+
+    def _note_state(self, depsgraph, frame: float, go_to: Callable[[float], None]) -> None:
+        """Note where objects are at a frame, as viewports will show them."""
+        if frame not in self.objects:
+            if self._shutter.half > 0.0:
+                go_to(frame)
+            self.objects[frame] = objects_state([obj.evaluated_get(depsgraph) for obj in self._shown])
+
+    def _of_frame(self, depsgraph, go_to: Callable[[float], None], is_first: bool) -> None:
+        """Add what is in the way at a frame. go_to: a time from -1 to 1, while the shutter is open."""
+        go_to(0.0)
+        if self._ends is None or self._volume_moves:
+            self._ends = self._read_ends(depsgraph)
+        bodies, blurs = Bodies(), self._shutter.half > 0.0 and bool(self._look.frames)
+        everything = is_first or self._volume_moves
+        wanted = None if everything else self._is_mover
+        if blurs and everything:
+            bodies.read(depsgraph, lambda instance: not self._is_mover(instance))
+        elif not blurs:
+            bodies.read(depsgraph, wanted)
+        if blurs:
+            swept = SweptBodies(self._is_mover)
+            swept.read(depsgraph, 0.0)
+            for share in sorted(swept.times - {0.0}):
+                go_to(share)
+                swept.read(depsgraph, share)
+            swept.add_to(bodies)
+        occupied = occupied_chords(self._ends, bodies.points())
+        self._occupied = occupied if self._occupied is None else self._occupied | occupied
+
+    def _is_mover(self, instance) -> bool:
+        owners = [instance.object, *([instance.parent] if instance.is_instance else [])]
+        return any(owner.original.session_uid in self._movers for owner in owners)
+
+    def _read_ends(self, depsgraph) -> Array:
+        """The ends of all chords, (n + 1, 3, rows, columns)."""
+        rows, columns = self._shape
+        mesh = depsgraph.objects[self._name].data
+        ends = foreach(mesh.attributes["position"].data, "vector", 3)[first_sheet(self._count) :]
+        return ends.reshape(self._count + 1, rows, columns, 3).transpose(0, 3, 1, 2)

@@ -6,6 +6,8 @@ In case of doubt it may.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import bpy
 
 from ...bridge.blender import versions
@@ -19,85 +21,108 @@ STILL = {
     "REMESH", "SCREW", "SHRINKWRAP", "SIMPLE_DEFORM", "SKIN", "SMOOTH", "SOLIDIFY", "SUBSURF",
     "SURFACE_DEFORM", "TRIANGULATE", "UV_PROJECT", "UV_WARP", "WARP", "WEIGHTED_NORMAL", "WELD", "WIREFRAME",
 }  # fmt: skip
+# Modifiers whose result depends on the frame, too, and on nothing else.
+BY_THE_FRAME = {"BUILD", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "OCEAN", "WAVE"}
+# How something changes: not at all, by the frame alone, or by the frames that were shown before.
+NO_CHANGE, BY_FRAME, SIMULATED = range(3)
 # Nodes whose result depends on the time, or may.
-TIMED = {
-    "GeometryNodeInputSceneTime",
-    "GeometryNodeSimulationInput",
-    "GeometryNodeImageTexture",
-    "GeometryNodeInputActiveCamera",
+NODE_CHANGES = {
+    "GeometryNodeInputSceneTime": BY_FRAME,
+    "GeometryNodeImageTexture": BY_FRAME,
+    "GeometryNodeInputActiveCamera": BY_FRAME,
+    "GeometryNodeSimulationInput": SIMULATED,
 }
 
 
-def moving(scene, left_out: set) -> str:
-    """The name of an object of a scene that may change with the frame; empty if none may.
+class Motion(NamedTuple):
+    """What may change with the frame among the objects that a scene shows.
+
+    movers: session ids. simulated: the name of an object whose shape at a frame depends on how Blender came
+    there, or is unknown; empty if there is none.
+    """
+
+    movers: frozenset[int]
+    simulated: str
+
+
+def motion_of(scene, left_out: set) -> Motion:
+    """The motion of a scene's objects and of those that they depend on.
 
     left_out: objects that no ray meets.
     """
-    look = _Look()
-    for obj in scene.objects:
-        if obj not in left_out and obj.type != "CAMERA" and not is_rig_part(obj) and look.may_move(obj):
-            return obj.name
-    return ""
+    pending = [
+        obj for obj in scene.objects if obj not in left_out and obj.type != "CAMERA" and not is_rig_part(obj)
+    ]
+    trees: dict[int, tuple[int, list]] = {}
+    others: dict[int, set[int]] = {}
+    movers, simulated = set(), ""
+    while pending:
+        obj = pending.pop()
+        if obj.session_uid in others:
+            continue
+        change, found = _own_change(obj, trees)
+        others[obj.session_uid] = {other.session_uid for other in found}
+        pending += found
+        if change > NO_CHANGE:
+            movers.add(obj.session_uid)
+        if change > BY_FRAME:
+            simulated = obj.name
+    while more := {uid for uid, found in others.items() if uid not in movers and found & movers}:
+        movers |= more
+    return Motion(frozenset(movers), simulated)
 
 
-class _Look:
-    """One look at the objects of a scene, each visited once."""
+def _own_change(obj, trees: dict[int, tuple[int, list]]) -> tuple[int, list]:
+    """How an object changes of itself, and the objects that it depends on.
 
-    def __init__(self) -> None:
-        self._seen: set[int] = set()
+    trees: what was found for node trees, by session id.
+    """
+    data = obj.data
+    owners = obj, data, getattr(data, "shape_keys", None)
+    change, others = NO_CHANGE, [obj.parent, *_pointed(data)]
+    if any(owner is not None and has_other_animation(owner) for owner in owners):
+        change = BY_FRAME
+    if len(obj.constraints) or getattr(data, "is_sequence", False) or obj.type == "GREASEPENCIL":
+        change = BY_FRAME
+    if obj.rigid_body is not None or len(getattr(obj, "particle_systems", ())):
+        change = SIMULATED
+    for modifier in obj.modifiers:
+        own, found = _change_of_modifier(modifier, trees)
+        change, others = max(change, own), others + found
+    if obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
+        others += obj.instance_collection.all_objects
+    return change, [other for other in others if other is not None]
 
-    def may_move(self, obj) -> bool:
-        """Whether an object or one that it depends on may change."""
-        if obj is None or obj.session_uid in self._seen:
-            return False
-        self._seen.add(obj.session_uid)
-        data = obj.data
-        owners = obj, data, getattr(data, "shape_keys", None)
-        if any(owner is not None and has_other_animation(owner) for owner in owners):
-            return True
-        if len(obj.constraints) or obj.rigid_body is not None or len(getattr(obj, "particle_systems", ())):
-            return True
-        if getattr(data, "is_sequence", False) or obj.type == "GREASEPENCIL":
-            return True
-        if any(self._changes(modifier) for modifier in obj.modifiers):
-            return True
-        others = [obj.parent, *_pointed(data)]
-        if obj.instance_type == "COLLECTION" and obj.instance_collection is not None:
-            others += obj.instance_collection.all_objects
-        return any(self.may_move(other) for other in others)
 
-    def _changes(self, modifier) -> bool:
-        if modifier.type not in STILL:
-            return True
-        others = _pointed(modifier)
-        if modifier.type == "NODES" and modifier.node_group is not None:
-            others += _inputs(modifier)
-            if self._tree_changes(modifier.node_group, others):
-                return True
-        if (
-            modifier.type == "DISPLACE"
-            and modifier.texture is not None
-            and has_other_animation(modifier.texture)
-        ):
-            return True
-        return any(self.may_move(other) for other in others)
+def _change_of_modifier(modifier, trees: dict[int, tuple[int, list]]) -> tuple[int, list]:
+    """As ``_own_change``."""
+    if modifier.type not in STILL:
+        return (BY_FRAME if modifier.type in BY_THE_FRAME else SIMULATED), _pointed(modifier)
+    change, others = NO_CHANGE, _pointed(modifier)
+    if modifier.type == "NODES" and modifier.node_group is not None:
+        change, found = _change_of_tree(modifier.node_group, trees)
+        others += _inputs(modifier) + found
+    texture = modifier.texture if modifier.type == "DISPLACE" else None
+    if texture is not None and has_other_animation(texture):
+        change = max(change, BY_FRAME)
+    return change, others
 
-    def _tree_changes(self, tree, others: list) -> bool:
-        """Whether a tree depends on the time; append the objects that it refers to."""
-        if tree.session_uid in self._seen:
-            return False
-        self._seen.add(tree.session_uid)
-        if has_other_animation(tree):
-            return True
-        for node in tree.nodes:
-            if node.bl_idname in TIMED:
-                return True
-            for socket in node.inputs:
-                _append(others, getattr(socket, "default_value", None))
-            group = getattr(node, "node_tree", None)
-            if group is not None and self._tree_changes(group, others):
-                return True
-        return False
+
+def _change_of_tree(tree, trees: dict[int, tuple[int, list]]) -> tuple[int, list]:
+    """As ``_own_change``."""
+    if tree.session_uid in trees:
+        return trees[tree.session_uid]
+    change, others = BY_FRAME if has_other_animation(tree) else NO_CHANGE, []
+    for node in tree.nodes:
+        change = max(change, NODE_CHANGES.get(node.bl_idname, NO_CHANGE))
+        for socket in node.inputs:
+            _append(others, getattr(socket, "default_value", None))
+        group = getattr(node, "node_tree", None)
+        if group is not None:
+            own, found = _change_of_tree(group, trees)
+            change, others = max(change, own), others + found
+    trees[tree.session_uid] = change, others
+    return trees[tree.session_uid]
 
 
 def _pointed(owner) -> list:

@@ -4,16 +4,13 @@
 import bpy
 import numpy as np
 import pytest
-from mathutils import Euler
 from rig_scenes import (
     VOLUMES,
-    clear_scene,
-    fill_volume,
-    make_volume,
     project,
-    reference,
     render_passes,
+    show_whole_sheets,
     switch,
+    volume_scene,
 )
 
 WIDTH, HEIGHT = 72, 48
@@ -44,17 +41,6 @@ def skipping(addon):
 @pytest.fixture
 def rig_of(addon):
     return lambda: addon("cycles.rig_data").rig_of(bpy.context.scene)
-
-
-def volume_scene(addon, name):
-    clear_scene()
-    camera = reference.add_camera(WIDTH, HEIGHT)
-    camera.location, camera.rotation_euler = (0.4, -0.6, 0.3), Euler((1.4, 0.1, 0.5))
-    make_volume(addon, camera, name)
-    camera.scfpf.pixel_error = 0.3
-    bpy.context.view_layer.update()
-    fill_volume(addon, camera)
-    return camera
 
 
 def thin_things(addon, camera, count=12):
@@ -88,7 +74,7 @@ def test_skipping_shows_what_all_chords_show(addon, skipping, rig_of, tmp_path, 
     camera = volume_scene(addon, name)
     thin_things(addon, camera)
     assert switch(camera) == {"FINISHED"}
-    rig, data = rig_of(), addon("cycles.rig_data")
+    rig = rig_of()
     for group in bpy.data.node_groups:
         group.use_fake_user = True
     assert skipping.skips(rig), rig.scfpf_rig.travels_all
@@ -96,19 +82,14 @@ def test_skipping_shows_what_all_chords_show(addon, skipping, rig_of, tmp_path, 
     assert skipping.skips(rig)
     mesh = rig.scfpf_rig.portals.data
     faces = len(mesh.polygons)
-    # Whole sheets with the same cells.
-    plans = addon("cycles.chords.chord_plan")
-    breaks, shifts = data.present_chords(rig)
-    cells = addon("cycles.skipping.skip_chords").fine_cells(tuple(rig.scfpf_rig.cells), (WIDTH, HEIGHT))
-    polar = rig.scfpf_rig.sheet_vertices == np.prod(np.array(rig.scfpf_rig.cells) + 1)
-    data.write_sheets(rig, plans.ChordPlan(breaks, shifts, cells, 0.0, 0.0, bool(polar)))
+    show_whole_sheets(addon, rig)
     monkeypatch.setattr(addon("cycles.rig"), "renew", lambda *_: None)
     every = render_passes(tmp_path / "every")
     assert not skipping.skips(rig)
     other = some["Object Index"] != every["Object Index"]
     off = np.linalg.norm(some["Position"] - every["Position"], axis=2)
     moved = off > PLACE * np.abs(every["Position"]).max()
-    print(name, len(breaks) - 1, faces, other.sum(), moved.sum(), off.max())
+    print(name, rig.scfpf_rig.chords, faces, other.sum(), moved.sum(), off.max())
     assert (every["Object Index"] > 0).mean() > 0.02
     assert other.sum() <= ROUNDED and moved.sum() <= ROUNDED
 
@@ -137,8 +118,8 @@ def wider_lamp(scene):
     lamp.shadow_soft_size += 1.0
 
 
-def keyed_object(_scene):
-    bpy.data.objects["Object 1"].keyframe_insert("location", frame=1)
+def simulated_object(_scene):
+    bpy.data.objects["Object 1"].modifiers.new("Cloth", "CLOTH")
 
 
 def foggy_world(scene):
@@ -152,7 +133,7 @@ def moved_surface(scene):
 
 
 EDITS = (moved_object, moved_vertex, new_object, hidden_object, wider_lamp, moved_surface)
-OBSTACLES = {keyed_object: "'Object 1' may change", foggy_world: "filled with a volume"}
+OBSTACLES = {simulated_object: "'Object 1' is simulated", foggy_world: "filled with a volume"}
 
 
 @pytest.fixture

@@ -107,6 +107,30 @@ def fill_volume(addon, camera, count=24):
     bpy.context.view_layer.update()
 
 
+def volume_scene(addon, name, width=72, height=48):
+    """A volume with objects in it; returns its camera."""
+    clear_scene()
+    camera = reference.add_camera(width, height)
+    camera.location, camera.rotation_euler = (0.4, -0.6, 0.3), Euler((1.4, 0.1, 0.5))
+    make_volume(addon, camera, name)
+    camera.scfpf.pixel_error = 0.3
+    bpy.context.view_layer.update()
+    fill_volume(addon, camera)
+    return camera
+
+
+def show_whole_sheets(addon, rig):
+    """Let rays travel all chords, through sheets with the same cells. Keep ``renew`` from undoing it."""
+    scene, settings, data = bpy.context.scene, rig.scfpf_rig, addon("cycles.rig_data")
+    addon("cycles.skipping.refresh").stop_skipping(rig)
+    size = scene.render.resolution_x, scene.render.resolution_y
+    breaks, shifts = data.present_chords(rig)
+    cells = addon("cycles.skipping.skip_chords").fine_cells(tuple(settings.cells), size)
+    polar = settings.sheet_vertices == np.prod(np.array(settings.cells) + 1)
+    plan = addon("cycles.chords.chord_plan").ChordPlan(breaks, shifts, cells, 0.0, 0.0, bool(polar))
+    data.write_sheets(rig, plan)
+
+
 def switch(camera):
     bpy.context.view_layer.objects.active = camera
     return bpy.ops.scfpf.cycles_rig()
