@@ -30,6 +30,7 @@ BENCHMARKS = {
     "street": ("street/portals_passed",),
     "engine": ("engine",),
     "live": ("live/street_drag",),
+    "aim": ("aim/bars",),
     "soak": ("soak",),
     "scale": ("scale",),
     "counts": ("counts",),

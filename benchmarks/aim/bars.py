@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Aim's bars: single views on the demo's street and three other scenes, random sets of pins, and times.
+
+    python3 dev.py bench --aim [--sets N] [--only PLACE]
+
+Single views: at least 95 % of the pins within 0.5 px and all within 1.5 px at 1920 px, no mirrored pixel, no
+fold before a hit, a background that moves by a median of 2 px and a 95th percentile of 25 px outside the
+halo. Sets of 5 to 12 pins: 99 % solved of those shifted by up to 3 % and turned by up to 20°, and 90 %
+without mirrored pixels of those up to 6 % and 40°; none worse than before is taken. Times are the thread's,
+which do not count what BLAS does in other threads; OPENBLAS_NUM_THREADS=1 counts all.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter, thread_time
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from benchmarks.aim.cases import (
+    WIDTH,
+    Place,
+    Setting,
+    figure,
+    random_setting,
+    room,
+    street,
+    terrain,
+    view_setting,
+)
+from scfpf_addon.casting.aim.judge import Judgement
+from scfpf_addon.projection.aim.solver import Aim
+
+PLACES = {"street": street, "room": room, "terrain": terrain, "figure": figure}
+# Degrees to the left and above.
+VIEWS = {"45°": (45.0, 10.0), "side": (90.0, 5.0), "above": (0.0, 60.0)}
+# Random sets: degrees, shift.
+SETS = ((20.0, 0.03), (40.0, 0.06))
+DRAG_EVENTS, DRAG_PIXELS = 30, 10.0
+
+
+def solved(case: Setting) -> tuple[Aim, Judgement, float, float]:
+    """The solver, the judgement of its result, and its seconds of the thread and of the clock."""
+    clock, own = perf_counter(), thread_time()
+    aim = Aim(case.problem)
+    result = aim.solve()
+    seconds = thread_time() - own, perf_counter() - clock
+    assert result is not None
+    return aim, case.judged_result(result), *seconds
+
+
+def view_line(title: str, case: Setting) -> str:
+    """The figures of a single view, as a row of a table."""
+    aim, found, own, clock = solved(case)
+    pixels = found.pixels
+    met = (pixels <= 0.5).mean() >= 0.95 and pixels.max() <= 1.5
+    clean = found.mirrored == 0.0 and found.folded == 0.0
+    still = found.background_median <= 2.0 and found.background_most <= 25.0
+    marks = "".join("+" if good else "-" for good in (met, clean, still))
+    return (
+        f"| {title} | {np.median(pixels):.2f} / {pixels.max():.2f} | {100 * found.mirrored:.2f} % "
+        f"| {100 * found.folded:.2f} % | {found.background_median:.1f} / {found.background_most:.1f} "
+        f"| {found.seen.mean():.0%} | {np.nanmedian(found.angles):.1f} | {aim.steps} "
+        f"| {own:.2f} / {clock:.2f} | {marks} |"
+    )
+
+
+def drag_line(case: Setting) -> str:
+    """Times and lags of a drag of all pins, 10 px an event."""
+    aim = Aim(case.problem)
+    aim.solve()
+    times, lags = [], []
+    for event in range(1, DRAG_EVENTS + 1):
+        moved = case.problem.pins.positions + np.array([[DRAG_PIXELS * event / WIDTH], [0.0]])
+        before = thread_time()
+        result = aim.drag(replace(case.problem.pins, positions=moved))
+        times.append(thread_time() - before)
+        lags.append(float(np.median(result.residuals)))
+    return (
+        f"drag of {aim.net.unknowns} unknowns: {1000 * np.median(times):.1f} ms an event (thread), "
+        f"behind by {np.median(lags):.2f} px at the median and {max(lags):.2f} px at most"
+    )
+
+
+def sets_line(place: Place, count: int, degrees: float, shift: float) -> str:
+    """How many random sets of pins are solved, clean, worse and not taken."""
+    met = clean = refused = 0
+    times = []
+    for seed in range(count):
+        case = random_setting(place, seed, degrees, shift)
+        _, found, own, _ = solved(case)
+        times.append(own)
+        good, unmirrored = bool(found.pixels.max() <= 0.5), found.mirrored == 0.0
+        met += good
+        clean += good and unmirrored
+        refused += bool(found.worse_than(case.judged(case.before)))
+    return (
+        f"{count} sets to {degrees:.0f}° and {shift:.0%}: {met / count:.1%} solved, {clean / count:.1%} "
+        f"without mirrored pixels, {refused / count:.1%} not taken, {np.median(times):.2f} s each (thread)"
+    )
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sets", type=int, default=20, help="random sets of each kind")
+    parser.add_argument("--only", choices=PLACES, help="one place")
+    options = parser.parse_args()
+    print(
+        "| view | px median / max | mirrored | folds | background 50 / 95 % | seen | ° | steps | s | bars |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    for name, make in PLACES.items():
+        if options.only in (None, name):
+            place = make()
+            for title, angles in VIEWS.items():
+                print(view_line(f"{name}, {title}", view_setting(place, *angles)), flush=True)
+    place = PLACES[options.only or "figure"]()
+    print(drag_line(view_setting(place, *VIEWS["45°"])))
+    for degrees, shift in SETS if options.sets else ():
+        print(sets_line(place, options.sets, degrees, shift), flush=True)
+
+
+if __name__ == "__main__":
+    main()
