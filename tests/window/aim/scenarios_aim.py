@@ -2,9 +2,12 @@
 """Aim by hand: a view's frame is dragged in Live View, its camera is turned, and the image follows."""
 
 import math
+import pathlib
+import tempfile
 
 import bpy
 import numpy as np
+from driver import DRAW
 from scenarios_clicks import STEP, place_in_frame, select_only, undo
 from scenarios_live import settled
 
@@ -102,4 +105,57 @@ def a_frame_is_dragged(driver):
     assert np.abs(driver.region_pixels() - first).mean() < SAME, "undo leaves another image"
 
 
-SCENARIOS = (a_frame_is_dragged,)
+def press(driver, key):
+    """Press and release a key where the mouse is."""
+    for value in ("PRESS", "RELEASE"):
+        driver.window.event_simulate(key, value, x=driver.region("VIEW_3D").x + 300, y=400)
+
+
+def the_eye_is_turned(driver):
+    """The volume follows the view's camera; keys move the frame, and Esc leads back; a file keeps all."""
+    camera = yield from prepare(driver)
+    name = camera.name
+    with driver.override():
+        assert bpy.ops.scfpf.aim_solve("INVOKE_DEFAULT", True) == {"FINISHED"}
+    camera.scfpf.aim.live = True
+    yield DRAW
+    before = driver.region_pixels()
+    for _ in range(2):
+        with driver.override():
+            assert bpy.ops.scfpf.aim_turn("EXEC_DEFAULT", True, left=math.radians(8)) == {"FINISHED"}
+        yield 2 * STEP
+    yield from settled()
+    driver.shot("turned")
+    turned = driver.region_pixels()
+    assert np.abs(turned - before).mean() > MOVED, "the image does not follow the view's camera"
+    assert "Follows within" in camera.scfpf.aim.message, camera.scfpf.aim.message
+    target = camera.scfpf.aim_targets[0]
+    place, eye = tuple(target.position), target.eye.name
+    with driver.override():
+        assert bpy.ops.scfpf.aim_drag("INVOKE_DEFAULT", True) == {"RUNNING_MODAL"}
+    yield STEP
+    for key in ("RIGHT_ARROW", "RIGHT_ARROW", "UP_ARROW"):
+        press(driver, key)
+        yield STEP
+    driver.shot("keys")
+    assert np.allclose(np.array(target.position) - place, (2 / 1200, 1 / 600), atol=1e-5), (
+        "arrows do not move it"
+    )
+    press(driver, "ESC")
+    yield from settled()
+    assert np.allclose(target.position, place) and camera.scfpf.aim.live, "Esc does not lead back"
+    assert np.abs(driver.region_pixels() - turned).mean() < SAME, "Esc leaves another image"
+    path = str(pathlib.Path(tempfile.mkdtemp()) / "aim.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    yield from settled()
+    target = bpy.data.objects[name].scfpf.aim_targets[0]
+    assert (target.eye.name, target.name) == (eye, "Car") and np.allclose(target.position, place)
+    assert np.abs(driver.region_pixels() - turned).mean() < SAME, "the file shows another image"
+    with driver.override():
+        bpy.ops.view3d.view_camera()
+    yield DRAW
+    driver.shot("scene")
+
+
+SCENARIOS = (a_frame_is_dragged, the_eye_is_turned)
