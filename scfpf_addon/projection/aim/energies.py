@@ -190,17 +190,24 @@ class StayEnergy:
         for _ in range(2):
             along = Along.of(controls, t)
             change = dot(points - along.position, along.dt) / np.maximum(dot(along.dt, along.dt), 1e-300)
-            t = np.clip(t + np.clip(change, -LONGEST_SLIDE, LONGEST_SLIDE), 0.0, 1.0)
+            t = np.clip(t + np.clip(change, -LONGEST_SLIDE, LONGEST_SLIDE), 0.0, LAST_T)
         return Along.of(controls, t), t
+
+    def _short(self, t: Array, miss: Array, tangent: Array) -> Array:
+        """How far projectors end before their points, (N,): they shall reach them."""
+        short: Array = np.where(t >= LAST_T, np.maximum(dot(miss, tangent), 0.0), 0.0)
+        return short
 
     def value(self, points: Array) -> float:
         """The energy, with the footprints of the last linearisation."""
         some = self.active
         places = self.places.take(some)
-        along, _ = self._slid(places.controls(points), self.t[some], self.points[some])
+        along, t = self._slid(places.controls(points), self.t[some], self.points[some])
         tangent = unit(along.dt)
-        miss = across_of(self.points[some] - along.position, tangent)
-        square = dot(miss, miss) / self.footprint[some] ** 2
+        miss = self.points[some] - along.position
+        short = self._short(t, miss, tangent)
+        miss = across_of(miss, tangent)
+        square = (dot(miss, miss) + short**2) / self.footprint[some] ** 2
         robust = square / (1.0 + square / self.weights.robust**2)
         turn = across_of(self.old_tangent[some], tangent)
         angle = (self.weights.stay_direction * DEGREES) ** 2 * dot(turn, turn)
@@ -221,7 +228,8 @@ class StayEnergy:
         e1 = e1 / np.maximum(length, 1e-300)[:, None]
         e2 = np.cross(tangent, e1)
         miss = self.points[some] - along.position
-        square = (dot(miss, e1) ** 2 + dot(miss, e2) ** 2) / footprint**2
+        short = self._short(self.t[some], miss, tangent)
+        square = (dot(miss, e1) ** 2 + dot(miss, e2) ** 2 + short**2) / footprint**2
         share = self.weights.stay * self.strength[some] / (1.0 + square / self.weights.robust**2)
         rows, residuals = [], []
         speed = np.sqrt(dot(along.dt, along.dt))
@@ -231,6 +239,9 @@ class StayEnergy:
             residuals.append(dot(miss, e) * share / footprint)
             rows.append(places.rows_of(0, along.slope, e * (turn * share / speed)[:, None]))
             residuals.append(dot(self.old_tangent[some], e) * turn * share)
+        ending = tangent * ((short > 0.0) * share / footprint)[:, None]
+        rows.append(places.rows_of(0, along.value, ending))
+        residuals.append(short * share / footprint)
         return Rows.of(places, np.stack(rows, axis=1), np.stack(residuals, axis=1))
 
 

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Aim in scenes: views, stays, and a judge that is compared with brute force and closed forms."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from benchmarks.aim.cases import WIDTH, figure, random_setting, room, view_setting
+from scfpf_addon.casting.aim.aim_scene import hit_finder
+from scfpf_addon.casting.aim.views import sample_view
+from scfpf_addon.projection.aim.problem import AimPins
+from scfpf_addon.projection.aim.solver import solve
+from scfpf_addon.projection.volume.viewing_volume import ViewingVolume
+
+
+@pytest.fixture(scope="module")
+def place():
+    return room()
+
+
+@pytest.fixture(scope="module")
+def solved(place):
+    case = view_setting(place, 45.0, 10.0)
+    result = solve(case.problem)
+    return case, result, case.judged_result(result)
+
+
+def ray_meets(origin, target, corners):
+    """Whether a triangle (3, 3) is strictly between two points, by Cramer's rule."""
+    a, b, c = corners
+    matrix = np.stack([target - origin, a - b, a - c], axis=1)
+    if abs(np.linalg.det(matrix)) < 1e-12:
+        return False
+    share, s, t = np.linalg.solve(matrix, a - origin)
+    return 1e-6 < share < 1 - 1e-4 and s >= 0 and t >= 0 and s + t <= 1
+
+
+def test_a_view_shows_what_its_eye_sees(place):
+    view = place.view(45.0, 10.0)
+    pins = sample_view(place.scene, place.wanted, view)
+    np.testing.assert_allclose(view.positions(pins.points), pins.positions, atol=1e-12)
+    own = place.vertices[place.triangles[place.wanted]]
+    for point, direction in zip(pins.points.T, pins.directions.T, strict=True):
+        eye = point - 20.0 * direction
+        assert not any(ray_meets(eye, point, corners) for corners in own)
+    # Frames are the derivatives of the view's positions.
+    moved = view.positions(pins.points + 1e-4 * pins.across) - pins.positions
+    np.testing.assert_allclose(moved, np.array([[1e-4], [0.0]]) + 0 * moved, atol=1e-9)
+
+
+def test_a_turned_chair_meets_the_bars(solved):
+    _, _, found = solved
+    assert (found.pixels <= 0.5).mean() >= 0.95 and found.pixels.max() <= 1.5
+    assert found.mirrored == 0.0 and found.folded == 0.0 and found.seen.all()
+    assert found.background_median <= 2.0 and found.background_most <= 25.0
+
+
+def test_the_judge_agrees_with_chords_of_the_projectors(place, solved):
+    case, result, found = solved
+    volume = ViewingVolume(result.patches)
+    pins = case.problem.pins
+    corners = place.vertices[place.triangles]
+    t = np.linspace(0.0, 1.0, 60)
+    for pin in range(0, pins.count, 4):
+        x, y = pins.positions[:, pin]
+        curve = volume.evaluate(np.full(60, x), np.full(60, y), t * (result.t[pin] - 2e-3)).position.T
+        met = any(ray_meets(a, b, c) for a, b in pairwise(curve) for c in corners)
+        assert met != found.seen[pin]
+
+
+def test_the_judge_names_what_hides_a_pin(place):
+    # A point on the wall behind the picture, which is object 7.
+    point = np.array([[0.0], [5.0], [1.75]])
+    case = view_setting(place, 0.0, 0.0)
+    pins = AimPins(point, np.array([[0.5], [0.6]]))
+    problem = replace(case.problem, pins=pins)
+    judged = replace(case, problem=problem, halos=np.zeros(1)).judged(case.before)
+    assert not judged.seen[0] and judged.hidden_by[0] == 7
+
+
+def test_the_old_image_is_judged_as_unmoved(solved):
+    case, _, found = solved
+    old = case.judged(case.before)
+    assert old.background_most < 1e-3 and old.mirrored == 0.0 and old.folded == 0.0
+    assert found.worse_than(old) == ""
+    assert replace(found, pixels=old.pixels + 50.0).worse_than(old) == "PINS"
+    assert replace(found, mirrored=0.1).worse_than(old) == "MIRRORED"
+    assert replace(found, folded=0.1).worse_than(old) == "FOLDED"
+
+
+def test_a_mirrored_volume_is_reported(solved):
+    case, _, _ = solved
+    flipped = tuple(replace(p, points=p.points[:, ::-1]) for p in case.problem.patches)
+    after = replace(case.before, volume=ViewingVolume(flipped))
+    assert case.judged(after).mirrored == 1.0
+
+
+def test_first_hits_for_the_solver_are_the_casters(place):
+    x, y = np.random.default_rng(5).random((2, 300))
+    hits = place.scene.hits(place.base, x, y, WIDTH)
+    seen = hit_finder(place.scene, place.wanted)(place.base.projectors(x, y).points)
+    np.testing.assert_allclose(seen.t, hits.t, atol=1e-6)
+    np.testing.assert_array_equal(seen.wanted, place.wanted[hits.triangle] & (hits.triangle >= 0))
+
+
+def test_stays_are_weaker_near_the_thing(solved):
+    case, _, _ = solved
+    stays = case.problem.stays
+    nearest = np.linalg.norm(stays.points[:, :, None] - case.problem.pins.points[:, None], axis=0).min(axis=1)
+    assert (stays.weights[nearest >= case.halos[0]] == 1.0).all()
+    assert (stays.weights[nearest < 0.5 * case.halos[0]] < 0.6).all()
+    x, y = stays.positions
+    hits = case.place.scene.hits(case.before, x, y, WIDTH)
+    np.testing.assert_allclose(case.place.scene.world(hits.position), stays.points, atol=1e-9)
+
+
+def test_random_pins_are_solved_and_never_worse():
+    place = figure()
+    met = 0
+    for seed in range(5):
+        case = random_setting(place, seed, 20.0, 0.03)
+        found = case.judged_result(solve(case.problem))
+        met += found.pixels.max() <= 0.5
+        assert found.worse_than(case.judged(case.before)) == ""
+    assert met >= 4
