@@ -55,8 +55,15 @@ def command_gallery(options, rest):
 
 
 def command_pictures(options, rest):
-    """Take the screenshots of README.md and docs/guide.md, and write docs/presets.md; names choose some."""
-    pictures.take(environments.first(), options.blender_window, rest)
+    """Take the screenshots of README.md and docs/guide.md, and write docs/presets.md; names choose some.
+
+    Names that begin with aim- are rendered for docs/aim.md; without names all are.
+    """
+    moving = [name for name in rest if name.startswith("aim-")]
+    if moving or not rest:
+        environments.run([environments.first().python, "demo/aim_pictures.py", *moving])
+    if not moving:
+        pictures.take(environments.first(), options.blender_window, rest)
 
 
 def command_test(options, rest):
