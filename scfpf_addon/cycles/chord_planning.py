@@ -196,9 +196,8 @@ def price_of_plan(plan: ChordPlan) -> Price:
 def price_of_rig(rig) -> Price:
     """The price of an existing rig."""
     settings = rig.scfpf_rig
-    vertices = len(settings.portals.data.vertices)
+    # Nodes repeat one sheet of the mesh, unless rays skip chords.
+    vertices = len(settings.portals.data.vertices) - settings.sheet_vertices
     if not settings.passed:
-        # The nodes repeat the mesh' one sheet.
-        once = first_sheet(settings.chords)
-        vertices = once + (settings.chords + 1) * settings.sheet_vertices
+        vertices = first_sheet(settings.chords) + (settings.chords + 1) * settings.sheet_vertices
     return Price(settings.chords, settings.error, vertices, settings.passed)
