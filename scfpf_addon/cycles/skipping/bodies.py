@@ -18,6 +18,8 @@ from .reasons import links
 UNSEEN = {"ARMATURE", "CAMERA", "EMPTY", "LATTICE", "LIGHT_PROBE", "SPEAKER"}
 # Triangles of all instances together; the instances beyond count as boxes.
 MOST_TRIANGLES = 8_000_000
+# Voxels by which smoke may reach beyond the box of its grid.
+VOXELS = 2.0
 # Corners of the unit box.
 CORNERS = np.array(list(product((0.0, 1.0), repeat=3)))
 
@@ -182,6 +184,11 @@ def _box_of(obj) -> Part:
     low, high = corners.min(axis=0), corners.max(axis=0)
     if not (high > low).any() or not np.isfinite(corners).all():
         raise Unbounded(f"'{obj.name}' has no known bounds")
+    if obj.type == "VOLUME":
+        # Blender 4.5 places the box half a voxel low, and interpolation reaches beyond it.
+        voxels = [np.abs(np.array(grid.matrix_object)[:3, :3]).sum(axis=1) for grid in obj.data.grids]
+        beyond = VOXELS * np.max(voxels, axis=0, initial=0.0)
+        low, high = low - beyond, high + beyond
     radius = getattr(obj.data, "attributes", {}).get("radius")
     if radius is not None and len(radius.data):
         low, high = (

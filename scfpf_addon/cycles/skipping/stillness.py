@@ -11,7 +11,6 @@ from typing import NamedTuple
 import bpy
 
 from ...bridge.blender import versions
-from ...bridge.blender.modifier_inputs import input_identifiers
 from ...bridge.blender.rig_mark import has_other_animation, is_rig_part
 
 # Modifiers whose result depends on nothing but their settings and other objects.
@@ -32,6 +31,10 @@ NODE_CHANGES = {
     "GeometryNodeInputActiveCamera": BY_FRAME,
     "GeometryNodeSimulationInput": SIMULATED,
 }
+
+
+# Inputs that point to objects.
+POINTING = {"NodeSocketObject", "NodeSocketCollection"}
 
 
 class Motion(NamedTuple):
@@ -138,8 +141,10 @@ def _pointed(owner) -> list:
 def _inputs(modifier) -> list:
     """The objects that inputs of a Geometry Nodes modifier point to."""
     found: list = []
-    for identifier in input_identifiers(modifier.node_group).values():
-        _append(found, versions.modifier_input(modifier, identifier))
+    for item in modifier.node_group.interface.items_tree:
+        # Geometry has no value.
+        if item.item_type == "SOCKET" and item.in_out == "INPUT" and item.socket_type in POINTING:
+            _append(found, versions.modifier_input(modifier, item.identifier))
     return found
 
 
