@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Aim's bars: single views on the demo's street and three other scenes, random sets of pins, and times.
 
-    python3 dev.py bench --aim [--sets N] [--only PLACE]
+    python3 dev.py bench --aim [--sets N] [--only PLACE] [--degree D]
 
 Single views: at least 95 % of the pins within 0.5 px and all within 1.5 px at 1920 px, no mirrored pixel, no
 fold before a hit, a background that moves by a median of 2 px and a 95th percentile of 25 px outside the
@@ -23,6 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.aim.cases import (
+    DEGREE,
     WIDTH,
     Place,
     Setting,
@@ -110,6 +111,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sets", type=int, default=20, help="random sets of each kind")
     parser.add_argument("--only", choices=PLACES, help="one place")
+    parser.add_argument("--degree", type=int, default=DEGREE, help="of the projectors of single views")
     options = parser.parse_args()
     print(
         "| view | px median / max | mirrored | folds | background 50 / 95 % | seen | ° | steps | s | bars |"
@@ -119,7 +121,7 @@ def main() -> None:
         if options.only in (None, name):
             place = make()
             for title, angles in VIEWS.items():
-                print(view_line(f"{name}, {title}", view_setting(place, *angles)), flush=True)
+                print(view_line(f"{name}, {title}", view_setting(place, *angles, options.degree)), flush=True)
     place = PLACES[options.only or "figure"]()
     print(drag_line(view_setting(place, *VIEWS["45°"])))
     for degrees, shift in SETS if options.sets else ():

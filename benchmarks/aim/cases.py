@@ -146,10 +146,10 @@ def setting(
     return Setting(place, before, problem, halos)
 
 
-def view_setting(place: Place, left: float, up: float, larger: float = 1.0) -> Setting:
+def view_setting(place: Place, left: float, up: float, degree: int = DEGREE) -> Setting:
     """A single view of the place's thing; everything else stays."""
-    pins = sample_view(place.scene, place.wanted, place.view(left, up, larger))
-    return setting(place, pins, HALO * place.sphere[1])
+    pins = sample_view(place.scene, place.wanted, place.view(left, up))
+    return setting(place, pins, HALO * place.sphere[1], degree=degree)
 
 
 def random_setting(place: Place, seed: int, degrees: float, shift: float) -> Setting:

@@ -34,11 +34,11 @@ from .energies import (
 from .problem import AimPins, AimProblem, AimResult
 
 # The homotopy: its stages, the steps in each, and the steps at its end.
-STAGES, STEPS, FINAL_STEPS = 8, 2, 20
+STAGES, STEPS, FINAL_STEPS = 8, 2, 24
 # Steps at the end are enough when the control points move by less than so many pixels and no fold is left.
 SETTLED = 1.0
 # The barrier grows to this multiple during the last steps.
-FOLD_GROWTH = 8.0
+FOLD_GROWTH = 30.0
 # The longest move of a control point in a step, as a share of the image's width where the pins are.
 LONGEST_MOVE = 0.6
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
