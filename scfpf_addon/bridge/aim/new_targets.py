@@ -24,6 +24,8 @@ EYE_MARGIN = 1.15
 WIDEST_EYE = math.radians(120)
 # The length of a handle's arrow, and of an eye's frame, as shares of the distance to the camera.
 DRAWN_SIZE = 0.05
+# The halo of a new view, in radii of its thing.
+HALO = 1.5
 
 
 def add_view(camera, depsgraph, projection: Projection, collection=None, obj=None, eye=None):
@@ -43,7 +45,7 @@ def add_view(camera, depsgraph, projection: Projection, collection=None, obj=Non
         x, y, seen = _seen_now(camera, projection, centre)
         target.position = x, y
         target.width = 2.0 * radius / seen.image_width
-        target.halo = 0.5 * radius
+        target.halo = HALO * radius
         target.eye = eye or _new_eye(camera, target.name, seen, centre, radius)
     except AimError:
         remove_target(camera, len(camera.scfpf.aim_targets) - 1)

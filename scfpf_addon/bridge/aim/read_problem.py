@@ -19,6 +19,7 @@ from ...projection.typing import Array, BoolArray
 from ...projection.volume.inverse import find_in_image
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import is_absent
+from ..blender.slot_animation import MAPPINGS, SURFACES, require_own_items
 from ..camera.read_projection import read_projection, world_to_camera
 from ..live.kept_scene import KeptScene
 from ..live.live_objects import LiveObjects
@@ -205,10 +206,11 @@ def _line(target, by_handle: dict[int, int]) -> tuple[int, int]:
 
 
 def read_inputs(camera, depsgraph, kept: Patches | None = None) -> AimInputs:
-    """Everything that a solution of a camera's targets needs. Raises one of RENDER_ERRORS, or AimError.
+    """Everything that a solution of a camera's targets needs. Raises RENDER_ERRORS, AimError or SlotError.
 
     kept: the start in camera space, by default that of the camera's present volume.
     """
+    require_own_items(camera.scfpf, SURFACES, MAPPINGS)
     scene = depsgraph.scene
     width, aspect = image_size(scene)[0], image_aspect(scene)
     present = read_projection(camera, depsgraph, aspect)

@@ -34,10 +34,14 @@ def test_the_volume_follows_a_dragged_frame(solved, addon, places):
     start = places(solved, corner)
     for step in range(1, 5):
         target.position[0] += 10 / 960
-        residual = drag.step(depsgraph())
+        drag.step(depsgraph())
         bpy.context.view_layer.update()
-        assert abs(places(solved, corner)[0, 0] - start[0, 0] - 10 * step) < 2.0
-        assert residual < 2.0
+        # The lag of one step an event stays below the move of an event.
+        assert abs(places(solved, corner)[0, 0] - start[0, 0] - 10 * step) < 10.0
+    for _ in range(4):
+        residual = drag.step(depsgraph())
+    bpy.context.view_layer.update()
+    assert abs(places(solved, corner)[0, 0] - start[0, 0] - 40) < 2.0 and residual < 1.5
     assert "points within" in drag.finish(depsgraph())
     bpy.context.view_layer.update()
     assert abs(places(solved, corner)[0, 0] - start[0, 0] - 40) < 2.0

@@ -214,3 +214,26 @@ def test_a_linked_camera_is_refused(scene, tmp_path):
     bpy.context.scene.collection.objects.link(bpy.data.objects[name])
     with pytest.raises(RuntimeError, match="library override"):
         bpy.ops.scfpf.aim_pin_add(camera=name, point=(0, 5, 0))
+
+
+def test_an_override_of_a_linked_camera_is_aimed_as_far_as_blender_lets_it(scene, tmp_path):
+    name, path = scene.camera.name, str(tmp_path / "aim.blend")
+    bpy.ops.scfpf.camera_toggle()
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    scene = bpy.context.scene
+    with bpy.data.libraries.load(path, link=True) as (there, here):
+        here.objects = list(there.objects)
+    for obj in here.objects:
+        scene.collection.objects.link(obj)
+    linked = bpy.data.objects[name]
+    camera = linked.override_hierarchy_create(scene, bpy.context.view_layer)
+    bpy.context.view_layer.update()
+    assert bpy.ops.scfpf.aim_view_add(camera=camera.name, object="Box") == {"FINISHED"}
+    assert len(camera.scfpf.aim_targets) == 1 and len(linked.scfpf.aim_targets) == 0
+    surfaces = [slot.object for slot in camera.scfpf.surfaces]
+    # Its surfaces are another file's: they cannot be replaced, and the message says so.
+    with pytest.raises(RuntimeError, match="library override"):
+        bpy.ops.scfpf.aim_solve(camera=camera.name)
+    assert [slot.object for slot in camera.scfpf.surfaces] == surfaces
+    assert bpy.ops.scfpf.aim_remove(camera=camera.name, index=0) == {"FINISHED"}
