@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from driver import DRAW
 from scenarios_clicks import STEP, place_in_frame, select_only, undo
-from scenarios_live import settled
+from scenarios_live import module, settled
 
 # Of 255: the mean change of an image in which something has moved, and of one that is the same.
 MOVED, SAME = 0.5, 0.3
@@ -158,4 +158,31 @@ def the_eye_is_turned(driver):
     driver.shot("scene")
 
 
-SCENARIOS = (a_frame_is_dragged, the_eye_is_turned)
+def a_corner_in_an_image_editor(driver):
+    """A corner of the frame is dragged over the render: the view grows about the opposite corner."""
+    camera = yield from prepare(driver)
+    bpy.context.scene.render.resolution_percentage = 40
+    driver.area("PROPERTIES").ui_type = "IMAGE_EDITOR"
+    driver.start_render()
+    yield from driver.finished()
+    with driver.override("IMAGE_EDITOR"):
+        bpy.ops.image.view_all(fit_view=True)
+    yield DRAW
+    target = camera.scfpf.aim_targets[0]
+    width, place = target.width, np.array(target.position)
+    region = driver.region("IMAGE_EDITOR")
+    area = driver.area("IMAGE_EDITOR")
+    with bpy.context.temp_override(window=driver.window, area=area, region=region):
+        shown = module("bridge.aim.shown_targets")
+        (found,) = shown.shown_targets(bpy.context, shown.shown_image(bpy.context))
+    corner, opposite = found.frame.corners[:, 2], found.frame.corners[:, 0]
+    start = np.array([region.x, region.y]) + corner
+    yield from drag_mouse(driver, start, start + 0.15 * (corner - opposite), "corner", steps=3)
+    yield from settled()
+    driver.shot("larger")
+    target = bpy.context.scene.camera.scfpf.aim_targets[0]
+    assert abs(target.width / width - 1.15) < 0.05, f"the view is {target.width / width:.3f} times as large"
+    assert target.position[0] > place[0] and target.position[1] > place[1]
+
+
+SCENARIOS = (a_frame_is_dragged, the_eye_is_turned, a_corner_in_an_image_editor)
