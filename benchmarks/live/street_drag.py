@@ -40,6 +40,8 @@ STEP_SHARE = 0.004
 # to the first image after an object of many triangles has moved or its mesh has changed.
 FIRST_GOAL, RATE_GOAL, FINAL_GOAL, OBJECT_GOAL = 0.1, 10.0, 1.0, 0.3
 OBJECT_TRIANGLES = 100_000
+# Faces along each side of a surface whose vertices are dragged.
+GRID = 9
 # Presets that are changed in other ways too, and dragged in a window.
 CLOSELY = ("perspective", "around_the_car")
 PATIENCE = 30.0
@@ -202,6 +204,37 @@ def mesh_edit(made) -> Callable[[int], None]:
     return change
 
 
+def as_mesh(camera):
+    """The last surface of a camera, as a grid whose vertices can be dragged."""
+    import bpy
+
+    edits = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.camera.surface_edits")
+    last = len(camera.scfpf.surfaces) - 1
+    if camera.scfpf.surfaces[last].object.scfpf_surface.kind != "GRID":
+        edits.convert_to_grid(camera, bpy.context.evaluated_depsgraph_get(), last, GRID, GRID, 1.0)
+    return camera.scfpf.surfaces[last].object
+
+
+def vertex_drag(made) -> Callable[[int], None]:
+    """Enter Edit Mode and drag a vertex of an object."""
+    import bmesh
+    import bpy
+
+    for chosen in bpy.context.selected_objects:
+        chosen.select_set(False)
+    made.select_set(True)
+    bpy.context.view_layer.objects.active = made
+    bpy.ops.object.mode_set(mode="EDIT")
+
+    def change(number: int) -> None:
+        mesh = bmesh.from_edit_mesh(made.data)
+        mesh.verts.ensure_lookup_table()
+        mesh.verts[0].co.z += 0.01 if number % 2 else -0.01
+        bmesh.update_edit_mesh(made.data, destructive=False)
+
+    return change
+
+
 def headless(only: str | None) -> dict[str, Any]:
     """All figures without a window: of presets, and of the other changes."""
     import bpy
@@ -238,6 +271,15 @@ def closely(scene, bench: Bench) -> dict[str, Row]:
     for name, made in (("object", object_drag), ("mesh", mesh_edit)):
         rows[name] = measured(bench, made(heavy))
         print(line(name, rows[name], OBJECT_GOAL), flush=True)
+    for name, edited, goal in (
+        ("vertex of a mesh", heavy, OBJECT_GOAL),
+        ("vertex of a surface", as_mesh(bench.camera), FIRST_GOAL),
+    ):
+        rows[name] = measured(bench, vertex_drag(edited))
+        print(line(name, rows[name], goal), flush=True)
+        bpy.ops.object.mode_set(mode="OBJECT")
+        bench.ask()
+        bench.finished()
     bpy.data.objects.remove(heavy)
     return rows
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from time import perf_counter
+
 import bpy
 import gpu
 from bpy.app.handlers import persistent
@@ -36,6 +38,8 @@ class _Viewport:
         self.view = LiveView()
         self.message = ""
         self._drawn = -1
+        # When a drawing of the window began, until its end is noted.
+        self._begun: float | None = None
         self._texture: gpu.types.GPUTexture | None = None
         self._rectangle = self._frame = Rectangle(0.0, 0.0, 0.0, 0.0)
 
@@ -50,8 +54,17 @@ class _Viewport:
         source = self.view.source
         return source is not None and not source.looks.is_complete
 
+    def note_drawing(self) -> None:
+        """Tell the painter how long the window's drawing took; called when Blender is at rest after it.
+
+        A drag's next move comes then. A finer image before it would have the window drawn twice.
+        """
+        if self._begun is not None:
+            self.view.painter.drawing, self._begun = perf_counter() - self._begun, None
+
     def update(self, context, camera, depsgraph) -> None:
         """Ask for an image if anything has changed, and take the newest one."""
+        self._begun = perf_counter()
         region, view, space = context.region, context.region_data, context.space_data
         painter, frame = self.view.painter, None
         try:
@@ -170,6 +183,7 @@ def _tick() -> float | None:
     _remove_closed()
     areas = _regions()
     for address, viewport in _viewports.items():
+        viewport.note_drawing()
         if viewport.is_late or viewport.is_waiting:
             areas[address].tag_redraw()
     return TICK if any(one.view.painter.busy or one.is_waiting for one in _viewports.values()) else None

@@ -28,8 +28,9 @@ FIRST_SECONDS = 0.05
 GAIN = 0.3
 # A final image that should take no longer than so many seconds follows the first one at once.
 FINAL_SECONDS = 0.4
-# Seconds without a change after which finer images are begun; sooner, they would slow down a drag.
-IDLE_SECONDS = 0.12
+# Seconds without a change after which finer images are begun; sooner, they would slow down a drag. Those of a
+# slow window's drawing count besides, at most LONGEST_DRAWING.
+IDLE_SECONDS, LONGEST_DRAWING = 0.12, 1.0
 # Seconds without a change after which moved objects are built together with the others.
 SETTLE_SECONDS = 1.5
 
@@ -83,6 +84,8 @@ class LivePainter:
         self.image: LiveImage | None = None
         self.message = ""
         self.number = 0
+        # Seconds that a drawing of the viewport's window takes.
+        self.drawing = 0.0
         # The number of requests, and that of the request whose first image was made last.
         self.asked = self.answered = 0
 
@@ -163,7 +166,7 @@ class LivePainter:
             self._answer(asked, _image(request, hits, step))
             self._note_speed((perf_counter() - begun) / (hits.width * hits.height))
             self._seen = _Seen(key, hits, step)
-        while step > 1.0 and self._is_idle(IDLE_SECONDS):
+        while step > 1.0 and self._is_idle(IDLE_SECONDS + min(self.drawing, LONGEST_DRAWING)):
             step = self._finer_step(request.window, step)
             view = view or LiveProjection.of(request.projection)
             hits = cast_live(scene, view, request.window.coarser(step), self)

@@ -249,3 +249,33 @@ def test_wires_of_surfaces(addon, camera, kind, mode):
         ends = read.lines.reshape(-1, 3)
         distances = np.linalg.norm(ends[:, None] - expected, axis=2).min(axis=1)
         assert len(ends) and distances.max() < 1e-5
+
+
+def test_finer_images_wait_until_a_slow_window_is_drawn(viewport, addon, monkeypatch):
+    waits = []
+    monkeypatch.setattr(viewport.painter, "_is_idle", lambda seconds: waits.append(seconds))
+    for drawing in (0.0, 0.25, 1e9):
+        viewport.painter.drawing = drawing
+        bpy.context.scene.camera.scfpf.surfaces[1].object.location.x += 0.01
+        bpy.context.view_layer.update()
+        viewport.request()
+        assert viewport.painter.wait(PATIENCE)
+        while viewport.painter.busy:
+            time.sleep(0.01)
+    constants = addon("bridge.live.live_painter")
+    assert waits[1] - waits[0] == pytest.approx(0.25)
+    assert waits[2] == constants.IDLE_SECONDS + constants.LONGEST_DRAWING
+
+
+def test_the_time_of_a_drawing_is_noted_when_it_is_over(addon, monkeypatch):
+    drawing = addon("bridge.live.live_drawing")
+    clock = iter((10.0, 10.5, 11.0))
+    monkeypatch.setattr(drawing, "perf_counter", lambda: next(clock))
+    viewport = drawing._Viewport()
+    viewport.note_drawing()
+    assert viewport.view.painter.drawing == 0.0
+    monkeypatch.setattr(drawing, "viewport_eye", lambda *_: 1 / 0)
+    viewport.update(bpy.context, None, None)
+    viewport.note_drawing()
+    viewport.note_drawing()
+    assert viewport.view.painter.drawing == 0.5
