@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Render the gallery: for each image the volume's diagram, its set-up in the scene, and the result.
 
-    python demo/render_gallery.py --output PAGE [--percentage N] [--only PLATE ...]
+    python demo/render_gallery.py --output PAGE [--percentage N] [--only PLATE ...] [--cycles]
 
 `python3 dev.py gallery` runs it under a Python that has bpy, for docs/gallery.md and docs/gallery/.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import json
 import sys
 import time
 from collections.abc import Sequence
@@ -23,13 +24,21 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 # The images of a panel, and the endings of their files.
 PARTS = {"diagram": "png", "set-up": "jpg", "result": "jpg"}
-# Images that are also rendered with Cycles: samples per pixel, before denoising.
-WITH_CYCLES = {
-    "figure-1": 12,
-    "figure-8": 48,
-    "figure-11-b": 32,
-    "figure-13-b": 48,
-}
+# Images that are also rendered with Cycles, with so many samples per pixel before denoising.
+WITH_CYCLES = (
+    "figure-1",
+    "figure-3",
+    "figure-7-b",
+    "figure-8",
+    "figure-9",
+    "figure-10-b",
+    "figure-11-b",
+    "figure-12",
+    "figure-13-b",
+)
+CYCLES_SAMPLES = 64
+# Beside the images: processor seconds of each with Cycles, and of the same camera without a volume.
+CYCLES_TIMES = "cycles-times.json"
 # The pixel error of their projectors; a smaller one takes more chords without a visible difference.
 CYCLES_PIXEL_ERROR = 0.5
 # Images wider than this multiple of their height have rows of their own; others stand in this many columns.
@@ -44,6 +53,8 @@ QUALITY = 85
 
 CYCLES_TEXT = """Cycles in a stock Blender path-traces the same volumes: *Set Up Cycles* sends its rays
 along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
+TIMES_TEXT = f"""Each picture has {CYCLES_SAMPLES} samples a pixel and is denoised. Times are processor
+seconds with the reading of the scene and the denoising. The ordinary camera has the same place and size."""
 
 
 def save_jpeg(source: Path, path: Path) -> None:
@@ -66,8 +77,11 @@ def save_jpeg(source: Path, path: Path) -> None:
     source.unlink()
 
 
-def page(plates: Sequence[Plate], folder: str) -> str:
-    """The text of docs/gallery.md, whose images are in ``folder`` beside it."""
+def page(plates: Sequence[Plate], folder: str, shown: set[str], times: dict[str, list[float]]) -> str:
+    """The text of docs/gallery.md, whose images are in ``folder`` beside it.
+
+    shown: as of ``with_cycles``. times: as of ``cycles_times``.
+    """
     from demo import gallery_animation
 
     lines = [HEAD]
@@ -82,9 +96,19 @@ def page(plates: Sequence[Plate], folder: str) -> str:
                 lines += [f"### {plate.heading}", "", plate.text, "", *_table(plate, folder)]
     lines += ["## Rendered with Cycles", "", CYCLES_TEXT, ""]
     for plate in plates:
-        for stem in sorted(WITH_CYCLES.keys() & set(stems(plate))):
+        for stem in sorted(shown & set(stems(plate))):
             lines += [f"![{plate.heading}, with Cycles]({folder}/{stem}-cycles.jpg)", ""]
-    return "\n".join(lines)
+    if times:
+        lines += [TIMES_TEXT, "", "| Picture | Volume | Ordinary camera | Ratio |", "|---|---|---|---|"]
+    for stem, (curved, straight) in times.items():
+        name = stem.replace("-", " ")
+        lines += [f"| {name} | {curved:.0f} s | {straight:.0f} s | {curved / straight:.1f} |"]
+    return "\n".join([*lines, ""] if times else lines)
+
+
+def with_cycles(folder: Path) -> set[str]:
+    """The stems of the images with Cycles that a folder has."""
+    return {stem for stem in WITH_CYCLES if (folder / f"{stem}-cycles.jpg").exists()}
 
 
 def _table(plate: Plate, folder: str) -> list[str]:
@@ -131,6 +155,18 @@ def build(name: str):
     return scene
 
 
+def add_shot(street, panel, percentage: int):
+    """A scene with a panel's camera, and the camera; its collections are those of the scene ``street``."""
+    from demo import render_demo
+    from demo.gallery_panels import preset_text
+
+    scene = render_demo.another_scene(street)
+    text = preset_text(panel.preset, panel.changed)
+    camera = render_demo.add_shot(scene, text, panel.shot, render_demo.FINE)
+    scene.render.resolution_percentage = percentage
+    return scene, camera
+
+
 def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     """Render diagram, set-up and result of a panel, whose collections are those of the scene ``street``."""
     import bpy
@@ -138,11 +174,8 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     from demo import render_demo, volume_pictures
     from demo.gallery_panels import preset_text
 
-    scene = render_demo.another_scene(street)
+    scene, camera = add_shot(street, panel, percentage)
     aspect = panel.shot.size[0] / panel.shot.size[1]
-    text = preset_text(panel.preset, panel.changed)
-    camera = render_demo.add_shot(scene, text, panel.shot, render_demo.FINE)
-    scene.render.resolution_percentage = percentage
     if panel.style:
         styles = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.settings.stylised_styles")
         styles.apply_style(scene, panel.style)
@@ -150,9 +183,6 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     raw = files[2].with_suffix(".png")
     print(f"  {stem.name}: {render_demo.render(scene, raw)}", flush=True)
     save_jpeg(raw, files[2])
-    if stem.name in WITH_CYCLES:
-        files.append(stem.with_name(f"{stem.name}-cycles.jpg"))
-        render_with_cycles(scene, camera, WITH_CYCLES[stem.name], files[-1])
     presets = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.projection.presets.preset")
     drawn = presets.load_preset(preset_text(panel.preset, {**panel.changed, **panel.drawn}))
     projection = drawn.projection(aspect)
@@ -180,23 +210,40 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
     return files
 
 
-def render_with_cycles(scene, camera, samples: int, path: Path) -> None:
-    """Render a camera with Cycles through its rig, which is removed again."""
+def render_with_cycles(street, panel, path: Path, percentage: int) -> None:
+    """Render a panel with Cycles through its rig, and without it, for the time."""
     import bpy
 
     raw = path.with_suffix(".png")
+    scene, camera = add_shot(street, panel, percentage)
     camera.scfpf.pixel_error = CYCLES_PIXEL_ERROR
     scene.render.engine = "CYCLES"
-    scene.cycles.samples, scene.cycles.use_denoising = samples, True
+    scene.cycles.samples, scene.cycles.use_denoising = CYCLES_SAMPLES, True
     scene.render.filepath, scene.render.image_settings.file_format = str(raw), "PNG"
     layer = scene.view_layers[0]
     layer.objects.active = camera
     bpy.context.window.scene = scene
     if bpy.ops.scfpf.cycles_rig() != {"FINISHED"}:
         sys.exit(f"The Cycles rig of {scene.name} was not made; the lines above say why.")
+    begun = time.process_time()
     bpy.ops.render.render(write_still=True)
+    curved = time.process_time() - begun
     bpy.ops.scfpf.cycles_rig()
     save_jpeg(raw, path)
+    scene.render.engine = "CYCLES"
+    begun = time.process_time()
+    bpy.ops.render.render()
+    straight = time.process_time() - begun
+    print(f"  {path.name}: {curved:.0f} s of the processor, without the rig {straight:.0f} s", flush=True)
+    times = cycles_times(path.parent) | {path.stem.removesuffix("-cycles"): [curved, straight]}
+    places = {stem: times[stem] for stem in WITH_CYCLES if stem in times}
+    (path.parent / CYCLES_TIMES).write_text(json.dumps(places, indent=1) + "\n", encoding="utf-8")
+
+
+def cycles_times(folder: Path) -> dict[str, list[float]]:
+    """The times of images with Cycles that are known."""
+    path = folder / CYCLES_TIMES
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
 def _scaling(factor: float):
@@ -218,33 +265,41 @@ def main(arguments: list[str]) -> None:
     )
     choices = [*(plate.stem for plate in PLATES), gallery_animation.STEM]
     parser.add_argument("--only", metavar="PLATE", choices=choices, nargs="+", help="some plates")
+    parser.add_argument("--cycles", action="store_true", help="the pictures with Cycles alone")
     options = parser.parse_args(arguments)
     output = options.output.absolute()
     folder = output.with_suffix("")
     folder.mkdir(parents=True, exist_ok=True)
-    output.write_text(page(PLATES, folder.name), encoding="utf-8")
     plates = [plate for plate in PLATES if options.only is None or plate.stem in options.only]
     with render_demo.scratch_profile() as scratch:
-        render_all(scratch, folder, plates, options.percentage)
-        if options.only is None or gallery_animation.STEM in options.only:
+        render_all(scratch, folder, plates, options)
+        if not options.cycles and (options.only is None or gallery_animation.STEM in options.only):
             gallery_animation.render_animation(build("house"), folder, scratch, render_demo.QUICK.least)
+    output.write_text(page(PLATES, folder.name, with_cycles(folder), cycles_times(folder)), encoding="utf-8")
 
 
-def render_all(scratch: Path, folder: Path, plates, percentage: int) -> None:
+def render_all(scratch: Path, folder: Path, plates, options) -> None:
     from demo import render_demo
 
     started = time.perf_counter()
     render_demo.enable_add_on(scratch)
     wanted = [
-        (panel.scene, number, panel, plate) for plate in plates for number, panel in enumerate(plate.panels)
+        (panel.scene, number, panel, plate)
+        for plate in plates
+        for number, panel in enumerate(plate.panels)
+        if not options.cycles or stems(plate)[number] in WITH_CYCLES
     ]
     # Each scene is built once.
     for name in dict.fromkeys(scene for scene, *_ in wanted):
         street = build(name)
         print(f"{name} ({time.perf_counter() - started:.0f} s)", flush=True)
         for scene, number, panel, plate in wanted:
-            if scene == name:
-                render_panel(street, panel, folder / stems(plate)[number], percentage)
+            stem = folder / stems(plate)[number]
+            if scene == name and not options.cycles:
+                render_panel(street, panel, stem, options.percentage)
+            if scene == name and stem.name in WITH_CYCLES:
+                path = stem.with_name(f"{stem.name}-cycles.jpg")
+                render_with_cycles(street, panel, path, options.percentage)
     print(f"All done in {time.perf_counter() - started:.0f} s", flush=True)
 
 

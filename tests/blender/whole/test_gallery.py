@@ -18,11 +18,14 @@ PANELS = [
 
 
 def test_the_page_shows_every_plate_and_preset():
-    assert PAGE.read_text(encoding="utf-8") == render_gallery.page(gallery_plates.PLATES, "gallery")
-    pictures = {path.name for path in PAGE.with_suffix("").iterdir()}
+    folder = PAGE.with_suffix("")
+    shown, times = render_gallery.with_cycles(folder), render_gallery.cycles_times(folder)
+    page = render_gallery.page(gallery_plates.PLATES, "gallery", shown, times)
+    assert PAGE.read_text(encoding="utf-8") == page
+    pictures = {path.name for path in folder.iterdir()} - {render_gallery.CYCLES_TIMES}
     assert pictures == {
         f"{stem}-{part}.{kind}" for stem, _ in PANELS for part, kind in render_gallery.PARTS.items()
-    } | {f"{stem}-cycles.jpg" for stem in render_gallery.WITH_CYCLES} | {f"{gallery_animation.STEM}.webp"}
+    } | {f"{stem}-cycles.jpg" for stem in shown} | {f"{gallery_animation.STEM}.webp"}
     presets = {path.stem for path in (render_gallery.ROOT / "presets").glob("*.json")}
     assert {panel.preset for _, panel in PANELS} == presets
 
