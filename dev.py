@@ -28,6 +28,7 @@ BENCHMARKS = {
     "extremes": ("extremes",),
     "cycles": ("portals",),
     "street": ("street/portals_passed",),
+    "lock": ("real/lock_spans",),
     "engine": ("engine",),
     "live": ("live/street_drag",),
     "aim": ("aim/bars",),
