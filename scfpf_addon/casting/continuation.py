@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..projection.typing import Array, BoolArray, IndexArray
 from ..projection.volume.bezier import restrict
@@ -23,7 +24,7 @@ from .curves.sampled_curves import sample_curves
 from .curves.schedule import corners, plan, scene_reach
 from .exact.exact_cast import cast_exact
 from .scene.cast_scene import CastScene
-from .straight import OFF_VERTICES, cast_straight
+from .straight import END_SLACK, OFF_VERTICES, cast_straight
 
 # A projector continues off the triangle that it passed, but at most this far in t if it grazes it.
 LARGEST_STEP = 1e-4
@@ -226,3 +227,10 @@ def cast_rays(scene: CastScene, origins: Array, directions: Array) -> Hits:
     start = origins - OFF_VERTICES
     points = np.stack([start, start + directions * BEYOND])
     return cast_straight(scene, points, np.ones(count, bool), (0.0, 1.0), CastCounts())
+
+
+def first_triangles(scene: CastScene, origins: Array, directions: Array) -> NDArray[np.int32]:
+    """The first triangles (N,) that the rays of ``cast_rays`` meet, -1 for none, as Embree finds them."""
+    limits = np.full(origins.shape[1], 1.0 + END_SLACK, np.float32)
+    ways = (directions * BEYOND).astype(np.float32)
+    return scene.mesh.trace(origins.astype(np.float32), ways, limits)

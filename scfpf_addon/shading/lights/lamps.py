@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from zlib import crc32
 
 import numpy as np
 
@@ -91,6 +92,19 @@ class Lamp:
     def towards(self) -> Single:
         """Directions to a sun's places, (3, S), unit."""
         return (self.places / np.sqrt(dot(self.places, self.places))).astype(np.float32)
+
+    @cached_property
+    def seed(self) -> np.uint32:
+        """The seed of random choices, which other lamps do not change."""
+        return np.uint32(crc32(np.concatenate([self.places, self.color[:, None]], axis=1).tobytes()))
+
+    @property
+    def power(self) -> float:
+        """About the irradiance in the middle of the scene, which cast space has at its origin."""
+        power = float(self.color.max(initial=0.0))
+        if self.light.kind == "SUN":
+            return power
+        return power / max(float((self.middle**2).sum()), float(TINY))
 
     @cached_property
     def middle(self) -> Single:

@@ -10,31 +10,51 @@ import numpy as np
 
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
-from ..materials.coefficients import MaterialCoefficients, ViewTerms, by_material
+from ..materials.coefficients import MaterialCoefficients, ViewTerms, by_material, metal_terms
 from ..materials.microfacet import ggx_reflection
 from ..passes.light_passes import DIFFUSE, SPECULAR, LightParts
+from ..sampling.sample_positions import BITS, Bits, scramble
 from ..scene.shading_scene import Scene
-from ..scene.surface import SurfacePoints
+from ..scene.surface import TINY, SurfacePoints
 from ..typing import Single
 from ..vectors import dot
 from .lamps import Lamp
 from .light_culling import cull_lights
 from .ray_visibility import shadow_scene, with_occluders
 from .shadow_rays import cut_shadows
-from .sky_light import SkyLight
+from .sky_light import SkyLight, position_seeds
 
 # The radiance of a white diffuse surface, by irradiance.
 OVER_PI = np.float32(1.0 / np.pi)
+# Lamps whose light is a smaller share of that of all lamps at a point get their shadow rays at random.
+FAINT = 1.0 / 8.0
 
 
 class _Seen(NamedTuple):
-    """N points as the viewer sees them. facing: (N,) cosines to the viewer. alpha: (N,) or (1,)."""
+    """N points as the viewer sees them.
+
+    facing: (N,) cosines to the viewer. diffuse: (3, N) or (3, 1) radiance by irradiance. alpha: (N,) or (1,).
+    """
 
     points: SurfacePoints
     coefficients: MaterialCoefficients
     facing: Single
     view: ViewTerms
+    diffuse: Single
     alpha: Single
+
+    @classmethod
+    def of(
+        cls, points: SurfacePoints, coefficients: MaterialCoefficients, facing: Single, view: ViewTerms
+    ) -> _Seen:
+        """Look up what the light of all lamps is multiplied with."""
+        material = points.material
+        diffuse = by_material(coefficients.diffuse, material)
+        if view.layer_transmittance is not None:
+            diffuse = diffuse * view.layer_transmittance
+        if coefficients.metal:
+            view = view._replace(metal=metal_terms(coefficients, material, view))
+        return cls(points, coefficients, facing, view, diffuse, by_material(coefficients.alpha, material))
 
 
 @dataclass(frozen=True)
@@ -59,6 +79,8 @@ class Lighting:
         lights = cull_lights(scene.lights, scene.geometry.vertices)
         lamps = tuple(Lamp.of(light, cast_scene.matrix, samples) for light in lights)
         lamps += sky.lamps if sky else ()
+        # Faint lamps last: the light so far tells where they hardly show.
+        lamps = tuple(sorted(lamps, key=lambda lamp: lamp.power, reverse=True))
         return cls(tuple(with_occluders(lamp, scene.geometry, cast_scene) for lamp in lamps), cast_scene, sky)
 
     @property
@@ -85,17 +107,19 @@ class Lighting:
         parts: of the points, to be filled in. weight: (N,), see ``SkyLight.radiance``.
         """
         facing = dot(points.normal, points.view)
-        view = coefficients.view_terms(points.material, facing)
-        color = np.empty_like(points.normal)
-        color[:] = coefficients.unlit(points.material, view)
+        unit = coefficients.unit if self.sky else None
+        view = (unit or coefficients).view_terms(points.material, facing)
+        color, unlit = np.zeros_like(points.normal), coefficients.unlit(points.material, view)
         if parts:
-            parts.shine(by_material(coefficients.emission, points.material), color)
-        seen = _Seen(points, coefficients, facing, view, by_material(coefficients.alpha, points.material))
-        for lamp in self.lamps:
-            self._add_lamp(color, seen, lamp, sample, parts)
-        if self.sky and coefficients.unit:
-            unit = coefficients.unit
-            reflectance = unit.unlit(points.material, unit.view_terms(points.material, facing)) * OVER_PI
+            parts.shine(by_material(coefficients.emission, points.material), unlit)
+        if self.lamps:
+            seen = _Seen.of(points, coefficients, facing, view)
+            seeds = position_seeds(points.position)
+            for lamp in self.lamps:
+                self._add_lamp(color, seen, lamp, sample, parts, scramble(seeds ^ lamp.seed, 0), weight)
+        color += unlit
+        if self.sky and unit:
+            reflectance = unit.unlit(points.material, view) * OVER_PI
             lit = self.sky.radiance(points, reflectance, sample, color, weight)
             color += lit
             if parts:
@@ -103,34 +127,58 @@ class Lighting:
         return color
 
     def _add_lamp(
-        self, color: Single, seen: _Seen, lamp: Lamp, sample: int | IndexArray, parts: LightParts | None
+        self,
+        color: Single,
+        seen: _Seen,
+        lamp: Lamp,
+        sample: int | IndexArray,
+        parts: LightParts | None,
+        seeds: Bits,
+        weight: Array | None,
     ) -> None:
-        """Add the light of a lamp to colours (3, N), in place."""
+        """Add the light of a lamp to colours (3, N), in place. seeds: (N,) of random choices."""
         points, coefficients = seen.points, seen.coefficients
         light = lamp.incidence(points.position, sample)
-        cosine = dot(points.normal, light.direction)
-        np.maximum(cosine, 0, out=cosine)
+        cosine = np.maximum(dot(points.normal, light.direction), 0)
         received = cosine * light.strength
         lamp.limit_to_receivers(received, points)
-        full = received.copy() if parts else received
-        if lamp.light.casts_shadow:
-            cut_shadows(received, points, light, lamp.occluders or self.cast_scene)
         tint = lamp.color[:, None]
-        if parts:
-            parts.receive(full, received, lamp.color)
+        lit: list[tuple[slice, Single]] = []
         if lamp.light.diffuse:
-            lit = by_material(coefficients.diffuse * tint, points.material)
-            transmittance = seen.view.layer_transmittance
-            lit = lit * (received if transmittance is None else received * transmittance)
-            color += lit
-            if parts:
-                parts.rows[DIFFUSE] += lit
+            lit.append((DIFFUSE, seen.diffuse * received * tint))
         if coefficients.glossy and lamp.light.specular:
             between = dot(points.view, light.direction)
             density, cosine = ggx_reflection(cosine, seen.facing, between, seen.alpha)
-            received *= density
-            received = coefficients.reflectance(points.material, cosine, seen.view) * received
-            lit = received * tint
-            color += lit
+            density *= received
+            reflectance = coefficients.reflectance(points.material, cosine, seen.view)
+            lit.append((SPECULAR, reflectance * density * tint))
+        shown = np.ones_like(received)
+        if lamp.light.casts_shadow and lit:
+            whole = lit[0][1] + lit[1][1] if len(lit) == 2 else lit[0][1]
+            chance = ray_chances(whole, color, weight)
+            left = received * (seeds * np.float32(2.0**-BITS) < chance)
+            sent = left != 0
+            cut_shadows(left, points, light, lamp.occluders or self.cast_scene)
+            shown -= (sent & (left == 0)) / chance
+        if parts:
+            parts.receive(received, received * shown, lamp.color)
+        for rows, each in lit:
+            each *= shown
+            color += each
             if parts:
-                parts.rows[SPECULAR] += lit
+                parts.rows[rows] += each
+
+
+def ray_chances(lit: Single, color: Single, weight: Array | None) -> Single:
+    """The chances (N,) that a lamp's light ``lit`` (3, N) gets a shadow ray.
+
+    A ray that is hidden takes away the light over its chance, so that the mean stays and what no shadow meets
+    has no noise. No channel can lose more than it has. color: (3, N), of the lamps so far. weight: (N,) of
+    the points in their pixels, None for 1.
+    """
+    share = (lit / np.maximum(lit + color, TINY)).max(axis=0)
+    chance: Single = share * np.float32(1 / FAINT)
+    if weight is not None:
+        chance = np.maximum(share, chance * weight.astype(np.float32))
+    # Points without light get none.
+    return np.clip(chance, TINY, 1, out=chance)

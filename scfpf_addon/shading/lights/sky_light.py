@@ -23,7 +23,7 @@ from .shadow_rays import cut_shadows
 from .sky_sampling import QUANTILES, SkyDirections, directions_of
 
 # The least number of a pixel's rays towards the sky, where nothing else lights it.
-HIDING = 28
+HIDING = 20
 # The error of the mean of n evenly spread directions is n to the power of minus this.
 CONVERGENCE = 0.75
 FAR = np.full(1, np.inf, np.float32)

@@ -42,12 +42,14 @@ class ViewTerms(NamedTuple):
     layer_transmittance: share of diffuse light that the dielectric layer lets through; None for all.
     compensation: multiple over single scattering of white facets; None where it is left out.
     schlick_albedo: share of a uniform environment that facets reflect by Schlick's (1 - cos)⁵; None where
-    no metal reflects the environment.
+    no metal reflects the environment. metal: F0 and F90 - F0 with multiple scattering, (3, N) each, where
+    they have been looked up.
     """
 
     layer_transmittance: Single | None = None
     compensation: Single | None = None
     schlick_albedo: Single | None = None
+    metal: tuple[Single, Single] | None = None
 
 
 @dataclass(frozen=True)
@@ -237,10 +239,9 @@ class MaterialCoefficients:
                 layer *= by_material(self.specular, material)
             if not self.metal:
                 return layer
-        light: Single = by_material(self.metal_grazing, material) * schlick(cosine)
-        light += by_material(self.metal_f0, material)
-        if view.compensation is not None:
-            light *= 1 + by_material(self.metal_multiscatter, material) * view.compensation
+        front, grazing = view.metal or metal_terms(self, material, view)
+        light: Single = grazing * schlick(cosine)
+        light += front
         if self.dielectric:
             light += layer
         return light
@@ -255,6 +256,18 @@ def by_material(table: Numbers, material: IndexArray) -> Numbers:
     if table.shape[-1] == 1:
         return table
     return cast(Numbers, table.take(material, axis=-1, mode="clip"))
+
+
+def metal_terms(
+    coefficients: MaterialCoefficients, material: IndexArray, view: ViewTerms
+) -> tuple[Single, Single]:
+    """``ViewTerms.metal``, or (3, 1) where all points are alike."""
+    front = by_material(coefficients.metal_f0, material)
+    grazing = by_material(coefficients.metal_grazing, material)
+    if view.compensation is None:
+        return front, grazing
+    whole = 1 + by_material(coefficients.metal_multiscatter, material) * view.compensation
+    return front * whole, grazing * whole
 
 
 def _ambient(materials: Materials, below: Array, reflected: Array) -> tuple[Array, Array]:

@@ -103,18 +103,23 @@ TINTED_ONCE = {"GLASS", "REFRACTION"}
 
 @dataclass(frozen=True)
 class ClosureRows:
-    """Parameters of n closures, by name: (1, n) of NUMBERS, (3, n) of COLORS. rows: all of them, float64."""
+    """Parameters of n closures, by name: (1, n) of NUMBERS, (3, n) of COLORS.
+
+    rows: of m closures, (31, m) float64. index: (n,) the closures among them, None for all in order. A
+    parameter is looked up where it is asked for, as most are not.
+    """
 
     rows: Array
+    index: IndexArray | None = None
 
     def __getitem__(self, name: str) -> Array:
         values: Array = self.rows[PLACES[name]]
-        return values
+        return values if self.index is None else values.take(self.index, axis=1)
 
     @property
     def count(self) -> int:
         """The number of closures."""
-        return len(self.rows[0])
+        return len(self.rows[0]) if self.index is None else len(self.index)
 
     @classmethod
     def empty(cls, count: int) -> ClosureRows:
@@ -123,12 +128,23 @@ class ClosureRows:
 
     def take(self, index: IndexArray) -> ClosureRows:
         """The closures at ``index``."""
-        return ClosureRows(self.rows.take(index, axis=1))
+        return ClosureRows(self.rows, index if self.index is None else self.index.take(index))
 
     @classmethod
     def joined(cls, parts: Sequence[ClosureRows]) -> ClosureRows:
         """The closures of all parts, in order."""
-        return parts[0] if len(parts) == 1 else cls(np.concatenate([each.rows for each in parts], axis=1))
+        tables = {id(each.rows): each.rows for each in parts}
+        if len(tables) == 1 == len(parts):
+            return parts[0]
+        first = dict(
+            zip(tables, np.cumsum([0, *(table.shape[1] for table in tables.values())]), strict=False)
+        )
+        index = [
+            first[id(each.rows)] + (np.arange(each.count) if each.index is None else each.index)
+            for each in parts
+        ]
+        whole = [*tables.values()]
+        return cls(whole[0] if len(whole) == 1 else np.concatenate(whole, axis=1), np.concatenate(index))
 
     def fill(self, closure: Closure, results: list[tuple[Array, ...]]) -> None:
         """Write a closure's parameters at all rows. results: of the operations that its inputs refer to."""

@@ -115,13 +115,10 @@ class ClosureTable:
                 which = everywhere[first : first + MOST_AT_ONCE]
                 context = replace(context_of(which), variant=self.variant.take(material.take(which)))
                 made.extend(
-                    HitClosures(which, *closure) for closure in closures_at(self.kinds[number].graph, context)
+                    HitClosures(which, split(rows), normal)
+                    for rows, normal in closures_at(self.kinds[number].graph, context)
                 )
-        if not made:
-            return None
-        whole = HitClosures.joined(made)
-        split(whole.rows)
-        return whole
+        return HitClosures.joined(made) if made else None
 
 
 def closures_at(graph: MaterialGraph, context: ShadingContext) -> Iterator[tuple[ClosureRows, Array]]:

@@ -6,6 +6,7 @@ Scattered rays are straight because the volume's distortion is not the scene's (
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from ...casting.common.hits import Hits
 from ...casting.common.ray_visibility import GLASS, MIRROR, visible_to
-from ...casting.continuation import cast_rays
+from ...casting.continuation import cast_rays, first_triangles
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..materials.ggx_sampling import MIRROR_ROUGHNESS, reflected, single_scatter_albedo
@@ -108,7 +109,7 @@ class LobeSampler:
         direction[:, some] = mirrored(direction[:, some], normal[:, some], flat[:, some])
         some = slice(third, None)
         place = samples.at_depth(wave.pixel[some], wave.depth[TOTAL, some])
-        rows = ClosureRows(closures.rows.rows[:, some])
+        rows = closures.rows.take(np.arange(third, len(lobes.kind)))
         reflectance = RoughReflectance.of(rows, lobes.kind[some] == METAL)
         ahead = direction[:, some]
         direction[:, some], share[:, some] = _reflect(
@@ -116,18 +117,37 @@ class LobeSampler:
         )
         return direction, share
 
-    def cast(self, wave: PathWave, direction: Array, refracted: BoolArray) -> Hits:
-        """The hits of straight rays from the wave's places. refracted: (n,) whether glass sends them."""
+    def cast(
+        self,
+        wave: PathWave,
+        direction: Array,
+        refracted: BoolArray,
+        ends: BoolArray,
+        shown: Callable[[IndexArray], BoolArray],
+    ) -> tuple[Hits, BoolArray]:
+        """The hits of straight rays from the wave's places, and which rays end in the dark, (n,).
+
+        refracted: (n,) whether glass sends them. ends: (n,) rays that see only the world and triangles that
+        are ``shown``; at any other they end in the dark, and have no hit.
+        """
         origin = self.cast_scene.offset_origins(wave.hits.position, wave.hits.triangle, direction)
-        if self.mirrors is self.glass is self.cast_scene:
-            return cast_rays(self.cast_scene, origin, direction)
         # On a miss a ray goes on to its end, as ``cast_rays`` leaves it.
         met = Hits.empty(len(refracted))._replace(position=origin + direction, tangent=direction.copy())
-        for scene, which in ((self.mirrors, ~refracted), (self.glass, refracted)):
-            some = np.flatnonzero(which)
-            if scene and len(some):
+        dark = np.zeros(len(refracted), bool)
+        parts = [(self.mirrors, ~refracted), (self.glass, refracted)]
+        for scene, which in [(self.mirrors, refracted | True)] if self.mirrors is self.glass else parts:
+            if scene is None:
+                continue
+            last, going = np.flatnonzero(which & ends), which & ~ends
+            if len(last):
+                found = first_triangles(scene, origin[:, last], direction[:, last])
+                seen = shown(found)
+                dark[last] = (found >= 0) & ~seen
+                going[last] = (found >= 0) & seen
+            some = np.flatnonzero(going)
+            if len(some):
                 met.put(some, cast_rays(scene, origin[:, some], direction[:, some]))
-        return met
+        return met, dark
 
 
 def _reflect(

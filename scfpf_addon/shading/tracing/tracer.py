@@ -96,8 +96,7 @@ class Tracer:
                 wave = self._catch(wave, self.catchers, samples, film, continuation)
             beyond = (wave.depth > self._limits).any(axis=0)
             if beyond.any():
-                shown = self.lighting.closures.shown_beyond.take(self._material(wave.hits.triangle))
-                kept = np.flatnonzero(shown | ~beyond)
+                kept = np.flatnonzero(self._shown_beyond(wave.hits.triangle) | ~beyond)
                 wave, beyond = wave.take(kept), beyond.take(kept)
             if not len(wave.pixel):
                 break
@@ -118,6 +117,10 @@ class Tracer:
         """The materials of triangles (n,)."""
         material: IndexArray = self.lighting.surface.material.take(triangle)
         return material
+
+    def _shown_beyond(self, triangle: IndexArray) -> BoolArray:
+        """Whether triangles (n,) shine or let light through beyond the limits of bounces."""
+        return self.lighting.closures.shown_beyond.take(self._material(triangle))
 
     @property
     def _limits(self) -> Array:
@@ -167,34 +170,38 @@ class Tracer:
         lobes = self._lobes(wave, closures)
         place = closures.where.take(lobes.closure)
         throughput = wave.throughput.take(place, axis=1) * lobes.tint
-        depth = wave.depth.take(place, axis=1) + DEEPER[:, lobes.kind]
+        depth = wave.depth.take(place, axis=1) + DEEPER.take(lobes.kind, axis=1)
         # One step beyond a limit is followed: it may see the world or a light.
         within = (depth <= self._limits + 1).all(axis=0) & ((lobes.kind == CLEAR) | ~beyond.take(place))
         going = np.flatnonzero((throughput.max(axis=0) >= LEAST_SHARE) & within)
         lobes, came = lobes.take(going), wave.take(place.take(going))
-        throughput, straight = throughput[:, going], lobes.kind == CLEAR
-        on_ray = came.on_ray | ~straight
+        throughput, depth, straight = throughput[:, going], depth[:, going], lobes.kind == CLEAR
+        pixel, on_ray = came.pixel, came.on_ray | ~straight
         from_glass = (came.from_glass & straight) | (lobes.kind == REFRACTED)
         hits = Hits.empty(len(going))
-        on = np.flatnonzero(~on_ray)
+        on, off = np.flatnonzero(~on_ray), np.flatnonzero(on_ray)
         if len(on):
             hits.put(on, continuation.next_hits(came.pixel[on], came.hits.t[on], came.hits.triangle[on]))
-        off = np.flatnonzero(on_ray)
         if len(off):
-            some, start = lobes.take(off), came.take(off)
-            direction, share = self.sampler.directions(some, closures.take(some.closure), start, samples)
-            share *= samples.survival(start, some.kind, throughput[:, off] * share)
+            if len(on):
+                lobes, came = lobes.take(off), came.take(off)
+            direction, share = self.sampler.directions(lobes, closures.take(lobes.closure), came, samples)
+            share *= samples.survival(came, lobes.kind, throughput[:, off] * share)
             throughput[:, off] *= share
             left = np.flatnonzero(share.any(axis=0))
             off = off.take(left)
-            hits.put(off, self.sampler.cast(start.take(left), direction.take(left, axis=1), from_glass[off]))
+            ends = (depth[:, off] > self._limits).any(axis=0)
+            ray = came.take(left), direction.take(left, axis=1), from_glass[off]
+            met, dark = self.sampler.cast(*ray, ends, self._shown_beyond)
+            hits.put(off, met)
+            throughput[:, off[dark]] = 0.0
         sent = PathWave(
             hits,
-            pixel=came.pixel,
+            pixel=pixel,
             throughput=throughput,
             on_ray=on_ray,
             from_glass=from_glass,
-            depth=depth[:, going],
+            depth=depth,
         )
         missed = hits.triangle < 0
         self._miss(sent.take(np.flatnonzero(missed & throughput.any(axis=0))), film)

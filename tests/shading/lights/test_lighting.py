@@ -4,6 +4,7 @@
 import numpy as np
 import pytest
 
+from scfpf_addon.casting.scene.cast_scene import CastScene
 from scfpf_addon.shading.materials.ggx_sampling import single_scatter_albedo
 from scfpf_addon.shading.scene.shading_scene import Light
 
@@ -267,6 +268,36 @@ def test_lamps_add_up(build):
 def blocked(build, lamp, **more):
     """A floor with a small level square 1 above it, whose edges lie at x, y = ±0.25."""
     return build.scene([build.square(3), build.square(0.25, 1.0)], [lamp], **more)
+
+
+def test_faint_lamps_get_few_rays_and_the_same_mean(build, monkeypatch):
+    """Beside each lamp alone, which gets all its rays: light adds up. In the open there is no noise."""
+    bright = Light("SUN", np.array([40.0, 20, 20]), build.placed((0, 0, 0), (2, 0, -1)))
+    faint = [
+        Light("SUN", np.array([0.1, 0.1, 0.2]), build.placed((0, 0, 0), (k, 0, -1))) for k in (-0.1, 0.1)
+    ]
+    places = np.random.default_rng(3).uniform(-0.6, 0.6, (3, 20_000)) * [[1], [1], [0]]
+    rays, cast = [0], CastScene.occluded
+
+    def counted(self, origins, directions, distances):
+        hidden = cast(self, origins, directions, distances)
+        rays[0] += np.count_nonzero(np.broadcast_to(distances, hidden.shape))
+        return hidden
+
+    monkeypatch.setattr(CastScene, "occluded", counted)
+
+    def light(*lamps):
+        rays[0] = 0
+        scene = build.scene([build.square(3), build.square(0.25, 1.0)], lamps, f0=0.04)
+        return build.shade(scene, 0, places), rays[0]
+
+    alone, all_rays = (sum(parts) for parts in zip(*(light(each) for each in (bright, *faint)), strict=True))
+    made, few = light(bright, *faint)
+    assert few < 0.75 * all_rays and (made >= 0.0).all()
+    assert made.mean(axis=1) == pytest.approx(alone.mean(axis=1), rel=0.002)
+    dark = np.abs(alone - alone.max(axis=1, keepdims=True)) > 1e-4
+    assert dark.any() and np.abs(made - alone)[dark].max() > 1e-3
+    assert np.allclose(made[~dark], alone[~dark], rtol=1e-5)
 
 
 def test_the_edge_of_a_sun_s_shadow(build):
