@@ -146,6 +146,8 @@ def solid_seconds(driver):
 
 def drag(driver):
     """Drag the last surface of each preset, and write the figures."""
+    # Workbench would draw the window once more after each move, to smooth its own edges.
+    bpy.context.preferences.system.viewport_aa = "OFF"
     street()
     figures = {}
     for preset in PRESETS:
