@@ -38,7 +38,7 @@ STAGES, STEPS, FINAL_STEPS = 8, 2, 24
 # Steps at the end are enough when the control points move by less than so many pixels and no fold is left.
 SETTLED = 1.0
 # The barrier grows to this multiple during the last steps.
-FOLD_GROWTH = 30.0
+FOLD_GROWTH = 12.0
 # The longest move of a control point in a step, as a share of the image's width where the pins are.
 LONGEST_MOVE = 0.6
 # Damping: at first, its limits, its factors after good and bad steps, and the attempts at a step.
