@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,11 +87,6 @@ class SurfaceTable:
     material: IndexArray
     linked: IndexArray | None = None
 
-    @cached_property
-    def single(self) -> bool:
-        """Whether all triangles have one material."""
-        return self.material.strides[0] == 0 or bool((self.material == self.material[0]).all())
-
     @property
     def weighted(self) -> bool:
         """Whether ``points`` needs the barycentric weights of a hit."""
@@ -150,10 +144,7 @@ class SurfaceTable:
                 height = smooth_height(self.bulge.take(triangle, axis=1, mode="wrap"), weight, side)
             # As ``offset_origins``: float32's rounding is far less than the offset.
             shadow = ShadowStart(place + flat * self.cast_scene.offsets(triangle), flat, height)
-        if self.single:
-            material = np.broadcast_to(self.material[0], triangle.shape)
-        else:
-            material = self.material.take(triangle, mode="wrap")
+        material = self.material.take(triangle, mode="wrap")
         linked = None if self.linked is None else self.linked.take(triangle, mode="wrap")
         return SurfacePoints(
             position=place, normal=normal, view=view, material=material, shadow=shadow, linked=linked
