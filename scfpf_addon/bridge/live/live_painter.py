@@ -30,7 +30,7 @@ GAIN = 0.3
 FINAL_SECONDS = 0.4
 # Seconds without a change after which finer images are begun; sooner, they would slow down a drag. Those of a
 # slow window's drawing count besides, at most LONGEST_DRAWING.
-IDLE_SECONDS, LONGEST_DRAWING = 0.12, 1.0
+IDLE_SECONDS, LONGEST_DRAWING = 0.1, 1.0
 # Seconds without a change after which moved objects are built together with the others.
 SETTLE_SECONDS = 1.5
 
@@ -166,7 +166,9 @@ class LivePainter:
             self._answer(asked, _image(request, hits, step))
             self._note_speed((perf_counter() - begun) / (hits.width * hits.height))
             self._seen = _Seen(key, hits, step)
-        while step > 1.0 and self._is_idle(IDLE_SECONDS + min(self.drawing, LONGEST_DRAWING)):
+        if step > 1.0 and not self._is_idle(IDLE_SECONDS + min(self.drawing, LONGEST_DRAWING)):
+            return
+        while step > 1.0:
             step = self._finer_step(request.window, step)
             view = view or LiveProjection.of(request.projection)
             hits = cast_live(scene, view, request.window.coarser(step), self)
@@ -198,7 +200,7 @@ class LivePainter:
         """The step of the image after one with this step."""
         pixels = window.width * window.height
         is_quick = self._seconds_per_pixel * pixels <= FINAL_SECONDS * thread_count()
-        return STEPS[0] if is_quick or step <= STEPS[3] else STEPS[2]
+        return STEPS[0] if is_quick or step <= STEPS[3] else STEPS[3]
 
     def _is_idle(self, seconds: float) -> bool:
         """Wait so long; return whether no other request came."""
