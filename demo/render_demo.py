@@ -157,7 +157,7 @@ def add_shot(scene, text: str, shot: Shot, samples: Sampling = QUICK):
     flexible_camera.apply_preset(camera, preset, shot.size[0] / shot.size[1], shot.scale)
     camera.scfpf.samples = samples.most
     sampling = scene.scfpf_sampling
-    sampling.use_adaptive = True
+    sampling.use_adaptive = sampling.world_shadows = True
     sampling.adaptive_least, sampling.adaptive_threshold = samples.least, samples.noise
     return camera
 

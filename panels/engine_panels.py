@@ -67,6 +67,7 @@ class SCFPF_PT_engine_camera(EnginePanel, bpy.types.Panel):
         # Straight projectors have no such error.
         row.active = camera.scfpf.enabled
         row.prop(camera.scfpf, "pixel_error")
+        column.prop(scene.scfpf_sampling, "world_shadows")
         if not camera.scfpf.enabled:
             layout.label(text="An ordinary camera: F12 renders its view", icon="INFO")
 

@@ -225,6 +225,7 @@ def save(
     else:
         volume_from_camera(camera, scene)
     camera.scfpf.samples, scene.scfpf_sampling.use_adaptive = samples, False
+    scene.scfpf_sampling.world_shadows = True
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
 
 

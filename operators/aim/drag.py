@@ -9,6 +9,7 @@ from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 
 from ...scfpf_addon.bridge.aim.drag import AimDrag
 from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, shown_targets, target_at
+from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.render.image_size import image_size
 from ...scfpf_addon.bridge.render.view_painter import Rectangle
@@ -62,9 +63,12 @@ class SCFPF_OT_aim_drag(bpy.types.Operator):
     def execute(self, context):
         camera = flexible_camera_of(context)
         try:
-            drag = AimDrag(camera, context.evaluated_depsgraph_get())
             self._choose(camera)
-            self._place()
+            drag = AimDrag(camera, context.evaluated_depsgraph_get())
+        except BAD_INPUT as error:
+            return refused(self, error)
+        self._place()
+        try:
             self.report({"INFO"}, drag.finish(context.evaluated_depsgraph_get()))
         except BAD_INPUT as error:
             self._put_back()
@@ -156,11 +160,13 @@ class SCFPF_OT_aim_drag(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def _choose(self, camera) -> None:
-        """Make the target active, and keep where it is."""
+        """Make the target active, and keep where it is. Raises AimError if it has no place in the image."""
         settings = camera.scfpf
-        if 0 <= self.index < len(settings.aim_targets):
-            settings.active_aim = self.index
-        self.index = settings.active_aim
+        index = self.index if self.index >= 0 else settings.active_aim
+        kinds = [target.kind for target in settings.aim_targets]
+        if index >= len(kinds) or kinds[index] not in (VIEW, PIN):
+            raise AimError(f"'{camera.name}' has no view or pin at place {index + 1}: choose one in the list")
+        self.index = settings.active_aim = index
         self._camera = camera.session_uid
         target = self._target()
         self._is_pin = target.kind == PIN

@@ -97,7 +97,8 @@ def read_scene(
         world=world,
         world_seen=world_seen(depsgraph.scene_eval, depsgraph.view_layer_eval),
     )
-    return replace(with_shadows(made), warnings=made.warnings + light_warnings(made))
+    made = replace(made, warnings=made.warnings + light_warnings(made))
+    return with_shadows(made, depsgraph.scene_eval.scfpf_sampling.world_shadows)
 
 
 class _SceneReader:

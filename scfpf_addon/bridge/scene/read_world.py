@@ -22,6 +22,10 @@ DARK = (
     "or use Cycles through the rig of the Cycles panel"
 )
 
+EVEN = (
+    "The world is one color, whose light has no shadows here: switch on World Shadows in the panel Sampling "
+    "of Render Properties, or use Cycles through the rig of the Cycles panel"
+)
 # The world of a new file. Beside lamps, the shadows of such a faint one hardly show.
 FAINT = 0.051
 
@@ -53,11 +57,13 @@ def uniform_radiance(graph: MaterialGraph) -> Array | None:
     return light.radiance(UP)[:, 0] if light.uniform else None
 
 
-def with_shadows(scene: Scene) -> Scene:
-    """The scene whose uniform world is a sky that casts shadows, unless they would hardly show."""
+def with_shadows(scene: Scene, wanted: bool) -> Scene:
+    """The scene whose uniform world casts shadows, or else is named, unless these would hardly show."""
     faint = FAINT if scene.lights else 0.0
     if scene.world is not None or np.max(scene.world_color) <= faint or not shows_world(scene):
         return scene
+    if not wanted:
+        return replace(scene, warnings=(*scene.warnings, EVEN))
     return replace(scene, world=World.of_color(scene.world_color), world_color=np.zeros(3))
 
 

@@ -72,6 +72,11 @@ class SCFPF_Sampling(bpy.types.PropertyGroup):
         256,
         soft_max=32,
     )
+    world_shadows: switch(
+        "World Shadows",
+        "Let the light of a world of one color cast shadows, as skies do, and as in Cycles. Images take half "
+        "as long again. Off, it lights everything alike",
+    )
 
 
 def sampling_of(scene) -> dict[str, object]:

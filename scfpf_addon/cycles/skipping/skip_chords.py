@@ -178,8 +178,11 @@ class _Search:
         return any(owner.original.session_uid in self._movers for owner in owners)
 
     def _read_ends(self, depsgraph) -> Array:
-        """The ends of all chords, (n + 1, 3, rows, columns)."""
+        """The ends of all chords, (n + 1, 3, rows, columns). Raises NotSkipping."""
         rows, columns = self._shape
-        mesh = depsgraph.objects[self._name].data
+        portals = depsgraph.objects.get(self._name)
+        if portals is None:
+            raise NotSkipping("A view layer of the scene leaves the rig out")
+        mesh = portals.data
         ends = foreach(mesh.attributes["position"].data, "vector", 3)[first_sheet(self._count) :]
         return ends.reshape(self._count + 1, rows, columns, 3).transpose(0, 3, 1, 2)

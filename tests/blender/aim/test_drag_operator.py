@@ -57,6 +57,17 @@ def test_what_is_not_taken_leaves_the_target_and_the_volume(camera, addon, monke
     assert np.array_equal(points_of(camera), before)
 
 
+def test_targets_without_a_place_and_broken_volumes_are_refused(camera):
+    target = camera.scfpf.aim_targets[0]
+    place = tuple(target.position)
+    with pytest.raises(RuntimeError, match="has no view or pin at place 8"):
+        bpy.ops.scfpf.aim_drag(shift=(0.1, 0.0), index=7)
+    camera.scfpf.surfaces[1].object = None
+    with pytest.raises(RuntimeError, match="is empty"):
+        bpy.ops.scfpf.aim_drag(shift=(0.1, 0.0))
+    assert tuple(target.position) == place
+
+
 def test_a_list_without_views_and_pins_has_nothing_to_drag(camera):
     camera.scfpf.aim_targets[0].kind = "STAY"
     assert not bpy.ops.scfpf.aim_drag.poll()

@@ -381,14 +381,17 @@ def test_lamps_behind_glass_are_named(stage, warnings):
     assert not named()
 
 
-def test_worlds_of_one_color_cast_shadows(stage, addon):
-    """A faint one beside lamps does not: Cycles' image differs by hundredths."""
+@pytest.mark.parametrize("wanted", [True, False])
+def test_worlds_of_one_color_cast_shadows_or_are_named(stage, addon, wanted):
+    """A faint one beside lamps does neither: Cycles' image differs by hundredths."""
     prepare = addon("bridge.render.render_inputs").prepare
+    stage.scfpf_sampling.world_shadows = wanted
 
     def shadowed():
         scene = prepare(stage, bpy.context.view_layer, stage.camera).scene
-        assert not any("world" in line for line in scene.warnings)
-        return scene.world is not None
+        named = any(line.startswith("The world is one color") for line in scene.warnings)
+        assert not (named and (wanted or scene.world is not None))
+        return named or scene.world is not None
 
     tree = stage.world.node_tree
     background = next(each for each in tree.nodes if each.type == "BACKGROUND")

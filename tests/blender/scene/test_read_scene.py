@@ -356,7 +356,7 @@ def test_lights_and_world_come_along(read_render):
     link("Zero", bpy.data.lights.new("Zero", "SUN")).data.energy = 0
     scene = read_render()
     assert sorted(light.matrix[0, 3] for light in scene.lights) == [11, 21]
-    assert scene.world.radiance(np.ones((3, 1)))[:, 0] == pytest.approx((0.1, 0.2, 0.3))
+    assert scene.world_color == pytest.approx((0.1, 0.2, 0.3))
 
 
 def test_faces_of_one_triangle_are_read_in_order(addon):

@@ -209,6 +209,7 @@ def test_light_and_shadows_of_the_sky_are_those_of_cycles(name, tmp_path):
     if name == "clear sky":
         new_world(clear_sky, 0.1)
     elif name == "one color":
+        scene.scfpf_sampling.world_shadows = True
         new_world(lambda tree: add(tree, "ShaderNodeGamma", Color=(0.6, 0.7, 0.9)).outputs[0])
     else:
         new_world(environment(lambda: sky_image(256, 128, sun=400.0)))
