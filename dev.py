@@ -107,7 +107,8 @@ def run_parts(runs, plan, zipped, scenarios=None, blender_window=None):
     there are zips the Blender tests install theirs; otherwise they load the checkout. scenarios: the
     arguments of the part in a window, None without it. Returns the results and the warnings.
     """
-    environ = {**os.environ, testing.INSTALL_ZIP: "1"} if zipped else None
+    # Threads of OpenBLAS that wait for a core which another part keeps busy take several times as long.
+    environ = {**os.environ, "OPENBLAS_NUM_THREADS": "1", **({testing.INSTALL_ZIP: "1"} if zipped else {})}
 
     def run(environment, part):
         report = environment.folder / f"report-{part}.xml"
