@@ -9,6 +9,9 @@ from .typing import Array, IndexArray
 
 # Places at which pieces are evaluated together: their coefficients fit into a processor's cache.
 BLOCK = 4096
+# OpenBLAS computes products of fewer multiplications in the caller's thread (its SMP_THRESHOLD_MIN times
+# GEMM_MULTITHREAD_THRESHOLD), and inverts smaller triangles there.
+MOST_MULTIPLICATIONS, LARGEST_TRIANGLE = 1 << 18, 64
 
 
 def transform(matrix: Array, vectors: Array, offset: Array | None = None) -> Array:
@@ -29,6 +32,31 @@ def transform(matrix: Array, vectors: Array, offset: Array | None = None) -> Arr
             target += np.multiply(vectors[column], row[column], out=term)
     if offset is not None:
         result += offset[:, None]
+    return result
+
+
+def product(a: Array, b: Array) -> Array:
+    """The matrix product (M, K) · (K, N), in pieces that BLAS computes in this thread.
+
+    Where other programs keep the cores busy, BLAS waits for its own threads up to a hundred times as long as
+    the product takes.
+    """
+    result = np.empty((len(a), b.shape[1]))
+    step = max(1, MOST_MULTIPLICATIONS // max(b.size, 1))
+    for start in range(0, len(a), step):
+        np.matmul(a[start : start + step], b, out=result[start : start + step])
+    return result
+
+
+def inverse_triangle(lower: Array) -> Array:
+    """The inverse of a lower triangular matrix (N, N), by halves, for the reason of ``product``."""
+    half = len(lower) // 2
+    if len(lower) <= LARGEST_TRIANGLE:
+        return np.asarray(np.linalg.inv(lower), np.float64)
+    result = np.zeros(lower.shape)
+    result[:half, :half] = inverse_triangle(lower[:half, :half])
+    result[half:, half:] = inverse_triangle(lower[half:, half:])
+    result[half:, :half] = -product(product(result[half:, half:], lower[half:, :half]), result[:half, :half])
     return result
 
 

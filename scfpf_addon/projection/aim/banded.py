@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..arrays import inverse_triangle, product
 from ..typing import Array, IndexArray
 from .control_net import ACTING, Net, Places
 
@@ -60,8 +61,8 @@ class Normal:
             across = slice(column, column + ACTING)
             up = slice(row * self.cell, (row + ACTING) * self.cell)
             part = coefficients[start:end]
-            self.matrix[across, up, across, up] += (part.T @ part).reshape(*shape, *shape)
-            self.right[across, up] += (residuals[start:end] @ part).reshape(shape)
+            self.matrix[across, up, across, up] += product(part.T, part).reshape(*shape, *shape)
+            self.right[across, up] += np.einsum("r,rc->c", residuals[start:end], part).reshape(shape)
 
     def solve(self, damping: float) -> Array:
         """The step (unknowns,) of H with its diagonal multiplied by 1 + damping.
@@ -78,9 +79,9 @@ class Normal:
             window[-block:], window[:, -block:] = 0.0, 0.0
             for place in range(0 if k == 0 else reach, min(ACTING, columns - k)):
                 self._enter(window, k, place, damping)
-            inverse = np.linalg.inv(np.linalg.cholesky(window[:block, :block]))
-            side = window[block:, :block] @ inverse.T
-            window[block:, block:] -= side @ side.T
+            inverse = inverse_triangle(np.linalg.cholesky(window[:block, :block]))
+            side = product(window[block:, :block], inverse.T)
+            window[block:, block:] -= product(side, side.T)
             inverses.append(inverse)
             below.append(side)
             solution[k] = inverse @ solution[k]

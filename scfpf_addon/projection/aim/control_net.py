@@ -88,19 +88,22 @@ class Places:
     local: Array
 
     @cached_property
-    def dense(self) -> Array:
-        """``local`` over all points of the net, (3 N, points)."""
-        count = len(self.column)
+    def acting(self) -> IndexArray:
+        """The numbers of the acting points, (N, 16)."""
         around = np.arange(ACTING)
         column, row = self.column[:, None, None] + around[:, None], self.row[:, None, None] + around
-        number = (column * self.net.rows + row).reshape(count, ACTING**2)
-        full = np.zeros((3, count, self.net.points))
-        full[:, np.arange(count)[:, None], number] = self.local
-        return full.reshape(3 * count, self.net.points)
+        return (column * self.net.rows + row).reshape(len(self.column), ACTING**2)
+
+    def dense(self) -> Array:
+        """The values over all points of the net, (N, points)."""
+        full = np.zeros((len(self.column), self.net.points))
+        full[np.arange(len(full))[:, None], self.acting] = self.local[0]
+        return full
 
     def controls(self, points: Array) -> Array:
         """Control points of the projectors and their derivatives by u and v, (3, N, surfaces, 3)."""
-        found: Array = self.dense @ points.reshape(len(points), -1)
+        nets = points.reshape(len(points), -1)[self.acting]
+        found = np.ascontiguousarray(np.matmul(self.local.swapaxes(0, 1), nets).swapaxes(0, 1))
         return found.reshape(3, len(self.column), *points.shape[1:])
 
     def take(self, which: IndexArray) -> Places:

@@ -153,11 +153,7 @@ class Elimination(NamedTuple):
     def slide(self, step: Array) -> Array:
         """The change of each t, (P,), that belongs to a step of the control points."""
         net = self.places.net
-        cell = net.block // net.rows
-        around = np.arange(4)
-        column, row = self.places.column[:, None, None], self.places.row[:, None, None]
-        number = ((column + around[:, None]) * net.rows + row + around).reshape(len(self.back), 16)
-        local = step.reshape(net.points, cell)[number].reshape(len(self.back), 16 * cell)
+        local = step.reshape(net.points, -1)[self.places.acting].reshape(len(self.back), -1)
         left = self.residuals - np.matmul(self.rows, local[:, :, None])[:, :, 0]
         change: Array = self.back + dot(self.by_t, left) / self.square
         return np.clip(change, -LONGEST_SLIDE, LONGEST_SLIDE)

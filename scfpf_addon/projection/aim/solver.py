@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..arrays import median
+from ..arrays import median, product
 from ..typing import Array
 from .banded import Normal
 from .control_net import Along, Net, Places
@@ -64,6 +64,8 @@ class Aim:
         self._begin_pins(problem.pins)
         self.footprints = self._footprints()
         self.stiffness = smoothness(self.net, weights, self.footprints)
+        # Its blocks of 3 × 3 are multiples of 1.
+        self.thin_plate = np.ascontiguousarray(self.stiffness[::3, ::3])
         self.stays = StayEnergy(self.net, problem.stays, weights, self.points, problem.width)
         places = self._grid(FOLD_GRID)
         middle = Along.of(places.controls(self.points), np.full(len(places.column), 0.5))
@@ -154,8 +156,7 @@ class Aim:
     def step(self, targets: PinTargets) -> float:
         """Take a damped Gauss–Newton step. Returns the longest move of a control point in pixels."""
         self._look()
-        offset = (self.points - self.start)[:, 1:].reshape(-1)
-        normal = Normal(self.net, self.stiffness.copy(), -(self.stiffness @ offset))
+        normal = Normal(self.net, self.stiffness.copy(), -self._forces(self.points)[1].reshape(-1))
         pin_rows, elimination = self.pin_energy.linearise(self.points, self.t, targets)
         normal.add(pin_rows)
         normal.add(self.lines.linearise(self.points, targets))
@@ -190,10 +191,15 @@ class Aim:
         self.stays.hide(hits.t[count:], hits.wanted[count:])
 
     def _value(self, points: Array, t: Array, targets: PinTargets) -> float:
-        offset = (points - self.start)[:, 1:].reshape(-1)
+        offset, forces = self._forces(points)
         total = self.pin_energy.value(points, t, targets) + self.lines.value(points, targets)
         total += self.stays.value(points) + self.folds.value(points)
-        return float(total + offset @ (self.stiffness @ offset))
+        return float(total + (offset * forces).sum())
+
+    def _forces(self, points: Array) -> tuple[Array, Array]:
+        """The displacements of the moving control points, (N, 3), and half their energy's gradient."""
+        offset = (points - self.start)[:, 1:].reshape(-1, 3)
+        return offset, product(self.thin_plate, offset)
 
     def result(self) -> AimResult:
         """The control surfaces so far."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..arrays import product
 from ..surfaces.nurbs import NurbsPatch
 from ..typing import Array, BoolArray
 from ..volume.bezier import bernstein
@@ -62,14 +63,15 @@ def start_volume(
     size = Net(columns, rows, degree + 1)
     x, y = _samples(size, 0.0)
     along, mask = _bezier(projection, x, y, degree, subject, far)
-    matrix = size.at(x, y).dense[: len(x)]
+    matrix = size.at(x, y).dense()
     kept, values = matrix[mask], along[:, :, mask]
     filling = _filling(size) * (FILLING * max(len(kept), 1) / size.points)
     flat = values.transpose(2, 0, 1).reshape(len(kept), -1)
-    points = np.linalg.solve(kept.T @ kept + filling, kept.T @ flat).reshape(size.points, degree + 1, 3)
+    square = product(kept.T, kept) + filling
+    points = np.linalg.solve(square, product(kept.T, flat)).reshape(size.points, degree + 1, 3)
     # One step of iterative refinement takes the filling's weight out where samples are.
-    rest = flat - kept @ points.reshape(size.points, -1)
-    points += np.linalg.solve(kept.T @ kept + filling, kept.T @ rest).reshape(points.shape)
+    rest = flat - product(kept, points.reshape(size.points, -1))
+    points += np.linalg.solve(square, product(kept.T, rest)).reshape(points.shape)
     patches = size.patches(points)
     error = _errors(projection, size, points, width)
     return Start(patches, float(error.max(initial=0.0)), float(np.median(error)) if len(error) else 0.0)
