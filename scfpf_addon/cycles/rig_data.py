@@ -270,7 +270,8 @@ def has_old_nodes(rig) -> bool:
 
 def has_new_materials(rig) -> bool:
     """Whether a rig's materials can turn rays that skip chords."""
-    return len(rig.scfpf_rig.portals.data.materials) > portal_nodes.PLAIN
+    materials = rig.scfpf_rig.portals.data.materials
+    return len(materials) > portal_nodes.PLAIN and pass_nodes.writes_place(materials[portal_nodes.JUMP])
 
 
 def update_nodes(rig) -> None:
@@ -398,8 +399,9 @@ def _fill(mesh, arrays: Portals, mapped: Array) -> None:
     mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * count, 3, dtype=np.int32))
     slots = mesh.attributes.new("material_index", "INT", "FACE")
     slots.data.foreach_set("value", arrays.slots)
-    onward = mesh.attributes.new(ONWARD, "FLOAT", "POINT")
-    onward.data.foreach_set("value", arrays.onward.astype(np.float32))
+    for name, values in ((ONWARD, arrays.onward), (pass_nodes.LENGTH, arrays.length)):
+        made = mesh.attributes.new(name, "FLOAT", "POINT")
+        made.data.foreach_set("value", values.astype(np.float32))
     attribute = mesh.attributes.new(pass_nodes.MAPPED, "FLOAT_VECTOR", "POINT")
     attribute.data.foreach_set("vector", mapped.T.astype(np.float32).ravel())
     mesh.update(calc_edges=True)

@@ -7,6 +7,9 @@ chord on which the ray meets something. The far sheet takes everything away agai
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
 from ...scanline.nodes.geometry_nodes import GeometryBuilder
 from .mapped_positions import OWN, RECTANGLE
@@ -18,53 +21,63 @@ AOVS = (AOV_START, AOV_RATE, AOV_ALONG, AOV_PLACE)
 # Attributes of the sheets: what each adds to the first three; x, y in the table and whether it is polar.
 ADDED = {AOV_START: "scfpf_add_start", AOV_RATE: "scfpf_add_rate", AOV_ALONG: "scfpf_add_along"}
 PLACE = "scfpf_place"
-# Attribute before the nodes: the result of ``mapped_positions``.
-MAPPED = "scfpf_seen"
+# What they add to the 1 of the fourth: 1 where a ray begins to be in the volume, -1 where it leaves.
+INSIDE = "scfpf_inside"
+# Attributes before the nodes: the result of ``mapped_positions``; ``Portals.length``.
+MAPPED, LENGTH = "scfpf_seen", "scfpf_length"
 TURN = 6.283185307179586
 
 
-def store_added(nodes: GeometryBuilder, geometry: Value, given: dict[str, Value]) -> Value:
+class Chord(NamedTuple):
+    """A chord: its start, its change in place, t at the start, and its change in t."""
+
+    start: Value
+    along: Value
+    t: Value
+    step: Value
+
+
+def store_added(
+    nodes: GeometryBuilder, geometry: Value, before: Chord, onward: Chord, given: dict[str, Value]
+) -> Value:
     """Store each portal's additions on its vertices.
 
-    given: Start and Chord, attributes already stored; t, Step (of the chord, in t), Far, Number (of the
-    sheet), Sheet (vertices of one), Place (x, y, polar).
+    before, onward: the chords along which a ray comes and goes on. given: Far (1 if it leaves), Number (of
+    the sheet), Sheet (vertices of a whole one), Skips (whether rays skip chords), Place (x, y, polar).
     """
-    nodes.open_frame("The sheet before")
+    nodes.open_frame("What changes from chord to chord")
     number, far = given["Number"], given["Far"]
-    index = nodes.index()
-    before = index - given["Sheet"]
     behind = nodes.switch(number > 0.5, 0.0, 1.0, "FLOAT", "Is There One?")
     counts = nodes.switch(number < -0.5, 1.0 - far, 0.0, "FLOAT", "Begins a Chord")
 
-    def change(value: Value) -> Value:
-        earlier = nodes.at_index(value, before, "POINT", "FLOAT_VECTOR")
-        return value * counts - earlier * behind
+    def change(value: Callable[[Chord], Value]) -> Value:
+        return value(onward) * counts - value(before) * behind
 
-    nodes.open_frame("What changes from chord to chord")
-    start, chord = given["Start"], given["Chord"]
-    rate = chord * (1.0 / given["Step"])
-    t = nodes.xyz(given["t"], 0.0, 0.0, "t")
+    start = change(lambda chord: chord.start)
+    rate = change(lambda chord: chord.along * (1.0 / chord.step))
+    t = change(lambda chord: chord.t)
     nodes.open_frame("The place that is seen, through image mappings if there are any")
     x, y, kind = nodes.attribute(MAPPED, "FLOAT_VECTOR").parts()
     through = nodes.xyz(x, y, kind - float(RECTANGLE), "x, y, polar")
     place = nodes.switch(kind > OWN + 0.5, given["Place"], through, "VECTOR", "Mapped?")
-    nodes.open_frame("Length of the chords so far")
-    length = nodes.xyz(0.0, chord.length() * counts, 0.0, "Length")
-    _, same = divmod(index, given["Sheet"])
-    inputs = {0: length.parts()[1], 1: same + 0.25}
+    nodes.open_frame("Length of the chords that the ray is led past")
+    _, same = divmod(nodes.index(), given["Sheet"])
+    inputs = {0: onward.along.length() * counts, 1: same + 0.25}
     so_far = nodes.out("GeometryNodeAccumulateField", "So Far", inputs, "Trailing", data_type="FLOAT")
-    last = nodes.at_index(length, before, "POINT", "FLOAT_VECTOR") * behind
-    along = change(t) + last - nodes.xyz(0.0, so_far * far, 0.0, "All of It")
-    for aov, value in ((AOV_START, change(start)), (AOV_RATE, change(rate)), (AOV_ALONG, along)):
+    length = before.along.length() * behind - so_far * far
+    length = nodes.switch(given["Skips"], length, nodes.attribute(LENGTH), "FLOAT", "Skips?")
+    along = nodes.xyz(t, length, 0.0, "t, Length")
+    for aov, value in ((AOV_START, start), (AOV_RATE, rate), (AOV_ALONG, along)):
         geometry = nodes.store(geometry, ADDED[aov], value, "FLOAT_VECTOR")
+    geometry = nodes.store(geometry, INSIDE, counts - behind, "FLOAT")
     return nodes.store(geometry, PLACE, place, "FLOAT_VECTOR")
 
 
-def add_to_aovs(nodes: FieldBuilder, due, place: float, follow) -> None:
+def add_to_aovs(nodes: FieldBuilder, due, with_place: bool, follow) -> None:
     """Let a material write into the AOVs.
 
-    due: whether its portal turns the ray, a socket, or None. place: 1 where u and v begin to be known (the
-    screen), -1 where they end (the far sheet), else 0. follow: (socket, property) drives it by the camera.
+    due: whether its portal turns the ray, a socket, or None. with_place: whether u and v may begin or end to
+    be known there. follow: (socket, property) drives it by the camera.
     """
     nodes.open_frame("Into AOVs, if the view layer has them")
 
@@ -75,9 +88,15 @@ def add_to_aovs(nodes: FieldBuilder, due, place: float, follow) -> None:
 
     for aov, name in ADDED.items():
         write(aov, nodes.shader_attribute(name))
-    if place:
+    if with_place:
         u, v = _parameters(nodes, nodes.shader_attribute(PLACE), follow)
-        write(AOV_PLACE, nodes.xyz(u, v, 1.0, "u, v, 1") * place)
+        write(AOV_PLACE, nodes.xyz(u, v, 1.0, "u, v, 1") * nodes.shader_attribute(INSIDE, "Fac"))
+
+
+def writes_place(material) -> bool:
+    """Whether a material writes u and v into AOVs."""
+    nodes = () if material is None or material.node_tree is None else material.node_tree.nodes
+    return any(node.type == "OUTPUT_AOV" and node.aov_name == AOV_PLACE for node in nodes)
 
 
 def _parameters(nodes: FieldBuilder, place: Value, follow) -> tuple[Value, Value]:

@@ -31,9 +31,9 @@ from .sheets import (
 # Attribute of the sheets before the nodes: the chord that a ray goes on along from a vertex, n for none.
 ONWARD = "scfpf_onward"
 # After the nodes: where a ray continues and its direction, world space; where a ray begins that the portal
-# turns, and the tolerance of that place; how many portals it has passed if it has skipped none.
+# turns, and the tolerance of that place.
 POSITION, DIRECTION, ORIGIN = "scfpf_position", "scfpf_direction", "scfpf_origin"
-TOLERANCE, DEPTH = "scfpf_tolerance", "scfpf_depth"
+TOLERANCE = "scfpf_tolerance"
 # Where a vertex will be; removed as it gets there.
 PLACE = "scfpf_there"
 
@@ -104,7 +104,7 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     view = view_inputs(nodes, table, given["Aspect"])
     nodes.open_frame("Sheets that skip chords, or whole ones")
     open_lens = given["Straight"] & (given["Lens Radius"] > 0.0)
-    skips = given["Skip"] & ~(open_lens | given["Passes"])
+    skips = given["Skip"] & ~open_lens
     geometry, sheet = _sheets(nodes, given, skips)
     x, y, number = nodes.position().parts()
     nodes.open_frame("Ends of the chord before, and of the next")
@@ -121,15 +121,17 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     probe = nodes.set_position(geometry, ends["Here"], "Ends of the Chords")
     polar = view["Numbers"].parts()[2]
     screen = _screen(nodes, given, polar)
-    geometry = _store_rays(nodes, geometry, ends, far, number, open_lens)
+    geometry = _store_rays(nodes, geometry, ends, far, open_lens)
     here, along = (nodes.attribute(name, "FLOAT_VECTOR") for name in (POSITION, DIRECTION))
     with_lens = lens_nodes.store_lens(nodes, geometry, given | {"Start": here, "Chord": along}, matrix)
     nodes.open_frame("Only where they are asked for")
     geometry = nodes.switch(open_lens, geometry, with_lens, "GEOMETRY", "Depth of Field?")
-    of_passes = {"t": times["Start"], "Step": times["End"] - times["Start"], "Far": far, "Number": number}
-    of_passes |= {"Sheet": sheet, "Start": here, "Chord": along}
+    before, sheet_place = (nodes.attribute(name, "FLOAT_VECTOR") for name in (ORIGIN, PLACE))
+    last = pass_nodes.Chord(before, sheet_place - before, times["Before"], times["Here"] - times["Before"])
+    onto = pass_nodes.Chord(here, along, times["Start"], times["End"] - times["Start"])
+    of_passes = {"Far": far, "Number": number, "Sheet": sheet, "Skips": skips}
     of_passes["Place"] = nodes.xyz(x, y, polar, "x, y, polar")
-    with_passes = pass_nodes.store_added(nodes, geometry, of_passes)
+    with_passes = pass_nodes.store_added(nodes, geometry, last, onto, of_passes)
     geometry = nodes.switch(given["Passes"], geometry, with_passes, "GEOMETRY", "Passes?")
     is_sheet = number > 0.5
     place = nodes.switch(
@@ -167,7 +169,6 @@ def _store_rays(
     geometry: Value,
     ends: dict[str, Value],
     far: Value,
-    number: Value,
     open_lens: Value,
 ) -> Value:
     """Store which rays the portals turn, and where these go on.
@@ -194,7 +195,6 @@ def _store_rays(
     nodes.open_frame("Which rays are turned")
     tolerance = (here - before).length() * CHORD_SHARE + here.length().max(before.length()) * PLACE_SHARE
     store(TOLERANCE, nodes.switch(open_lens, tolerance, ANYWHERE, "FLOAT", "Rays of a Lens?"), "FLOAT")
-    store(DEPTH, number, "FLOAT")
     return geometry
 
 
@@ -273,7 +273,7 @@ def _portal(name: str, slot: int, follow):
         through = nodes.node("ShaderNodeBsdfTransparent", "Not Due", {}).outputs[0]
         shader = nodes.node("ShaderNodeMixShader", "In Order", {0: due, 1: through, 2: shader}).outputs[0]
     nodes.node("ShaderNodeOutputMaterial", "Output", {"Surface": shader})
-    pass_nodes.add_to_aovs(nodes, due, {SCREEN: 1.0, FAR: -1.0}.get(slot, 0.0), follow)
+    pass_nodes.add_to_aovs(nodes, due, slot != SHEET, follow)
     return material
 
 

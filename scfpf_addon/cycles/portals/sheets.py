@@ -42,12 +42,13 @@ class Portals(NamedTuple):
 
     places: (3, N). Of the first vertices, t and shift of each break, and BREAKS. Of the others x and y in the
     table of projectors, and SURROUNDS, REPEATED, or the number of the sheet: 0 the screen, n the far sheet.
-    onward: (N,) the chord that a ray goes on along, n for none. triangles: (T, 3). slots: (T,) int, of
-    materials.
+    onward: (N,) the chord that a ray goes on along, n for none. length: (N,) of the chords that a ray is led
+    past, known for sheets whose rays skip chords. triangles: (T, 3). slots: (T,) int, of materials.
     """
 
     places: Array
     onward: Array
+    length: Array
     triangles: IndexArray
     slots: IndexArray
 
@@ -98,25 +99,25 @@ def portals(
     faced = [np.array([[0, 1, 2], [0, 2, 3]]) + corner, triangles + corner + SURROUND_CORNERS]
     slots = [np.full(2, SURROUND_SLOT), np.zeros(len(triangles), np.intp)]
     known = sum(part.shape[1] for part in places)
-    onward = np.zeros(known)
+    onward, length = [np.zeros(known)], [np.zeros(known)]
     if faces is not None:
-        own, own_onward, own_triangles, own_slots = _skipping(faces, count, size, polar)
-        places.append(own)
-        onward = np.concatenate([onward, own_onward])
-        faced.append(own_triangles + known)
-        slots.append(own_slots)
+        own = _skipping(faces, count, size, polar)
+        places.append(own.places)
+        onward.append(own.onward)
+        length.append(own.length)
+        faced.append(own.triangles + known)
+        slots.append(own.slots)
     return Portals(
         np.concatenate(places, axis=1),
-        onward,
+        np.concatenate(onward),
+        np.concatenate(length),
         np.concatenate(faced).astype(np.int32),
         np.concatenate(slots).astype(np.int32),
     )
 
 
-def _skipping(
-    faces: Faces, count: int, size: tuple[int, int], polar: bool
-) -> tuple[Array, Array, IndexArray, IndexArray]:
-    """Places (3, N), onward (N,), triangles (T, 3) and slots (T,) of sheets whose rays skip chords."""
+def _skipping(faces: Faces, count: int, size: tuple[int, int], polar: bool) -> Portals:
+    """Sheets whose rays skip chords."""
     x, y, triangles = grid(faces.cells, size, polar)
     corners = triangles.reshape(-1, 2, 3)[faces.cell]
     # Faces share a vertex if rays go on from it alike.
@@ -127,7 +128,8 @@ def _skipping(
     slots = np.where(faces.onward == faces.sheet, SHEET_SLOT, JUMP_SLOT)
     slots = np.where(faces.sheet == count, FAR_SLOT, np.where(faces.sheet == 0, PLAIN_SLOT, slots))
     places = np.stack([x[vertex], y[vertex], sheet.astype(np.float64)])
-    return places, onward.astype(np.float64), numbers.reshape(-1, 3), np.repeat(slots, 2)
+    length = faces.lengths[onward, vertex] - faces.lengths[np.maximum(sheet - 1, 0), vertex]
+    return Portals(places, onward.astype(np.float64), length, numbers.reshape(-1, 3), np.repeat(slots, 2))
 
 
 def whole_vertices(count: int, cells: tuple[int, int], polar: bool) -> int:

@@ -70,7 +70,8 @@ def faces_that_skip(rig, chords: ChordPlan, look: Look) -> Found:
     cells = fine_cells(chords.cells, image_size(scene))
     probe_mesh(rig, chords, cells)
     search = _Search(rig, chords, cells, look)
-    return Found(faces_of(search.run(), cells), search.objects)
+    occupied, ends = search.run()
+    return Found(faces_of(occupied, cells, ends), search.objects)
 
 
 def fine_cells(cells: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
@@ -99,8 +100,11 @@ class _Search:
         self._shown = shown_objects(rig)
         self.objects: dict[float, tuple] = {}
 
-    def run(self) -> BoolArray:
-        """Whether anything may be in each chord of each cell, (n, rows, columns). Raises NotSkipping."""
+    def run(self) -> tuple[BoolArray, Array]:
+        """Whether anything may be in each chord of each cell, (n, rows, columns), and the chords' ends.
+
+        The ends are those of the last frame, (n + 1, 3, rows + 1, columns + 1). Raises NotSkipping.
+        """
         scene = self._rig.scfpf_rig.scene
         if self._look.apart:
             scene = scene.copy()
@@ -112,8 +116,8 @@ class _Search:
         finally:
             if self._look.apart:
                 bpy.data.scenes.remove(scene)
-        assert self._occupied is not None
-        return self._occupied
+        assert self._occupied is not None and self._ends is not None
+        return self._occupied, self._ends
 
     def _of_layer(self, depsgraph, set_frame) -> None:
         settings, frames = self._rig.scfpf_rig, self._look.frames

@@ -170,7 +170,7 @@ def exact_passes(addon, camera, pixel_error=0.0):
     contents = addon("bridge.scene.render_depsgraph").with_render_depsgraph(
         scene, bpy.context.view_layer, addon("bridge.scene.read_scene").read_scene
     )
-    wanted = shading.DataPasses(("OBJECT_INDEX", "POSITION", "PARAMETERS", "DEPTH"))
+    wanted = shading.DataPasses(("OBJECT_INDEX", "POSITION", "PARAMETERS", "DEPTH", "NORMAL"))
     settings = settings.FrameSettings(
         scene.render.resolution_x, scene.render.resolution_y, 1, pixel_error, passes=wanted
     )

@@ -136,7 +136,8 @@ def test_sheets_whose_rays_skip_chords_have_the_faces_that_they_meet(polar):
     count, cells = 9, (5, 4)
     rows, columns = (side - 1 for side in sheet_shape(cells, polar))
     occupied = np.random.default_rng(2).random((count, rows, columns)) < 0.3
-    faces = faces_of(occupied, cells)
+    ends = np.random.default_rng(3).random((count + 1, 3, rows + 1, columns + 1))
+    faces = faces_of(occupied, cells, ends)
     arrays = portals(np.linspace(0, 1, count + 1), np.zeros(count + 1), cells, SIZE, polar, faces)
     own = (arrays.places[2][arrays.triangles] >= 0).all(axis=1)
     triangles, slots = arrays.triangles[own], arrays.slots[own]
@@ -147,20 +148,29 @@ def test_sheets_whose_rays_skip_chords_have_the_faces_that_they_meet(polar):
     known = {}
     for face, slot, number in zip(triangles, slots, onward[:, 0], strict=True):
         place = arrays.places[:2, face].T.round(9)
-        known[tuple(map(tuple, place)), int(arrays.places[2, face[0]])] = slot, int(number)
+        key = tuple(map(tuple, place)), int(arrays.places[2, face[0]])
+        known[key] = slot, int(number), arrays.length[face]
     for cell in range(rows * columns):
         wanted = np.flatnonzero(occupied[:, cell // columns, cell % columns])
         for triangle in plain[2 * cell : 2 * cell + 2]:
             corners = tuple(map(tuple, np.stack([x, y])[:, triangle].T.round(9)))
-            slot, chord = known[corners, 0]
+            slot, chord, so_far = known[corners, 0]
+            steps = [
+                np.linalg.norm(np.diff(ends, axis=0).reshape(count, 3, -1)[:, :, corner], axis=1)
+                for corner in triangle
+            ]
+            steps = np.stack(steps, axis=1)
             travelled = []
             assert slot == PLAIN_SLOT
             while chord < count:
                 travelled.append(chord)
+                assert so_far == pytest.approx(steps[:chord].sum(axis=0))
                 at = chord + 1
-                slot, chord = known[corners, at]
+                slot, chord, length = known[corners, at]
+                so_far = so_far + length
                 kind = SHEET_SLOT if chord == at else JUMP_SLOT
                 assert slot == (FAR_SLOT if at == count else kind)
+            assert so_far == pytest.approx(0.0, abs=1e-12)
             assert travelled == wanted.tolist()
 
 
