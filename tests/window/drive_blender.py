@@ -97,6 +97,10 @@ def run(driver, scenarios, output):
         bpy.ops.wm.read_homefile(use_factory_startup=False, use_splash=False)
         # A render that opens nothing; a scenario that is about what it opens chooses another.
         bpy.context.preferences.view.render_display_type = "NONE"
+        # The panel of the last operator comes and goes over what is compared.
+        for area in driver.window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.spaces.active.show_region_hud = False
         yield DRAW
         try:
             yield from scenario(driver)
