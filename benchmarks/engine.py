@@ -143,7 +143,7 @@ def table(results: dict[str, dict[str, Any]]) -> list[str]:
 
 
 def is_met(figures: dict[str, Any]) -> bool:
-    """Whether both goals are, beside Cycles with direct light."""
+    """Return whether both goals are, beside Cycles with direct light."""
     share = figures["SCFPF"]["memory"] / figures["direct"]["memory"]
     return ratios(figures, "seconds", "cold")[0] >= TIME_GOAL and share <= MEMORY_GOAL
 

@@ -251,7 +251,7 @@ def random_volumes(count: int, seed: int = 0) -> dict[str, float]:
 
 
 def sound(hits: Hits) -> bool:
-    """Whether an answer keeps what Hits promises."""
+    """Return whether an answer keeps what Hits promises."""
     hit: NDArray[np.bool_] = hits.triangle >= 0
     finite = all(np.isfinite(a).all() for a in (hits.position, hits.tangent, hits.barycentric))
     in_range = ((hits.t[hit] >= 0) & (hits.t[hit] <= 1)).all() and np.isposinf(hits.t[~hit]).all()

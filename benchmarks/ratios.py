@@ -56,7 +56,7 @@ class Ratio(NamedTuple):
         return f"{value:.1f}" if value >= 2.0 else f"{value:.2f}"
 
     def met(self, value: float) -> bool:
-        """Whether a value, as it is said, is as good as the goal."""
+        """Return whether a value, as it is said, is as good as the goal."""
         rounded = round(value, 2 if self.unit == "%" or value < 2.0 else 1)
         return rounded <= self.goal if self.most else rounded >= self.goal
 

@@ -71,7 +71,7 @@ def requirement_digest() -> str:
 
 
 def is_filled(folder: pathlib.Path) -> bool:
-    """Whether the folder holds the present set of packages."""
+    """Return whether the folder holds the present set of packages."""
     stamp = folder / STAMP
     return stamp.is_file() and stamp.read_text(encoding="utf-8") == requirement_digest()
 

@@ -82,7 +82,7 @@ def fetch_wheels(environment: Environment) -> None:
 
 
 def is_locked(path: pathlib.Path, hashes: set[str]) -> bool:
-    """Whether the file is there, with one of the hashes."""
+    """Return whether the file is there, with one of the hashes."""
     return path.is_file() and hashlib.sha256(path.read_bytes()).hexdigest() in hashes
 
 

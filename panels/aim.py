@@ -26,7 +26,7 @@ WELL_MET = 1.5
 
 
 class SCFPF_UL_aim(bpy.types.UIList):
-    """What the picture shall show"""
+    """The targets that the picture is aimed at"""
 
     def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index):
         row = layout.row(align=True)
@@ -44,7 +44,7 @@ class SCFPF_UL_aim(bpy.types.UIList):
 
 
 def residual_text(target) -> str:
-    """How far a target's points are from their places, in a few characters; empty before Solve."""
+    """The largest distance of a target's points from their places; empty before Solve."""
     return f"{target.residual_max:.1f} px" if target.residual_max >= 0.0 else ""
 
 
@@ -141,7 +141,7 @@ class _AimSettingsSection(Subsection):
 
 
 def outcome_lines(aim) -> list[str]:
-    """What the last solve did to the rest of the picture; nothing before one."""
+    """The effect of the last solve on the rest of the picture; empty before Solve."""
     lines = []
     if aim.background_median >= 0.0:
         lines += [

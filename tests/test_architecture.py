@@ -30,7 +30,7 @@ DECLARATIVE = ("PropertyGroup", "Panel")
 
 
 def is_code(path):
-    """Whether a file is part of the repository's code, not generated or installed."""
+    """Return whether a file is part of the repository's code, not generated or installed."""
     parts = path.relative_to(ROOT).parts
     return not any(part.startswith(".") or part in ("dist", "build", "wheels", "output") for part in parts)
 

@@ -89,7 +89,7 @@ def drag_line(case: Setting) -> str:
 
 
 def sets_line(place: Place, count: int, degrees: float, shift: float) -> str:
-    """How many random sets of pins are solved, clean, worse and not taken."""
+    """Solve random sets of pins, and count those that are met, clean, and refused as worse."""
     met = clean = refused = 0
     times = []
     for seed in range(count):

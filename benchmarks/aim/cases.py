@@ -66,7 +66,7 @@ class Place:
 
     @cached_property
     def base(self) -> Projection:
-        """What the camera sees."""
+        """The straight projection of the camera."""
         right, up, forward = self.frame
         half = np.tan(ANGLE / 2)
         straight = NurbsAxis(order=2)

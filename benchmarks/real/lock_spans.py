@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of a render holds Python's lock, and what that predicts for more cores. Linux with a C compiler.
+"""The share of a render that holds Python's lock, and the speed on more cores that it predicts.
+
+It needs Linux and a C compiler.
 
     python3 dev.py bench --lock [--markdown FILE] [--percentage N]
 

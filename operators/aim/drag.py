@@ -38,12 +38,10 @@ class SCFPF_OT_aim_drag(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     shift: FloatVectorProperty(
-        name="Move", description="How far it moves, as shares of the picture's width and height", size=2
+        name="Move", description="Movement, as shares of the picture's width and height", size=2
     )
-    factor: FloatProperty(
-        name="Size", description="How many times as large it becomes", default=1.0, min=0.01
-    )
-    turn: FloatProperty(name="Turn", description="How far it is turned, counterclockwise", subtype="ANGLE")
+    factor: FloatProperty(name="Size", description="Factor by which the size changes", default=1.0, min=0.01)
+    turn: FloatProperty(name="Turn", description="Counterclockwise turn", subtype="ANGLE")
     index: IntProperty(
         name="Target",
         description="Number of the target in the list; -1 for the active one",

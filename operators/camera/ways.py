@@ -45,7 +45,7 @@ def viewport_for(context, camera):
 
 
 def looks_through(area, scene, camera) -> bool:
-    """Whether a 3D viewport looks through a camera."""
+    """Return whether a 3D viewport looks through a camera."""
     space = area.spaces.active
     seen = space.camera if space.use_local_camera else scene.camera
     return seen == camera and space.region_3d.view_perspective == "CAMERA"
@@ -61,19 +61,19 @@ def look_through(area, scene, camera) -> None:
 
 
 def is_live(area, scene, camera) -> bool:
-    """Whether a 3D viewport shows a camera live."""
+    """Return whether a 3D viewport shows a camera live."""
     shown = camera.scfpf.show_live and area.spaces.active.shading.type in SHADINGS
     return shown and looks_through(area, scene, camera)
 
 
 def is_rendered(area, scene, camera) -> bool:
-    """Whether a 3D viewport shows a camera's picture in Rendered shading."""
+    """Return whether a 3D viewport shows a camera's picture in Rendered shading."""
     shown = scene.render.engine == ENGINE and area.spaces.active.shading.type == "RENDERED"
     return shown and looks_through(area, scene, camera)
 
 
 def is_any(context, camera, shows) -> bool:
-    """Whether ``shows(area, scene, camera)`` is true of a 3D viewport in the present window."""
+    """Return whether ``shows(area, scene, camera)`` is true of a 3D viewport in the present window."""
     areas = context.window.screen.areas if context.window is not None else ()
     return any(area.type == "VIEW_3D" and shows(area, context.scene, camera) for area in areas)
 

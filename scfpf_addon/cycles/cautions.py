@@ -71,7 +71,7 @@ def _about_volume(scene, settings) -> list[str]:
 
 
 def _mappings_move(camera) -> bool:
-    """Whether an image mapping is animated: the mapped positions are computed in advance."""
+    """Return whether an image mapping is animated: the mapped positions are computed in advance."""
     if not any(mapping.enabled for mapping in camera.scfpf.mappings):
         return False
     return any(curve.data_path.startswith(MAPPINGS_PATH) for c in curve_collections(camera) for curve in c)

@@ -127,7 +127,7 @@ def chords_of(camera, scene, projections: list[Projection]) -> ChordPlan:
 
 
 def may_move(camera) -> bool:
-    """Whether anything of the volume may be animated."""
+    """Return whether anything of the volume may be animated."""
     pending = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
     seen = set()
     while pending:

@@ -53,7 +53,7 @@ def _first(rig, is_meant: Callable[[bpy.types.Node], bool]) -> str:
 
 
 def _has(tree, is_meant: Callable[[bpy.types.Node], bool], known: dict[int, bool]) -> bool:
-    """Whether a tree, or a group in it, has a node that is meant. known: results by its session id."""
+    """Return whether a tree, or a group in it, has a node that is meant. known: results by its session id."""
     key = tree.session_uid
     if key not in known:
         groups = [

@@ -20,13 +20,13 @@ def engine_name(scene) -> str:
 
 
 def _is_rigged(scene) -> bool:
-    """Whether F12 renders a scene with Cycles through its rig."""
+    """Return whether F12 renders a scene with Cycles through its rig."""
     rig = rig_of(scene)
     return scene.render.engine == CYCLES and rig is not None and rig.scfpf_rig.view_camera == scene.camera
 
 
 def renders_by_cycles(scene, camera) -> bool:
-    """Whether F12 renders a flexible camera of a scene with Cycles through its rig."""
+    """Return whether F12 renders a flexible camera of a scene with Cycles through its rig."""
     return _is_rigged(scene) and camera_behind(scene.camera) == camera
 
 

@@ -65,7 +65,7 @@ def rig_of(scene):
 
 
 def is_whole(rig) -> bool:
-    """Whether a rig has all its parts, and its camera is a flexible one of its scene."""
+    """Return whether a rig has all its parts, and its camera is a flexible one of its scene."""
     settings = rig.scfpf_rig
     if settings.portals is None or settings.portals.modifiers.get(MODIFIER) is None:
         return False
@@ -80,7 +80,7 @@ def check(scene, camera) -> None:
 
 
 def has_cycles(scene) -> bool:
-    """Whether the add-on Cycles is switched on, and its settings exist."""
+    """Return whether the add-on Cycles is switched on, and its settings exist."""
     return hasattr(scene, "cycles")
 
 
@@ -264,12 +264,12 @@ def adopt(rig) -> None:
 
 
 def has_old_nodes(rig) -> bool:
-    """Whether another version of the add-on has made a rig's node group."""
+    """Return whether another version of the add-on has made a rig's node group."""
     return not is_current(rig.scfpf_rig.portals.modifiers[MODIFIER].node_group)
 
 
 def has_new_materials(rig) -> bool:
-    """Whether a rig's materials can turn rays that skip chords."""
+    """Return whether a rig's materials can turn rays that skip chords."""
     materials = rig.scfpf_rig.portals.data.materials
     return len(materials) > portal_nodes.PLAIN and pass_nodes.writes_place(materials[portal_nodes.JUMP])
 

@@ -58,7 +58,7 @@ def _is_volume(material) -> bool:
 
 
 def _is_inside(obj, point: Array, depsgraph) -> bool:
-    """Whether a point is inside an evaluated object: by the faces above it, or else by the object's box.
+    """Return whether a point is inside an evaluated object: by the faces above it, or else by its box.
 
     A volume, or an object that viewports hide, has no known faces.
     """

@@ -29,7 +29,7 @@ _FOLLOWING = {
 
 
 def linked_text(scene, camera, remedy: str) -> str:
-    """Why nothing can be generated for a camera in a scene: linked or absent data; empty if it can.
+    """The reason (linked or absent data) why nothing can be generated for a camera in a scene; else empty.
 
     remedy: for a scene from another file.
     """
@@ -41,7 +41,7 @@ def linked_text(scene, camera, remedy: str) -> str:
 
 
 def is_complete(settings, collection, parts: Iterable) -> bool:
-    """Whether a collection in the scene has all its parts, and the camera is a flexible one of that scene.
+    """Return whether a collection in the scene is complete, and the camera is a flexible one of that scene.
 
     collection, parts: None for those that are lost.
     """

@@ -49,7 +49,7 @@ class CallerSignal:
     cancelled: Callable[[], bool] | None
 
     def is_set(self) -> bool:
-        """Whether the render is cancelled."""
+        """Return whether the render is cancelled."""
         return self.cancelled is not None and self.cancelled()
 
 

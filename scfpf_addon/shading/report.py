@@ -46,7 +46,7 @@ class RenderReport:
 
     @property
     def folded(self) -> bool:
-        """Whether the volume folds."""
+        """Return whether the volume folds."""
         return self.folded_share > 0.0
 
     def outcome(self) -> str:

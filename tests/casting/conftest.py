@@ -75,7 +75,7 @@ def evaluate(controls, t, weights):
 
 
 def inside(corners, points):
-    """Whether points (3, N) of the planes lie in triangles (N, 3 corners, 3)."""
+    """Return whether points (3, N) of the planes lie in triangles (N, 3 corners, 3)."""
     a, b, c = corners[:, 0].T, corners[:, 1].T, corners[:, 2].T
     normal = np.cross(b - a, c - a, axis=0)
     whole = (normal * normal).sum(axis=0)

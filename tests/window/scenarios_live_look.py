@@ -87,7 +87,7 @@ def prepare(driver):
 
 
 def cast(driver):
-    """What Blender's own rays hit through every STEP-th pixel, as live hits, and the objects."""
+    """The hits of Blender's own rays through every STEP-th pixel, as live hits, and the objects."""
     region, view = driver.region("VIEW_3D"), driver.area("VIEW_3D").spaces.active.region_3d
     view.update()
     depsgraph = bpy.context.evaluated_depsgraph_get()

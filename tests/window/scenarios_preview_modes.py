@@ -227,7 +227,7 @@ def preview_progress(driver):
 
 
 def is_draft(source):
-    """Whether the preview's first part shows a draft."""
+    """Return whether the preview's first part shows a draft."""
     modifier = source.scfpf_preview.parts[0].picture.modifiers[0]
     sockets = modifier.node_group.interface.items_tree
     return bool(getattr(modifier.properties.inputs, sockets["Draft"].identifier).value)

@@ -87,7 +87,7 @@ def new_start(
 
 
 def fits(patches: Patches, settings) -> bool:
-    """Whether patches have the net and the degree that settings of Aim ask for."""
+    """Return whether patches have the net and the degree that settings of Aim ask for."""
     shape = (settings.rows, settings.columns)
     return len(patches) == settings.degree + 1 and all(p.points.shape[:2] == shape for p in patches)
 
@@ -150,7 +150,7 @@ def _has_room(camera, patches: Patches) -> bool:
 
 
 def is_keyed(camera) -> bool:
-    """Whether shape keys move the surfaces of a camera."""
+    """Return whether shape keys move the surfaces of a camera."""
     return any(getattr(slot.object.data, "shape_keys", None) for slot in camera.scfpf.surfaces if slot.object)
 
 

@@ -26,7 +26,7 @@ _seen: dict[int, bytes] = {}
 
 
 def is_live(camera) -> bool:
-    """Whether the volume of a camera follows its targets."""
+    """Return whether the volume of a camera follows its targets."""
     settings = camera.scfpf
     return settings.enabled and settings.aim.live and len(settings.aim_targets) > 0 and camera.is_editable
 
@@ -81,7 +81,7 @@ def _evaluated(_scene, depsgraph):
 
 
 def _scene_has_changed(depsgraph) -> bool:
-    """Whether anything that images show has changed, so that the arrays of drags are stale."""
+    """Return whether anything that images show has changed, so that the arrays of drags are stale."""
     own = control_objects()
     return any(
         isinstance(update.id, bpy.types.Object)

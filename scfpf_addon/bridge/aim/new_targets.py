@@ -65,7 +65,7 @@ def _new_target(camera, kind: str, name: str):
 
 
 def _seen_now(camera, projection: Projection, point: Array) -> tuple[float, float, LocalEye]:
-    """Where the image shows a world point (3,), and the straight camera that sees it like that.
+    """The image position of a world point (3,), and the straight camera that sees the point in the same way.
 
     A point outside the image is seen from the camera object, in the middle of the image.
     """

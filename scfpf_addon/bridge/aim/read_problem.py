@@ -46,7 +46,7 @@ class SceneArrays:
     names: tuple[tuple[str, str], ...]
 
     def triangles_of(self, objects: list) -> BoolArray:
-        """Which triangles belong to Blender objects, (T,)."""
+        """The mask (T,) of the triangles of Blender objects."""
         wanted = {obj.name_full for obj in objects}
         numbers = [n for n, names in enumerate(self.names) if not wanted.isdisjoint(names)]
         return self.scene.triangles_of(np.array(numbers, np.int64))
@@ -231,7 +231,7 @@ def read_inputs(camera, depsgraph, kept: Patches | None = None) -> AimInputs:
 
 
 def _depths(present: Projection, targets: Targets, scene: AimScene) -> tuple[float | None, float]:
-    """Where on straight projectors the targets are, and where the scene ends: shares of the way."""
+    """The t of the targets and of the scene's end on straight projectors; None and 1 on curved ones."""
     if not present.volume.spans.is_straight:
         return None, 1.0
     place = find_in_image(present, targets.pins.points)

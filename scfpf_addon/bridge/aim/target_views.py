@@ -71,7 +71,7 @@ def title_of(target) -> str:
 
 
 def view_map(target, depsgraph, aspect: float) -> ViewMap:
-    """Where a view shows points. aspect: of the image. Raises AimError or FrustumError."""
+    """The map from points to a view. aspect: of the image. Raises AimError or FrustumError."""
     title, eye = title_of(target), target.eye
     if eye is None:
         raise AimError(f"The view '{title}' has no camera: choose a camera or an empty under Seen From")

@@ -89,7 +89,7 @@ def _store_target(target, number: int, inputs: AimInputs, found: Judgement, own)
 
 
 def _target_text(target) -> str:
-    """How well a target is met, in a sentence or two."""
+    """Report in a sentence or two whether a target is met and seen."""
     worst = target.residual_max
     met = f"Met within {worst:.2g} px" if worst <= MET else f"Up to {_pixels(worst)} from its place"
     if not target.hidden_by:

@@ -70,7 +70,7 @@ def reserve(path: Path, size: int) -> None:
 
 
 def is_complete_image(path: Path) -> bool:
-    """Whether an image file is complete: False for one that a full disk has cut off.
+    """Return whether an image file is complete: False for one that a full disk has cut off.
 
     The format follows from the file's suffix. PNG, JPEG, TIFF and WebP are checked by their structure, with a
     few reads. Any other file must not be empty: Blender reports an EXR that it could not write. The pixels
@@ -96,7 +96,7 @@ def is_complete_image(path: Path) -> bool:
 
 
 def _is_whole_png(file: BinaryIO) -> bool:
-    """Whether a PNG has all chunks, each with its correct checksum (RFC 2083)."""
+    """Return whether a PNG has all chunks, each with its correct checksum (RFC 2083)."""
     if file.read(8) != b"\x89PNG\r\n\x1a\n":
         return False
     while True:
@@ -111,7 +111,7 @@ def _is_whole_png(file: BinaryIO) -> bool:
 
 
 def _is_whole_tiff(file: BinaryIO, size: int, order: str) -> bool:
-    """Whether the first directory of a TIFF and its strips lie inside the file."""
+    """Return whether the first directory of a TIFF and its strips lie inside the file."""
 
     def numbers(form: str) -> tuple[int, ...]:
         form = order + form

@@ -23,7 +23,7 @@ HIDING = f"width < {WIDTH:.0f}"
 
 
 def is_rig_part(obj) -> bool:
-    """Whether an object is part of a Cycles rig."""
+    """Return whether an object is part of a Cycles rig."""
     return RIG_KEY in obj
 
 
@@ -34,13 +34,13 @@ def camera_behind(obj):
 
 
 def is_hiding(curve) -> bool:
-    """Whether a driver hides an object from the rays of rigs."""
+    """Return whether a driver hides an object from the rays of rigs."""
     driver = curve.driver
     return driver is not None and driver.expression == HIDING and curve.data_path in HIDDEN_RAYS
 
 
 def has_other_animation(owner) -> bool:
-    """Whether a datablock has an action, NLA tracks, or drivers other than those that hide it from rigs."""
+    """Return whether a datablock has an action, NLA tracks, or drivers that do not hide it from rigs."""
     animation = owner.animation_data
     if animation is None:
         return False

@@ -29,14 +29,14 @@ def delete_with_data(obj) -> None:
 
 
 def holds(objects, obj) -> bool:
-    """Whether an object is among a scene's or a collection's."""
+    """Return whether an object is among a scene's or a collection's."""
     found = objects.get(obj.name)
     # A linked object, or a library override of it, may have the same name.
     return found == obj or (found is not None and obj in objects.values())
 
 
 def is_absent(obj, scene) -> bool:
-    """Whether a local object is not in a scene: deleted with X, it stays in the file for its pointers.
+    """Return whether a local object is not in a scene: deleted with X, it stays in the file for its pointers.
 
     A linked object is never absent. Linking a camera alone brings its surfaces without linking them to the
     scene; the volume object evaluates them.
@@ -66,7 +66,7 @@ def absence(obj, scene) -> str:
 
 
 def absent_text(obj, scene, otherwise: str, camera=None) -> str:
-    """Why an object is not in a scene, and the remedy; empty if it is in the scene.
+    """The reason why an object is not in a scene, and the remedy; empty if it is in the scene.
 
     otherwise: a remedy that does without the object. camera: the camera that needs the object, unless that
     is the object itself.

@@ -43,7 +43,7 @@ def set_modifier_input(modifier, identifier: str, value) -> None:
 
 
 def uses_nodes(owner) -> bool:
-    """Whether a material, world or lamp uses its nodes; in newer versions it does if it has a tree."""
+    """Return whether a material, world or lamp uses its nodes; in newer versions it does if it has a tree."""
     with warnings.catch_warnings():
         # From 5.0 (lamps: 5.2) the switch is always on, and deprecated.
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -96,7 +96,7 @@ def lit_behind_transparent(limit: int) -> int:
 
 
 def multiplies_by_alpha(image, is_file: bool) -> bool:
-    """Whether Cycles multiplies the colours of an image by its alpha.
+    """Return whether Cycles multiplies the colours of an image by its alpha.
 
     is_file: Cycles reads the image's file. Found by comparing images: from 5.2 the alpha mode decides, before
     that the file format.
@@ -107,7 +107,7 @@ def multiplies_by_alpha(image, is_file: bool) -> bool:
 
 
 def is_subdivided_adaptively(modifier, obj, scene) -> bool:
-    """Whether Cycles dices an object by a Subdivision Surface modifier: a setting of the object up to 4.5."""
+    """Return whether Cycles dices an object by a modifier: a setting of the object up to 4.5."""
     if hasattr(modifier, "use_adaptive_subdivision"):
         return modifier.use_adaptive_subdivision
     cycles, of_object = getattr(scene, "cycles", None), getattr(obj, "cycles", None)
@@ -116,7 +116,7 @@ def is_subdivided_adaptively(modifier, obj, scene) -> bool:
 
 
 def has_portal_depth() -> bool:
-    """Whether the Light Path node has the number of portals that a ray has passed: from 5.0."""
+    """Return whether the Light Path node has the number of portals that a ray has passed: from 5.0."""
     return bpy.app.version >= (5, 0, 0)
 
 

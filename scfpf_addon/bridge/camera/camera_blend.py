@@ -20,7 +20,7 @@ FACTOR_PATH = "scfpf.blend_factor"
 
 
 def is_blend(camera) -> bool:
-    """Whether a camera's near surface has the two shapes of a blend."""
+    """Return whether a camera's near surface has the two shapes of a blend."""
     slots = camera.scfpf.surfaces
     near = slots[0].object if len(slots) else None
     keys = near.data.shape_keys if near is not None and near.type == "MESH" else None
@@ -28,7 +28,7 @@ def is_blend(camera) -> bool:
 
 
 def knows_its_ends(camera) -> bool:
-    """Whether both ends of a camera's blend are known."""
+    """Return whether both ends of a camera's blend are known."""
     ends = camera.scfpf.blend_ends
     return ends.first is not None and (ends.second is not None or bool(ends.preset))
 
@@ -80,7 +80,7 @@ def _add_shapes(camera, blend: Blend) -> None:
 
 
 def _has_room(camera, blend: Blend) -> bool:
-    """Whether the surfaces of a blend camera have the number of points of another blend's layers.
+    """Return whether the surfaces of a blend camera have the number of points of another blend's layers.
 
     Layers are square grids, so that equal numbers of points mean equal numbers of rows.
     """

@@ -148,7 +148,7 @@ def require_attachable(camera, surface) -> None:
 
 
 def may_be_surface(candidate) -> bool:
-    """Whether an object's type is one of control surfaces, and it is not a volume object."""
+    """Return whether an object's type is one of control surfaces, and it is not a volume object."""
     return candidate.type in {"MESH", "SURFACE", "LATTICE"} and not is_volume_object(candidate)
 
 

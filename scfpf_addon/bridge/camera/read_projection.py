@@ -155,7 +155,7 @@ class PlacedLattice(NamedTuple):
 
 
 def is_lattice_volume(slots) -> bool:
-    """Whether a camera's list is one lattice, which is a volume by itself."""
+    """Return whether a camera's list is one lattice, which is a volume by itself."""
     return (
         len(slots) == 1
         and slots[0].object is not None

@@ -66,7 +66,7 @@ def _spread(projection: Projection) -> tuple[float, float]:
 
 
 def _is_own(lens) -> bool:
-    """Whether camera data can be changed without a change to another object."""
+    """Return whether camera data can be changed without a change to another object."""
     return lens.is_editable and lens.users - lens.use_fake_user <= 1
 
 

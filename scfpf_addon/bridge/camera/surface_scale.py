@@ -34,7 +34,7 @@ def whole_scale(surface) -> Array:
 
 
 def is_scaled(surface) -> bool:
-    """Whether the sizes of a parametric surface differ from its sizes in the world."""
+    """Return whether the sizes of a parametric surface differ from its sizes in the world."""
     is_parametric = surface.scfpf_surface.kind in PARAMETRIC_KINDS
     return is_parametric and bool(np.abs(whole_scale(surface) - 1.0).max() > NO_SCALE)
 
@@ -51,13 +51,13 @@ def world_sizes(surface) -> list[tuple[str, float]]:
 
 
 def is_changed_otherwise(surface) -> bool:
-    """Whether modifiers or animation act on a parametric surface, besides its node group's modifier."""
+    """Return whether modifiers or animation act on a parametric surface, besides its node group's."""
     reshaped = is_reshaped(surface, "VIEWPORT") or is_reshaped(surface, "RENDER")
     return reshaped or has_other_animation(surface)
 
 
 def _is_fixed(surface) -> bool:
-    """Whether a parametric surface's scale can be exchanged for sizes, as nothing else acts on either."""
+    """Return whether a parametric surface's scale can become sizes, as nothing else acts on either."""
     return not (is_changed_otherwise(surface) or any(not c.mute for c in surface.constraints))
 
 

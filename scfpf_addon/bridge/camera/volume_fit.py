@@ -48,7 +48,7 @@ def _children(camera) -> list:
 
 
 def needs_fit(camera, aspect: float) -> bool:
-    """Whether the camera's volume was made for an image of another shape. aspect: width / height."""
+    """Return whether the camera's volume was made for an image of another shape. aspect: width / height."""
     settings = camera.scfpf
     return settings.fit != "NONE" and abs(aspect / settings.fitted_aspect - 1) > SAME_ASPECT
 

@@ -82,7 +82,7 @@ class KeptScene:
         return self._whole
 
     def _kept(self, left: set[tuple[int, ...]]) -> BoolArray:
-        """Which of the settled triangles stay, (T,)."""
+        """The mask (T,) of the settled triangles that stay."""
         kept = np.ones(self._count, bool)
         for key in left & self._triangles.keys():
             kept[self._triangles[key]] = False

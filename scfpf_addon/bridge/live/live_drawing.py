@@ -45,12 +45,12 @@ class _Viewport:
 
     @property
     def is_late(self) -> bool:
-        """Whether there is an image that has not been drawn."""
+        """Return whether there is an image that has not been drawn."""
         return self._drawn != self.view.painter.number
 
     @property
     def is_waiting(self) -> bool:
-        """Whether images of the look are still to be read, a few each time it is drawn."""
+        """Return whether images of the look are still to be read, a few each time it is drawn."""
         source = self.view.source
         return source is not None and not source.looks.is_complete
 
@@ -199,7 +199,7 @@ def stop_all() -> None:
 
 
 def _may_be_shown(obj) -> bool:
-    """Whether images may show an evaluated object or what it instances."""
+    """Return whether images may show an evaluated object or what it instances."""
     return obj.type not in NO_FACES or obj.is_instancer
 
 

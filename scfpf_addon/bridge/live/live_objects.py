@@ -74,7 +74,7 @@ class Placement(NamedTuple):
     matrix: Array
 
     def is_same(self, other: Placement | None) -> bool:
-        """Whether another placement is the same triangles in the same place."""
+        """Return whether another placement is the same triangles in the same place."""
         return (
             other is not None
             and self.mesh is other.mesh
@@ -195,12 +195,12 @@ class LiveObjects:
 
 
 def _is_in_viewport(top, space) -> bool:
-    """Whether a viewport shows an object: local view and local collections may leave it out."""
+    """Return whether a viewport shows an object: local view and local collections may leave it out."""
     return space is None or top.visible_in_viewport_get(space)
 
 
 def _is_equal(one: MeshArrays, other: MeshArrays) -> bool:
-    """Whether two readings of a mesh are equal."""
+    """Return whether two readings of a mesh are equal."""
     names = ("vertices", "triangles", "normals", "slot", "uv")
     return one.layers.keys() == other.layers.keys() and all(
         _same(a, b)

@@ -91,7 +91,7 @@ class LivePainter:
 
     @property
     def busy(self) -> bool:
-        """Whether the thread is at work."""
+        """Return whether the thread is at work."""
         with self._wake:
             return self._thread is not None
 
@@ -131,7 +131,7 @@ class LivePainter:
         self.image = self._seen = None
 
     def is_set(self) -> bool:
-        """Whether the request at hand is cancelled: the painter is the signal of its own casting."""
+        """Return whether the request at hand is cancelled: the painter is the signal of its own casting."""
         return self._stopped or self._wanted is not None
 
     def _run(self) -> None:

@@ -72,7 +72,7 @@ class MatcapCache:
 
     @property
     def is_waiting(self) -> bool:
-        """Whether a matcap is still to be read."""
+        """Return whether a matcap is still to be read."""
         return bool(self._wanted)
 
     def _read_wanted(self) -> None:

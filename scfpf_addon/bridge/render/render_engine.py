@@ -162,7 +162,7 @@ def go_on() -> None:
 
 
 def _is_cancelled(engine) -> bool:
-    """Whether the user or the disabling of the add-on has cancelled a render."""
+    """Return whether the user or the disabling of the add-on has cancelled a render."""
     return _given_up.is_set() or engine.test_break()
 
 

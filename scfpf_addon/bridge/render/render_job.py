@@ -81,17 +81,17 @@ class RenderJob:
 
     @property
     def building(self) -> bool:
-        """Whether the scene is being built, which cannot be cancelled."""
+        """Return whether the scene is being built, which cannot be cancelled."""
         return self._building or is_uncancellable()
 
     @property
     def running(self) -> bool:
-        """Whether the thread is still at work."""
+        """Return whether the thread is still at work."""
         return self._thread.is_alive()
 
     @property
     def cancelled(self) -> bool:
-        """Whether ``cancel`` was called; the thread may still be finishing a tile."""
+        """Return whether ``cancel`` was called; the thread may still be finishing a tile."""
         return self._cancelled.is_set()
 
     def cancel(self) -> None:

@@ -208,7 +208,7 @@ def stop_all() -> None:
 
 
 def is_painting() -> bool:
-    """Whether a viewport's image is still being made."""
+    """Return whether a viewport's image is still being made."""
     return any(painter.busy for painter in list(_painters))
 
 

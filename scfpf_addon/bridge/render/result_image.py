@@ -60,7 +60,7 @@ def keep_result() -> str:
 
 
 def only_in_memory() -> bool:
-    """Whether the last image is neither packed, because it is too large, nor saved."""
+    """Return whether the last image is neither packed, because it is too large, nor saved."""
     image = result_image()
     return image is not None and not image.packed_file and STAMP in image and image.is_dirty
 

@@ -42,7 +42,7 @@ class SceneCache:
 
 
 def same_triangles(a: Geometry, b: Geometry) -> bool:
-    """Whether two geometries have the same triangles in the same places."""
+    """Return whether two geometries have the same triangles in the same places."""
     return np.array_equal(a.triangles, b.triangles) and np.array_equal(a.vertices, b.vertices)
 
 

@@ -54,7 +54,7 @@ class ViewPainter:
 
     @property
     def busy(self) -> bool:
-        """Whether the thread is at work."""
+        """Return whether the thread is at work."""
         with self._lock:
             return self._thread is not None
 

@@ -58,7 +58,7 @@ class GraphBuilder:
         return operation.settings["value"] if operation.kind == "CONSTANT" else None
 
     def is_always(self, ref: Ref, value: float) -> bool:
-        """Whether an output is a constant of this value."""
+        """Return whether an output is a constant of this value."""
         found = self.value(ref)
         return found is not None and bool((found == value).all())
 

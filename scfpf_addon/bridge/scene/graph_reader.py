@@ -92,7 +92,7 @@ class GraphReader:
 
 
 def _maps_coordinates(node) -> bool:
-    """Whether a texture node moves, turns, scales or swaps its coordinates by settings of its own."""
+    """Return whether a texture node moves, turns, scales or swaps its coordinates by settings of its own."""
     mapping = getattr(node, "texture_mapping", None)
     if mapping is None:
         return False

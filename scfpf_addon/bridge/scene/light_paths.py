@@ -50,17 +50,17 @@ def unshown_settings(scene) -> tuple[str, ...]:
 
 
 def _culls(scene) -> bool:
-    """Whether Simplify may remove objects."""
+    """Return whether Simplify may remove objects."""
     kinds = [name for name in ("use_camera_cull", "use_distance_cull") if getattr(scene.cycles, name)]
     return any(getattr(obj.cycles, name) for name in kinds for obj in scene.objects)
 
 
 def _shrinks_textures(cycles) -> bool:
-    """Whether Simplify reduces the size of textures in renders."""
+    """Return whether Simplify reduces the size of textures in renders."""
     return cycles.texture_limit_render != "OFF" or getattr(cycles, "texture_resolution_render", 1.0) < 1.0
 
 
 def ends_early(owner, scene) -> bool:
-    """Whether the Max Bounces of a lamp or a world keep its light from mirrors and glass of a scene."""
+    """Return whether the Max Bounces of a lamp or a world keep its light from mirrors and glass."""
     limits = getattr(owner, "cycles", None)
     return limits is not None and limits.max_bounces < read_bounces(scene).total

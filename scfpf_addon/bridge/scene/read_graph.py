@@ -67,7 +67,7 @@ def read_graph(tree) -> GraphReading:
 
 
 def _is_plain(builder: GraphBuilder, closure: Closure) -> bool:
-    """Whether a closure is opaque, of constants, with the surface's own normal and the weight 1."""
+    """Return whether a closure is opaque, of constants, with the surface's own normal and the weight 1."""
     constant = all(builder.value(ref) is not None for name, ref in closure.inputs.items() if name != "normal")
     opaque = closure.kind != "TRANSPARENT"
     if closure.kind == "PRINCIPLED":
@@ -77,7 +77,7 @@ def _is_plain(builder: GraphBuilder, closure: Closure) -> bool:
 
 
 def _reflects(builder: GraphBuilder, closure: Closure) -> bool:
-    """Whether a closure may reflect or refract projectors, which then leave the volume."""
+    """Return whether a closure may reflect or refract projectors, which then leave the volume."""
     if closure.kind in {"GLASS", "REFRACTION"}:
         return True
     if closure.kind not in {"GLOSSY", "PRINCIPLED"}:

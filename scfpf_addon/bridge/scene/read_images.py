@@ -146,12 +146,12 @@ def read_image(image) -> ImageData | None:
 
 
 def _is_file(image) -> bool:
-    """Whether Cycles reads an image's file. It takes the pixels of other images from Blender."""
+    """Return whether Cycles reads an image's file. It takes the pixels of other images from Blender."""
     return image.source not in {"GENERATED", "MOVIE"} and image.packed_file is None and not image.is_dirty
 
 
 def _has_alpha(image) -> bool:
-    """Whether alpha applies to an image's colours."""
+    """Return whether alpha applies to an image's colours."""
     return image.alpha_mode in {"STRAIGHT", "PREMUL"} and not image.colorspace_settings.is_data
 
 

@@ -59,7 +59,7 @@ def read_light(lamp, matrix: Array, tint: Array | None = None) -> Light | None:
 
 
 def _is_portal(lamp) -> bool:
-    """Whether an area lamp is a light portal of Cycles."""
+    """Return whether an area lamp is a light portal of Cycles."""
     cycles = getattr(lamp, "cycles", None)
     return lamp.type == "AREA" and cycles is not None and cycles.is_portal
 

@@ -88,7 +88,7 @@ class MaterialTable:
 
     @property
     def refracts(self) -> bool:
-        """Whether any material may be glass."""
+        """Return whether any material may be glass."""
         return any(graph.refracts for graph in self.graphs.values())
 
     def warnings(self) -> tuple[str, ...]:

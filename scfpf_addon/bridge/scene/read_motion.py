@@ -143,7 +143,7 @@ def shutter_curve(render) -> Array | None:
 
 
 def same(a, b) -> bool:
-    """Whether two values are equal throughout: arrays, dataclasses, tuples, numbers."""
+    """Return whether two values are equal throughout: arrays, dataclasses, tuples, numbers."""
     if a is b:
         return True
     if type(a) is not type(b):

@@ -61,7 +61,7 @@ def unshown_parts(obj, scene) -> Iterator[str]:
 
 
 def has_hair(obj) -> bool:
-    """Whether a render shows hair of particles on an object."""
+    """Return whether a render shows hair of particles on an object."""
     systems = (each for each in obj.modifiers if each.type == "PARTICLE_SYSTEM" and each.show_render)
     settings = (each.particle_system.settings for each in systems)
     return any(each.type == "HAIR" and each.render_type == "PATH" for each in settings)
@@ -90,7 +90,7 @@ class ShownInRenders:
         return EVERYWHERE if obj.type == "LIGHT" else visible_rays(obj, parent, self._view_layer)
 
     def _is_rendered(self, own, top) -> bool:
-        """Whether a render shows an object of a viewport's depsgraph.
+        """Return whether a render shows an object of a viewport's depsgraph.
 
         top: the object that instances ``own``, or ``own`` itself. A hidden object can still be instanced, on
         vertices or by nodes; only instanced collections leave it out.
@@ -136,7 +136,7 @@ class LightLinks:
                 self._lamps.setdefault(number, {})[kind] = members
 
     def __bool__(self) -> bool:
-        """Whether any lamp is linked."""
+        """Return whether any lamp is linked."""
         return bool(self._lamps)
 
     def linked(self, lights: list[Light]) -> tuple[Light, ...]:

@@ -68,7 +68,7 @@ def with_shadows(scene: Scene, wanted: bool) -> Scene:
 
 
 def world_seen(scene, view_layer) -> bool:
-    """Whether projectors see the world of an evaluated view layer, by its Ray Visibility to the camera."""
+    """Return whether projectors see the world of an evaluated view layer, by its Ray Visibility."""
     rays = getattr(view_layer.world_override or scene.world, "cycles_visibility", None)
     return rays is None or rays.camera
 
@@ -102,7 +102,7 @@ def light_warnings(scene: Scene) -> tuple[str, ...]:
 
 
 def _glows(scene: Scene) -> bool:
-    """Whether any surface may emit light."""
+    """Return whether any surface may emit light."""
     for number, graph in _used_materials(scene):
         if graph is None:
             if np.any(scene.materials.emission[number] > 0.0):
@@ -116,7 +116,7 @@ def _glows(scene: Scene) -> bool:
 
 
 def shows_world(scene: Scene) -> bool:
-    """Whether any surface is lit or reflects, so that the world counts even where it is hidden."""
+    """Return whether any surface is lit or reflects, so that the world counts even where it is hidden."""
     for number, graph in _used_materials(scene):
         if graph is None:
             if scene.materials.base_color[number].any():

@@ -255,7 +255,7 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
     blend_ends: pointer("Blend Ends", "The two ends of a blend", SCFPF_BlendEnds)
     aim_targets: CollectionProperty(
         name="Aim Targets",
-        description="What the picture is to show, for Solve",
+        description="The views, pins, lines and stays that Solve aims the picture at",
         type=SCFPF_AimTarget,
         override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
     )

@@ -222,7 +222,7 @@ def surface_parameters(evaluated_object) -> dict:
 
 
 def is_reshaped(surface, mode: str) -> bool:
-    """Whether modifiers beside the parameters' own act on a parametric surface in VIEWPORT or RENDER."""
+    """Return whether modifiers besides the parameters' own act on a parametric surface in a mode."""
     own = parameter_modifier(surface)[0]
     show = "show_render" if mode == "RENDER" else "show_viewport"
     return any(getattr(modifier, show) for modifier in surface.modifiers if modifier != own)

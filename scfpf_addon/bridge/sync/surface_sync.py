@@ -104,7 +104,7 @@ class MadeSurfaces:
 
 
 def is_made(surface) -> bool:
-    """Whether the extension has made a surface for a camera. In older files, parametric ones have no mark."""
+    """Return whether the extension made a surface for a camera. Older files do not mark parametric ones."""
     own = surface.scfpf_surface
     return own.is_made or (
         own.kind in PARAMETRIC_KINDS and surface.type == "MESH" and not surface.data.vertices
@@ -112,7 +112,7 @@ def is_made(surface) -> bool:
 
 
 def _may_go(surface, camera: int) -> bool:
-    """Whether a surface may be deleted with a camera, given by its session id.
+    """Return whether a surface may be deleted with a camera, given by its session id.
 
     Mark and parent are read again, as they may have changed without a notice.
     """
@@ -122,7 +122,7 @@ def _may_go(surface, camera: int) -> bool:
 
 
 def _is_used_by(user) -> bool:
-    """Whether a datablock that refers to a surface keeps it: the artist's objects and data do."""
+    """Return whether a datablock that refers to a surface keeps it: the artist's objects and data do."""
     if isinstance(user, (bpy.types.Collection, bpy.types.Scene)):
         return False
     if not isinstance(user, bpy.types.Object):
@@ -156,7 +156,7 @@ def _layers(layer) -> list:
 
 
 def _is_visible(camera, view_layer, hidden: set[int]) -> bool:
-    """Whether a view layer shows a camera. hidden: collections that it does not show.
+    """Return whether a view layer shows a camera. hidden: collections that it does not show.
 
     ``Object.visible_get`` also considers the local view of the context's viewport.
     """

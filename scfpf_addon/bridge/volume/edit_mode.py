@@ -51,7 +51,7 @@ def release(surface) -> None:
 
 
 def _is_edited(cameras) -> bool:
-    """Whether one of the cameras that have a surface is in the mode, and is not deleted."""
+    """Return whether one of the cameras that have a surface is in the mode, and is not deleted."""
     return any(camera.scfpf.edit_volume and camera.users_collection for camera in cameras)
 
 
@@ -68,5 +68,5 @@ def _show(surface, hide_select: bool, in_front: bool) -> None:
 
 
 def _is_dense(surface) -> bool:
-    """Whether a surface's wires would cover it with black."""
+    """Return whether a surface's wires would cover it with black."""
     return surface.type == "MESH" and len(surface.data.polygons) > MOST_WIRED

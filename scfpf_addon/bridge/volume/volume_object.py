@@ -13,7 +13,7 @@ from .camera_members import grids_of
 
 
 def is_volume_object(candidate) -> bool:
-    """Whether an object is the volume object of its parent."""
+    """Return whether an object is the volume object of its parent."""
     parent = candidate.parent
     return parent is not None and parent.type == "CAMERA" and parent.scfpf.volume_object == candidate
 
@@ -151,7 +151,7 @@ def _new_volume_object(camera):
 
 
 def _may_serve(volume, camera) -> bool:
-    """Whether an object can be the camera's volume object.
+    """Return whether an object can be the camera's volume object.
 
     The volume object of another camera cannot: this camera is then its duplicate. A library override cannot
     either: reloading resets a node modifier's inputs to the library's own surfaces.
@@ -193,7 +193,7 @@ def _evaluated_members(modifier) -> list:
 
 
 def is_evaluated(camera, obj, depsgraph) -> bool:
-    """Whether a depsgraph evaluates an object, because of the camera's volume object or as it is visible.
+    """Return whether a depsgraph evaluates an object, for the camera's volume object or as it is visible.
 
     The evaluated copy of any other object may be stale.
     """
@@ -221,7 +221,7 @@ def _volume_evaluates(camera, obj, depsgraph) -> bool:
 
 
 def _is_volume_group(group, count: int) -> bool:
-    """Whether a node group, or None, can serve a volume of ``count`` surfaces."""
+    """Return whether a node group, or None, can serve a volume of ``count`` surfaces."""
     return group is not None and group.bl_idname == "GeometryNodeTree" and len(_object_inputs(group)) == count
 
 

@@ -29,7 +29,7 @@ class AimScene:
     objects: NDArray[np.int32]
 
     def triangles_of(self, objects: IndexArray) -> BoolArray:
-        """Which triangles belong to some objects, (T,)."""
+        """The mask (T,) of the triangles of objects with these numbers."""
         return np.isin(self.objects, objects)
 
     def hits(self, projection: Projection, x: Array, y: Array, width: int) -> Hits:

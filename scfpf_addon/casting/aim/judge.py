@@ -32,7 +32,7 @@ MOST_MOVED = 25.0
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the caster finds.
+    """Measurements of an image by ray casting.
 
     pixels: (P,), distances of the pins' points from their positions, inf where the volume misses a point.
     angles: (P,), degrees between wanted and found directions, NaN where free. seen: (P,), whether nothing
@@ -60,7 +60,7 @@ class Judgement:
         return float(np.percentile(self.moved, 95, method="lower")) if len(self.moved) else 0.0
 
     def worse_than(self, old: Judgement) -> str:
-        """Why the image is worse than ``old``: PINS, MIRRORED, FOLDED or BACKGROUND; empty if it is not."""
+        """The way the image is worse than ``old``: PINS, MIRRORED, FOLDED or BACKGROUND; else empty."""
         if np.minimum(self.pixels, LARGEST).sum() > np.minimum(old.pixels, LARGEST).sum() + SOLVED:
             return "PINS"
         if self.mirrored > old.mirrored + MORE_MIRRORED:
@@ -97,7 +97,12 @@ def judge(
     rows = max(1, round(columns / after.aspect))
     x, y = pixel_centres(columns, rows, (0, rows))
     mirrored, folded = _folds(scene, before, after, x, y, columns)
-    moved = _moved(scene, before, after, pins, halos, wanted, width, (x[::4], y[::4]))
+    hits = scene.hits(before, x[::4], y[::4], width)
+    kept = np.flatnonzero((hits.triangle >= 0) & ~wanted[hits.triangle])
+    points = scene.world(hits.position[:, kept])
+    outside = halo_weights(points, pins, halos) >= 1.0
+    background, kept = points[:, outside], 4 * kept[outside]
+    moved = _moved(scene, after, background, np.stack([x[kept], y[kept]]), wanted, width)
     return Judgement(pixels, angles, seen, hidden_by, mirrored, folded, moved)
 
 
@@ -123,7 +128,7 @@ def _follow(projection: Projection, points: Array, positions: Array) -> Inverse:
 def _visibility(
     scene: AimScene, projection: Projection, place: Inverse, width: int
 ) -> tuple[BoolArray, IndexArray]:
-    """Whether points at parameters are seen, (P,), and the numbers of the objects that hide them."""
+    """Return whether points at parameters are seen, (P,), and the numbers of the objects that hide them."""
     u, v, t = (np.nan_to_num(a) for a in place[:3])
     inside = place.found & (u >= 0) & (u <= 1) & (v >= 0) & (v <= 1)
     hits = scene.hits(projection, np.clip(u, 0, 1), np.clip(v, 0, 1), width)
@@ -158,24 +163,11 @@ def _folds(
 
 
 def _moved(
-    scene: AimScene,
-    before: Projection,
-    after: Projection,
-    pins: AimPins,
-    halos: Array,
-    wanted: BoolArray,
-    width: int,
-    places: tuple[Array, Array],
+    scene: AimScene, after: Projection, points: Array, old: Array, wanted: BoolArray, width: int
 ) -> Array:
-    """See ``Judgement.moved``, of the hits at places of the old image."""
-    x, y = places
-    hits = scene.hits(before, x, y, width)
-    kept = np.flatnonzero((hits.triangle >= 0) & ~wanted[hits.triangle])
-    points = scene.world(hits.position[:, kept])
-    outside = halo_weights(points, pins, halos) >= 1.0
-    kept, points = kept[outside], points[:, outside]
-    x, y = x[kept], y[kept]
-    place = _follow(after, points, np.stack([x, y]))
+    """See ``Judgement.moved``, of points (3, N) that the old image shows at positions (2, N)."""
+    x, y = old
+    place = _follow(after, points, old)
     moved = np.where(place.found, np.hypot(place.u - x, (place.v - y) / after.aspect) * width, np.inf)
     # What a wanted thing hides is meant to be hidden.
     covered = scene.hits(after, x, y, width)

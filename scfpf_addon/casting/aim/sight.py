@@ -23,7 +23,7 @@ ENOUGH = 0.95
 
 
 def sees(scene: AimScene, hiding: BoolArray, view: ViewMap, points: Array) -> BoolArray:
-    """Whether the eye of a view sees world points (3, N) past the triangles ``hiding`` (T,)."""
+    """Return whether the eye of a view sees world points (3, N) past the triangles ``hiding`` (T,)."""
     count = points.shape[1]
     blockers = scene.cast.only(hiding) if hiding.any() else None
     if blockers is None:

@@ -136,7 +136,7 @@ def facing(rows: Float32Array) -> Float32Array:
 
 
 def meet(rows: Float32Array, others: Float32Array) -> BoolArray:
-    """Whether boxes meet, (M,). rows: (M, ROW). others: (M, ROW) of ``facing``."""
+    """Return whether boxes meet, (M,). rows: (M, ROW). others: (M, ROW) of ``facing``."""
     # Each sum is a lower bound of one box less the upper bound of the other.
     with np.errstate(invalid="ignore"):
         apart = rows + others <= 0.0

@@ -33,7 +33,7 @@ def next_chords(occupied: BoolArray) -> NDArray[np.int16]:
 
 
 def needed_faces(occupied: BoolArray) -> BoolArray:
-    """Whether rays may meet the face of each cell at each break, (chords + 1, rows, columns).
+    """Return whether rays may meet the face of each cell at each break, (chords + 1, rows, columns).
 
     A ray meets the faces at the ends of occupied chords. Those of all eight neighbours are added. All rays
     begin at break 0.

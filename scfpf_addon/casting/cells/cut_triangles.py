@@ -46,7 +46,7 @@ def cut_triangles(points: Array, lower: Array, upper: Array) -> tuple[Array, Ind
 
 
 def _is_wasteful(points: Array, size: float) -> BoolArray:
-    """Whether the boxes of triangles (3, 3, M) are mostly empty, in cells of a size, (M,)."""
+    """Return whether the boxes of triangles (3, 3, M) are mostly empty, in cells of a size, (M,)."""
     with np.errstate(over="ignore", invalid="ignore"):
         whole = ((points.max(axis=0) - points.min(axis=0)) / size + 1.0).prod(axis=0)
         # Few are left, so that the rest is computed for these alone.

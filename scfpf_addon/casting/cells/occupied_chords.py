@@ -34,7 +34,7 @@ BLOCK = CHILDREN**2
 
 
 def occupied_chords(ends: Array, bodies: Iterable[Array], slack: float = 0.0) -> BoolArray:
-    """Whether anything may lie in each chord of each cell, (chords, rows, columns).
+    """Return whether anything may lie in each chord of each cell, (chords, rows, columns).
 
     ends: (chords + 1, 3, rows + 1, columns + 1), the ends of the chords of the projectors through the cells'
     corners, as the sheets' vertices have them. bodies: arrays of points (K, 3, M) whose hulls are the scene:
@@ -78,7 +78,7 @@ def _bounds(ends: Array, slack: float) -> tuple[Array, Array]:
 
 
 def _are_finite(ends: Array) -> BoolArray:
-    """Whether all corners of each cell are finite, (chords, rows, columns)."""
+    """Return whether all corners of each cell are finite, (chords, rows, columns)."""
     finite = np.isfinite(ends).all(axis=1)
     finite = finite[1:] & finite[:-1]
     finite = finite[:, 1:] & finite[:, :-1]
@@ -154,7 +154,7 @@ class _Search:
         yield from self._of_cells(cell.take(left), node.take(left), body.take(left))
 
     def _are_blocks(self, cell: IndexArray) -> BoolArray:
-        """Whether nodes of the tree of cells are blocks."""
+        """Return whether nodes of the tree of cells are blocks."""
         return (cell >= self._of_block.start) & (cell < self._of_block.stop)
 
     def _left_of_blocks(self, cell: IndexArray, node: IndexArray) -> tuple[IndexArray, IndexArray]:
@@ -221,7 +221,7 @@ class _Search:
             self._normals[new], self._limits[new], self._width[new] = planes
 
     def _beyond_planes(self, cell: IndexArray, node: IndexArray) -> BoolArray:
-        """Whether boxes of nodes are outside of a plane of the cell."""
+        """Return whether boxes of nodes are outside of a plane of the cell."""
         rows = self._tree.boxes.take(node, 0).astype(np.float64)
         low, high = rows[:, :3], -rows[:, 3:6]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -247,7 +247,7 @@ class _Search:
 
 
 def separated(corners: Array, triangles: Array, room: Array) -> BoolArray:
-    """Whether the triangle's plane, or one along an edge and the chord, separates it from a cell, (N,).
+    """Return whether the triangle's plane, or one along an edge and the chord, parts it from a cell, (N,).
 
     corners: (N, CORNERS, 3) of the cells. triangles: (N, 3, 3), by corner. room: (N,) the least distance.
     """

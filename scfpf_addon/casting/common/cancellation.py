@@ -17,7 +17,7 @@ class Signal(Protocol):
     """A cancellation signal: an event, or an object that asks the user."""
 
     def is_set(self) -> bool:
-        """Whether the work is cancelled."""
+        """Return whether the work is cancelled."""
 
 
 class _Watched(local):
@@ -62,7 +62,7 @@ def uncancellable() -> Iterator[None]:
 
 
 def is_uncancellable() -> bool:
-    """Whether the work of any thread cannot be cancelled at the moment."""
+    """Return whether the work of any thread cannot be cancelled at the moment."""
     return _working.count > 0
 
 

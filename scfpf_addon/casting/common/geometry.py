@@ -51,7 +51,7 @@ class Geometry:
 
     @property
     def flat(self) -> bool:
-        """Whether each triangle's corners share one normal in memory, or have its own."""
+        """Return whether each triangle's corners share one normal in memory, or have its own."""
         return self.corner_normals is None or self.corner_normals.strides[1] == 0
 
     def part(self, kept: BoolArray) -> Geometry:

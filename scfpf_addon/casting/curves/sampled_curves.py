@@ -37,7 +37,7 @@ class Curves(NamedTuple):
         return Curves(*(control[:, :, chosen] for control in self))
 
     def finite(self, largest: float = np.inf) -> BoolArray:
-        """Whether all coordinates of each curve are below ``largest``, (S,)."""
+        """Return whether all coordinates of each curve are below ``largest``, (S,)."""
         with np.errstate(invalid="ignore"):
             finite: BoolArray = np.logical_and.reduce(
                 [(np.abs(control) < largest).all(axis=(0, 1)) for control in self]

@@ -60,14 +60,14 @@ def _straight(traversal: Traversal, rays: Rays) -> tuple[Array, Array]:
 
 
 def _nearer(traversal: Traversal, rays: Rays, found: Solutions) -> BoolArray:
-    """Whether solutions are hits before the known ones, of projectors that begin in prisms, (M,)."""
+    """Return whether solutions are hits before the known ones, of projectors that begin in prisms, (M,)."""
     with np.errstate(invalid="ignore"):
         nearer: BoolArray = found.inside & (found.t < traversal.hits.t.take(rays.projector))
     return nearer
 
 
 def _well_within(traversal: Traversal, weights: Array, triangle: IndexArray) -> BoolArray:
-    """Whether points with barycentric weights (2, M) are not near the edges of their triangles, (M,)."""
+    """Return whether points with barycentric weights (2, M) are away from edges of their triangles, (M,)."""
     margin = WELL_WITHIN * traversal.prisms.steepest.take(triangle)
     with np.errstate(invalid="ignore"):
         well: BoolArray = (_all_weights(weights) > margin).all(axis=0)
@@ -147,7 +147,7 @@ def _over(scene: CastScene, positions: Array, triangle: IndexArray) -> Array:
 
 
 def _over_pair(traversal: Traversal, start: Array, end: Array, one: IndexArray, two: IndexArray) -> BoolArray:
-    """Whether straight ways (3, M) are over two neighbours each and far from their other edges, (M,)."""
+    """Return whether straight ways (3, M) are over two neighbours each, far from their other edges, (M,)."""
     scene = traversal.scene
     number = np.arange(len(one))
     over = []

@@ -149,7 +149,7 @@ def advance(traversal: Traversal, rays: Rays) -> tuple[Rays, NDArray[np.int32]]:
 
 
 def _ahead(traversal: Traversal, rays: Rays) -> BoolArray:
-    """Whether rays may still meet something on each chord, (M, n)."""
+    """Return whether rays may still meet something on each chord, (M, n)."""
     chords, number = traversal.chords, np.arange(traversal.chords.count)
     held: BoolArray = number == traversal.following[:-1].take(traversal.block[rays.projector], 1).T
     held &= (number > rays.chord[:, None]) & (chords.breaks[:-1] < traversal.hits.t[rays.projector][:, None])

@@ -124,7 +124,7 @@ class CastScene(CastTriangles):
             return self._occupancy
 
     def occluded(self, origins: NDArray[Any], directions: NDArray[Any], distances: NDArray[Any]) -> BoolArray:
-        """Whether anything lies on each ray before its distance, (N,).
+        """Return whether anything lies on each ray before its distance, (N,).
 
         origins: (3, N), directions: (3, N) or (3, 1), distances: (N,) or (1,) in units of the direction's
         length (inf is allowed), cast space. The last SHADOW_END of the distance is left out; origins are

@@ -29,7 +29,7 @@ SLACK = 1e-6
 
 
 def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: ViewingVolume) -> BoolArray:
-    """Whether each triangle may meet the volume, (T,); triangles with a vertex that is NaN count as such.
+    """Return whether each triangle may meet the volume, (T,); those with a NaN vertex may.
 
     vertices: (V, 3), in the volume's space. triangles: (T, 3).
     """
@@ -77,7 +77,7 @@ class _Grid(NamedTuple):
         return cls(frame * scale[:, None], lower * scale, integral_image(held))
 
     def met_by(self, points: Array, triangles: NDArray[np.int32]) -> BoolArray:
-        """Whether the box around each triangle's cells holds a marked one, (T,). points: (V, 3)."""
+        """Return whether the box around each triangle's cells holds a marked one, (T,). points: (V, 3)."""
         cells, finite = np.empty((3, len(points)), np.int8), np.empty(len(points), bool)
         kept = np.empty(len(triangles), bool)
 
@@ -90,7 +90,7 @@ class _Grid(NamedTuple):
                 cells[:, some] = np.clip(np.floor(np.where(finite[some], places, 0.0)), -1, CELLS)
 
         def find_triangles(some: slice) -> None:
-            """Whether a chunk of triangles may meet the volume."""
+            """Return whether a chunk of triangles may meet the volume."""
             faces = triangles[some]
             corners = [cells.take(faces[:, k], 1) for k in range(3)]
             first = np.clip(np.minimum(np.minimum(*corners[:2]), corners[2]), 0, CELLS).astype(np.int32)

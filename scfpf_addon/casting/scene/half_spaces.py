@@ -51,7 +51,7 @@ class HalfSpaces:
         )
 
     def met_by(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
-        """Whether triangles (T, 3) may meet the body, (T,); triangles with a vertex that is NaN may.
+        """Return whether triangles (T, 3) may meet the body, (T,); triangles with a vertex that is NaN may.
 
         vertices: (V, 3). A few triangles that do not meet it may be reported too.
         """
@@ -61,7 +61,7 @@ class HalfSpaces:
         return self._worth_testing(some)._met_by_bits(vertices, triangles)
 
     def _in_front(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
-        """Whether all of each triangle's corners are in front of each plane, (K, T)."""
+        """Return whether all of each triangle's corners are in front of each plane, (K, T)."""
         corners = vertices.take(triangles.T.reshape(-1), axis=0, mode="clip").T
         found: BoolArray = np.empty((len(self.limits), len(triangles)), bool)
         with np.errstate(invalid="ignore", over="ignore"):

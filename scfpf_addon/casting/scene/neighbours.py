@@ -36,7 +36,7 @@ def edge_neighbours(triangles: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def alternate(numbers: IndexArray) -> BoolArray:
-    """Whether each number is the 1st, 3rd, 5th … of its run of consecutive ones; numbers: (N,) ascending.
+    """Return whether each number is 1st, 3rd, 5th … in its run of consecutive ones; numbers: (N,) ascending.
 
     If number n stands for the pair (n, n + 1), the pairs so chosen do not overlap.
     """

@@ -88,7 +88,7 @@ class Occupancy:
         return cls(integral_image(coarse), integral_image(held, np.uint8), lower, scale / FINER)
 
     def holds(self, lower: Array, upper: Array) -> BoolArray:
-        """Whether boxes from lower to upper (3, …), cast space, meet a marked cell."""
+        """Return whether boxes from lower to upper (3, …), cast space, meet a marked cell."""
         first, last = self._cells(lower, upper, 1)
         held: BoolArray = count_in_boxes(self.sums, first, last) != 0
         return held

@@ -69,7 +69,7 @@ class Stretches(NamedTuple):
         return self._replace(held=self.held.take(blocks, 1), block=block, grid=None)
 
     def within(self, low: Array, high: Array) -> BoolArray:
-        """Whether blocks may meet something in [low, high] (C,) of t, (C, B)."""
+        """Return whether blocks may meet something in [low, high] (C,) of t, (C, B)."""
         first = np.clip(np.searchsorted(self.edges, low, side="right") - 1, 0, len(self.held))
         last = np.clip(np.searchsorted(self.edges, high, side="left"), 0, len(self.held))
         before = np.zeros((len(self.edges), self.held.shape[1]), np.int32)
@@ -128,7 +128,7 @@ def stretches(
 def _held(
     occupancy: Occupancy, spans: SpanBasis, lower: Float32Array, upper: Float32Array, slack: np.float32
 ) -> BoolArray:
-    """Whether pieces may meet something, (P, rows of blocks, columns of blocks).
+    """Return whether pieces may meet something, (P, rows of blocks, columns of blocks).
 
     lower, upper: (K, 3, rows of blocks, columns of blocks), bounds of the blocks' control points.
     """
@@ -168,7 +168,7 @@ def _parts(
     upper: Float32Array,
     slack: np.float32,
 ) -> BoolArray:
-    """Whether each of the PARTS of pieces meets something, where the pieces do, (PARTS·P, B).
+    """Return whether each of the PARTS of pieces meets something, where the pieces do, (PARTS·P, B).
 
     held: (P, B). lower, upper: (K, 3, B) of the blocks' control points.
     """

@@ -53,7 +53,7 @@ class TracedMesh:
         return found
 
     def occluded(self, origins: Float32Array, directions: Float32Array, limits: Float32Array) -> BoolArray:
-        """Whether anything lies on each ray, (N,). A negative limit counts as a hit."""
+        """Return whether anything lies on each ray, (N,). A negative limit counts as a hit."""
         raise_if_cancelled()
         hit: BoolArray = self._embree.run(origins.T, directions.T, limits, query="OCCLUDED") >= 0
         return hit

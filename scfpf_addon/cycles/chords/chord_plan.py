@@ -163,7 +163,7 @@ def _curves(
 
 
 def _shape(projection: Projection) -> tuple[bool, float]:
-    """Whether the image is a disc, and its aspect."""
+    """Return whether the image is a disc, and its aspect."""
     return is_disc(projection.reparameterisation, projection.aspect), projection.aspect
 
 

@@ -173,7 +173,7 @@ def grid(cells: tuple[int, int], size: tuple[int, int], polar: bool) -> tuple[Ar
 
 
 def has_no_area(layers: Array) -> bool:
-    """Whether a sheet behind the screen is a line or a point, which no ray meets.
+    """Return whether a sheet behind the screen is a line or a point, which no ray meets.
 
     layers: (n+1, 3, R, C) ends of the chords of R × C projectors.
     """

@@ -143,7 +143,7 @@ def _lamp_parts(lamp, matrix: Array) -> tuple[Array, list[Part]]:
 
 
 def _is_hidden(obj) -> bool:
-    """Whether camera rays of the rig never meet an evaluated object."""
+    """Return whether camera rays of the rig never meet an evaluated object."""
     own = obj.original
     return is_rig_part(own) or (not obj.visible_camera and not has_other_animation(own))
 
@@ -165,13 +165,13 @@ def _require_bounded(obj) -> None:
 
 
 def _is_filled(obj, override) -> bool:
-    """Whether smoke fills an object: then its inside is not empty."""
+    """Return whether smoke fills an object: then its inside is not empty."""
     materials = [override] if override else [slot.material for slot in obj.material_slots]
     return any(links(material, "OUTPUT_MATERIAL", "Volume") for material in materials)
 
 
 def _is_diced(obj) -> bool:
-    """Whether Cycles subdivides an object itself: the result lies within the hull of its vertices."""
+    """Return whether Cycles subdivides an object itself: the result lies within the hull of its vertices."""
     cycles = getattr(obj.original, "cycles", None)
     if getattr(cycles, "use_adaptive_subdivision", False):
         return True

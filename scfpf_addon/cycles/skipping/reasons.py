@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Why the rays of a rig may have to travel all chords, whatever the scene shows."""
+"""Reasons why the rays of a rig must travel all chords, whatever the scene shows."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def obstacle(rig) -> str:
 
 
 def moves(rig) -> bool:
-    """Whether a rig's volume may change with the frame."""
+    """Return whether a rig's volume may change with the frame."""
     return rig.scfpf_rig.animated or may_move(rig.scfpf_rig.camera)
 
 
@@ -43,7 +43,7 @@ def movers_of(rig) -> frozenset[int]:
 
 
 def has_volume(world) -> bool:
-    """Whether a world is filled with a volume."""
+    """Return whether a world is filled with a volume."""
     return links(world, "OUTPUT_WORLD", "Volume")
 
 
@@ -58,7 +58,7 @@ def _displacing(scene) -> str:
 
 
 def links(owner, output: str, socket: str) -> bool:
-    """Whether a datablock's nodes end in a linked socket of an output node."""
+    """Return whether a datablock's nodes end in a linked socket of an output node."""
     if owner is None or owner.node_tree is None:
         return False
     return any(node.type == output and node.inputs[socket].is_linked for node in owner.node_tree.nodes)

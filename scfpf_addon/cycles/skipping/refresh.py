@@ -145,7 +145,7 @@ def _unguard(rig) -> None:
 
 
 def skips(rig) -> bool:
-    """Whether rays of a rig skip chords, if at some frames only."""
+    """Return whether rays of a rig skip chords, if at some frames only."""
     return rig.scfpf_rig.passed > 0.0 and rig.scfpf_rig.portals.modifiers[MODIFIER].node_group is not None
 
 

@@ -80,7 +80,7 @@ def _lamp_state(lamp) -> tuple:
 
 
 def has_unwatched(scene, view_layer) -> bool:
-    """Whether renders show an object that the view layer's depsgraph does not evaluate."""
+    """Return whether renders show an object that the view layer's depsgraph does not evaluate."""
     return any(
         not obj.hide_render and not is_rig_part(obj) and not obj.visible_get(view_layer=view_layer)
         for obj in scene.objects
@@ -89,7 +89,7 @@ def has_unwatched(scene, view_layer) -> bool:
 
 
 def shape_edits(depsgraph, expected: frozenset[int]) -> bool:
-    """Whether the depsgraph reports an edit of a shape that rays may meet.
+    """Return whether the depsgraph reports an edit of a shape that rays may meet.
 
     expected: session ids of objects whose shapes may change.
     """

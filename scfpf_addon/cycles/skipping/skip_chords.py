@@ -101,7 +101,7 @@ class _Search:
         self.objects: dict[float, tuple] = {}
 
     def run(self) -> tuple[BoolArray, Array]:
-        """Whether anything may be in each chord of each cell, (n, rows, columns), and the chords' ends.
+        """Return whether anything may be in each cell's chords, (n, rows, columns), and the chords' ends.
 
         The ends are those of the last frame, (n + 1, 3, rows + 1, columns + 1). Raises NotSkipping.
         """

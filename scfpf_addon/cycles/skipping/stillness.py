@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Whether anything in a scene may change from frame to frame, by what Blender's data say.
+"""Return whether anything in a scene may change from frame to frame, by what Blender's data say.
 
 In case of doubt it may.
 """
@@ -38,7 +38,7 @@ POINTING = {"NodeSocketObject", "NodeSocketCollection"}
 
 
 class Motion(NamedTuple):
-    """What may change with the frame among the objects that a scene shows.
+    """The shown objects that may change with the frame.
 
     movers: session ids. simulated: the name of an object whose shape at a frame depends on how Blender came
     there, or is unknown; empty if there is none.
@@ -76,7 +76,7 @@ def motion_of(scene, left_out: set) -> Motion:
 
 
 def _own_change(obj, trees: dict[int, tuple[int, list]]) -> tuple[int, list]:
-    """How an object changes of itself, and the objects that it depends on.
+    """The change of an object by itself, and the objects that it depends on.
 
     trees: what was found for node trees, by session id.
     """

@@ -97,7 +97,7 @@ def swept_boxes(matrices: list[Array], points: list[Array], triangles: IndexArra
 
 
 def _deviation(matrices: list[Array], points: list[Array]) -> float:
-    """How far points (V, 3) that move between two poses may be from the straight way.
+    """The largest distance of points (V, 3) that move between two poses from the straight way.
 
     With q = S p it is at most 2 s (1 - s) · angle · |q| for the rotation, at s of the way, and
     s (1 - s) · |ΔS| |Δp| for the product of S and p, which are both linear.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What aiming minimises: residuals in pixels of pins, lines and stays, smoothness, and a fold barrier.
+"""The energies of aiming: residuals in pixels of pins, lines and stays, smoothness, and a fold barrier.
 
 Each energy is a sum of squares. It gives its value, and its residuals linearised by the control points (Gauss
 and Newton). A parameter t that belongs to one residual alone is eliminated from them, by the Schur complement
@@ -52,7 +52,7 @@ def across_of(vectors: Array, tangents: Array) -> Array:
 
 
 class PinTargets(NamedTuple):
-    """Where pins aim, (P, 3) each. The last three count where they are wanted."""
+    """The points and frames that pins aim at, (P, 3) each. The last three count where they are wanted."""
 
     points: Array
     directions: Array
@@ -190,7 +190,7 @@ class StayEnergy:
         return Along.of(controls, t), t
 
     def _short(self, t: Array, miss: Array, tangent: Array) -> Array:
-        """How far projectors end before their points, (N,): they shall reach them."""
+        """The lengths (N,) by which projectors end before their points, else 0."""
         short: Array = np.where(t >= LAST_T, np.maximum(dot(miss, tangent), 0.0), 0.0)
         return short
 
@@ -350,7 +350,7 @@ class FoldEnergy:
 
 
 def nearest_t(controls: Array, points: Array) -> Array:
-    """Where projectors (``Places.controls``) pass points (N, 3) nearest, (N,)."""
+    """The t (N,) at which projectors (``Places.controls``) are nearest to points (N, 3)."""
     t = np.linspace(0.0, 1.0, 65)
     along = Along.of(
         np.repeat(controls[:, :, None], len(t), axis=2).reshape(3, len(points) * len(t), *controls.shape[2:]),
@@ -360,6 +360,11 @@ def nearest_t(controls: Array, points: Array) -> Array:
     return t[dot(miss, miss).argmin(axis=1)]
 
 
+def _difference(count: int, order: int) -> Array:
+    """The matrix of differences of an order between ``count`` values."""
+    return np.diff(np.eye(count), order, axis=0)
+
+
 def smoothness(net: Net, weights: AimWeights, footprints: Array) -> Array:
     """The matrix of the smoothness of displacements and of the pull home, (unknowns, unknowns).
 
@@ -367,19 +372,15 @@ def smoothness(net: Net, weights: AimWeights, footprints: Array) -> Array:
     from surface to surface, and the displacements themselves. Differences shrink with the net's spacing;
     their weights make up for it.
     """
-
-    def difference(count: int, order: int) -> Array:
-        return np.diff(np.eye(count), order, axis=0)
-
     columns, rows, free = np.eye(net.columns), np.eye(net.rows), np.diag(1.0 / footprints)
     fine_u, fine_v = net.columns / 8, net.rows / 6
     terms = [
-        (difference(net.columns, 2), rows, free, weights.smooth * fine_u**1.5),
-        (columns, difference(net.rows, 2), free, weights.smooth * fine_v**1.5),
-        (difference(net.columns, 1), difference(net.rows, 1), free, 1.4 * weights.smooth),
-        (difference(net.columns, 1), rows, free, 0.3 * weights.smooth * fine_u**0.5),
-        (columns, difference(net.rows, 1), free, 0.3 * weights.smooth * fine_v**0.5),
-        (columns, rows, difference(net.surfaces - 1, 1) @ free, 0.3 * weights.smooth),
+        (_difference(net.columns, 2), rows, free, weights.smooth * fine_u**1.5),
+        (columns, _difference(net.rows, 2), free, weights.smooth * fine_v**1.5),
+        (_difference(net.columns, 1), _difference(net.rows, 1), free, 1.4 * weights.smooth),
+        (_difference(net.columns, 1), rows, free, 0.3 * weights.smooth * fine_u**0.5),
+        (columns, _difference(net.rows, 1), free, 0.3 * weights.smooth * fine_v**0.5),
+        (columns, rows, _difference(net.surfaces - 1, 1) @ free, 0.3 * weights.smooth),
         (columns, rows, free, weights.home),
     ]
     total = np.zeros((net.unknowns // 3, net.unknowns // 3))

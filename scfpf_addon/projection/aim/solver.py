@@ -114,7 +114,7 @@ class Aim:
         self.lines = LineEnergy(self.net, pins, self.problem.lines, self.pin_energy)
 
     def targets(self, share: float) -> PinTargets:
-        """What the pins aim at after a share of the way from the old image to what is wanted."""
+        """The aims of the pins at a share of the way from the old image to the wanted one."""
         old, pins = self.old, self.pins
         directions = np.where(np.isfinite(pins.directions), pins.directions, old.directions.T).T
         across = np.where(np.isfinite(pins.across), pins.across, old.across.T).T
@@ -229,7 +229,7 @@ def turn_between(start: Array, end: Array, share: float) -> Array:
 
 
 def _t_at_distance(controls: Array, distance: Array) -> Array:
-    """Where projectors are so far from their near points, (N,)."""
+    """The t (N,) at which projectors have these distances from their near points."""
     t = np.linspace(0.0, 1.0, 97)
     many = np.repeat(controls[:, :, None], len(t), axis=2).reshape(
         3, len(distance) * len(t), *controls.shape[2:]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Where a view shows points of the scene: what an eye sees of a thing, placed, sized and turned."""
+"""The map of a view: the image of a thing from an eye, placed, sized and turned."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class ViewMap:
 
     @property
     def is_visible(self) -> bool:
-        """Whether the centre is in front of the eye."""
+        """Return whether the centre is in front of the eye."""
         return self.is_parallel or bool(self._centre[2] < 0.0)
 
     @cached_property

@@ -59,7 +59,7 @@ def image_frame(projection: Projection, resolution: int = RIM_SEGMENTS) -> Segme
     inside, outside = np.zeros(len(x)), np.ones(len(x))
 
     def shown(share: Array) -> BoolArray:
-        """Whether the image shows what lies at shares (N,) of the way from its centre to its rim, (N,)."""
+        """Return whether the image shows points at shares (N,) of the way from centre to rim, (N,)."""
         return projection.parameters(0.5 + (x - 0.5) * share, 0.5 + (y - 0.5) * share).mask
 
     inside[shown(outside)] = 1.0

@@ -140,7 +140,7 @@ def mapped_places(mappings: tuple[Reparameterisation, ...], x: Array, y: Array, 
 
 
 def is_disc(image: Reparameterisation, aspect: float) -> bool:
-    """Whether the image is the disc that touches its nearer borders, as of a polar re-parameterisation.
+    """Return whether the image is the disc that touches its nearer borders, as if polar.
 
     Mappings before a polar base keep the disc if they move its rim onto itself.
     """

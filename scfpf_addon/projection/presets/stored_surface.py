@@ -75,7 +75,7 @@ def stored_surface(
 
 
 def _is_upright(matrix: Array) -> bool:
-    """Whether a matrix is free of shear, which files cannot hold."""
+    """Return whether a matrix is free of shear, which files cannot hold."""
     linear = matrix[:3, :3]
     axes = linear / np.sqrt((linear**2).sum(axis=0))
     return bool(np.abs(axes.T @ axes - np.eye(3)).max() <= SHEAR_TOLERANCE)

@@ -39,7 +39,7 @@ class NurbsAxis:
     cyclic: bool = False
 
     def problem(self, count: int) -> str:
-        """Why ``count`` control points make no patch along this axis; empty when they do.
+        """The reason why ``count`` control points make no patch along this axis; empty if they do.
 
         The conditions are those under which Blender draws a surface.
         """

@@ -70,7 +70,7 @@ class UVChart:
 
     @cached_property
     def used(self) -> BoolArray:
-        """Whether each triangle has an area and touches [0, 1]², (T,)."""
+        """Return whether each triangle has an area and touches [0, 1]², (T,)."""
         low, high = self.uv.min(axis=1), self.uv.max(axis=1)
         touching = ((low <= 1.0 + EDGE_TOLERANCE) & (high >= -EDGE_TOLERANCE)).all(axis=1)
         used: BoolArray = touching & (np.abs(self.double_area) > THINNEST * self._sides.max(axis=0))

@@ -50,23 +50,23 @@ class SpanBasis:
 
     @cached_property
     def direct(self) -> bool:
-        """Whether the control points are themselves the Bézier control points of the one span."""
+        """Return whether the control points are themselves the Bézier control points of the one span."""
         count = self.matrices.shape[2]
         return self.matrices.shape == (1, count, count) and np.array_equal(self.matrices[0], np.eye(count))
 
     @property
     def is_bezier(self) -> bool:
-        """Whether the control points are those of one Bézier curve without weights."""
+        """Return whether the control points are those of one Bézier curve without weights."""
         return self.direct and self.point_weights is None
 
     @property
     def is_polyline(self) -> bool:
-        """Whether every span is a line segment along which t advances evenly."""
+        """Return whether every span is a line segment along which t advances evenly."""
         return self.degree == 1 and self.point_weights is None
 
     @property
     def is_straight(self) -> bool:
-        """Whether the curve is one line segment along which t advances evenly."""
+        """Return whether the curve is one line segment along which t advances evenly."""
         return self.is_polyline and self.direct
 
     def locate(self, t: Array) -> tuple[IndexArray, Array, Array]:

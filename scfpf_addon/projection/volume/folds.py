@@ -109,7 +109,7 @@ def orientations(
 
 
 def folded_pieces(volume: ViewingVolume, controls: ControlSample, t: Array, orientation: int) -> BoolArray:
-    """Whether ``orientations`` is opposite to ``orientation``, (N, T).
+    """Return whether ``orientations`` is opposite to ``orientation``, (N, T).
 
     The Bernstein coefficients of the determinant exclude projectors that cannot be folded anywhere; only the
     others are tested at each t.

@@ -241,7 +241,7 @@ class _Cloud:
         )
 
     def may_reach(self, points: Array) -> BoolArray:
-        """Whether points (3, N) lie in a generous box around the volume."""
+        """Return whether points (3, N) lie in a generous box around the volume."""
         above, below = points >= self._low[:, None], points <= self._high[:, None]
         inside: BoolArray = (above & below).all(axis=0)
         return inside

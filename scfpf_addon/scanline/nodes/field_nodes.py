@@ -69,7 +69,7 @@ class Value:
         return quotient, self - quotient * count
 
     def near(self, other, tolerance=0.5):
-        """Whether two numbers differ by less than a tolerance; whole numbers: whether they are equal."""
+        """Return whether two numbers differ by less than a tolerance; whole ones: whether they are equal."""
         return (self - other).absolute() < tolerance
 
     def parts(self) -> tuple[Value, Value, Value]:

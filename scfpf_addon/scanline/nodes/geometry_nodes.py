@@ -241,7 +241,7 @@ def defines_group(name: str, inputs: dict, outputs: dict, modifier: bool = False
 
 
 def is_current(group) -> bool:
-    """Whether this build made a node group; not None."""
+    """Return whether this build made a node group; not None."""
     return group is not None and group.get(BUILD_KEY) == BUILD
 
 

@@ -201,7 +201,7 @@ def _follow_strokes(depsgraph) -> None:
 
 
 def _has_grown(state: _State, depsgraph) -> bool:
-    """Whether a shown object has become so heavy that it may need a picture object of its own."""
+    """Return whether a shown object has become so heavy that it may need a picture object of its own."""
     for update in depsgraph.updates if depsgraph is not None else ():
         if update.is_updated_geometry and isinstance(update.id, bpy.types.Object):
             # By name: `.original` of an object that is not shown may be freed memory after an undo (5.2).

@@ -74,7 +74,7 @@ class Building:
 
 
 def is_built() -> bool:
-    """Whether the file has the groups of the present build."""
+    """Return whether the file has the groups of the present build."""
     return any(is_current(group) and group.get(NAME_KEY) == "SCFPF Preview" for group in _groups())
 
 

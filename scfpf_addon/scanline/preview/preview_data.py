@@ -60,7 +60,7 @@ def preview_of(camera, scene):
 
 
 def is_whole(source) -> bool:
-    """Whether a preview has all its parts, and its camera is a flexible one of its scene."""
+    """Return whether a preview has all its parts, and its camera is a flexible one of its scene."""
     settings = source.scfpf_preview
     if not settings.parts or any(part.members is None for part in settings.parts):
         return False
@@ -242,12 +242,12 @@ def left_out(source, depsgraph) -> dict[str, int]:
 
 
 def is_flat(source, depsgraph) -> bool:
-    """Whether all rays of the previewed volume lie in one surface, so that there is nothing to show."""
+    """Return whether all rays of the previewed volume lie in one surface, which leaves nothing to show."""
     return remap_nodes.is_flat(source.scfpf_preview.table.evaluated_get(depsgraph))
 
 
 def is_asleep(source) -> bool:
-    """Whether a preview computes nothing, since no viewport shows it."""
+    """Return whether a preview computes nothing, since no viewport shows it."""
     return not all(
         modifier.show_viewport for picture in pictures_of(source) for modifier in picture.modifiers
     )

@@ -56,7 +56,7 @@ _watched: dict[int, _Watched] = {}
 
 
 def is_live() -> bool:
-    """Whether somebody can watch drafts: not in the background, and not while a render reads the file."""
+    """Return whether somebody can watch drafts: not in the background, and not while a render reads."""
     return not bpy.app.background and not bpy.app.is_job_running("RENDER")
 
 

@@ -36,7 +36,7 @@ def _viewports():
 
 
 def _shows_one_of(area, cameras: set) -> bool:
-    """Whether a viewport has a local camera that is one of some."""
+    """Return whether a viewport has a local camera that is one of some."""
     space = area.spaces.active
     return space.use_local_camera and space.camera in cameras
 
@@ -184,7 +184,7 @@ def _toggle_shelf(window, source) -> None:
 
 
 def _sees_shelf(view_layer, space, picture) -> bool:
-    """Whether a viewport's local collections show an object, regardless of its local view."""
+    """Return whether a viewport's local collections show an object, regardless of its local view."""
     view_layer.update()
     evaluated = picture.evaluated_get(view_layer.depsgraph)
     if space.local_view is None:

@@ -95,13 +95,13 @@ def period(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
 
 
 def all_there(nodes: GeometryBuilder) -> Value:
-    """Whether all corners of a face have a place."""
+    """Return whether all corners of a face have a place."""
     there = nodes.attribute(BOX, "FLOAT_VECTOR").parts()[2] < 0.0
     return nodes.evaluate_on(there, "POINT", "BOOLEAN", "All Corners")
 
 
 def all_nowhere(nodes: GeometryBuilder) -> Value:
-    """Whether no corner of a face has a place."""
+    """Return whether no corner of a face has a place."""
     nowhere = nodes.attribute(BOX, "FLOAT_VECTOR").parts()[2] > 0.0
     return nodes.evaluate_on(nowhere, "POINT", "BOOLEAN", "No Corner")
 
@@ -112,7 +112,7 @@ def beyond_crease(given, z: Value) -> Value:
 
 
 def is_sheet(given) -> Value:
-    """Whether sheets of a folded volume are drawn; nothing is put onto the creases of a volume in pieces."""
+    """Return whether sheets of a folded volume are drawn; a volume in pieces has none on its creases."""
     return given["Branch"] & ~given["In Pieces"]
 
 
@@ -219,7 +219,7 @@ def _sides(nodes: GeometryBuilder, given, faces: _Faces) -> dict[str, Value]:
 
 
 def _crosses_border(nodes: GeometryBuilder, given, faces: _Faces) -> Value:
-    """Whether a face may lie across the rim of a polar image, or the border of a piece."""
+    """Return whether a face may lie across the rim of a polar image, or the border of a piece."""
     nodes.open_frame("Across the rim of a polar picture, or the border of a piece?")
     radius = _spread(nodes, faces) * SPREAD
     across = faces.there & across_border(nodes, given, faces.centre, radius)
@@ -235,7 +235,7 @@ def _spread(nodes: GeometryBuilder, faces: _Faces) -> Value:
 
 
 def _is_out(nodes: GeometryBuilder, given, faces: _Faces, sides: dict[str, Value]) -> Value:
-    """Whether a face is out of the image, or by linear guess so if it has no place."""
+    """Return whether a face is out of the image, or by linear guess so if it has no place."""
     nodes.open_frame("Out of the picture? By linear guess without a place")
     ratio, guess, size = given["Numbers"].parts()[0], faces.guess, faces.size
     size_there = (ratio + guess.parts()[2] * (1.0 - ratio)).max(0.0)
@@ -254,7 +254,7 @@ def _is_out(nodes: GeometryBuilder, given, faces: _Faces, sides: dict[str, Value
 
 
 def _judge_on_branch(nodes: GeometryBuilder, given, faces: _Faces) -> tuple[Value, Value]:
-    """Whether a face of a branch is cut off at a crease, and whether all of it is beyond the crease."""
+    """Return whether a face of a branch is cut off at a crease, and whether all of it is beyond it."""
     nodes.open_frame("A branch: what of it there is, is out of it; or all of it is beyond the crease")
     z = faces.centre.parts()[2]
     across, up, _ = faces.size.parts()
@@ -273,7 +273,7 @@ def _judge_on_branch(nodes: GeometryBuilder, given, faces: _Faces) -> tuple[Valu
 
 
 def _is_tiny(nodes: GeometryBuilder, given, faces: _Faces) -> tuple[Value, Value]:
-    """Whether a face covers nothing of a pixel, and whether it is too small to be divided."""
+    """Return whether a face covers nothing of a pixel, and whether it is too small to be divided."""
     nodes.open_frame("Too small to be divided: torn at a border of the volume, or between two of its sheets")
     across, up, _ = faces.size.parts()
     pixel = faces.pixel

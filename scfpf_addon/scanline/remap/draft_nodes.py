@@ -70,7 +70,7 @@ def _cut(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
 
 
 def _is_large(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
-    """Whether a face is large beside the volume."""
+    """Return whether a face is large beside the volume."""
     limit = given["Extent"].length() * LARGE
     return _variance(nodes) > limit * limit
 
@@ -84,7 +84,7 @@ def _variance(nodes: GeometryBuilder) -> Value:
 
 
 def _is_far(nodes: GeometryBuilder, given: dict[str, Value]) -> Value:
-    """Whether a face lies outside of the box around the volume."""
+    """Return whether a face lies outside of the box around the volume."""
     half = given["Extent"] * 0.5
     point = nodes.evaluate_on(own_point(nodes, given), "FACE", "FLOAT_VECTOR", "Middle")
     away = ((point - given["Low"] - half).absolute() - half).max((0.0, 0.0, 0.0))

@@ -188,7 +188,7 @@ def own_point(nodes: GeometryBuilder, given) -> Value:
 
 
 def is_known(z: Value) -> Value:
-    """Whether a point has a place, or is beyond the crease of a near branch."""
+    """Return whether a point has a place, or is beyond the crease of a near branch."""
     return z < UNKNOWN
 
 

@@ -57,7 +57,7 @@ def realize_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
 
 
 def _is_odd(nodes: GeometryBuilder) -> Value:
-    """Whether an instance's transform is more than a turn, a move and an even scale."""
+    """Return whether an instance's transform is more than a turn, a move and an even scale."""
     own = nodes.out("GeometryNodeInstanceTransform", "Of the Instance", {})
     a, b, c = (
         nodes.direction(axis, own, "Column") for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

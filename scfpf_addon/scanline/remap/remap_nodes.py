@@ -123,6 +123,6 @@ def remap_counts(evaluated_object) -> dict[str, int]:
 
 
 def is_flat(evaluated_table) -> bool:
-    """Whether all projectors of an evaluated table lie in one surface: nothing can be inverted then."""
+    """Return whether all projectors of an evaluated table lie in one surface and have no inverse."""
     attribute = evaluated_table.data.attributes.get(BRANCHES)
     return attribute is not None and bool(len(attribute.data)) and attribute.data[0].vector[2] > 0.5

@@ -27,7 +27,7 @@ MOST_CORNERS = 4.0
 def all_on_one_side(
     nodes: GeometryBuilder, given, box: Value, centre: Value | None = None
 ) -> dict[str, Value]:
-    """Whether a face lies beyond one side of the visible part of the volume.
+    """Return whether a face lies beyond one side of the visible part of the volume.
 
     "Corners": all its corners do. "Face": its middle does as well. "Any": all of these that have a place do.
     "Least Outside": at most how far any that has a place lies outside, along an axis of the image; 0 inside.
@@ -46,7 +46,7 @@ def all_on_one_side(
     dict.fromkeys(SIDES, "Bool") | {"Least Outside": "Float"},
 )
 def one_side_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
-    """Whether corners and middles of faces lie beyond one side of the visible part of the volume."""
+    """Return whether corners and middles of faces lie beyond one side of the visible part of the volume."""
     nodes.open_frame("What is shown")
     low, high = (on_screen(nodes, given, given[end]) for end in ("From", "To"))
     # Nearer is more: z runs from -1 to -2, and is above 0 where there is no place.
@@ -100,7 +100,7 @@ def past_border(nodes: GeometryBuilder, given, place: Value) -> Value:
 
 
 def across_border(nodes: GeometryBuilder, given, middle: Value, radius: Value) -> Value:
-    """Whether the border of the piece that is shown may run through a face of that middle and radius."""
+    """Return whether the border of the shown piece may run through a face of that middle and radius."""
     inputs = {"Place": middle, "Radius": radius}
     return nodes.call(across_group(), "Across a Border", inputs, given)["Across"]
 
@@ -144,7 +144,7 @@ def off_piece_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     {"Across": "Bool"},
 )
 def across_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
-    """Whether a border of the piece that is shown, or the rim of a polar image, may run through a face."""
+    """Return whether a border of the shown piece, or the rim of a polar image, may run through a face."""
     polar = given["Numbers"].parts()[2]
     nodes.open_frame("The rim?")
     rim = beyond_rim(nodes, given, given["Place"]).absolute() < given["Radius"]

@@ -134,7 +134,7 @@ def _bend(mappings, cells: tuple[int, ...], aspect: float) -> float:
 
 
 def _has_seam(camera) -> bool:
-    """Whether a polar image may leap where its turn begins and ends: it may unless the turn is whole."""
+    """Return whether a polar image may leap where its turn begins and ends: unless it is whole."""
     if tuple(camera.scfpf.u_range) != (0.0, 1.0):
         return True
     for slot in camera.scfpf.surfaces:

@@ -151,7 +151,7 @@ def _border(nodes: GeometryBuilder, given, borders, leap: Value, several: Value)
 
 @defines_group("SCFPF Leap", {key: TABLE_INPUTS[key] for key in ("Table", "Size")}, {"Leap": "Bool"})
 def _leap_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
-    """Whether a table leaps between the middle row's right half and the row below it."""
+    """Return whether a table leaps between the middle row's right half and the row below it."""
     table, size = given["Table"], given["Size"]
     points = nodes.out("GeometryNodePoints", "64 Samples", {"Count": 64})
     across = (nodes.index() + 1.0) / 128.0 + 0.5

@@ -85,7 +85,7 @@ def table_group_of(camera, with_inverse=True):
 
 
 def _is_of_another(table, camera, key: str) -> bool:
-    """Whether a table belongs to another camera, of which this one is a duplicate."""
+    """Return whether a table belongs to another camera, of which this one is a duplicate."""
     parent = table.parent
     return parent is not None and parent != camera and parent.get(key) == table
 
@@ -103,7 +103,7 @@ def release_pointers(table) -> None:
 
 
 def is_made(table) -> bool:
-    """Whether a table has its node group; it has none between ``release_pointers`` and ``table_object``."""
+    """Return whether a table has its node group; none between ``release_pointers`` and ``table_object``."""
     modifier = table.modifiers.get(MODIFIER)
     return modifier is not None and modifier.node_group is not None
 

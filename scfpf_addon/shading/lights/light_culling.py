@@ -35,7 +35,7 @@ def cull_lights(lights: tuple[Light, ...], vertices: Array) -> list[Light]:
 
 
 def _reaches(light: Light, corners: Array) -> bool:
-    """Whether a light may reach the box with the corners (8, 3)."""
+    """Return whether a light may reach the box with the corners (8, 3)."""
     matrix = np.asarray(light.matrix, np.float64)
     position, axis = matrix[:3, 3], -matrix[:3, 2]
     length = float(np.linalg.norm(axis))

@@ -85,7 +85,7 @@ class Lighting:
 
     @property
     def casts_shadows(self) -> bool:
-        """Whether any light casts shadows."""
+        """Return whether any light casts shadows."""
         return self.sky is not None or any(lamp.light.casts_shadow for lamp in self.lamps)
 
     def dark(self) -> Lighting:

@@ -20,7 +20,7 @@ def camera_scene(geometry: Geometry, cast_scene: CastScene) -> CastScene | None:
 
 
 def holdouts(geometry: Geometry) -> BoolArray | None:
-    """Whether each triangle leaves a hole in the image, (T,); None without holdouts."""
+    """Return whether each triangle leaves a hole in the image, (T,); None without holdouts."""
     if geometry.visibility is None:
         return None
     held: BoolArray = (geometry.visibility & HOLDOUT) != 0
@@ -28,7 +28,7 @@ def holdouts(geometry: Geometry) -> BoolArray | None:
 
 
 def has_catchers(geometry: Geometry) -> bool:
-    """Whether any object is a shadow catcher."""
+    """Return whether any object is a shadow catcher."""
     return geometry.visibility is not None and bool((geometry.visibility & CATCHER).any())
 
 

@@ -83,7 +83,7 @@ class Catchers:
         )
 
     def meets(self, triangle: IndexArray) -> BoolArray:
-        """Whether each of the triangles (n,) is of a catcher."""
+        """Return whether each of the triangles (n,) is of a catcher."""
         met: BoolArray = self.caught.take(triangle)
         return met
 

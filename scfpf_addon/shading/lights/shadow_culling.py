@@ -36,7 +36,7 @@ SKEW = 1e-3
 
 
 def cull_shadow_casters(scene: Scene, shown: Geometry, volume: ViewingVolume) -> BoolArray:
-    """Whether each triangle (T,) of a scene may cast a shadow on its part ``shown`` inside the volume."""
+    """Return whether each triangle (T,) of a scene may shade its part ``shown`` inside the volume."""
     whole = scene.geometry
     everything = np.ones(len(whole.triangles), bool)
     # A uniform environment casts shadows on catchers alone.

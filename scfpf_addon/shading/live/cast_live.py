@@ -67,7 +67,7 @@ class Never:
     """A signal that cancels nothing."""
 
     def is_set(self) -> bool:
-        """Whether the work is cancelled."""
+        """Return whether the work is cancelled."""
         return False
 
 

@@ -64,7 +64,7 @@ def _draw_folds(image: Single, hits: LiveHits, color: Color, pixel_size: float) 
 
 
 def stripes(column: IndexArray, row: IndexArray, pixel_size: float) -> BoolArray:
-    """Whether pixels are on a diagonal stripe, which is at least a pixel wide."""
+    """Return whether pixels are on a diagonal stripe, which is at least a pixel wide."""
     period = max(STRIPE_PERIOD, 4 * pixel_size)
     width = max(STRIPE_WIDTH, pixel_size)
     across: Array = (column + row) * (pixel_size / np.sqrt(2.0))

@@ -55,7 +55,7 @@ class SurfaceLooks:
 
     @cached_property
     def is_opaque(self) -> bool:
-        """Whether no surface lets the background through; images aside."""
+        """Return whether no surface lets the background through; images aside."""
         return bool((self.alpha >= 1).all())
 
     @cached_property
@@ -85,12 +85,12 @@ class SolidLook:
 
     @property
     def wants_uv(self) -> bool:
-        """Whether ``paint`` uses texture coordinates."""
+        """Return whether ``paint`` uses texture coordinates."""
         return self.textures is not None and bool((self.surfaces.image >= 0).any())
 
     @property
     def wants_color(self) -> bool:
-        """Whether ``paint`` uses the colour attributes of meshes."""
+        """Return whether ``paint`` uses the colour attributes of meshes."""
         return bool(self.surfaces.uses_attribute.any())
 
     @cached_property

@@ -50,7 +50,7 @@ class TwoMeshes(TracedMesh):
         return nearest
 
     def occluded(self, origins: Float32Array, directions: Float32Array, limits: Float32Array) -> BoolArray:
-        """Whether anything lies on each ray, (N,). A negative limit counts as a hit."""
+        """Return whether anything lies on each ray, (N,). A negative limit counts as a hit."""
         hits = [mesh.occluded(origins, directions, limits.copy()) for mesh in (self._first, self._second)]
         return hits[0] | hits[1]
 
@@ -67,7 +67,7 @@ class TwoOccupancies(Occupancy):
         return cls(**{field.name: getattr(one, field.name) for field in fields(Occupancy)}, other=other)
 
     def holds(self, lower: Array, upper: Array) -> BoolArray:
-        """Whether boxes from lower to upper (3, …), cast space, meet a marked cell."""
+        """Return whether boxes from lower to upper (3, …), cast space, meet a marked cell."""
         return super().holds(lower, upper) | self.other.holds(lower, upper)
 
     def holds_finely(self, lower: Array, upper: Array) -> BoolArray:

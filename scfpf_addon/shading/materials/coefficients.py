@@ -145,17 +145,17 @@ class MaterialCoefficients:
 
     @cached_property
     def dielectric(self) -> bool:
-        """Whether any material has the highlights of a dielectric."""
+        """Return whether any material has the highlights of a dielectric."""
         return bool(self.specular.any())
 
     @cached_property
     def metal(self) -> bool:
-        """Whether any material has the highlights of a metal."""
+        """Return whether any material has the highlights of a metal."""
         return bool(self.metal_f0.any() or self.metal_grazing.any())
 
     @property
     def glossy(self) -> bool:
-        """Whether any material has a highlight."""
+        """Return whether any material has a highlight."""
         return self.dielectric or self.metal
 
     @cached_property

@@ -52,7 +52,7 @@ def split(closures: ClosureRows) -> ClosureRows:
 
 
 def scatters(closures: ClosureRows) -> BoolArray:
-    """Whether closures send light on, (n,)."""
+    """Return whether closures send light on, (n,)."""
     sent = closures["metal"] + closures["dielectric"] + closures["glass"]
     found: BoolArray = closures["transparent"].any(axis=0) | (sent > 0.0)[0]
     return found

@@ -66,12 +66,12 @@ class MaterialGraph:
     reflects: bool = False
 
     def is_always_black(self, ref: Ref) -> bool:
-        """Whether an output is the constant 0."""
+        """Return whether an output is the constant 0."""
         return self._is_always(ref, 0.0)
 
     @property
     def shines(self) -> bool:
-        """Whether any closure may emit light."""
+        """Return whether any closure may emit light."""
         emitted = (
             each.inputs["color" if each.kind == "EMISSION" else "emission"]
             for each in self.closures
@@ -81,7 +81,7 @@ class MaterialGraph:
 
     @property
     def lets_through(self) -> bool:
-        """Whether any closure may be transparent."""
+        """Return whether any closure may be transparent."""
         return any(
             each.kind == "TRANSPARENT"
             or (each.kind == "PRINCIPLED" and not self._is_always(each.inputs["alpha"], 1.0))
@@ -90,7 +90,7 @@ class MaterialGraph:
 
     @property
     def refracts(self) -> bool:
-        """Whether any closure may refract."""
+        """Return whether any closure may refract."""
         return any(
             each.kind in {"GLASS", "REFRACTION"}
             or (each.kind == "PRINCIPLED" and not self._is_always(each.inputs["transmission"], 0.0))

@@ -26,7 +26,7 @@ class GraphKind:
 
     @property
     def constant(self) -> bool:
-        """Whether the closures are the same at all hits of a material, but for the normal."""
+        """Return whether the closures are the same at all hits of a material, but for the normal."""
         return all(each.kind in {"CONSTANT", "PARAMETER", "NORMAL"} for each in self.graph.operations)
 
 

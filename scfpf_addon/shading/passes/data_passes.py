@@ -44,12 +44,12 @@ class DataPasses:
 
     @property
     def central(self) -> bool:
-        """Whether any pass shows the projector through the pixel's centre, not the image's samples."""
+        """Return whether any pass shows the projector through the pixel's centre, not the image's samples."""
         return any(PASSES[name].central for name in self.names)
 
     @property
     def weighted(self) -> bool:
-        """Whether any pass needs barycentric weights."""
+        """Return whether any pass needs barycentric weights."""
         return any(PASSES[name].weighted for name in self.names)
 
     def crypto_layers(self) -> dict[str, int]:
@@ -180,7 +180,7 @@ class PassKind(NamedTuple):
 
     @property
     def central(self) -> bool:
-        """Whether the pass shows the projector through the pixel's centre."""
+        """Return whether the pass shows the projector through the pixel's centre."""
         return self.values is not None or self.chords is not None
 
 

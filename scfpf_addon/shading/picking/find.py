@@ -80,7 +80,7 @@ def find(
 
 
 def _own(scene: Scene, names: Collection[str]) -> BoolArray:
-    """Whether each object of the scene has one of these names; one entry more, for misses."""
+    """Return whether each object of the scene has one of these names; one entry more, for misses."""
     return np.array([*(name in names for name in scene.geometry.object_names), False])
 
 

@@ -21,7 +21,7 @@ DIGITS = "0123456789.-"
 
 @dataclass
 class FrameDrag:
-    """What was done to a frame since the drag of a part of it began.
+    """The drag of a part of a frame, from its first pixel on.
 
     mouse: (2,), the pixel where it began. unit: pixels of the region for a pixel of the image. is_point:
     whether the frame is that of a pin, which can only be moved.

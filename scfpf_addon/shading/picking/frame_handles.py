@@ -25,7 +25,7 @@ LEAST_FACTOR = 0.05
 
 
 class Change(NamedTuple):
-    """What a drag does to a view: the shift of its origin in pixels, the factor of its size, its turn."""
+    """The change of a view by a drag: the shift of its origin in pixels, the factor of its size, its turn."""
 
     shift: tuple[float, float] = (0.0, 0.0)
     factor: float = 1.0

@@ -19,7 +19,7 @@ STRETCHES, PIECES = 64, 8
 
 
 def may_be_met(projection: Projection, x: float, y: float, low: Array, high: Array) -> BoolArray:
-    """Whether the projector at (x, y) may meet each of the boxes with corners low and high, (N, 3); (N,).
+    """Return whether the projector at (x, y) may meet boxes with corners low and high, (N, 3); (N,).
 
     projection: in the boxes' space. All False where there is no projector.
     """

@@ -93,7 +93,7 @@ class AdaptiveFilm(Film):
         self._samples[pixel] += 1
 
     def uncertain(self, pixel: IndexArray, threshold: float) -> BoolArray:
-        """Whether the expected errors of the means of pixels (m,) exceed the threshold."""
+        """Return whether the expected errors of the means of pixels (m,) exceed the threshold."""
         count = self._samples[pixel]
         mean = self._sum[:, pixel] / count
         squared = np.maximum(self._squares[:, pixel] / count - mean * mean, 0)

@@ -166,7 +166,7 @@ def lens_of(projection: Projection, aperture: Aperture, axes: Array) -> DepthOfF
 
 
 def _is_flat(volume: ViewingVolume, centre: Array, forwards: Array) -> bool:
-    """Whether the far surface is a plane across ``forwards``, as a perspective camera's is."""
+    """Return whether the far surface is a plane across ``forwards``, as a perspective camera's is."""
     edge = np.linspace(0.0, 1.0, LOOKED_AT)
     far = volume.surfaces[-1].evaluate(np.tile(edge, LOOKED_AT), np.repeat(edge, LOOKED_AT)).position
     depth = np.einsum("c,cn->n", forwards, far - centre[:, None])

@@ -63,7 +63,7 @@ class Light:
 
     @property
     def has_extent(self) -> bool:
-        """Whether the lamp is more than a point or a direction."""
+        """Return whether the lamp is more than a point or a direction."""
         return self.kind == "AREA" or self.radius > 0.0 or self.angle > 0.0
 
 

@@ -89,7 +89,7 @@ class SurfaceTable:
 
     @property
     def weighted(self) -> bool:
-        """Whether ``points`` needs the barycentric weights of a hit."""
+        """Return whether ``points`` needs the barycentric weights of a hit."""
         return self.smooth is not None
 
     @classmethod

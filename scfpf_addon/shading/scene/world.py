@@ -87,7 +87,7 @@ class World:
 
     @property
     def uniform(self) -> bool:
-        """Whether the light is the same in all directions: its emission depends on no input."""
+        """Return whether the light is the same in all directions: its emission depends on no input."""
         emission = [each for each in self.graph.closures if each.kind == "EMISSION"]
         wanted = [ref.operation for each in emission for ref in (each.weight, each.inputs["color"])]
         while wanted:

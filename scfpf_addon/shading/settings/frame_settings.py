@@ -74,7 +74,7 @@ class FrameSettings:
 
     @property
     def sees_volume_alone(self) -> bool:
-        """Whether frames see nothing but the viewing volume of their own time.
+        """Return whether frames see nothing but the viewing volume of their own time.
 
         Vertices of the frames before and after belong to all triangles; a lens sees past the volume's sides.
         """

@@ -92,7 +92,7 @@ class Stylised:
 
     @property
     def lit(self) -> bool:
-        """Whether steps or strokes depend on the light that falls on surfaces."""
+        """Return whether steps or strokes depend on the light that falls on surfaces."""
         toned = self.hatching is not None and self.hatching.kind == "TONE"
         return toned or (self.fill == "TOON" and self.steps > 1)
 

@@ -73,7 +73,7 @@ class Tracer:
         return cls(scene, hit_lighting, LobeSampler.of(scene, surface.cast_scene), transparent, catchers)
 
     def needed(self, triangle: IndexArray) -> bool:
-        """Whether the material of any of the triangles is a graph."""
+        """Return whether the material of any of the triangles is a graph."""
         return bool(self._has_graph.take(self._material(triangle)).any())
 
     def color(
@@ -108,7 +108,7 @@ class Tracer:
 
     @cached_property
     def _has_graph(self) -> BoolArray:
-        """Whether each material is a graph, (M,)."""
+        """Return whether each material is a graph, (M,)."""
         found = np.zeros(len(self.scene.materials.metallic), bool)
         found[list(self.scene.materials.graphs)] = True
         return found
@@ -119,7 +119,7 @@ class Tracer:
         return material
 
     def _shown_beyond(self, triangle: IndexArray) -> BoolArray:
-        """Whether triangles (n,) shine or let light through beyond the limits of bounces."""
+        """Return whether triangles (n,) shine or let light through beyond the limits of bounces."""
         return self.lighting.closures.shown_beyond.take(self._material(triangle))
 
     @property

@@ -13,7 +13,7 @@ sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), "suppor
 
 @pytest.fixture
 def places(addon, reading):
-    """Where the image of a flexible camera shows world points (N, 3), in pixels, (N, 2)."""
+    """The image positions in pixels, (N, 2), at which a flexible camera shows world points (N, 3)."""
     inverse = addon("projection.volume.inverse")
 
     def found(camera, points):

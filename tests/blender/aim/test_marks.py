@@ -16,7 +16,7 @@ FRAME = (40.0, 30.0, 480.0, 270.0)
 
 
 def image_position(camera, point):
-    """Where Blender says that an ordinary camera shows a world point."""
+    """The image position of a world point through an ordinary camera, by Blender."""
     return np.array(world_to_camera_view(bpy.context.scene, camera, Vector(point))[:2])
 
 

@@ -11,7 +11,7 @@ from mathutils import Vector
 
 
 def image_position(camera, point):
-    """Where Blender says that an ordinary camera shows a world point."""
+    """The image position of a world point through an ordinary camera, by Blender."""
     return np.array(world_to_camera_view(bpy.context.scene, camera, Vector(point))[:2])
 
 
@@ -35,7 +35,7 @@ def scene():
 
 @pytest.fixture
 def positions(addon):
-    """Where a target shows world points."""
+    """The image positions at which a target shows world points."""
     views = addon("bridge.aim.target_views")
 
     def found(target, points):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What Solve says: what hides a target and from where it is free, and targets that contradict each other."""
+"""The messages of Solve: what hides a target, eyes that see it, and targets that contradict each other."""
 
 import math
 

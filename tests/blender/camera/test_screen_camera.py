@@ -73,7 +73,7 @@ def stage():
 
 
 def photograph(path):
-    """What an ordinary camera at the eye sees in Cycles, (H, W, 3)."""
+    """Cycles' image through an ordinary camera at the eye, (H, W, 3)."""
     scene = bpy.context.scene
     camera = bpy.data.objects.new("Photographer", bpy.data.cameras.new("Photographer"))
     scene.collection.objects.link(camera)

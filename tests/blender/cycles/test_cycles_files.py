@@ -95,7 +95,7 @@ def test_nothing_in_it_needs_a_cpu(camera, rig_of):
 
 
 def normalised(node):
-    """Whether a Ray Portal's direction has length 1: up to 5.1 Cycles takes it as it is."""
+    """Return whether a Ray Portal's direction has length 1: up to 5.1 Cycles takes it as it is."""
     return node.inputs["Direction"].links[0].from_node.operation == "NORMALIZE"
 
 

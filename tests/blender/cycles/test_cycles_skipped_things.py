@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What rays that skip chords could miss: thin, unusual and hidden things, in random volumes, seen by all."""
+"""Things that rays which skip chords could miss: thin, unusual and hidden ones, in random volumes."""
 
 import bpy
 import numpy as np

@@ -122,12 +122,12 @@ def colours_at(picture, view, points):
 
 
 def is_blue(colours):
-    """Whether any of the pixels about each point is blue, (N,)."""
+    """Return whether any of the pixels about each point is blue, (N,)."""
     return (colours[..., 2] > 1.5 * colours[..., :2].max(axis=-1)).any(axis=0)
 
 
 def is_green(colours):
-    """Whether any of the pixels about each point is green, (N,)."""
+    """Return whether any of the pixels about each point is green, (N,)."""
     return (colours[..., 1] > 1.5 * colours[..., [0, 2]].max(axis=-1)).any(axis=0)
 
 

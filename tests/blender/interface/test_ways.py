@@ -41,7 +41,7 @@ def camera(space):
 
 
 def shown(addon, camera):
-    """Whether the panel shows Live View and Rendered as on."""
+    """Return whether the panel shows Live View and Rendered as on."""
     ways = addon("operators.camera.ways")
     with there():
         return tuple(ways.is_any(bpy.context, camera, way) for way in (ways.is_live, ways.is_rendered))

@@ -33,7 +33,7 @@ def shown(addon):
 
 
 class Overlay:
-    """What is read of a viewport's overlays."""
+    """The part of a viewport's overlays that is read."""
 
     show_overlays = True
     show_outline_selected = True

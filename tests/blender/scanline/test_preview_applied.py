@@ -45,7 +45,7 @@ def scene(camera):
 
 
 def drawn(scene, camera, path):
-    """What Workbench draws of a scene through a camera in flat colours, (H, W, 3)."""
+    """Workbench's image of a scene through a camera in flat colours, (H, W, 3)."""
     scene.camera = camera
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.render.resolution_x, scene.render.resolution_y = WIDTH, HEIGHT

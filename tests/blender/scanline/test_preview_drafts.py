@@ -48,7 +48,7 @@ def source(camera, data, drafts):
 
 
 def flags(source, data, addon):
-    """Whether each part shows a draft."""
+    """Return whether each part shows a draft."""
     inputs, versions = addon("bridge.blender.modifier_inputs"), addon("bridge.blender.versions")
     modifiers = [picture.modifiers[data.MODIFIER] for picture in data.pictures_of(source)]
     return [
@@ -172,7 +172,7 @@ def test_a_draft_of_small_faces_is_the_picture(source, data, drafts, addon):
 
 
 def test_drafts_cut_large_faces_evenly_and_place_them_as_a_pinhole_does(source, data, drafts, camera):
-    """What is shown of a plane of 60 m, 50 m away: lines through the image meet it in a regular grid."""
+    """The draft of a plane of 60 m, 50 m away: lines through the image meet it in a regular grid."""
     plane = bpy.data.objects["Plane"]
     plane.scale = 3 * (60.0,)
     plane.location = 3.0, -2.0, -45.0

@@ -28,7 +28,7 @@ def solved(place):
 
 
 def ray_meets(origin, target, corners):
-    """Whether a triangle (3, 3) is strictly between two points, by Cramer's rule."""
+    """Return whether a triangle (3, 3) is strictly between two points, by Cramer's rule."""
     a, b, c = corners
     matrix = np.stack([target - origin, a - b, a - c], axis=1)
     if abs(np.linalg.det(matrix)) < 1e-12:

@@ -29,7 +29,7 @@ def boxes(*limits):
 
 
 def blocked(start, points, low, high):
-    """Whether segments from start to points (3, N) meet a box: the slab test."""
+    """Return whether segments from start to points (3, N) meet a box: the slab test."""
     way = points - start[:, None]
     with np.errstate(divide="ignore"):
         ends = np.stack([(np.array(corner)[:, None] - start[:, None]) / way for corner in (low, high)])

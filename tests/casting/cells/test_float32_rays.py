@@ -83,7 +83,7 @@ def rays_in(generator, ends):
 
 
 def missed(seed, kind):
-    """How many rays hit something, and how many of these in a chord that counts as empty."""
+    """The numbers of rays that hit something, and of those that do so in a chord that counts as empty."""
     generator = np.random.default_rng(seed)
     ends = made_ends(generator)
     lower, upper = (f(ends.astype(np.float64), axis=(0, 2, 3)) for f in (np.min, np.max))

@@ -135,7 +135,7 @@ def test_rays_of_embree_hit_only_in_occupied_chords():
 
 
 def clipped_away(corners, triangle):
-    """Whether a hull (8, 3) and a triangle (3, 3) are disjoint: nothing is left behind the hull's facets."""
+    """Return whether a hull (8, 3) and a triangle (3, 3) are disjoint: the hull's facets clip all of it."""
     middle = corners.mean(axis=0)
     polygon = list(triangle)
     for triple in TRIPLES:

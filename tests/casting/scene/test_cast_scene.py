@@ -104,7 +104,7 @@ def test_the_installed_embreex_is_new_enough():
 
 
 def brute_occlusion(scene, origins, directions, distances):
-    """Whether anything lies on each ray, from the float64 triangles (Möller and Trumbore 1997)."""
+    """Return whether anything lies on each ray, from the float64 triangles (Möller and Trumbore 1997)."""
     a, b, c = (scene.vertices[:, scene.triangles[:, k]].T for k in range(3))
     result = np.zeros(origins.shape[1], bool)
     for i, (origin, way) in enumerate(zip(origins.T, directions.T, strict=True)):

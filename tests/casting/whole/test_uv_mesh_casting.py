@@ -68,7 +68,7 @@ def image(scene, projection, width, pixel_error):
 
 
 def agree(t, other):
-    """Whether two images have the same t, inf for none."""
+    """Return whether two images have the same t, inf for none."""
     return np.isclose(t, other, rtol=0, atol=ROUNDING)
 
 

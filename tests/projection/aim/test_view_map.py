@@ -33,7 +33,7 @@ def pinhole(place):
 
 
 def image_of(place, points):
-    """Where that camera shows points: similar triangles."""
+    """The image positions of points through that camera, by similar triangles."""
     own = (np.linalg.inv(place) @ np.concatenate([points, np.ones((1, points.shape[1]))]))[:3]
     return np.stack([own[0] / -own[2] + 0.5, own[1] / -own[2] * ASPECT + 0.5])
 

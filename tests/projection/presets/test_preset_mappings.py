@@ -27,7 +27,7 @@ def seen(name, aspect, count=4000):
 
 
 def same_heading(across, up, direction):
-    """Whether directions turn about the axis as their places do about the centre."""
+    """Return whether directions turn about the axis as their places do about the centre."""
     heading, turn = np.arctan2(direction[1], direction[0]), np.arctan2(up, across)
     return np.allclose(np.exp(1j * heading), np.exp(1j * turn), rtol=0, atol=1e-8)
 

@@ -141,7 +141,7 @@ def planes_round(corners):
 
 
 def towards_it(places, corners, towards, apart):
-    """Whether a ray away from a sun meets the hull of the corners, widened by ``apart``, (N,)."""
+    """Return whether a ray away from a sun meets the hull of the corners, widened by ``apart``, (N,)."""
     normals, limits = planes_round(corners)
     along = normals @ towards
     # normal · (place - t towards) <= limit, for a t that is not negative.
