@@ -19,7 +19,10 @@ from the code.
 """
 # Titles, and the property groups below each: file and class.
 GROUPS = (
-    ("The panel Flexible Projection", (("settings/camera_properties", "SCFPF_CameraSettings"),)),
+    (
+        "The panel Flexible Projection",
+        tuple(("settings/camera_properties", name) for name in ("SCFPF_CameraSettings", "_Display")),
+    ),
     (
         "A control surface",
         tuple(("settings/camera_properties", f"SCFPF_Surface{name}") for name in ("Slot", "Settings")),

@@ -165,7 +165,91 @@ class SCFPF_BlendEnds(bpy.types.PropertyGroup):
     preset: text("Preset", "File name of the preset at Blend 1, if no camera is chosen")
 
 
-class SCFPF_CameraSettings(bpy.types.PropertyGroup):
+class _Display:
+    """The part of ``Object.scfpf`` that viewports and Image Editors draw: lines, marks and Live View."""
+
+    show_live: switch(
+        "Live View",
+        "Show in 3D viewports that look through this camera what its projectors see, in Solid and Material "
+        "Preview shading",
+        True,
+        **STATIC,
+    )
+    show_projectors: switch(
+        "Show Projectors", "Draw the control surfaces and some projectors in the 3D viewport", True, **STATIC
+    )
+    projector_count: integer(
+        "Projectors Drawn",
+        "Number of projectors drawn across and up the picture",
+        5,
+        2,
+        101,
+        soft_max=21,
+        **STATIC,
+    )
+    show_folds: switch(
+        "Show Folds",
+        "Draw projectors red where the volume is turned inside out and the picture mirrored",
+        True,
+        **STATIC,
+    )
+    iso_surfaces: integer(
+        "Iso-Surfaces",
+        "Number of surfaces of equal t drawn between the near and the far surface",
+        0,
+        0,
+        64,
+        soft_max=9,
+        **STATIC,
+    )
+    iso_t: number(
+        "Iso-Surface at", "The t of a single iso-surface: 0 is the near surface, 1 the far one", 0.5, 0.0, 1.0
+    )
+    show_pick: switch(
+        "Show Picked Projector",
+        "Draw the projector through the position in the picture that was picked last",
+        **STATIC,
+    )
+    pick: vector(
+        "Picked Position",
+        "Picked position, as shares of the picture's width and height from its lower left",
+        (0.5, 0.5),
+        0.0,
+        1.0,
+        **STATIC,
+    )
+    pick_t: number(
+        "Picked t",
+        "t at which the picked projector meets the scene: 0 near surface, 1 far one, -1 for nothing",
+        -1.0,
+        -1.0,
+        1.0,
+        **STATIC,
+    )
+    pick_distance: FloatProperty(
+        name="Picked Distance",
+        description="Length of the picked projector from the near surface to the object that it meets",
+        default=0.0,
+        min=0.0,
+        subtype="DISTANCE",
+        **STATIC,
+    )
+    pick_object: text("Picked Object", "Name of the object that the picked projector met", **STATIC)
+    show_found: switch("Show Found Object", "Mark the object that was found last in the picture", **STATIC)
+    found_box: vector(
+        "Found Object's Box",
+        "Left, lower, right and upper border of the found object, as shares of the picture",
+        (0.0, 0.0, 1.0, 1.0),
+        0.0,
+        1.0,
+        **STATIC,
+    )
+    found_object: text(
+        "Found Object", "Name of the object that was searched for, and how much of it is visible", **STATIC
+    )
+
+
+class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
     """``Object.scfpf`` of a camera object: its viewing volume and how it is rendered."""
 
     enabled: switch(
@@ -279,85 +363,6 @@ class SCFPF_CameraSettings(bpy.types.PropertyGroup):
         step=1,
     )
     samples: integer("Samples", "Projectors per pixel: more give smoother edges", 4, 1, 1024, soft_max=16)
-    show_live: switch(
-        "Live View",
-        "Show in 3D viewports that look through this camera what its projectors see, in Solid and Material "
-        "Preview shading",
-        True,
-        **STATIC,
-    )
-    show_projectors: switch(
-        "Show Projectors", "Draw the control surfaces and some projectors in the 3D viewport", True, **STATIC
-    )
-    projector_count: integer(
-        "Projectors Drawn",
-        "Number of projectors drawn across and up the picture",
-        5,
-        2,
-        101,
-        soft_max=21,
-        **STATIC,
-    )
-    show_folds: switch(
-        "Show Folds",
-        "Draw projectors red where the volume is turned inside out and the picture mirrored",
-        True,
-        **STATIC,
-    )
-    iso_surfaces: integer(
-        "Iso-Surfaces",
-        "Number of surfaces of equal t drawn between the near and the far surface",
-        0,
-        0,
-        64,
-        soft_max=9,
-        **STATIC,
-    )
-    iso_t: number(
-        "Iso-Surface at", "The t of a single iso-surface: 0 is the near surface, 1 the far one", 0.5, 0.0, 1.0
-    )
-    show_pick: switch(
-        "Show Picked Projector",
-        "Draw the projector through the position in the picture that was picked last",
-        **STATIC,
-    )
-    pick: vector(
-        "Picked Position",
-        "Picked position, as shares of the picture's width and height from its lower left",
-        (0.5, 0.5),
-        0.0,
-        1.0,
-        **STATIC,
-    )
-    pick_t: number(
-        "Picked t",
-        "t at which the picked projector meets the scene: 0 near surface, 1 far one, -1 for nothing",
-        -1.0,
-        -1.0,
-        1.0,
-        **STATIC,
-    )
-    pick_distance: FloatProperty(
-        name="Picked Distance",
-        description="Length of the picked projector from the near surface to the object that it meets",
-        default=0.0,
-        min=0.0,
-        subtype="DISTANCE",
-        **STATIC,
-    )
-    pick_object: text("Picked Object", "Name of the object that the picked projector met", **STATIC)
-    show_found: switch("Show Found Object", "Mark the object that was found last in the picture", **STATIC)
-    found_box: vector(
-        "Found Object's Box",
-        "Left, lower, right and upper border of the found object, as shares of the picture",
-        (0.0, 0.0, 1.0, 1.0),
-        0.0,
-        1.0,
-        **STATIC,
-    )
-    found_object: text(
-        "Found Object", "Name of the object that was searched for, and how much of it is visible", **STATIC
-    )
     fit: choice(
         "Fit",
         "Side of the volume that changes when it is fitted to another resolution",

@@ -63,7 +63,7 @@ def test_an_input_is_keyed_and_driven_through_its_property(versions, modifier):
 def test_every_property_has_a_tooltip_and_can_be_overridden(addon):
     modules = (addon(f"bridge.settings.{name}_properties") for name in ("camera", "aim"))
     for cls in (cls for module in modules for cls in module.CLASSES):
-        for name in cls.__annotations__:
+        for name in (name for base in cls.__mro__ for name in vars(base).get("__annotations__", ())):
             # By its place: Blender's own property of a group is also called "name".
             (*_, rna) = (found for found in cls.bl_rna.properties if found.identifier == name)
             assert rna.name and rna.description and rna.is_overridable, name
