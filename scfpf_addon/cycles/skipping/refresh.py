@@ -57,17 +57,18 @@ def forget_all() -> None:
     _made_for.clear()
 
 
-def write_skipping(rig, chords: ChordPlan, patience: float = PATIENCE) -> None:
+def write_skipping(rig, chords: ChordPlan, animation: bool = False) -> None:
     """Write a plan's sheets, whose rays skip what is certainly empty.
 
-    In a scene that moves it is empty at all frames of the scene, if these take no more than ``patience``, in
-    seconds, and the volume is still; else at the present one. Raises RigError without Cycles.
+    In a scene that moves it is empty at all frames of the scene, if these do not take too long; else at the
+    present one. If the volume moves, only an animation that is to be rendered is worth that; and the passes,
+    to which the mesh adds the lengths of chords, need one frame. Raises RigError without Cycles.
     """
-    scene = rig.scfpf_rig.scene
-    frames = present_frames(rig)
-    if frames and not moves(rig):
-        every = tuple(float(frame) for frame in range(scene.frame_start, scene.frame_end + 1))
-        if _write(rig, chords, Look(every, patience)):
+    settings, frames = rig.scfpf_rig, present_frames(rig)
+    if frames and (not moves(rig) or (animation and not settings.passes)):
+        ends = settings.scene.frame_start, settings.scene.frame_end
+        every = tuple(float(frame) for frame in range(ends[0], ends[1] + 1))
+        if _write(rig, chords, Look(every, PATIENCE_OF_ANIMATION if animation else PATIENCE)):
             return
     _write(rig, chords, Look(frames))
 
@@ -210,7 +211,7 @@ def renew(rig, view_layer, animation: bool = False, apart: bool = False) -> None
         disc=is_disc(projection.reparameterisation, projection.aspect),
     )
     if animation:
-        write_skipping(rig, plan, PATIENCE_OF_ANIMATION)
+        write_skipping(rig, plan, animation=True)
     else:
         _write(rig, plan, Look(frames, apart=apart))
 

@@ -12,7 +12,7 @@ import bpy
 
 from ...bridge.blender.rig_mark import is_rig_part
 from ..hidden_surfaces import hidden_from_rigs
-from .reasons import movers_of, obstacle
+from .reasons import movers_of, moves, obstacle
 from .swept_bodies import shutter_of
 
 
@@ -33,7 +33,8 @@ def state_of(rig) -> SceneState:
     lamps = tuple(_lamp_state(lamp) for lamp in bpy.data.lights)
     render, movers = scene.render, movers_of(rig)
     blur = (render.use_motion_blur, shutter_of(render)) if movers else ()
-    settings = obstacle(rig), movers, layers, lamps, render.use_simplify, blur
+    passes = rig.scfpf_rig.passes and moves(rig)
+    settings = obstacle(rig), movers, layers, lamps, render.use_simplify, blur, passes
     return SceneState(objects_state(shown_objects(rig)), settings)
 
 

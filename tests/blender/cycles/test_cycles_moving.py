@@ -178,6 +178,30 @@ def test_a_moving_volume_skips_frame_by_frame(
         assert_alike(seen, at_frame(tmp_path / f"every{frame}", frame))
 
 
+def test_an_animation_of_a_moving_volume_in_a_window(addon, skipping, rig_of, tmp_path, monkeypatch):
+    """Ctrl-F12 looks at all frames before the render job begins, which nothing may disturb."""
+    camera = prepared(addon)
+    moving_surface(camera)
+    crossing(addon, camera)
+    assert switch(camera) == {"FINISHED"}
+    rig = rig_of()
+    rigs = addon("cycles.rig")
+    rigs.prepare_render(bpy.context, rig, animation=True)
+    assert skipping.skips(rig) and frames_of(skipping, rig) == [1, 2, 3, 4, 5, 6], rig.scfpf_rig.travels_all
+    for name in ("renew", "sync"):
+        monkeypatch.setattr(rigs, name, lambda *_, **__: None)
+    some = {frame: at_frame(tmp_path / f"some{frame}", frame) for frame in (*FRAMES, 8)}
+    assert skipping.skips(rig)
+    show_whole_sheets(addon, rig)
+    for frame, seen in some.items():
+        assert_alike(seen, at_frame(tmp_path / f"every{frame}", frame))
+    monkeypatch.undo()
+    # Depth needs the lengths of the chords at each frame.
+    assert bpy.ops.scfpf.cycles_passes() == {"FINISHED"}
+    rigs.prepare_render(bpy.context, rig, animation=True)
+    assert skipping.skips(rig) and frames_of(skipping, rig) == [1], rig.scfpf_rig.travels_all
+
+
 @pytest.mark.parametrize("position", ["START", "CENTER", "END"])
 def test_blurred_things_are_seen(addon, skipping, rig_of, rendered, tmp_path, monkeypatch, position):
     """Fast turns, a deforming shape, and an instance of several motion steps."""
