@@ -87,7 +87,7 @@ def drag_mouse(driver, start, end, name, steps=6):
 
 
 def picture(driver):
-    """Generator: the pixels of the viewport, when all is drawn, without the frames, which the mouse highlights."""
+    """Generator: the pixels of the viewport once all is drawn, without frames: the mouse highlights them."""
     space = driver.area("VIEW_3D").spaces.active
     space.show_gizmo = False
     yield from settled()
