@@ -36,6 +36,9 @@ def load_embreex() -> tuple[Any, Any]:
         raise CastError(f"the ray caster embreex is missing ({error}): {remedy}") from error
     except ImportError as error:
         raise CastError(f"the ray caster embreex cannot be loaded ({error}): {remedy}") from error
+    if not found:
+        # Blender removes the wheel when the extension is disabled, perhaps during a render.
+        raise CastError(f"the ray caster embreex is missing (it is being removed): {remedy}")
     if tuple(int(part) for part in found.split(".")[:2]) < EMBREEX_MINIMUM:
         raise CastError(f"the ray caster embreex {found} is too old: {remedy}")
     return rtcore_scene, mesh_construction

@@ -98,6 +98,14 @@ def test_an_old_embreex_is_explained(monkeypatch):
         CastScene(QUAD, FACES)
 
 
+def test_an_embreex_that_is_being_removed_is_explained(monkeypatch, tmp_path):
+    """Its folder of metadata is there, and empty already."""
+    (tmp_path / "embreex-9.9.9.dist-info").mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(CastError, match=r"embreex is missing.*install SCFPF again"):
+        CastScene(QUAD, FACES)
+
+
 def test_the_installed_embreex_is_new_enough():
     found = tuple(int(part) for part in importlib.metadata.version("embreex").split(".")[:2])
     assert found >= module.EMBREEX_MINIMUM
