@@ -91,7 +91,7 @@ class _AimSection(Subsection):
         row = layout.row(align=True)
         row.scale_y = 1.3
         row.operator("scfpf.aim_solve", icon="CON_TRACKTO")
-        row.prop(settings.aim, "live", text="", icon="PLAY", toggle=True)
+        row.operator("scfpf.aim_live", text="", icon="PLAY", depress=settings.aim.live)
         column = layout.column(align=True)
         for number, part in enumerate(settings.aim.message.split(" · ") if settings.aim.message else ()):
             draw_text(column, part, "BLANK1" if number else "INFO")
@@ -144,10 +144,9 @@ def outcome_lines(aim) -> list[str]:
     """The effect of the last solve on the rest of the picture; empty before Solve."""
     lines = []
     if aim.background_median >= 0.0:
-        lines += [
-            f"Rest moved {aim.background_median:.1f} px, 95 % at most {aim.background_95:.0f} px",
-            f"Mirrored {aim.mirrored:.2%}, folded {aim.folds:.2%}".replace("%", " %"),
-        ]
+        lines.append(f"Rest moved {aim.background_median:.1f} px, 95 % at most {aim.background_95:.0f} px")
+    if aim.is_solved:
+        lines.append(f"Mirrored {aim.mirrored:.2%}, folded {aim.folds:.2%}".replace("%", " %"))
     if aim.between >= 0.0:
         lines.append(f"Between keyframes at most {aim.between:.1f} px off")
     return lines

@@ -7,9 +7,14 @@ import bpy
 from bpy.props import IntProperty, StringProperty
 
 from ...scfpf_addon.bridge.aim.target_views import AimError
-from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible, volume_from_camera
+from ...scfpf_addon.bridge.camera.flexible_camera import (
+    clear_surfaces,
+    make_flexible,
+    volume_from_camera,
+)
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
 from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ..common.errors import BAD_INPUT
 from ..common.target import camera_of, poll_object_mode, take_up_edits
 from ..common.tool import Action
 
@@ -84,6 +89,17 @@ class AimAction(Action):
     poll = classmethod(poll_object_mode)
 
     def act(self, context):
+        camera = self.prepared(context)
+        try:
+            return self.edit(context, camera)
+        except BAD_INPUT:
+            if self._was_ordinary:
+                camera.scfpf.enabled = False
+                clear_surfaces(camera)
+            raise
+
+    def prepared(self, context):
+        """The camera to work on, flexible if that is needed. Raises one of BAD_INPUT."""
         named = chosen(bpy.data.objects, self.camera, "object")
         camera = named or aimed_camera(context)
         if camera is None or camera.type != "CAMERA":
@@ -93,13 +109,15 @@ class AimAction(Action):
                 f"'{camera.name}' is linked from another file: make a library override of it first"
             )
         take_up_edits(context)
+        self._was_ordinary = False
         if self.makes_flexible and not camera.scfpf.enabled:
+            self._was_ordinary = not len(camera.scfpf.surfaces)
             if len(camera.scfpf.surfaces):
                 make_flexible(camera)
             else:
                 volume_from_camera(camera, context.scene)
             context.view_layer.update()
-        return self.edit(context, camera)
+        return camera
 
     def edit(self, context, camera) -> str | None:
         raise NotImplementedError

@@ -9,6 +9,7 @@ from bpy.props import FloatProperty, FloatVectorProperty, IntProperty
 
 from ...scfpf_addon.bridge.aim.drag import AimDrag
 from ...scfpf_addon.bridge.aim.shown_targets import ShownImage, shown_image, shown_targets, target_at
+from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.render.image_size import image_size
@@ -18,6 +19,7 @@ from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
 from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, Frame
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
+from .watched import Watched
 
 # Seconds between two steps while the mouse rests, and how many there are until the volume has settled.
 TICK, RESTING_STEPS = 0.05, 4
@@ -29,7 +31,7 @@ KEYS = (
 )
 
 
-class SCFPF_OT_aim_drag(bpy.types.Operator):
+class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
     """Move, scale or turn the active view or pin in the picture, and solve: the volume follows while you
     drag. G, S and R choose, arrow keys and numbers are exact"""
 
@@ -67,7 +69,7 @@ class SCFPF_OT_aim_drag(bpy.types.Operator):
             return refused(self, error)
         self._place()
         try:
-            self.report({"INFO"}, drag.finish(context.evaluated_depsgraph_get()))
+            self.report({"INFO"}, run_through(drag.finishing(context.evaluated_depsgraph_get())))
         except BAD_INPUT as error:
             self._put_back()
             return refused(self, error)
@@ -105,6 +107,8 @@ class SCFPF_OT_aim_drag(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
+        if self._solve is not None:
+            return self._ended(context, self.watch(context, event))
         if object_by_uid(self._camera) is None:
             self._stop(context)
             return {"CANCELLED"}
@@ -184,18 +188,17 @@ class SCFPF_OT_aim_drag(bpy.types.Operator):
         target.position, target.width, target.turn = self._before
 
     def _finish(self, context):
-        """Solve, and report how well; a solve that is refused restores everything."""
-        context.window.cursor_modal_set("WAIT")
-        try:
-            message = self._volume.finish(context.evaluated_depsgraph_get())
-        except BAD_INPUT as error:
-            self.cancel(context)
-            return refused(self, error)
-        finally:
-            context.window.cursor_modal_restore()
-        self._stop(context)
-        self.report({"INFO"}, message)
-        return {"FINISHED"}
+        """Solve, and report how well; a solve that is refused or cancelled restores everything."""
+        steps = self._volume.finishing(context.evaluated_depsgraph_get())
+        return self._ended(context, self.begin(context, steps))
+
+    def _ended(self, context, outcome):
+        """Leave the drag if its solve has ended."""
+        if outcome == {"CANCELLED"} and object_by_uid(self._camera) is not None:
+            self._put_back()
+        if outcome & {"CANCELLED", "FINISHED"}:
+            self._stop(context)
+        return outcome
 
     def _say(self, context):
         """Tell the keys and the numbers, and redraw the frames."""
@@ -220,9 +223,12 @@ class SCFPF_OT_aim_drag(bpy.types.Operator):
 
     def cancel(self, context):
         """Restore the target and the volume; Blender calls this too when the window is closed."""
+        if self._solve is not None:
+            self.stop_solve(context)
+        else:
+            self._volume.restore()
         if object_by_uid(self._camera) is not None:
             self._put_back()
-            self._volume.restore()
         self._stop(context)
 
 

@@ -9,9 +9,13 @@ import bpy
 from bpy.props import BoolProperty, FloatProperty
 
 from ...scfpf_addon.bridge.aim import new_targets
-from ...scfpf_addon.bridge.aim.keyed_targets import solve_animation
+from ...scfpf_addon.bridge.aim.drag import make_followable
+from ...scfpf_addon.bridge.aim.keyed_targets import solving_animation
+from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.aim.target_views import AimError
+from ..common.errors import BAD_INPUT, refused
 from .aim_camera import AimAction, camera_name, target_at, target_index
+from .watched import Watched, in_window, stop_all
 
 
 class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
@@ -46,18 +50,70 @@ class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
         new_targets.turn_eye(target, context.evaluated_depsgraph_get(), left, up)
 
 
-class SCFPF_OT_aim_solve(AimAction, bpy.types.Operator):
+class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
     """Change the control surfaces until the picture shows the targets as they ask, at each of their keys.
-    If that would make the picture worse, the volume stays as it is"""
+    If that would make the picture worse, the volume stays as it is. Esc cancels"""
 
     bl_idname = "scfpf.aim_solve"
     bl_label = "Solve"
-    makes_flexible = True
+
+    camera: camera_name()
+
+    def prepared(self, context):
+        camera = super().prepared(context)
+        if not camera.scfpf.enabled:
+            raise AimError(
+                f"Switch on Flexible Projection for '{camera.name}' first"
+                if len(camera.scfpf.aim_targets)
+                else f"'{camera.name}' has no view and no pin to aim at: add one with Add View or Add Pin"
+            )
+        return camera
+
+    def edit(self, context, camera):
+        return run_through(solving_animation(camera, context))
+
+    def invoke(self, context, _event):
+        if not in_window(context):
+            return self.execute(context)
+        try:
+            outcome = self.begin(context, solving_animation(self.prepared(context), context))
+        except BAD_INPUT as error:
+            return refused(self, error)
+        if outcome == {"RUNNING_MODAL"}:
+            context.window_manager.modal_handler_add(self)
+        return outcome
+
+    def modal(self, context, event):
+        return self.watch(context, event)
+
+    def cancel(self, context):
+        """Called when its window closes or a file is opened."""
+        self.stop_solve(context)
+
+
+class SCFPF_OT_aim_live(AimAction, bpy.types.Operator):
+    """Let the volume follow while the camera or the empty of a target is moved, and solve when it rests"""
+
+    bl_idname = "scfpf.aim_live"
+    bl_label = "Live Aim"
 
     camera: camera_name()
 
     def edit(self, context, camera):
-        return solve_animation(camera, context)
+        if not camera.scfpf.aim.live:
+            make_followable(camera, context.evaluated_depsgraph_get())
+        camera.scfpf.aim.live = not camera.scfpf.aim.live
 
 
-register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_aim_turn, SCFPF_OT_aim_solve))
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(
+    (SCFPF_OT_aim_turn, SCFPF_OT_aim_solve, SCFPF_OT_aim_live)
+)
+
+
+def register():
+    _register_classes()
+
+
+def unregister():
+    stop_all()
+    _unregister_classes()

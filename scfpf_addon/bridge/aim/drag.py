@@ -10,7 +10,6 @@ import numpy as np
 from ...projection.aim.energies import nearest_t
 from ...projection.aim.problem import AimPins
 from ...projection.aim.solver import Aim
-from ...projection.typing import Array
 from ..blender.scene_objects import object_by_uid
 from ..settings.aim_properties import PIN, VIEW
 from .aimed_volume import (
@@ -22,15 +21,17 @@ from .aimed_volume import (
     write_points,
     write_volume,
 )
+from .kept_volume import KeptVolume
 from .read_problem import AimInputs, own_pin, read_inputs
-from .solve_targets import solve_camera
+from .solve_targets import solving
+from .solve_work import Steps
 from .target_views import AimError, view_map
 
 
 class AimDrag:
     """Arrays and session ids of a drag; no Blender data. Every method raises AimError or RENDER_ERRORS.
 
-    Before the first step a volume that is no solution becomes one, with the same image.
+    A volume that is no solution becomes one, with the same image. Call either ``finishing`` or ``restore``.
     """
 
     def __init__(self, camera, depsgraph) -> None:
@@ -39,23 +40,28 @@ class AimDrag:
         self._camera = camera.session_uid
         self._inputs: AimInputs = read_inputs(camera, depsgraph)
         self._solver = Aim(self._inputs.problem())
-        outward = np.linalg.inv(self._inputs.inward)
+        self._replaced: KeptVolume | None = None
         if start_of(camera) is not None and self._fits(camera):
-            self._resume(self._solver.net.gather(moved(present_patches(camera), outward)))
+            self.resume(camera)
         else:
             start = moved(self._inputs.start, self._inputs.inward)
-            write_volume(camera, start, start)
+            self._replaced = KeptVolume(camera)
+            try:
+                write_volume(camera, start, start)
+            except BaseException:
+                self._replaced.drop(camera)
+                raise
         self._before = present_patches(camera)
 
     def _fits(self, camera) -> bool:
         present = [patch.points.shape for patch in present_patches(camera)]
         return present == [patch.points.shape for patch in self._inputs.start]
 
-    def _resume(self, points: Array) -> None:
-        """Continue from control points (net points, surfaces, 3)."""
-        solver = self._solver
-        solver.points = points
-        controls = solver.pin_energy.places.controls(points)
+    def resume(self, camera) -> None:
+        """Continue from the present control points of the camera."""
+        solver, outward = self._solver, np.linalg.inv(self._inputs.inward)
+        solver.points = solver.net.gather(moved(present_patches(camera), outward))
+        controls = solver.pin_energy.places.controls(solver.points)
         solver.t = nearest_t(controls, self._inputs.targets.pins.points.T)
 
     def step(self, depsgraph) -> float:
@@ -100,17 +106,38 @@ class AimDrag:
         values["positions"] = np.clip(np.nan_to_num(values["positions"], nan=0.5), 0.0, 1.0)
         return replace(pins, **values)
 
-    def finish(self, depsgraph) -> str:
-        """Solve anew from the start and judge; return the line to report.
+    def finishing(self, depsgraph) -> Steps:
+        """Solve anew from the start and judge.
 
-        If the solution is not taken, the volume is as before the drag.
+        If that fails, is cancelled or is not taken, the volume is as before the drag.
         """
-        camera = self._found()
-        self.restore()
-        return solve_camera(camera, depsgraph)
+        try:
+            message = yield from solving(self._found(), depsgraph)
+        except BaseException:
+            self.restore()
+            raise
+        if self._replaced is not None:
+            self._replaced.drop(self._found())
+        return message
 
     def restore(self) -> None:
-        """Write the points from before the drag."""
-        camera = self._found()
-        write_points(camera, self._before)
-        note_solution(camera)
+        """Bring back the volume from before the drag. Does nothing if the camera is gone."""
+        camera = object_by_uid(self._camera)
+        if camera is None:
+            return
+        if self._replaced is not None:
+            self._replaced.bring_back(camera)
+        elif start_of(camera) is not None and self._fits(camera):
+            write_points(camera, self._before)
+            note_solution(camera)
+
+
+def make_followable(camera, depsgraph) -> None:
+    """Give a camera a volume that can follow its targets, with the same image, if it has none.
+
+    Raises as ``read_inputs`` and ``write_volume``.
+    """
+    if start_of(camera) is None:
+        inputs = read_inputs(camera, depsgraph)
+        start = moved(inputs.start, inputs.inward)
+        write_volume(camera, start, start)

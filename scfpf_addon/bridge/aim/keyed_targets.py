@@ -6,8 +6,11 @@ Between two keys Blender interpolates the control points linearly.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from contextlib import contextmanager
+from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import bpy
 import numpy as np
@@ -17,9 +20,10 @@ from ...projection.surfaces.nurbs import NurbsPatch
 from ..blender.slot_animation import AIM_TARGETS, SLOT_PATH, curve_collections
 from .aimed_volume import Patches, moved, note_solution, start_of, write_volume
 from .read_problem import read_inputs
-from .solve_targets import Solution, judged, solution_for, solve_camera
+from .solve_targets import Solution, camera_again, judged, solution_of, solving
+from .solve_work import Steps, Work
 from .target_views import AimError
-from .verdict import LARGEST, store_verdict
+from .verdict import LARGEST, require_better, store_verdict
 
 # The shape key of the start, and the beginning of the names of others, which the frame follows.
 START_SHAPE, SHAPE = "Start", "Aim "
@@ -27,6 +31,8 @@ START_SHAPE, SHAPE = "Start", "Aim "
 MOST_KEYS = 64
 # Columns of the image that is judged between two keys, where only the pins count.
 FEW_COLUMNS = 16
+# The share of the time of a solve that the keys take; what is between them takes the rest.
+SOLVING = 0.9
 
 
 def key_frames(camera) -> list[float]:
@@ -55,27 +61,31 @@ def _frames(curve) -> list[float]:
     return [float(point.co[0]) for point in curve.keyframe_points]
 
 
-def solve_animation(camera, context) -> str:
-    """Solve for the targets, at each of their keys if they have several; return the line to report.
+def solving_animation(camera, context) -> Steps:
+    """Solve for the targets, at each of their keys if they have several.
 
-    The scene ends at its present frame. Raises the errors of ``solve_camera``; then the volume is as before.
+    The scene ends at its present frame. Raises the errors of ``solving``; then the volume is as before.
     """
     frames = key_frames(camera)
     if len(frames) < 2:
-        return solve_camera(camera, context.evaluated_depsgraph_get())
+        return (yield from solving(camera, context.evaluated_depsgraph_get()))
     if len(frames) > MOST_KEYS:
         raise AimError(f"The targets have keys at {len(frames)} frames: {MOST_KEYS} are the most")
     if bpy.app.is_job_running("RENDER"):
         raise AimError("Keyframed targets cannot be solved during a render: wait until it has ended")
-    scene = context.scene
-    present = scene.frame_current, scene.frame_subframe
+    uid, scene = camera.session_uid, context.scene
+    present, scene = (scene.frame_current, scene.frame_subframe), scene.session_uid
+    del camera, context
     try:
-        solutions = _solutions(camera, context, frames)
-        between = _worst_between(camera, context, frames, solutions)
+        solutions = yield from _solutions(uid, frames)
+        between = yield from _worst_between(uid, frames, solutions)
     finally:
-        scene.frame_set(present[0], subframe=present[1])
+        for each in bpy.data.scenes:
+            if each.session_uid == scene:
+                each.frame_set(present[0], subframe=present[1])
+    camera = camera_again(uid)
     _write(camera, frames, solutions)
-    context.view_layer.update()
+    bpy.context.view_layer.update()
     nearest = int(np.abs(np.array(frames) - sum(present)).argmin())
     message = store_verdict(camera, solutions[nearest].inputs, solutions[nearest].judgement)
     worst = max(float(solution.judgement.pixels.max()) for solution in solutions)
@@ -85,20 +95,23 @@ def solve_animation(camera, context) -> str:
     return aim.message
 
 
-def _set_frame(context, frame: float):
+def _set_frame(frame: float):
     """Go to a frame; return the depsgraph."""
     whole = int(np.floor(frame))
-    context.scene.frame_set(whole, subframe=frame - whole)
-    return context.evaluated_depsgraph_get()
+    bpy.context.scene.frame_set(whole, subframe=frame - whole)
+    return bpy.context.evaluated_depsgraph_get()
 
 
-def _solutions(camera, context, frames: list[float]) -> list[Solution]:
+def _solutions(uid: int, frames: list[float]) -> Generator[Work, Any, list[Solution]]:
     """The solutions at all keys, of one start in camera space."""
-    start, found = start_of(camera), []
-    for frame in frames:
+    start, found = start_of(camera_again(uid)), []
+    for number, frame in enumerate(frames):
         with _at(frame):
-            solution = solution_for(camera, _set_frame(context, frame), start)
-        start = moved(solution.inputs.start, solution.inputs.inward)
+            inputs = read_inputs(camera_again(uid), _set_frame(frame), start)
+            part = SOLVING / len(frames)
+            solution = yield Work(partial(solution_of, inputs), number * part, part)
+            require_better(camera_again(uid), inputs, solution.judgement, solution.old)
+        start = moved(inputs.start, inputs.inward)
         found.append(solution)
     return found
 
@@ -148,17 +161,25 @@ def _key_values(surface, keys: list, frames: list[float]) -> None:
             point.interpolation = "LINEAR"
 
 
-def _worst_between(camera, context, frames: list[float], solutions: list[Solution]) -> float:
+def _worst_between(uid: int, frames: list[float], solutions: list[Solution]) -> Generator[Work, Any, float]:
     """The largest residual of the pins midway between keys, in pixels."""
     first, worst = solutions[0].inputs, 0.0
     start = moved(first.start, first.inward)
-    for (one, other), (left, right) in zip(pairwise(frames), pairwise(solutions), strict=True):
+    part = (1.0 - SOLVING) / (len(frames) - 1)
+    for number, ((one, other), (left, right)) in enumerate(
+        zip(pairwise(frames), pairwise(solutions), strict=True)
+    ):
         middle = (one + other) / 2
         with _at(middle):
-            inputs = read_inputs(camera, _set_frame(context, middle), start)
+            inputs = read_inputs(camera_again(uid), _set_frame(middle), start)
         nets = zip(_own_nets(left), _own_nets(right), strict=True)
         mixed = tuple(NurbsPatch((a.points + b.points) / 2) for a, b in nets)
         after = projection_of(moved(mixed, np.linalg.inv(inputs.inward)), inputs.present.aspect)
-        pixels = judged(inputs, after, FEW_COLUMNS).pixels
-        worst = max(worst, float(np.minimum(pixels, LARGEST).max()))
+        work = partial(_judged_pixels, inputs, after)
+        worst = max(worst, (yield Work(work, SOLVING + number * part, part)))
     return worst
+
+
+def _judged_pixels(inputs, after, _progress) -> float:
+    """The largest residual of a projection, in pixels."""
+    return float(np.minimum(judged(inputs, after, FEW_COLUMNS).pixels, LARGEST).max())

@@ -1,28 +1,41 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Live Aim: the volume takes a warm step whenever an eye, a handle or a target of its camera has moved.
 
+When nothing has moved for a while, a thread solves anew from the start and judges; the next move cancels it.
 The handler writes control points of volumes that are solutions already: it links and removes nothing. Undo
 restores points with everything else, so the handler forgets its drags then and waits for the next move.
 """
 
 from __future__ import annotations
 
+from contextlib import contextmanager
+from time import monotonic
+
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
 from ..blender.app_handlers import add_handlers, remove_handlers
+from ..blender.scene_objects import object_by_uid
+from ..blender.slot_animation import SlotError
 from ..camera.flexible_camera import control_objects
 from ..render.render_errors import RENDER_ERRORS, reason
 from ..surfaces.surface_object import SurfaceError
 from ..sync.handlers import camera_objects
 from .aimed_volume import start_of
 from .drag import AimDrag
+from .solve_targets import solving
+from .solve_work import WatchedSolve
 from .target_views import AimError
 
 # Drags by the session id of their camera, and what its targets were at the last call.
 _drags: dict[int, AimDrag] = {}
 _seen: dict[int, bytes] = {}
+# Seconds of rest before the solve, and between two looks at it.
+REST, TICK = 0.6, 0.1
+# The time at which each camera has rested, and the solves under way.
+_resting: dict[int, float] = {}
+_solves: dict[int, WatchedSolve] = {}
 
 
 def is_live(camera) -> bool:
@@ -62,7 +75,54 @@ def follow(camera, depsgraph) -> None:
         _drags.pop(uid, None)
         camera.scfpf.aim.message = reason(error)
     else:
-        camera.scfpf.aim.message = f"Follows within {residual:.3g} px: press Solve to finish"
+        camera.scfpf.aim.message = f"Follows within {residual:.3g} px, and is solved when nothing moves"
+        _await_rest(uid)
+
+
+def _await_rest(uid: int) -> None:
+    """Solve after a rest from now on."""
+    if uid in _solves:
+        _solves.pop(uid).cancel()
+    _resting[uid] = monotonic() + REST
+    if not bpy.app.background and not bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.register(_tick, first_interval=REST)
+
+
+def _tick() -> float | None:
+    settle()
+    return TICK if _resting or _solves else None
+
+
+def settle() -> None:
+    """Start the solves of cameras that have rested, and finish those that are done."""
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    for uid in [uid for uid, time in _resting.items() if monotonic() >= time]:
+        del _resting[uid]
+        camera = object_by_uid(uid)
+        if camera is not None and is_live(camera) and camera.name in depsgraph.scene.objects:
+            with _told(camera):
+                _solves[uid] = WatchedSolve(solving(camera, depsgraph))
+    for uid, solve in list(_solves.items()):
+        camera = object_by_uid(uid)
+        if camera is None or not is_live(camera):
+            _solves.pop(uid).cancel()
+            continue
+        is_done = True
+        with _told(camera):
+            is_done = solve.is_done()
+            if is_done and uid in _drags:
+                _drags[uid].resume(camera)
+        if is_done:
+            del _solves[uid]
+
+
+@contextmanager
+def _told(camera):
+    """Write the messages of errors where the panel shows them."""
+    try:
+        yield
+    except (AimError, SlotError, SurfaceError, *RENDER_ERRORS) as error:
+        camera.scfpf.aim.message = reason(error)
 
 
 @persistent
@@ -75,6 +135,8 @@ def _evaluated(_scene, depsgraph):
         return
     if _drags and _scene_has_changed(depsgraph):
         _drags.clear()
+        for uid in list(_solves):
+            _await_rest(uid)
     for camera in live:
         if camera.name in depsgraph.scene.objects:
             follow(camera, depsgraph)
@@ -93,9 +155,11 @@ def _scene_has_changed(depsgraph) -> bool:
 
 
 def forget() -> None:
-    """Drop all drags, and what targets were."""
-    _drags.clear()
-    _seen.clear()
+    """Drop all drags and solves, and what targets were."""
+    for solve in _solves.values():
+        solve.cancel()
+    for kept in (_drags, _seen, _resting, _solves):
+        kept.clear()
 
 
 @persistent
@@ -119,4 +183,6 @@ def register():
 
 def unregister():
     forget()
+    if bpy.app.timers.is_registered(_tick):
+        bpy.app.timers.unregister(_tick)
     remove_handlers(HANDLERS)

@@ -3,49 +3,60 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ...casting.aim.judge import COLUMNS, Judgement, judge
 from ...projection.aim.problem import AimResult
-from ...projection.aim.solver import solve
+from ...projection.aim.solver import FINAL_STEPS, STAGES, STEPS, solve
 from ...projection.aim.start import projection_of
 from ...projection.volume.viewing_volume import Projection
-from .aimed_volume import Patches, moved, write_volume
+from ..blender.scene_objects import object_by_uid
+from .aimed_volume import moved, write_volume
 from .read_problem import AimInputs, read_inputs
+from .solve_work import Progress, Steps, Work, require_wanted
 from .target_views import AimError
 from .verdict import require_better, store_verdict
+
+# Shares of the time of a solve: the judgement of the old image, and what precedes that of the new one.
+JUDGED_OLD, SOLVED = 0.1, 0.75
+MOST_STEPS = (STAGES - 1) * STEPS + FINAL_STEPS
 
 
 @dataclass(frozen=True)
 class Solution:
-    """A solution that is better than the image before, and its judgement."""
+    """A solution and its judgement, beside that of the image before."""
 
     inputs: AimInputs
     result: AimResult
     judgement: Judgement
+    old: Judgement
 
 
-def solution_for(camera, depsgraph, start: Patches | None = None) -> Solution:
-    """Solve for the targets as they are. Raises AimError, or one of RENDER_ERRORS; nothing is changed.
-
-    start: in camera space, by default that of the camera's present volume.
-    """
-    inputs = read_inputs(camera, depsgraph, start)
+def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
+    """Solve and judge; arrays only. Raises AimError, Cancelled or CastError."""
     old = judged(inputs, inputs.before)
-    result = solve(inputs.problem())
+    progress.share = JUDGED_OLD
+
+    def is_cancelled() -> bool:
+        progress.share = min(progress.share + (SOLVED - JUDGED_OLD) / MOST_STEPS, SOLVED)
+        return progress.is_set()
+
+    result = solve(inputs.problem(), is_cancelled)
+    require_wanted(progress)
     if result is None or not all(np.isfinite(patch.points).all() for patch in result.patches):
         raise AimError("Not taken, because no volume was found: bring the targets nearer to their places")
+    progress.share = SOLVED
     found = judged(inputs, projection_of(result.patches, inputs.present.aspect))
-    require_better(camera, inputs, found, old)
-    return Solution(inputs, result, found)
+    return Solution(inputs, result, found, old)
 
 
 def judged(inputs: AimInputs, after: Projection, columns: int = COLUMNS) -> Judgement:
     """The judgement of a projection whose parameters are those of the image; columns: that are cast."""
     targets = inputs.targets
-    return judge(
+    found = judge(
         inputs.arrays.scene,
         inputs.before,
         after,
@@ -55,16 +66,30 @@ def judged(inputs: AimInputs, after: Projection, columns: int = COLUMNS) -> Judg
         inputs.width,
         columns,
     )
+    # With a view alone the background may go anywhere.
+    return replace(found, moved=found.moved[:0]) if targets.alone else found
 
 
-def solve_camera(camera, depsgraph) -> str:
-    """Solve, and make the solution the camera's volume; return the line to report.
+def camera_again(uid: int):
+    """The camera of a solve, after work that Blender did not wait for. Raises AimError."""
+    camera = object_by_uid(uid)
+    if camera is None or not camera.users_collection:
+        raise AimError("The camera is gone: undo its deletion, and press Solve again")
+    return camera
+
+
+def solving(camera, depsgraph) -> Steps:
+    """Solve, and make the solution the camera's volume.
 
     Raises AimError, SlotError, SurfaceError or one of RENDER_ERRORS; then the volume is as before.
     """
-    found = solution_for(camera, depsgraph)
+    uid, inputs = camera.session_uid, read_inputs(camera, depsgraph)
+    del camera, depsgraph
+    found = yield Work(partial(solution_of, inputs))
+    camera = camera_again(uid)
+    require_better(camera, inputs, found.judgement, found.old)
     take_solution(camera, found)
-    return store_verdict(camera, found.inputs, found.judgement)
+    return store_verdict(camera, inputs, found.judgement)
 
 
 def take_solution(camera, found: Solution) -> None:

@@ -52,7 +52,8 @@ def _contradiction(camera, inputs: AimInputs) -> str:
         if twice.mean() > TWICE:
             names = " and ".join(f"'{title_of(listed[n])}'" for n in sorted((one, other)))
             return (
-                f"the views {names} show the same part in two places, so switch one off or use another camera"
+                f"the views {names} show the same part in two places, which one volume cannot: switch one "
+                "off, or give it a camera of its own and layer both pictures in the compositor"
             )
     return ""
 
@@ -69,8 +70,9 @@ def store_verdict(camera, inputs: AimInputs, found: Judgement) -> str:
             target.hidden, target.hidden_by, target.message = 0.0, "", ""
             target.free_turn = 0.0, 0.0
     aim.mirrored, aim.folds = found.mirrored, found.folded
-    aim.background_median = min(found.background_median, LARGEST)
-    aim.background_95 = min(found.background_most, LARGEST)
+    judged = len(found.moved) > 0
+    aim.background_median = min(found.background_median, LARGEST) if judged else -1.0
+    aim.background_95 = min(found.background_most, LARGEST) if judged else -1.0
     aim.message = _summary(camera, inputs, found)
     return aim.message
 

@@ -180,7 +180,7 @@ class SCFPF_Aim(bpy.types.PropertyGroup):
     )
     background_median: number(
         "Background Moved",
-        "Half of the background moved at most so many pixels in the last Solve; -1 before Solve",
+        "Half of the background moved at most so many pixels in the last Solve; -1 before it and with Alone",
         -1.0,
         -1.0,
         1e9,
@@ -188,7 +188,7 @@ class SCFPF_Aim(bpy.types.PropertyGroup):
     )
     background_95: number(
         "Background Moved at Most",
-        "95 % of the background moved at most so many pixels in the last Solve; -1 before Solve",
+        "95 % of the background moved at most so many pixels in the last Solve; -1 before it and with Alone",
         -1.0,
         -1.0,
         1e9,

@@ -50,7 +50,7 @@ def test_what_is_not_taken_leaves_the_target_and_the_volume(camera, addon, monke
     def refuse(_self, _depsgraph):
         raise error("Not taken, because of the test")
 
-    monkeypatch.setattr(module.AimDrag, "finish", refuse)
+    monkeypatch.setattr(module.AimDrag, "finishing", refuse)
     with pytest.raises(RuntimeError, match="Not taken"):
         bpy.ops.scfpf.aim_drag(shift=(0.2, 0.0))
     assert tuple(target.position) == place

@@ -2,6 +2,7 @@
 """Solve, headless: the solved volume against Blender's own cameras, and what stays when it fails."""
 
 import math
+import time
 
 import bpy
 import numpy as np
@@ -96,8 +97,8 @@ def test_a_solution_that_is_worse_is_not_taken(scene, addon, monkeypatch):
     solving = addon("bridge.aim.solve_targets")
     right = solving.solve
 
-    def bad(problem):
-        result = right(problem)
+    def bad(problem, is_cancelled):
+        result = right(problem, is_cancelled)
         patches = tuple(type(p)(p.points[:, ::-1] + 5.0) for p in result.patches)
         return type(result)(patches, result.t, result.residuals, result.steps)
 
@@ -105,6 +106,74 @@ def test_a_solution_that_is_worse_is_not_taken(scene, addon, monkeypatch):
     with pytest.raises(RuntimeError, match="Not taken, because"):
         solve(camera)
     assert np.array_equal(points_of(camera), before)
+
+
+def test_a_watched_solve_finds_the_same(scene, addon):
+    """With a thread for the work, as in a window."""
+    camera, work = turned_view(scene), addon("bridge.aim.solve_work")
+    keyed = addon("bridge.aim.keyed_targets")
+    assert solve(camera) == {"FINISHED"}
+    expected, message = points_of(camera), camera.scfpf.aim.message
+    watched = work.WatchedSolve(keyed.solving_animation(camera, bpy.context))
+    shares = []
+    while not watched.is_done():
+        shares.append(watched.share)
+        time.sleep(0.005)
+    assert np.abs(points_of(camera) - expected).max() < 1e-5 and watched.message == message
+    assert shares == sorted(shares) and shares[-1] > 0.5
+
+
+def test_a_cancelled_solve_changes_nothing(scene, addon):
+    camera, work = turned_view(scene), addon("bridge.aim.solve_work")
+    keyed = addon("bridge.aim.keyed_targets")
+    before = [slot.object for slot in camera.scfpf.surfaces]
+    watched = work.WatchedSolve(keyed.solving_animation(camera, bpy.context))
+    while watched.share < 0.2:
+        time.sleep(0.002)
+    watched.cancel()
+    watched._thread.join(20.0)
+    assert not watched._thread.is_alive() and watched._result is None
+    assert [slot.object for slot in camera.scfpf.surfaces] == before
+    # The scene stays at its frame when targets have keys.
+    target = camera.scfpf.aim_targets[0]
+    for frame, off in ((1, 0.0), (11, 0.02)):
+        target.position[0] += off
+        target.keyframe_insert("position", frame=frame)
+    scene.frame_set(4)
+    watched = work.WatchedSolve(keyed.solving_animation(camera, bpy.context))
+    assert scene.frame_current == 1
+    watched.cancel()
+    assert scene.frame_current == 4
+    assert [slot.object for slot in camera.scfpf.surfaces] == before
+
+
+def test_a_camera_that_is_deleted_meanwhile_is_told(scene, addon):
+    camera, work = turned_view(scene), addon("bridge.aim.solve_work")
+    watched = work.WatchedSolve(addon("bridge.aim.keyed_targets").solving_animation(camera, bpy.context))
+    bpy.data.objects.remove(camera)
+    with pytest.raises(addon("bridge.aim.target_views").AimError, match="The camera is gone"):
+        while not watched.is_done():
+            time.sleep(0.005)
+
+
+def test_with_a_view_alone_the_background_does_not_count(scene):
+    camera = turned_view(scene, 60.0)
+    target = camera.scfpf.aim_targets[0]
+    target.alone, target.width = True, 2.5 * target.width
+    assert solve(camera) == {"FINISHED"}, camera.scfpf.aim.message
+    assert target.residual_max < 1.5
+    assert camera.scfpf.aim.background_median == -1.0 and "background" not in camera.scfpf.aim.message
+
+
+def test_a_refused_first_target_leaves_an_ordinary_camera(scene):
+    camera, names = scene.camera, set(bpy.data.objects.keys())
+    with pytest.raises(RuntimeError, match="no collection 'Nothing'"):
+        bpy.ops.scfpf.aim_view_add(camera=camera.name, collection="Nothing")
+    bpy.context.view_layer.update()
+    assert not camera.scfpf.enabled and not len(camera.scfpf.surfaces)
+    assert {
+        name for name in bpy.data.objects.keys() if not bpy.data.objects[name].scfpf_surface.is_volume
+    } <= names
 
 
 def test_faults_of_targets_are_told_and_change_nothing(scene):

@@ -4,10 +4,11 @@
 import math
 import pathlib
 import tempfile
+import time
 
 import bpy
 import numpy as np
-from driver import DRAW
+from driver import DRAW, PATIENCE
 from scenarios_clicks import STEP, place_in_frame, select_only, undo
 from scenarios_live import module, settled
 
@@ -97,6 +98,15 @@ def picture(driver):
     return pixels
 
 
+def solved(driver):
+    """Generator: wait until no solve is under way or due."""
+    live, end = module("bridge.aim.live_aim"), time.monotonic() + PATIENCE
+    while live._resting or live._solves or any("aim" in o.bl_idname for o in driver.window.modal_operators):
+        assert time.monotonic() < end, "the solve hangs"
+        yield 0.1
+    yield from settled()
+
+
 def a_frame_is_dragged(driver):
     """The car's frame is dragged in Live View: the image follows, and undo leads back."""
     camera = yield from prepare(driver)
@@ -104,7 +114,8 @@ def a_frame_is_dragged(driver):
     first, place = (yield from picture(driver)), tuple(target.position)
     start = in_frame(driver, target, 0.0, 0.0)
     yield from drag_mouse(driver, start, (start[0] + 90, start[1] + 10), "move")
-    yield from settled()
+    yield STEP
+    yield from solved(driver)
     driver.shot("moved")
     target = bpy.context.scene.camera.scfpf.aim_targets[0]
     assert target.position[0] > place[0] + 0.03, f"the view is at {tuple(target.position)}"
@@ -127,18 +138,21 @@ def the_eye_is_turned(driver):
     camera = yield from prepare(driver)
     name = camera.name
     with driver.override():
-        assert bpy.ops.scfpf.aim_solve("INVOKE_DEFAULT", True) == {"FINISHED"}
-    camera.scfpf.aim.live = True
+        assert bpy.ops.scfpf.aim_solve("INVOKE_DEFAULT", True) == {"RUNNING_MODAL"}
+    yield from solved(driver)
+    with driver.override():
+        assert bpy.ops.scfpf.aim_live("EXEC_DEFAULT", True, camera=camera.name) == {"FINISHED"}
     before = yield from picture(driver)
     for _ in range(2):
         with driver.override():
             assert bpy.ops.scfpf.aim_turn("EXEC_DEFAULT", True, left=math.radians(8)) == {"FINISHED"}
         yield 2 * STEP
-    yield from settled()
+        assert "Follows within" in camera.scfpf.aim.message, camera.scfpf.aim.message
+    yield from solved(driver)
     driver.shot("turned")
     turned = yield from picture(driver)
     assert np.abs(turned - before).mean() > MOVED, "the image does not follow the view's camera"
-    assert "Follows within" in camera.scfpf.aim.message, camera.scfpf.aim.message
+    assert "points within" in camera.scfpf.aim.message, camera.scfpf.aim.message
     target = camera.scfpf.aim_targets[0]
     place, eye = tuple(target.position), target.eye.name
     with driver.override():
@@ -188,7 +202,8 @@ def a_corner_in_an_image_editor(driver):
     corner, opposite = found.frame.corners[:, 2], found.frame.corners[:, 0]
     start = np.array([region.x, region.y]) + corner
     yield from drag_mouse(driver, start, start + 0.15 * (corner - opposite), "corner", steps=3)
-    yield from settled()
+    yield STEP
+    yield from solved(driver)
     driver.shot("larger")
     target = bpy.context.scene.camera.scfpf.aim_targets[0]
     assert abs(target.width / width - 1.15) < 0.05, f"the view is {target.width / width:.3f} times as large"

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Solve in a window: a thread computes, the status bar shows how far it is, and Esc cancels."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...scfpf_addon.bridge.aim.solve_work import Steps, WatchedSolve
+from ..common.errors import BAD_INPUT, refused
+from ..image.preparation import redraw_interface
+
+# Seconds between two looks at the thread.
+TICK = 0.1
+
+# The solves under way: Blender drops their operators without notice when the extension is disabled.
+_running: list[WatchedSolve] = []
+
+
+class Watched:
+    """An operator that ends with a solve. Call ``begin``, and pass each event to ``watch`` from then on."""
+
+    _solve: WatchedSolve | None = None
+
+    def begin(self, context, steps: Steps):
+        """Start a solve; returns what invoke or modal returns."""
+        try:
+            self._solve = WatchedSolve(steps)
+        except BAD_INPUT as error:
+            return refused(self, error)
+        _running.append(self._solve)
+        self._ticks = context.window_manager.event_timer_add(TICK, window=context.window)
+        self._tell(context)
+        return {"RUNNING_MODAL"}
+
+    def watch(self, context, event):
+        """Respond to an event; returns what modal returns. Other input waits until the solve has ended."""
+        if event.type == "ESC" and event.value == "PRESS":
+            self.stop_solve(context)
+            self.report({"INFO"}, "Solve canceled: the volume is as before")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        try:
+            if not self._solve.is_done():
+                self._tell(context)
+                return {"PASS_THROUGH"}
+        except BAD_INPUT as error:
+            self._leave(context)
+            return refused(self, error)
+        except BaseException:
+            self._leave(context)
+            raise
+        self.report({"INFO"}, self._solve.message)
+        self._leave(context)
+        return {"FINISHED"}
+
+    def stop_solve(self, context) -> None:
+        """Cancel the solve; everything is as before."""
+        self._solve.cancel()
+        self._leave(context)
+
+    def _tell(self, context) -> None:
+        if context.workspace is not None:
+            context.workspace.status_text_set(f"Aim: solving, {self._solve.share:.0%}    Esc: cancel")
+
+    def _leave(self, context) -> None:
+        _running.remove(self._solve)
+        self._solve = None
+        context.window_manager.event_timer_remove(self._ticks)
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        redraw_interface(context.window_manager)
+
+
+def stop_all() -> None:
+    """Cancel the solves under way."""
+    for solve in _running:
+        solve.cancel()
+    _running.clear()
+
+
+def in_window(context) -> bool:
+    """Whether events can come while an operator waits."""
+    return not bpy.app.background and context.window is not None
