@@ -36,14 +36,25 @@ USUAL = Shot((-3.0, -15.0, 2.4), (0.2, 0.0, 1.6))
 # Shots of presets that need another place, or another size of the volume.
 OWN = {
     **{stem: Shot(shot.location, shot.target, shot.scale) for stem, shot in SHOTS.items()},
-    **dict.fromkeys(("equisolid_fisheye", "polynomial_fisheye", "mirror_ball"), SHOTS["angular_fisheye"]),
+    **dict.fromkeys(
+        ("equisolid_fisheye", "polynomial_fisheye", "mirror_ball", "crystal_ball", "fulldome_master"),
+        SHOTS["angular_fisheye"],
+    ),
+    "anamorphic_billboard": Shot((-1.5, -13.0, 2.3), (0.6, 0.0, 2.3)),
+    "cavalier": Shot((0.0, -9.0, 0.8), (0.0, 0.0, 0.8), 0.6),
     "deep_curvy_volume": Shot((-5.0, -13.0, 2.6), (-4.0, 0.0, -0.2)),
     "digital_cubism": Shot((-2.2, -8.0, 2.6), (0.0, 0.0, 0.9), 0.8),
     "equirectangular": Shot((-1.7, -3.9, 1.2), (0.0, 0.0, 1.6)),
     "house_of_stairs": Shot((-1.0, -7.0, 2.2), (0.0, 0.0, 2.6)),
     "irregular_perspective": Shot((0.0, -12.0, 3.2), (0.0, 0.0, 2.6)),
     "multiperspective_tiles": Shot((0.0, -4.6, 0.8), (0.0, 0.0, 0.8), 0.2),
+    "long_pan": Shot((0.0, -10.0, 2.0), (0.0, 0.0, 2.0)),
+    "military": Shot((0.0, -9.0, 0.8), (0.0, 0.0, 0.8), 0.6),
+    **dict.fromkeys(("panini", "panini_compressed"), Shot((-2.4, -4.4, 1.4), (0.2, 0.0, 1.4))),
+    "panini_vertical": Shot((0.0, 50.0, 1.6), (0.0, 66.0, 1.6)),
+    "three_quarter": Shot((0.0, -9.0, 0.8), (0.0, 0.0, 0.8), 0.6),
     "strip_camera": Shot((0.0, -10.0, 1.0), (0.0, 0.0, 1.0)),
+    "tiny_planet": Shot((0.0, -0.6, 5.0), (0.0, 9.0, 5.0)),
 }
 
 

@@ -6,11 +6,13 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from mathutils import Matrix, Vector
 
 from ...projection.volume.inverse import invert
+from ...projection.volume.reparameterisation import cropped_ranges
 from .flexible_camera import FlexibleCameraError, editable_surfaces
 from .read_projection import read_own_projection
 from .shown_lens import approximate_lens
@@ -54,20 +56,26 @@ def needs_fit(camera, aspect: float) -> bool:
 
 
 def fit_to_image(camera, depsgraph, aspect: float) -> None:
-    """Stretch the volume along the image's width or height to the image's present aspect.
+    """Stretch the volume along the image's width or height, or crop its ranges, to an image's aspect.
 
     Raises FlexibleCameraError or ProjectionError; then nothing has changed.
     """
     settings = camera.scfpf
     if settings.fit == "NONE":
         raise FlexibleCameraError(
-            f"The volume of '{camera.name}' does not depend on the picture's shape: choose Width or "
-            f"Height for Fit first"
+            f"The volume of '{camera.name}' does not depend on the picture's shape: choose Width, "
+            f"Height or Crop for Fit first"
         )
     stretch = aspect / settings.fitted_aspect
+    projection = read_own_projection(camera, depsgraph, aspect)
+    if settings.fit == "CROP":
+        ranges = cropped_ranges(projection.u_range, projection.v_range, stretch)
+        settings.u_range, settings.v_range = ranges
+        settings.fitted_aspect = aspect
+        approximate_lens(camera, replace(projection, u_range=ranges[0], v_range=ranges[1]))
+        return
     factors = (stretch, 1.0) if settings.fit == "WIDTH" else (1.0, 1 / stretch)
     matrix = np.diag([*factors, 1.0, 1.0])
-    projection = read_own_projection(camera, depsgraph, aspect)
     move_volume(camera, matrix)
     settings.fitted_aspect = aspect
     if settings.fit == "WIDTH" and camera.data.sensor_fit == "HORIZONTAL":

@@ -370,6 +370,11 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
             ("NONE", "None", "The volume does not depend on the picture's shape"),
             ("WIDTH", "Width", "The width along the camera's X axis; the height stays"),
             ("HEIGHT", "Height", "The height along the camera's Y axis; the width stays"),
+            (
+                "CROP",
+                "Crop",
+                "The U or V Range: it shows the largest part of the surfaces of the picture's shape",
+            ),
         ),
         default="NONE",
         **STATIC,

@@ -49,7 +49,7 @@ from ..surfaces.surface import ControlSurface
 from ..surfaces.uv_chart import UVChart
 from ..typing import Array
 from ..volume.basis import LARGEST_WEIGHT, SMALLEST_WEIGHT, BasisKind
-from ..volume.reparameterisation import reparameterisation
+from ..volume.reparameterisation import cropped_ranges, reparameterisation
 from ..volume.viewing_volume import Projection, ViewingVolume
 from .euler import euler_angles, euler_matrix
 from .uv_mesh_data import mesh_data, read_mesh
@@ -69,11 +69,11 @@ __all__ = [
 FORMAT = 1
 BASES = ("BEZIER", "POLYLINE", "B_SPLINE", "NURBS")
 REPARAMETERISATIONS = ("RECTANGLE", "POLAR")
-FITS = ("WIDTH", "HEIGHT", "NONE")
+FITS = ("WIDTH", "HEIGHT", "CROP", "NONE")
 # Cosine between the axes of a surface beyond which it counts as sheared: float32 with room to spare.
 SHEAR_TOLERANCE = 1e-5
 
-FitKind = Literal["WIDTH", "HEIGHT", "NONE"]
+FitKind = Literal["WIDTH", "HEIGHT", "CROP", "NONE"]
 
 _ANGLE = Limit(-36000.0, 36000.0)
 _ASPECT = Limit(1e-3, 1e3)
@@ -156,16 +156,19 @@ class Preset:
         """The preset for an image of another aspect (width / height, > 0).
 
         WIDTH keeps the volume's extent along y and changes that along x, HEIGHT
-        the other way round, NONE changes nothing but ``aspect``.
+        the other way round. CROP shows the largest part of the surfaces that has
+        the image's shape. NONE changes nothing but ``aspect``.
         """
         if not (np.isfinite(aspect) and aspect > 0):
             raise PresetError(f"an image needs a width and a height above 0, not the aspect {aspect}")
-        surfaces = self.surfaces
+        surfaces, ranges = self.surfaces, [self.u_range, self.v_range]
         if self.fit == "WIDTH":
             surfaces = tuple(s.stretched(0, aspect / self.aspect) for s in surfaces)
         elif self.fit == "HEIGHT":
             surfaces = tuple(s.stretched(1, self.aspect / aspect) for s in surfaces)
-        return replace(self, aspect=float(aspect), surfaces=surfaces)
+        elif self.fit == "CROP":
+            ranges = cropped_ranges(*ranges, aspect / self.aspect)
+        return replace(self, aspect=float(aspect), surfaces=surfaces, u_range=ranges[0], v_range=ranges[1])
 
     def volume(self) -> ViewingVolume:
         """The viewing volume in camera space."""
@@ -174,13 +177,14 @@ class Preset:
 
     def projection(self, aspect: float) -> Projection:
         """The projection in camera space of an image of this aspect."""
+        fitted = self.fitted(aspect)
         return Projection(
-            self.fitted(aspect).volume(),
+            fitted.volume(),
             seen_through(
                 tuple(m.mapping() for m in self.mappings), reparameterisation(self.reparameterisation)
             ),
-            self.u_range,
-            self.v_range,
+            fitted.u_range,
+            fitted.v_range,
             float(aspect),
         )
 

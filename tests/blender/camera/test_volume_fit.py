@@ -54,6 +54,21 @@ def test_fitted_volume_is_that_of_a_preset_applied_anew(shown, wanted, preset):
     assert camera.data.angle_x == pytest.approx(angle, rel=1e-4)
 
 
+def test_a_cropped_volume_is_that_of_a_preset_applied_anew(shown, wanted):
+    """The surfaces stay, and the ranges are those of the preset: back and forth without loss."""
+    bpy.ops.scfpf.camera_add(preset="tiny_planet")
+    camera, before = bpy.context.object, shown(bpy.context.object)
+    for size, u_range in (((900, 1200), 9 / 16 * 3 / 4), ((1920, 1080), 1.0)):
+        resize(*size)
+        assert wanted(camera) and bpy.ops.scfpf.volume_fit_picture() == {"FINISHED"} and not wanted(camera)
+        ranges, angle = [*camera.scfpf.u_range, *camera.scfpf.v_range], camera.data.angle_x
+        assert ranges == pytest.approx([0.5 - u_range / 2, 0.5 + u_range / 2, 0, 1], abs=1e-6)
+        bpy.ops.scfpf.preset_apply(preset="tiny_planet", fit=False)
+        assert ranges == pytest.approx([*camera.scfpf.u_range, *camera.scfpf.v_range], abs=1e-6)
+        assert camera.data.angle_x == pytest.approx(angle, rel=1e-4)
+    assert np.abs(shown(camera) - before).max() < 1e-4
+
+
 @pytest.mark.parametrize("sensor", ["AUTO", "HORIZONTAL", "VERTICAL"])
 def test_volume_from_a_camera_stays_that_camera_s_view(shown, sensor):
     """Blender's own view of the new resolution, as long as AUTO does not change sides."""

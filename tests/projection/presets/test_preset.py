@@ -149,7 +149,7 @@ def test_patch_rows_run_along_v():
         (with_surface(weight=1001), "weight must be a number between 0.001 and 1000"),
         (data(basis=[]), "basis must be one of BEZIER, POLYLINE"),
         (data(reparameterisation="LENS"), "reparameterisation must be one of RECTANGLE, POLAR"),
-        (data(fit="BOTH"), "fit must be one of WIDTH, HEIGHT, NONE"),
+        (data(fit="BOTH"), "fit must be one of WIDTH, HEIGHT, CROP, NONE"),
         (data(aspect=0), "aspect must be a number above 0"),
         (data(aspect=1e9), "aspect must be a number between 0.001 and 1000"),
         (data(u_range=[0.5, 0.5]), "u_range must rise from its start to its end"),
@@ -362,6 +362,16 @@ def test_fitting_changes_extents_along_one_axis(fit, axis, factor):
             stretch[axis] = factor
             assert np.array_equal(new.points, old.points * stretch)
     assert np.array_equal(before.surfaces[1].matrix, all_kinds(fit).surfaces[1].matrix)
+
+
+def test_fitting_by_crop_shows_the_largest_part_of_the_surfaces():
+    before = load(data(fit="CROP"))
+    assert before.aspect == 2.0
+    wide, tall = before.fitted(4.0), before.fitted(0.5)
+    assert wide.surfaces == before.surfaces
+    assert (wide.u_range, wide.v_range) == ((0.0, 1.0), (0.25, 0.75))
+    assert (tall.u_range, tall.v_range) == ((0.375, 0.625), (0.0, 1.0))
+    assert tall.fitted(2.0) == before
 
 
 def test_fitting_with_none_changes_only_the_aspect():

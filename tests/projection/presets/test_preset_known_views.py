@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Presets under the names that people use for them, against the definitions of these views."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scfpf_addon.projection.presets.preset import read_preset
+from scfpf_addon.projection.volume.inverse import find_in_image
+
+FOLDER = Path(__file__).resolve().parents[3] / "presets"
+
+
+def seen(name, count=500, aspect=None):
+    """Image positions from -1 to 1, the aspect, and points (3, N) of the near and of the far surface."""
+    shown = read_preset(FOLDER / f"{name}.json")
+    shown = shown.fitted(aspect or shown.aspect)
+    x, y = np.random.default_rng(11).random((2, count))
+    projection = shown.projection(shown.aspect)
+    image = projection.parameters(x, y)
+    ends = [projection.volume.evaluate(image.u, image.v, np.full(count, t)).position for t in (0.0, 1.0)]
+    inside = image.mask
+    return 2 * x[inside] - 1, 2 * y[inside] - 1, shown.aspect, *(end[:, inside] for end in ends)
+
+
+def horizontal_angle(direction):
+    return np.arctan2(direction[0], -direction[2])
+
+
+def panini(angle, slope, distance):
+    """Image position by Sharpless, Postle and German: angle from straight ahead, slope of the elevation."""
+    share = (distance + 1) / (distance + np.cos(angle))
+    return share * np.sin(angle), share * slope
+
+
+@pytest.mark.parametrize("aspect", [None, 1.0])
+@pytest.mark.parametrize(
+    ("name", "distance", "half", "error"), [("panini", 1.0, 75, 1e-6), ("panini_compressed", 0.5, 65, 1e-4)]
+)
+def test_panini_is_a_cylinder_seen_from_behind(name, distance, half, error, aspect):
+    """error: of the position, in half widths; the compressed one is a spline."""
+    x, y, aspect, _, far = seen(name, aspect=aspect)
+    slope = far[1] / np.hypot(far[0], far[2])
+    across, up = panini(horizontal_angle(far), slope, distance)
+    (border, _) = panini(np.radians(half), 0.0, distance)
+    assert np.allclose(across / border, x, rtol=0, atol=error)
+    assert np.allclose(up / border, y / aspect, rtol=0, atol=error)
+
+
+@pytest.mark.parametrize("shape", [None, 1.5])
+def test_vertical_panini_is_panini_turned(shape):
+    x, y, aspect, _, far = seen("panini_vertical", aspect=shape)
+    turned = np.array([far[1], far[0], far[2]])
+    up, across = panini(horizontal_angle(turned), turned[1] / np.hypot(turned[0], turned[2]), 1.0)
+    (border, _) = panini(np.radians(75), 0.0, 1.0)
+    assert np.allclose(up / border, y, rtol=0, atol=1e-6)
+    assert np.allclose(across / border, x * aspect, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("shape", "height"), [(None, 4.4), (1.0, 4.4), (32 / 9, 2.2)])
+def test_tiny_planet_is_stereographic_from_straight_below(shape, height):
+    """r = 2 tan(angle / 2), and what is ahead is above the middle; the horizon lies at r = 2."""
+    x, y, aspect, _, far = seen("tiny_planet", aspect=shape)
+    across, up = height * aspect * x, height * y
+    angle = np.arctan2(np.hypot(far[0], far[2]), -far[1])
+    assert np.allclose(2 * np.tan(angle / 2), np.hypot(across, up), rtol=1e-6)
+    assert np.allclose(np.arctan2(far[0], -far[2]), np.arctan2(across, up), rtol=0, atol=1e-6)
+
+
+def refracted(ray, normal, ratio):
+    """A ray (3, N) that passes a face against its normal; Snell's law, ratio: of the indices."""
+    cosine = -(ray * normal).sum(axis=0)
+    return ratio * ray + (ratio * cosine - np.sqrt(1 - ratio**2 * (1 - cosine**2))) * normal
+
+
+def test_crystal_ball_refracts_parallel_rays():
+    """Rays along -Z are traced through a unit ball of glass, n = 1.5."""
+    x, y, _, _, far = seen("crystal_ball")
+    entry = np.array([x, y, np.sqrt(1 - x * x - y * y)])
+    inside = refracted(np.array([0.0, 0.0, -1.0])[:, None] + 0 * entry, entry, 1 / 1.5)
+    leaving = entry - 2 * (entry * inside).sum(axis=0) * inside
+    out = refracted(inside, -leaving, 1.5)
+    off = np.linalg.norm(far / np.linalg.norm(far, axis=0) - out, axis=0)
+    # At the rim the curve is as steep as no curve through points can be.
+    assert off[np.hypot(x, y) < 0.99].max() < 1e-3 and off.max() < 5e-2
+
+
+def test_fulldome_master_is_equidistant_about_the_zenith():
+    """Right stays right, and what is ahead is at the bottom."""
+    x, y, _, _, far = seen("fulldome_master")
+    angle = np.arctan2(np.hypot(far[0], far[2]), far[1])
+    assert np.allclose(angle, np.pi / 2 * np.hypot(x, y), rtol=0, atol=1e-11)
+    assert np.allclose(np.exp(1j * np.arctan2(far[0], far[2])), np.exp(1j * np.arctan2(x, y)), atol=1e-9)
+
+
+def oblique_image(name, point, aspect=16 / 9):
+    """Image positions of a point (3,), in the units of space."""
+    projection = read_preset(FOLDER / f"{name}.json").projection(aspect)
+    found = find_in_image(projection, np.reshape(point, (3, 1)))
+    corners = projection.volume.evaluate(projection.u_range, projection.v_range, np.zeros(2)).position
+    width, height = np.hypot(*np.diff(corners)[[0, 2], 0]), np.diff(corners)[1, 0]
+    assert found.found.all() and width / height == pytest.approx(aspect)
+    return np.array([found.x[0] * width, found.y[0] * height])
+
+
+@pytest.mark.parametrize("aspect", [16 / 9, 1.0, 2.4])
+@pytest.mark.parametrize(
+    ("name", "right", "up", "away"),
+    [
+        ("oblique", (1, 0), (0, 1), (np.sqrt(0.125), np.sqrt(0.125))),
+        ("cavalier", (1, 0), (0, 1), (np.sqrt(0.5), np.sqrt(0.5))),
+        ("three_quarter", (1, 0), (0, 1), (0, 1)),
+        ("military", (np.sqrt(0.5), np.sqrt(0.5)), (0, 1), (-np.sqrt(0.5), np.sqrt(0.5))),
+    ],
+)
+def test_oblique_views_draw_the_three_axes_at_their_length(name, right, up, away, aspect):
+    """Images of a step to the right, upwards and away."""
+    start = np.array([0.3, -0.2, -15.0])
+    origin = oblique_image(name, start, aspect)
+    steps = {"right": (1, 0, 0), "up": (0, 1, 0), "away": (0, 0, -1)}
+    found = {axis: oblique_image(name, start + step, aspect) - origin for axis, step in steps.items()}
+    assert np.allclose(found["right"], right, atol=1e-6)
+    assert np.allclose(found["up"], up, atol=1e-6)
+    assert np.allclose(found["away"], away, atol=1e-6)
+
+
+def test_military_turns_the_ground_by_45_degrees():
+    """Two directions of the ground stay at right angles and of equal length: a plan."""
+    start = np.array([0.0, 0.0, -15.0])
+    origin = oblique_image("military", start)
+    one, other = (oblique_image("military", start + step) - origin for step in ((2, 0, 0), (0, 0, -2)))
+    assert one @ other == pytest.approx(0, abs=1e-6)
+    assert np.degrees(np.arctan2(one[1], one[0])) == pytest.approx(45, abs=1e-4)
+
+
+def test_anamorphic_billboard_shows_the_wall_s_points_from_the_camera():
+    """Near points lie on the wall at 55 degrees, and each projector continues the line from the eye."""
+    x, y, _, near, far = seen("anamorphic_billboard")
+    normal = np.array([np.sin(np.radians(55)), 0.0, np.cos(np.radians(55))])
+    assert np.allclose(normal @ near, normal @ np.array([0.0, 0.0, -8.0]), rtol=0, atol=1e-12)
+    along = np.array([np.cos(np.radians(55)), 0.0, -np.sin(np.radians(55))])
+    assert np.allclose(along @ (near.T - np.array([0.0, 0.0, -8.0])).T, 4 * x, rtol=0, atol=1e-12)
+    assert np.allclose(near[1], 2.25 * y, rtol=0, atol=1e-12)
+    assert np.allclose(far, near * 12.5, rtol=1e-12)
+
+
+def test_long_pan_is_a_pinhole_for_every_column_that_slides_and_turns():
+    shown = read_preset(FOLDER / "long_pan.json")
+    volume = shown.projection(shown.aspect).volume
+    u = np.linspace(0, 1, 41)
+    bottom, top = (
+        [volume.evaluate(u, np.full_like(u, v), np.full_like(u, t)).position for t in (0.0, 1.0)]
+        for v in (0.0, 1.0)
+    )
+    # The lines of the lowest and of the highest projector meet in the eye.
+    sizes = [top[t][1] - bottom[t][1] for t in (0, 1)]
+    eyes = [end[0] - (end[1] - end[0]) * sizes[0] / (sizes[1] - sizes[0]) for end in (bottom, top)]
+    assert np.allclose(eyes[0], eyes[1], rtol=0, atol=1e-9)
+    assert (np.diff(eyes[0][0]) > 0).all() and eyes[0][0][[0, -1]] == pytest.approx([-5.54, 5.54], abs=1e-3)
+    heading = np.degrees(horizontal_angle(top[1] - top[0]))
+    assert (np.diff(heading) > 0).all() and heading[[0, 20, -1]] == pytest.approx([-50, 0, 50], abs=1e-4)
