@@ -161,7 +161,7 @@ class Preset:
         """
         if not (np.isfinite(aspect) and aspect > 0):
             raise PresetError(f"an image needs a width and a height above 0, not the aspect {aspect}")
-        surfaces, ranges = self.surfaces, [self.u_range, self.v_range]
+        surfaces, ranges = self.surfaces, (self.u_range, self.v_range)
         if self.fit == "WIDTH":
             surfaces = tuple(s.stretched(0, aspect / self.aspect) for s in surfaces)
         elif self.fit == "HEIGHT":

@@ -119,9 +119,10 @@ def reparameterisation(kind: str) -> Reparameterisation:
 
 def cropped_ranges(
     u_range: tuple[float, float], v_range: tuple[float, float], widening: float
-) -> list[tuple[float, float]]:
+) -> tuple[tuple[float, float], tuple[float, float]]:
     """The largest ranges within [0, 1] about the same centres whose u : v is ``widening`` times as large."""
     ranges = np.array([u_range, v_range], np.float64)
     centres, halves = ranges.mean(axis=1), np.diff(ranges, axis=1)[:, 0] / 2 * (widening, 1.0)
     halves *= (np.minimum(centres, 1 - centres) / halves).min()
-    return [(float(c - h), float(c + h)) for c, h in zip(centres, halves, strict=True)]
+    low, high = (centres - halves).tolist(), (centres + halves).tolist()
+    return (low[0], high[0]), (low[1], high[1])
