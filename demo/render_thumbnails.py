@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Render the demo's street through every preset, as thumbnails of the preset menus.
+"""Render the demo's street, or a landscape, through every preset, as thumbnails of the preset menus.
 
     python demo/render_thumbnails.py [--only PRESET]
 
@@ -58,11 +58,37 @@ OWN = {
 }
 
 
+# The presets that show a landscape.
+LAND = {"panorama_map": Shot((0.0, -10.0, 12.0), (0.0, 10.0, 12.0))}
+
+
 def make(only: str | None) -> None:
     """Write the thumbnails, or one of them."""
+    for build, land in ((build_street, False), (build_land, True)):
+        paths = [
+            path
+            for path in sorted((ROOT / "presets").glob("*.json"))
+            if only in (None, path.stem) and (path.stem in LAND) == land
+        ]
+        if paths:
+            render_all(build(), paths)
+
+
+def build_land():
+    """Open a new file with a landscape, and return its scene."""
     import bpy
 
-    scene = build_street()
+    from demo.recipes.terrain import build_scene
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    build_scene(bpy.context.scene)
+    return bpy.context.scene
+
+
+def render_all(scene, paths: list[Path]) -> None:
+    """Write the thumbnails of some presets, which show a scene."""
+    import bpy
+
     camera = bpy.data.objects.new("Thumbnail", bpy.data.cameras.new("Thumbnail"))
     scene.collection.objects.link(camera)
     scene.camera = camera
@@ -71,10 +97,8 @@ def make(only: str | None) -> None:
     presets = importlib.import_module(f"{MODULE}.scfpf_addon.projection.presets.preset")
     flexible = importlib.import_module(f"{MODULE}.scfpf_addon.bridge.camera.flexible_camera")
     FOLDER.mkdir(exist_ok=True)
-    for path in sorted((ROOT / "presets").glob("*.json")):
-        if only not in (None, path.stem):
-            continue
-        shot = OWN.get(path.stem, USUAL)
+    for path in paths:
+        shot = LAND.get(path.stem) or OWN.get(path.stem, USUAL)
         place_camera(camera, shot)
         flexible.apply_preset(camera, presets.read_preset(path), SIZE[0] / SIZE[1], shot.scale)
         camera.scfpf.samples = SAMPLES

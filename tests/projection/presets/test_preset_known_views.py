@@ -160,3 +160,50 @@ def test_long_pan_is_a_pinhole_for_every_column_that_slides_and_turns():
     assert (np.diff(eyes[0][0]) > 0).all() and eyes[0][0][[0, -1]] == pytest.approx([-5.54, 5.54], abs=1e-3)
     heading = np.degrees(horizontal_angle(top[1] - top[0]))
     assert (np.diff(heading) > 0).all() and heading[[0, 20, -1]] == pytest.approx([-50, 0, 50], abs=1e-4)
+
+
+# The panorama map: a camera 12 above the land, whose front edge is 15 ahead. Heights count twice. The width
+# of the image is 90 at the front edge and 180 at the back, 100 farther.
+FRONT, BACK, GROUND, RELIEF, WIDE = 15, 100, 12, 2, 90
+
+
+def land(points):
+    """Positions (3, N) on the land: across, behind the front edge, and twice the height."""
+    return np.array([points[0], -points[2] - FRONT, RELIEF * (points[1] + GROUND)])
+
+
+def pitch(y):
+    """The angle of a row below the horizontal: evenly from 60 degrees to 8 upwards. y: from 0 to 1."""
+    return np.radians(60 - 68 * y)
+
+
+@pytest.mark.parametrize("shape", [None, 1.0])
+def test_panorama_map_sees_at_one_pitch_per_row_and_in_upright_planes_per_column(shape):
+    x, y, aspect, near, far = seen("panorama_map", aspect=shape)
+    ends = [land(near), land(far)]
+    for end in ends:
+        assert np.allclose(end[0], x * WIDE / 2 * aspect / (16 / 9) * (1 + end[1] / BACK), rtol=0, atol=1e-4)
+    step = ends[1] - ends[0]
+    assert np.allclose(np.arctan2(-step[2], step[1]), pitch((y + 1) / 2), rtol=0, atol=5e-5)
+
+
+def test_panorama_map_keeps_small_shapes_on_the_land_and_on_the_backdrop():
+    """Steps across the rows are as long as in a parallel view at their pitch, of a map and of a backdrop.
+
+    Land: ds sin(pitch) = w(s) dy / aspect, whose integral is a power of tan(pitch / 2). Backdrop, upright at
+    the back edge: dh cos(pitch) = w dy / aspect.
+    """
+    shown = read_preset(FOLDER / "panorama_map.json")
+    across = WIDE / (16 / 9) / np.radians(68)
+    edge = 2 * np.arctan(np.tan(np.radians(30)) * 0.5 ** (BACK / across))
+    y = np.linspace(0, 1, 300)
+    angle = pitch(y)
+    on_land = angle > edge
+    behind = BACK * ((np.tan(np.radians(30)) / np.tan(np.abs(angle) / 2)) ** (across / BACK) - 1)
+    height = 2 * across * (np.arcsinh(np.tan(edge)) - np.arcsinh(np.tan(angle)))
+    place = np.array([0 * y, np.where(on_land, behind, BACK), np.where(on_land, 0, height)])
+    assert 0.6 < on_land.mean() < 0.8 and height[-1] > 20
+    points = np.array([place[0], place[2] / RELIEF - GROUND, -place[1] - FRONT])
+    found = find_in_image(shown.projection(shown.aspect), points[:, 1:-1])
+    assert found.found.all()
+    assert np.allclose(found.y, y[1:-1], rtol=0, atol=4e-4) and np.allclose(found.x, 0.5, atol=1e-9)
