@@ -21,7 +21,7 @@ from .scene.cast_scene import CastScene
 from .scene.stretches import Stretches, stretches
 from .straight import cast_straight
 
-__all__ = ["CastCounts", "Hits", "cast"]
+__all__ = ["CastCounts", "Hits", "cast", "cast_at_nothing"]
 
 # Control points farther out than this, in cast units (the scene extends to 1), are
 # as good as infinite in float32; their projectors count as not finite.
@@ -93,6 +93,15 @@ def cast(
     if reach is None:
         return complete(Hits.empty(len(x))._replace(mask=mask), batch)
     return complete(cast_chords(scene, batch, mask, corners(spans, reach), counts)[0], batch)
+
+
+def cast_at_nothing(projection: Projection, x: Array, y: Array) -> Hits:
+    """The projectors through image positions x, y (N,), which all miss."""
+    if len(x) == 0:
+        return Hits.empty(0)
+    points, mask, _ = usable_projectors(projection, x, y)
+    misses = Hits.empty(len(x))._replace(mask=mask)
+    return complete(misses, ProjectorBatch(projection.volume.spans, points))
 
 
 class _Tile(NamedTuple):

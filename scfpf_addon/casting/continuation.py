@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,10 @@ class TileProjectors:
         """Tangents (3, n) where the projectors ``which`` (n,) leave the volume."""
         misses = Hits.empty(len(which))._replace(mask=np.ones(len(which), bool))
         return complete(misses, self._batch(which)).tangent
+
+    def positions(self, which: IndexArray, t: Array) -> Array:
+        """Points (3, n) of the projectors ``which`` (n,) at t (n,)."""
+        return self._batch(which).at(t)[0]
 
     def _batch(self, which: IndexArray) -> ProjectorBatch:
         points = self.projection.taken(which).projectors(self.x[which], self.y[which]).points
@@ -159,6 +164,14 @@ class TileProjectors:
         return met, Records(met, chord_of[met], triangle[met]), share[met]
 
 
+class ContinuedTile(Protocol):
+    """The projectors of a tile, see ``TileProjectors``."""
+
+    def next_hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits: ...
+
+    def exit_tangents(self, which: IndexArray) -> Array: ...
+
+
 @dataclass(frozen=True)
 class Continuation:
     """Some projectors of tiles, to be continued past their hits.
@@ -167,15 +180,15 @@ class Continuation:
     number: (n,) of the projectors in their tiles. pixel: (n,) seeds of the random choices on their paths.
     """
 
-    tiles: tuple[TileProjectors, ...]
+    tiles: tuple[ContinuedTile, ...]
     tile: IndexArray
     number: IndexArray
     pixel: IndexArray
 
     @classmethod
-    def of_tile(cls, tile: TileProjectors) -> Continuation:
-        """All projectors of a tile, whose own numbers are the seeds."""
-        number = np.arange(len(tile.x))
+    def of_tile(cls, tile: ContinuedTile, count: int) -> Continuation:
+        """All ``count`` projectors of a tile, whose own numbers are the seeds."""
+        number = np.arange(count)
         return cls((tile,), np.zeros_like(number), number, number)
 
     @classmethod

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..casting.common.cancellation import raise_if_cancelled
+from ..casting.layers.layer_parts import LayerParts
 from ..casting.scene.cast_scene import CastScene
 from ..projection.typing import Array
 from ..projection.volume.viewing_volume import Projection
@@ -112,7 +113,10 @@ def _view(
         world=scene.backdrop[1] if settings.paper is None else None,
         depth_of_field=None,
     )
-    return view.seen_by(projection, settings.depth_of_field)
+    view = view.seen_by(projection, settings.depth_of_field)
+    if cast_scene is None:
+        return view
+    return replace(view, parts=LayerParts.of(scene.geometry, cast_scene, view.projection.layers))
 
 
 def _moment_views(view: SceneView, scene: Scene, moments: tuple[Moment, ...]) -> tuple[SceneView, ...]:

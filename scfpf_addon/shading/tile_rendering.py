@@ -190,7 +190,7 @@ def fill_data_passes(
     inside: pixels of the rows that the passes hold, None for all.
     """
     x, y = view.pixel_centres(rows)
-    hits = view.cast(x, y, CastCounts(), source.wanted.weighted)
+    hits, layer = view.cast_layers(x, y, CastCounts(), source.wanted.weighted)
     if view.cast_scene and any(PASSES[name].chords for name in into):
         settings = view.settings
         chords = chord_map(
@@ -205,9 +205,10 @@ def fill_data_passes(
         )
         fill_chord_passes(chords, inside, into)
     if inside is not None:
-        hits, x, y = hits.take(inside), x[inside], y[inside]
-    where = np.flatnonzero(hits.triangle >= 0)
-    for first in range(0, len(where), PASS_PIXELS):
-        raise_if_cancelled()
-        some = where[first : first + PASS_PIXELS]
-        fill_passes(source, PassSamples(x[some], y[some], hits.take(some)), some, into)
+        hits, x, y, layer = hits.take(inside), x[inside], y[inside], layer[inside]
+    for number, own in enumerate(source.of_layers()):
+        where = np.flatnonzero((hits.triangle >= 0) & (layer == number))
+        for first in range(0, len(where), PASS_PIXELS):
+            raise_if_cancelled()
+            some = where[first : first + PASS_PIXELS]
+            fill_passes(own, PassSamples(x[some], y[some], hits.take(some)), some, into)

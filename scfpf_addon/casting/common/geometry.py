@@ -36,6 +36,8 @@ class Geometry:
     None if they were not requested. layers: by name, those that materials request.
     visibility: (T,), see ``ray_visibility``; None if every ray meets every triangle.
     linked: (T,) int32, the group of light linking of each triangle; None if no lamp is linked.
+    image_layer: (T,) uint8, the number of the image layer that shows each triangle (``Projection.layers``), 0
+    for the projection itself; None if it shows all.
     """
 
     vertices: Array
@@ -48,6 +50,7 @@ class Geometry:
     layers: Mapping[str, Layer] = field(default_factory=dict)
     visibility: NDArray[np.uint8] | None = None
     linked: NDArray[np.int32] | None = None
+    image_layer: NDArray[np.uint8] | None = None
 
     @property
     def flat(self) -> bool:
@@ -74,6 +77,7 @@ class Geometry:
             layers={name: Layer(layer.row.take(which), layer.values) for name, layer in self.layers.items()},
             visibility=None if self.visibility is None else self.visibility.take(which),
             linked=None if self.linked is None else self.linked.take(which),
+            image_layer=None if self.image_layer is None else self.image_layer.take(which),
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from ..surfaces.surface import ControlSurface
 from ..typing import Array, BoolArray, IndexArray
 from .basis import BasisKind, SpanBasis, span_basis
 from .reparameterisation import ImageMap, Rectangle, Reparameterisation
+
+# How it is decided whether a layer hides the rest of the image: by the depth of each point, by the depth of
+# the middle of the layer's things, or by the order of the list.
+LayerFront: TypeAlias = Literal["DEPTH", "ANCHOR", "ORDER"]
 
 
 class ControlSample(NamedTuple):
@@ -121,7 +125,8 @@ class Projection:
     """A viewing volume, the part of it that is shown, and its image.
 
     u_range, v_range: the parameters at the image's borders, within [0, 1].
-    aspect: width / height of the image.
+    aspect: width / height of the image. layers: things that the image shows through other volumes, whose
+    numbers begin at 1; those of the volume itself are in layer 0.
     """
 
     volume: ViewingVolume
@@ -129,6 +134,7 @@ class Projection:
     u_range: tuple[float, float] = (0.0, 1.0)
     v_range: tuple[float, float] = (0.0, 1.0)
     aspect: float = 1.0
+    layers: tuple[ImageLayer, ...] = ()
 
     def parameters(self, x: Array, y: Array) -> ImageMap:
         """(u, v), their Jacobian by (x, y) and the mask, for x, y (N,) in [0, 1]."""
@@ -163,8 +169,51 @@ class Projection:
         return self
 
     def transformed(self, matrix: Array) -> Projection:
-        """The projection with its volume moved by an affine (4, 4) matrix."""
-        return replace(self, volume=self.volume.transformed(matrix))
+        """The projection with its volume, and those of its layers, moved by an affine (4, 4) matrix."""
+        layers = tuple(layer.transformed(matrix) for layer in self.layers)
+        return replace(self, volume=self.volume.transformed(matrix), layers=layers)
+
+    @property
+    def of_layers(self) -> tuple[Projection, ...]:
+        """The projection of each layer, by number, the first of layer 0."""
+        return (self, *(layer.projection for layer in self.layers))
+
+
+@dataclass(frozen=True)
+class ImageLayer:
+    """Things that an image shows through another volume than the rest.
+
+    projection: of the same image. front: see ``LayerFront``. eye: (3,) the point from which depth is measured
+    for layer and rest alike. mask: (H, W) from the bottom up, over the whole image: the layer is shown where
+    it is at least one half; None for everywhere. halo: distance around the layer's things within which the
+    layer shows the things of layer 0, too.
+    """
+
+    projection: Projection
+    front: LayerFront
+    eye: Array
+    mask: Array | None = None
+    halo: float = 0.0
+
+    def transformed(self, matrix: Array) -> ImageLayer:
+        """The layer moved by an affine (4, 4) matrix that scales evenly."""
+        scale = float(np.cbrt(abs(np.linalg.det(matrix[:3, :3]))))
+        return replace(
+            self,
+            projection=self.projection.transformed(matrix),
+            eye=matrix[:3, :3] @ self.eye + matrix[:3, 3],
+            halo=self.halo * scale,
+        )
+
+    def shown_at(self, x: Array, y: Array) -> BoolArray:
+        """Whether the mask shows the layer at image positions (n,) in [0, 1], (n,)."""
+        if self.mask is None:
+            return np.ones(len(x), bool)
+        height, width = self.mask.shape
+        column = np.clip(x * width, 0, width - 1).astype(np.intp)
+        row = np.clip(y * height, 0, height - 1).astype(np.intp)
+        shown: BoolArray = self.mask[row, column] >= 0.5
+        return shown
 
 
 def image_derivatives(du: Array, dv: Array, jacobian: Array) -> tuple[Array, Array]:

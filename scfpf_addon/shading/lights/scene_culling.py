@@ -45,6 +45,11 @@ def _within_reach(
     if not alone:
         return scene, _built(whole, exact)
     kept = within_volume(whole.vertices, whole.triangles, projection.volume)
+    for number, layer in enumerate(projection.layers, 1):
+        seen_there = within_volume(whole.vertices, whole.triangles, layer.projection.volume)
+        if whole.image_layer is not None and layer.halo == 0.0:
+            seen_there &= whole.image_layer == number
+        kept |= seen_there
     seen = visible_to(whole.visibility, CAMERA)
     if seen is not None:
         kept &= seen
@@ -61,8 +66,9 @@ def _within_reach(
 
     def beyond() -> tuple[Array, NDArray[np.int32]]:
         """All vertices (V, 3), and the triangles (K, 3) outside the volume that may cast shadows into it."""
-        rest = cull_shadow_casters(scene, part.geometry, projection.volume)
-        rest &= ~kept
+        rest = ~kept
+        if not projection.layers:
+            rest &= cull_shadow_casters(scene, part.geometry, projection.volume)
         return whole.vertices, whole.triangles.take(np.flatnonzero(rest), axis=0)
 
     return part, _built(part.geometry, exact, beyond)

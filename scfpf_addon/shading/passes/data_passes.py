@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -82,6 +82,17 @@ class PassSource:
     scene: Scene
     cast_scene: CastScene
     surface: SurfaceTable
+
+    def of_layers(self) -> Iterator[PassSource]:
+        """The source of each layer of the image, by number: its hits lie on projectors of its own."""
+        for number, projection in enumerate(self.projection.of_layers):
+            wanted = self.wanted
+            if wanted.neighbours is not None:
+                before, after = (
+                    each._replace(projection=each.projection.of_layers[number]) for each in wanted.neighbours
+                )
+                wanted = replace(wanted, neighbours=(before, after))
+            yield replace(self, projection=projection, wanted=wanted)
 
     def position(self, samples: PassSamples) -> Array:
         """World position, (3, n)."""

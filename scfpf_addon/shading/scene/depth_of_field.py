@@ -128,6 +128,7 @@ def through(projection: Projection, lens: DepthOfField, share: Array) -> Through
         u_range=projection.u_range,
         v_range=projection.v_range,
         aspect=projection.aspect,
+        layers=projection.layers,
         lens=lens,
         share=share,
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...casting.common.hits import CastCounts, Hits
 from ...projection.typing import Array, BoolArray, IndexArray
-from ...projection.volume.viewing_volume import image_derivatives
+from ...projection.volume.viewing_volume import Projection, image_derivatives
 from ..scene.surface import smooth_normal
 from ..tracing.scene_view import SceneView
 from ..typing import Single
@@ -109,19 +109,27 @@ def add_derivatives(view: SceneView, samples: SurfaceSamples, x: Array, y: Array
 
     They are half of the cost of samples.
     """
-    for first in range(0, len(where), AT_ONCE):
-        some = where[first : first + AT_ONCE]
-        samples.reach[:, some], samples.footprint[:, some], samples.slope[some] = _derivatives(
-            view, x[some], y[some], samples.t[some], samples.normal[:, some]
-        )
+    for number, projection in enumerate(view.projection.of_layers):
+        own = where
+        if view.parts:
+            own = where[view.parts.numbers.take(samples.triangle[where]) == number]
+        for first in range(0, len(own), AT_ONCE):
+            some = own[first : first + AT_ONCE]
+            samples.reach[:, some], samples.footprint[:, some], samples.slope[some] = _derivatives(
+                view, projection, x[some], y[some], samples.t[some], samples.normal[:, some]
+            )
+        if not view.parts:
+            break
 
 
-def _derivatives(view: SceneView, x: Array, y: Array, t: Array, normal: Array) -> tuple[Array, Array, Array]:
+def _derivatives(
+    view: SceneView, projection: Projection, x: Array, y: Array, t: Array, normal: Array
+) -> tuple[Array, Array, Array]:
     """Reach, footprint and slope of ``SurfaceSamples``, by pixels of the view.
 
+    projection: of the samples' layer.
     Q(x, y, t) stays on the plane of the triangle: n·(Qx + Qt tx) = 0 gives the derivative of t.
     """
-    projection = view.projection
     image = projection.parameters(x, y)
     sample = projection.volume.evaluate(image.u, image.v, t)
     towards = dot(normal, sample.dt)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...casting.cast import cast
+from ...casting.cast import cast, cast_at_nothing
 from ...casting.common.hits import CastCounts, Hits
-from ...casting.continuation import Continuation, TileProjectors
-from ...casting.curves.chords import complete
-from ...casting.curves.projector_batch import ProjectorBatch
+from ...casting.continuation import Continuation, ContinuedTile, TileProjectors
 from ...casting.frame import pixel_centres
+from ...casting.layers.layer_parts import LayerParts
+from ...casting.layers.layered_cast import LayeredCast, LayeredHits, LayeredProjectors
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
 from ...projection.volume.viewing_volume import Projection
@@ -30,7 +30,8 @@ class SceneView:
     """A scene and the projection that sees it.
 
     projection, depth_of_field: in cast space. cast_scene, shading: of the triangles that projectors can hit,
-    None for none. world: shown where nothing is hit; None for a uniform background.
+    None for none. world: shown where nothing is hit; None for a uniform background. parts: of the scene, in
+    the projection's layers; None if the projection itself shows all.
     """
 
     projection: Projection
@@ -40,6 +41,7 @@ class SceneView:
     shading: Shading | None
     world: World | None
     depth_of_field: DepthOfField | None
+    parts: LayerParts | None = None
 
     @property
     def pixel_size(self) -> tuple[float, float]:
@@ -73,10 +75,10 @@ class SceneView:
         weighted: barycentric weights are needed even if all triangles are flat. in_rows: the positions are
         whole rows of pixels.
         """
+        if self.parts:
+            return self.cast_layers(x, y, counts, weighted, in_rows).hits
         if self.cast_scene is None:
-            projectors = self.projection.projectors(x, y)
-            nothing = Hits.empty(len(x))._replace(mask=projectors.valid)
-            return complete(nothing, ProjectorBatch(self.projection.volume.spans, projectors.points))
+            return cast_at_nothing(self.projection, x, y)
         return cast(
             self.cast_scene,
             self.projection,
@@ -86,8 +88,30 @@ class SceneView:
             self.settings.pixel_error,
             counts,
             self.settings.width if in_rows else None,
-            weighted or self.shading is None or self.shading.surface.weighted,
+            self._weighted(weighted),
         )
+
+    def cast_layers(
+        self, x: Array, y: Array, counts: CastCounts, weighted: bool = False, in_rows: bool = True
+    ) -> LayeredHits:
+        """The hits as ``cast`` has them, each with its layer."""
+        if self.parts is None:
+            return LayeredHits(self.cast(x, y, counts, weighted, in_rows), np.zeros(len(x), np.uint8))
+        columns = self.settings.width if in_rows else None
+        return self._layered(self.parts, weighted).first_hits(x, y, counts, columns)
+
+    def _layered(self, parts: LayerParts, weighted: bool) -> LayeredCast:
+        return LayeredCast(
+            parts=parts,
+            projection=self.projection,
+            pixel_size=self.pixel_size,
+            pixel_error=self.settings.pixel_error,
+            weighted=self._weighted(weighted),
+        )
+
+    def _weighted(self, weighted: bool) -> bool:
+        """Whether barycentric weights are needed, if only because triangles are not flat."""
+        return weighted or self.shading is None or self.shading.surface.weighted
 
     def cast_with_continuation(
         self, x: Array, y: Array, counts: CastCounts, in_rows: bool
@@ -96,16 +120,20 @@ class SceneView:
         hits = self.cast(x, y, counts, in_rows=in_rows)
         if self.cast_scene is None:
             return hits, None
-        tile = TileProjectors(
-            self.cast_scene,
-            self.projection,
-            x=x,
-            y=y,
-            mask=hits.mask,
-            pixel_size=self.pixel_size,
-            pixel_error=self.settings.pixel_error,
-        )
-        return hits, Continuation.of_tile(tile)
+        tile: ContinuedTile
+        if self.parts:
+            tile = LayeredProjectors(self._layered(self.parts, False), x, y, hits.mask)
+        else:
+            tile = TileProjectors(
+                self.cast_scene,
+                self.projection,
+                x=x,
+                y=y,
+                mask=hits.mask,
+                pixel_size=self.pixel_size,
+                pixel_error=self.settings.pixel_error,
+            )
+        return hits, Continuation.of_tile(tile, len(x))
 
     def with_world(
         self, hits: Hits, where: IndexArray, color: Single, parts: LightParts | None

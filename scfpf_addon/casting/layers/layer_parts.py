@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parts of a scene that the layers of an image show, each with its bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import Array, BoolArray
+from ...projection.volume.viewing_volume import ImageLayer, Projection
+from ..common.geometry import Geometry
+from ..scene.cast_scene import CastScene
+
+# Bounds are wider than their contents by this, cast space: sixteen roundings of float32.
+SLACK = 2.0**-20
+
+
+@dataclass(frozen=True)
+class Box:
+    """Bounds, (3,) each, in the space of what they hold."""
+
+    lower: Array
+    upper: Array
+
+    @classmethod
+    def around(cls, vertices: Array, triangles: NDArray[np.int32]) -> Box:
+        """The bounds of triangles (T, 3), T > 0. vertices: (3, V)."""
+        used = vertices[:, np.unique(triangles)]
+        return cls(used.min(axis=1), used.max(axis=1))
+
+    @property
+    def middle(self) -> Array:
+        """The middle, (3,)."""
+        middle: Array = (self.lower + self.upper) / 2
+        return middle
+
+    def distance(self, positions: Array) -> Array:
+        """Distances (N,) of positions (3, N), 0 inside."""
+        off = np.maximum(self.lower[:, None] - positions, positions - self.upper[:, None])
+        distance: Array = np.linalg.norm(np.maximum(off, 0.0), axis=0)
+        return distance
+
+    def near(self, vertices: Array, triangles: NDArray[np.int32], halo: float) -> BoolArray:
+        """Whether the bounds of triangles (T, 3) are within the box widened by ``halo``, (T,)."""
+        met = np.ones(len(triangles), bool)
+        for axis, places in enumerate(vertices):
+            corners = places.take(triangles)
+            with np.errstate(invalid="ignore"):
+                met &= corners.max(axis=1) >= self.lower[axis] - halo
+                met &= corners.min(axis=1) <= self.upper[axis] + halo
+        return met
+
+    def may_be_met(self, projection: Projection, x: Array, y: Array, around: float) -> BoolArray:
+        """Whether projectors through image positions (N,) may meet the box widened by ``around``, (N,).
+
+        Certain for misses: a projector lies in the hull of its control points.
+        """
+        points, met = projection.projectors(x, y)
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            low = (self.lower - around - SLACK)[:, None]
+            high = (self.upper + around + SLACK)[:, None]
+            met = met & ((points.min(axis=0) <= high) & (points.max(axis=0) >= low)).all(axis=0)
+            if projection.volume.spans.is_straight:
+                way = points[1] - points[0]
+                ends = np.stack([(low - points[0]) / way, (high - points[0]) / way])
+                # A projector along a face of the box divides 0 by 0; the comparison above decides then.
+                enters = np.nanmax(np.where(way == 0.0, -np.inf, ends.min(axis=0)), axis=0)
+                leaves = np.nanmin(np.where(way == 0.0, np.inf, ends.max(axis=0)), axis=0)
+                met &= (enters <= leaves + SLACK) & (leaves >= -SLACK) & (enters <= 1.0 + SLACK)
+        return met
+
+
+@dataclass(frozen=True)
+class LayerPart:
+    """The things of one layer, in cast space.
+
+    surroundings: the triangles of layer 0 that are near enough for the layer's halo; None without any.
+    """
+
+    scene: CastScene
+    surroundings: CastScene | None
+    box: Box
+
+
+@dataclass(frozen=True)
+class LayerParts:
+    """A scene cut into the parts of an image's layers.
+
+    whole: all that projectors can hit. rest: the part of layer 0, None if it is empty. parts: of the layers
+    from number 1 on; None for one without triangles. numbers: (T,) each triangle's layer.
+    """
+
+    whole: CastScene
+    rest: CastScene | None
+    parts: tuple[LayerPart | None, ...]
+    numbers: NDArray[np.uint8]
+
+    @classmethod
+    def of(
+        cls, geometry: Geometry, cast_scene: CastScene, layers: tuple[ImageLayer, ...]
+    ) -> LayerParts | None:
+        """The parts of a scene that projectors can hit; None if no layer shows any of it.
+
+        layers: in cast space.
+        """
+        numbers = geometry.image_layer
+        if numbers is None or not layers:
+            return None
+        parts = tuple(_part(cast_scene, numbers, number, layer) for number, layer in enumerate(layers, 1))
+        if not any(parts):
+            return None
+        return cls(cast_scene, cast_scene.only(numbers == 0), parts, numbers)
+
+
+def _part(
+    cast_scene: CastScene, numbers: NDArray[np.uint8], number: int, layer: ImageLayer
+) -> LayerPart | None:
+    own = numbers == number
+    scene = cast_scene.only(own) if own.any() else None
+    if scene is None:
+        return None
+    vertices, triangles = cast_scene.vertices, cast_scene.triangles
+    box = Box.around(vertices, triangles[scene.usable])
+    around = None
+    if layer.halo > 0.0:
+        near = (numbers == 0) & box.near(vertices, triangles, layer.halo)
+        around = cast_scene.only(near) if near.any() else None
+    return LayerPart(scene, around, box)

@@ -1,0 +1,198 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""First and next hits of an image with layers: each volume meets its own things, and the nearest key wins.
+
+Every hit is a point of the one scene. Its key says how far it is: its distance from the image's eye, or that
+of the middle of its layer's things, or its layer's place in the list.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import Array, BoolArray, IndexArray
+from ...projection.volume.viewing_volume import Projection
+from ..cast import cast, cast_at_nothing
+from ..common.hits import CastCounts, Hits
+from ..continuation import TileProjectors
+from .layer_parts import LayerParts
+
+# Hits of one volume that are passed at most to find the first one behind a transparent hit of another.
+MOST_PASSED = 64
+
+
+class LayeredHits(NamedTuple):
+    """The first hits of N image positions. layer: (N,) number of the layer of each; 0 for misses."""
+
+    hits: Hits
+    layer: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LayeredCast:
+    """A cast at the parts of a scene.
+
+    projection: with its layers, in cast space. The others are as for ``cast``.
+    """
+
+    parts: LayerParts
+    projection: Projection
+    pixel_size: tuple[float, float]
+    pixel_error: float
+    weighted: bool = True
+
+    def first_hits(self, x: Array, y: Array, counts: CastCounts, columns: int | None = None) -> LayeredHits:
+        """The first hits at image positions x, y (N,). columns: as for ``cast``.
+
+        The counts' projectors are those of layer 0 alone: one for each position.
+        """
+        hits = self._hits_of(0, self.projection, x, y, counts, columns)
+        layer = np.zeros(len(x), np.uint8)
+        nearest, mask = self.keys(0, hits), hits.mask.copy()
+        for number in range(1, len(self.projection.layers) + 1):
+            which = np.flatnonzero(self.may_meet(number, x, y))
+            if not len(which):
+                continue
+            own = CastCounts()
+            found = self.hits_of(number, which, x, y, own)
+            counts.add(replace(own, projectors=0))
+            key = self.keys(number, found)
+            better = np.flatnonzero(key < nearest[which])
+            won = which[better]
+            hits = hits._replace(mask=mask)
+            hits.put(won, found.take(better))
+            nearest[won], layer[won] = key[better], number
+        return LayeredHits(hits, layer)
+
+    def may_meet(self, number: int, x: Array, y: Array) -> BoolArray:
+        """Whether a layer from 1 on may be seen at image positions (N,)."""
+        layer, part = self.projection.layers[number - 1], self.parts.parts[number - 1]
+        met = np.zeros(len(x), bool)
+        if part is not None:
+            shown = np.flatnonzero(layer.shown_at(x, y))
+            around = layer.halo if part.surroundings else 0.0
+            met[shown] = part.box.may_be_met(layer.projection, x[shown], y[shown], around)
+        return met
+
+    def hits_of(self, number: int, which: IndexArray, x: Array, y: Array, counts: CastCounts) -> Hits:
+        """The first hits of one layer alone at some (n,) of the image positions x, y (N,)."""
+        projection = self.projection.of_layers[number].taken(which)
+        return self._hits_of(number, projection, x[which], y[which], counts, None)
+
+    def _hits_of(
+        self, number: int, projection: Projection, x: Array, y: Array, counts: CastCounts, columns: int | None
+    ) -> Hits:
+        part = self.parts.parts[number - 1] if number else None
+        scene = part.scene if part else self.parts.rest
+        if scene is None:
+            return cast_at_nothing(projection, x, y)
+        rest = self.pixel_size, self.pixel_error, counts, columns, self.weighted
+        hits = cast(scene, projection, x, y, *rest)
+        if part and part.surroundings:
+            around = cast(part.surroundings, projection, x, y, *rest)
+            nearer = (around.triangle >= 0) & (around.t < hits.t)
+            nearer &= part.box.distance(around.position) <= self.projection.layers[number - 1].halo
+            closer = np.flatnonzero(nearer)
+            hits.put(closer, around.take(closer))
+        return hits
+
+    def keys(self, number: int, hits: Hits) -> Array:
+        """The keys (N,) of hits of a layer, infinite for misses."""
+        layers = self.projection.layers
+        position, front, eye = hits.position, "DEPTH", layers[0].eye[:, None]
+        part = self.parts.parts[number - 1] if number else None
+        if part:
+            front, eye = layers[number - 1].front, layers[number - 1].eye[:, None]
+            if front == "ANCHOR":
+                position = part.box.middle[:, None]
+        if front == "ORDER":
+            # Distances are not negative.
+            key = np.array(float(number - len(layers) - 1))
+        else:
+            key = np.sqrt(((position - eye) ** 2).sum(axis=0))
+        keys: Array = np.where(hits.triangle >= 0, key, np.inf)
+        return keys
+
+
+@dataclass(frozen=True)
+class LayeredProjectors:
+    """The projectors of a tile through all volumes of an image; see ``continuation.TileProjectors``.
+
+    x, y: (N,) image positions. mask: (N,) whether the image's own projectors exist.
+    A transparent hit in a layer's halo continues as one of layer 0.
+    """
+
+    cast: LayeredCast
+    x: Array
+    y: Array
+    mask: BoolArray
+
+    @cached_property
+    def _tiles(self) -> tuple[TileProjectors, ...]:
+        """The projectors through each volume, by layer."""
+        own, made = self.cast, []
+        for number, projection in enumerate(own.projection.of_layers):
+            part = own.parts.parts[number - 1] if number else None
+            scene = part.scene if part else own.parts.rest or own.parts.whole
+            mask = own.may_meet(number, self.x, self.y) if number else self.mask
+            made.append(
+                TileProjectors(scene, projection, self.x, self.y, mask, own.pixel_size, own.pixel_error)
+            )
+        return tuple(made)
+
+    def exit_tangents(self, which: IndexArray) -> Array:
+        """Tangents (3, n) where the image's own projectors leave the volume."""
+        return self._tiles[0].exit_tangents(which)
+
+    def next_hits(self, which: IndexArray, t: Array, triangle: IndexArray) -> Hits:
+        """The next hits of projectors past those at t (n,) on ``triangle`` (n,), by their keys."""
+        layer = self.cast.parts.numbers.take(triangle)
+        passed = np.zeros(len(which))
+        for number, tile in enumerate(self._tiles):
+            own = np.flatnonzero(layer == number)
+            if len(own):
+                there = Hits.empty(len(own))._replace(position=tile.positions(which[own], t[own]))
+                passed[own] = self.cast.keys(number, there._replace(triangle=np.zeros(len(own), np.int32)))
+        result = self._next_of(0, which, t, triangle, layer, passed)
+        nearest = self.cast.keys(0, result)
+        for number in range(1, len(self._tiles)):
+            found = self._next_of(number, which, t, triangle, layer, passed)
+            key = self.cast.keys(number, found)
+            better = np.flatnonzero(key < nearest)
+            result.put(better, found.take(better))
+            nearest[better] = key[better]
+        return result
+
+    def _next_of(
+        self,
+        number: int,
+        which: IndexArray,
+        t: Array,
+        triangle: IndexArray,
+        layer: NDArray[np.uint8],
+        passed: Array,
+    ) -> Hits:
+        """The next hits (n,) in one layer; projectors of other layers begin there, behind keys ``passed``."""
+        tile, empty = self._tiles[number], number == 0 and self.cast.parts.rest is None
+        found = cast_at_nothing(tile.projection.taken(which), self.x[which], self.y[which])
+        own = np.flatnonzero(layer == number)
+        if len(own):
+            found.put(own, tile.next_hits(which[own], t[own], triangle[own]))
+        open_ = np.flatnonzero((layer != number) & tile.mask[which])
+        if empty or not len(open_):
+            return found
+        found.put(open_, self.cast.hits_of(number, which[open_], self.x, self.y, CastCounts()))
+        for _ in range(MOST_PASSED):
+            some = found.take(open_)
+            key = self.cast.keys(number, some)
+            before = (key < passed[open_]) | ((key == passed[open_]) & (number < layer[open_]))
+            again = np.flatnonzero(before & (some.triangle >= 0))
+            if not len(again):
+                break
+            open_, some = open_[again], some.take(again)
+            found.put(open_, tile.next_hits(which[open_], some.t, some.triangle))
+        return found
