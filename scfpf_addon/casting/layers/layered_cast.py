@@ -21,7 +21,7 @@ from ..common.hits import CastCounts, Hits
 from ..continuation import TileProjectors
 from .layer_parts import LayerParts
 
-# Hits of one volume that are passed at most to find the first one behind a transparent hit of another.
+# Hits of one volume that are passed at most to find the first one in a halo or behind a transparent hit.
 MOST_PASSED = 64
 
 
@@ -94,9 +94,18 @@ class LayeredCast:
         hits = cast(scene, projection, x, y, *rest)
         if part and part.surroundings:
             around = cast(part.surroundings, projection, x, y, *rest)
-            nearer = (around.triangle >= 0) & (around.t < hits.t)
-            nearer &= part.box.distance(around.position) <= self.projection.layers[number - 1].halo
-            closer = np.flatnonzero(nearer)
+            tile = TileProjectors(
+                part.surroundings, projection, x, y, around.mask, self.pixel_size, self.pixel_error
+            )
+            # Those beyond the halo are passed.
+            for _ in range(MOST_PASSED):
+                beyond = part.box.distance(around.position) > self.projection.layers[number - 1].halo
+                again = np.flatnonzero(beyond & (around.t < hits.t))
+                if not len(again):
+                    break
+                counts.rays += len(again)
+                around.put(again, tile.next_hits(again, around.t[again], around.triangle[again]))
+            closer = np.flatnonzero(~beyond & (around.t < hits.t))
             hits.put(closer, around.take(closer))
         return hits
 
