@@ -126,7 +126,9 @@ def test_hits_behind_transparent_ones_come_by_their_keys(seed):
     )
     projection = replace(projection, layers=layers)
     inside = projection.transformed(layered.parts.whole.matrix)
-    rest = replace(layered.parts, parts=tuple(p and replace(p, surroundings=None) for p in layered.parts.parts))
+    rest = replace(
+        layered.parts, parts=tuple(p and replace(p, surroundings=None) for p in layered.parts.parts)
+    )
     layered = replace(layered, projection=inside, parts=rest)
     x, y = pixel_centres(SIDE, SIDE, (0, SIDE))
     hits, _layer = layered.first_hits(x, y, CastCounts(), SIDE)
@@ -147,7 +149,13 @@ def test_hits_behind_transparent_ones_come_by_their_keys(seed):
 
 def test_layers_cost_rays_only_where_their_things_may_be_seen():
     generator = np.random.default_rng(3)
-    base = view(generator)
+    # Along the axes of space, as the box of the layer's things is.
+    planes = []
+    for depth, width in ((1.0, 0.6), (9.0, 5.0)):
+        matrix = np.eye(4)
+        matrix[:3, 3] = [*generator.normal(size=2) * 0.1, 5.0 - depth]
+        planes.append(Plane(matrix=matrix, width=width, height=width))
+    base = Projection(ViewingVolume(tuple(planes)))
     # A thing inside the middle fifth of the frustum's image, in a layer with the same frustum.
     near, far = base.volume.surfaces
     middle = (near.matrix[:3, 3] + far.matrix[:3, 3]) / 2
@@ -173,7 +181,7 @@ def test_layers_cost_rays_only_where_their_things_may_be_seen():
 
 
 def test_a_mask_shows_a_layer_in_part():
-    projection, _corners, _numbers, layered = random_case(1)
+    _projection, _corners, _numbers, layered = random_case(1)
     mask = np.zeros((2, 2))
     mask[:, 1] = 1.0
     layers = tuple(replace(layer, mask=mask) for layer in layered.projection.layers)

@@ -22,7 +22,7 @@ VOLUMES = [dict(heights=(4.0, -1.0)), dict(heights=(4.0, 1.5, -1.0), shifts=[0.0
 @pytest.fixture
 def scene(build):
     """A floor (object 0) and a ball above it (object 1), in the sun; the ball is in layer 1."""
-    sun = Light("SUN", build.placed((0, 0, 5), (0.5, 0, -1)), np.ones(3) * 3)
+    sun = Light("SUN", np.ones(3) * 3, build.placed((0, 0, 5), (0.5, 0, -1)))
     made = build.scene([build.square(3.0), build.sphere(12, (0.6, 0, 1.0), 0.4)], [sun], (0.1, 0.2, 0.3))
     numbers = (made.geometry.object_index == 1).astype(np.uint8)
     geometry = replace(made.geometry, image_layer=numbers, object_names=("Floor", "Ball"))
