@@ -2,6 +2,7 @@
 """Who is in front in an image with layers, against a list of the keys of all triangles on every projector."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -139,7 +140,7 @@ def test_hits_behind_transparent_ones_come_by_their_keys(seed):
     compared = 0
     for k, triangle in zip(which, after.triangle, strict=True):
         own = [each for each in lists[k] if each[1] == 0]
-        if any(a[2] > b[2] for a, b in zip(own, own[1:], strict=False)):
+        if any(a[2] > b[2] for a, b in pairwise(own)):
             continue
         expected = lists[k][1][3] if len(lists[k]) > 1 else -1
         compared += 1
