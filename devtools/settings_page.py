@@ -30,6 +30,7 @@ GROUPS = (
     ("A blend", (("settings/camera_properties", "SCFPF_BlendEnds"),)),
     ("Image Mappings", (("settings/mapping_properties", "SCFPF_ImageMapping"),)),
     ("Aim", tuple(("settings/aim_properties", f"SCFPF_Aim{name}") for name in ("", "Target"))),
+    ("Layers", (("settings/layer_properties", "SCFPF_ImageLayer"),)),
     ("Sampling, Film, Motion Blur", (("settings/sampling", "SCFPF_Sampling"),)),
     ("Passes", (("render/render_passes", "SCFPF_ViewLayer"),)),
     ("Drawn Style", (("settings/stylised_properties", "SCFPF_Drawn"),)),
@@ -129,8 +130,10 @@ def interface() -> tuple[set[str], dict[str, str]]:
         "active_surface",
         "active_mapping",
         "active_aim",
+        "active_layer",
         "aim",
         "aim_targets",
+        "layers",
         "statistics",
     }, labels
 

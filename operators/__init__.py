@@ -18,6 +18,7 @@ from .camera import (
     ways,
 )
 from .image import find, pick, render
+from .layers import layer_check, layer_list
 from .volume import framing, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
@@ -47,6 +48,8 @@ MODULES = (
     pin_click,
     solve,
     drag,
+    layer_list,
+    layer_check,
 )
 
 

@@ -3,6 +3,7 @@
 
 from ..operators.camera.preview import FLAT
 from ..operators.camera.ways import is_any, is_live, is_rendered, rendered_camera
+from ..scfpf_addon.bridge.layers.read_image_layers import not_here
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.cycles.engine_choice import ignored_camera, renders_by_cycles
 from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
@@ -33,6 +34,8 @@ def draw_ways(layout, context, camera) -> None:
     row.operator("scfpf.view_rendered", text="Rendered", depress=is_any(context, camera, is_rendered))
     if source is not None:
         draw_preview(layout, context, source)
+    if text := not_here(camera):
+        draw_text(layout, text, "INFO")
     column = layout.column(align=True)
     if ignored_camera(scene) == camera:
         draw_ignored(column, scene)

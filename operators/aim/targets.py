@@ -31,30 +31,35 @@ def _position():
     )
 
 
-def _selected(context, camera) -> list:
-    """The selected objects that a view can show."""
+def selected_things(context) -> list:
+    """The selected objects that a view or a layer can show."""
     own = control_objects()
     return [
         o for o in context.selected_objects if o.type not in {"CAMERA", "LIGHT"} and o.name_full not in own
     ]
 
 
-def _thing(context, camera):
+def _thing(context):
     """The collection and the object, one of them None, that the selection is. Raises AimError."""
-    objects = _selected(context, camera)
+    objects = selected_things(context)
     if not objects:
         raise AimError("Select the objects that the view is to show")
     if len(objects) == 1:
         return None, objects[0]
+    return collection_of(context, objects), None
+
+
+def collection_of(context, objects: list):
+    """The collection of exactly these objects, a new one if there is none."""
     wanted = set(objects)
     for collection in objects[0].users_collection:
         if set(collection.all_objects) == wanted:
-            return collection, None
+            return collection
     made = bpy.data.collections.new(objects[0].name)
     context.scene.collection.children.link(made)
     for obj in objects:
         made.objects.link(obj)
-    return made, None
+    return made
 
 
 class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
@@ -86,7 +91,7 @@ class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
             raise AimError(f"'{eye.name}' cannot be looked from: choose another camera or an empty")
         projection = own_projection(context, camera)
         if collection is None and obj is None:
-            collection, obj = _thing(context, camera)
+            collection, obj = _thing(context)
         if eye is None and self.from_viewport:
             eye = _viewport_eye(context, camera)
         depsgraph = context.evaluated_depsgraph_get()
@@ -204,7 +209,7 @@ class SCFPF_OT_aim_stay_add(AimAction, bpy.types.Operator):
         obj = chosen(bpy.data.objects, self.object, "object")
         mask = chosen(bpy.data.images, self.mask, "image")
         if collection is None and obj is None and mask is None:
-            collection, obj = _thing(context, camera)
+            collection, obj = _thing(context)
         new_targets.add_stay(camera, collection, obj, mask)
 
 

@@ -4,6 +4,7 @@
 import bpy
 
 from ...scfpf_addon.bridge.camera.read_projection import read_projection
+from ...scfpf_addon.bridge.layers.read_image_layers import not_here
 from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.bridge.render.render_errors import reason
 from ...scfpf_addon.scanline.preview import preview_building
@@ -109,6 +110,8 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
         else:
             if is_flat(source, depsgraph):
                 self.report({"WARNING"}, FLAT)
+        if text := not_here(camera):
+            self.report({"WARNING"}, text)
         if bpy.app.background:
             self.report(
                 {"INFO"}, "The nodes preview is ready: open the file in a Blender with a window to see it"

@@ -25,9 +25,10 @@ def camera_with_surface(scene, surface):
 
 
 def camera_aimed_with(scene, obj):
-    """The camera of a scene with a target of Aim that is seen from an object or held by it, or None."""
+    """The camera of a scene with a layer or a target of Aim that an object sees or holds, or None."""
     for camera in camera_objects():
         is_used = any(obj in (target.eye, target.handle) for target in camera.scfpf.aim_targets)
+        is_used = is_used or any(obj == layer.camera for layer in camera.scfpf.layers)
         if is_used and scene.objects.get(camera.name) == camera:
             return camera
     return None
@@ -37,7 +38,8 @@ def camera_of(context):
     """The camera object to work on, flexible or not, or None.
 
     The active object if it is a camera, else the camera that the active object is a control surface of, else
-    the scene's camera. An object that a target of Aim is seen from or held by stands for the aimed camera.
+    the scene's camera. An object that a target of Aim is seen from or held by stands for the aimed
+    camera, and the ordinary camera of a layer for the one with the layer.
     """
     active = context.object
     if active is not None:

@@ -11,6 +11,7 @@ from .render import command_line, render_engine, render_passes, result_image
 from .settings import (
     aim_properties,
     camera_properties,
+    layer_properties,
     mapping_properties,
     sampling,
     stylised_properties,
@@ -21,6 +22,7 @@ from .sync import handlers
 # Modules whose types files and Blender's render job use: see ``render.type_registration``.
 TYPES = (
     aim_properties,
+    layer_properties,
     mapping_properties,
     camera_properties,
     sampling,

@@ -24,6 +24,7 @@ from ..camera.read_projection import read_projection, world_to_camera
 from ..live.kept_scene import KeptScene
 from ..live.live_objects import LiveObjects
 from ..render.image_size import image_aspect, image_size
+from ..scene.read_images import mask_pixels, values_at
 from ..settings.aim_properties import LINE, PIN, STAY, VIEW
 from .aimed_volume import Patches, fits, moved, new_start, start_of
 from .target_views import AimError, target_objects, title_of, view_map
@@ -276,11 +277,7 @@ def _stays(camera, before: Projection, arrays: SceneArrays, targets: Targets, wi
 
 def _mask_values(image, positions: Array) -> Array:
     """The first channel of an image at positions (2, N), (N,)."""
-    across, up = image.size
-    if not (across and up and image.has_data):
+    pixels = mask_pixels(image)
+    if pixels is None:
         raise AimError(f"The mask '{image.name}' has no pixels: load or paint it")
-    pixels = np.empty(across * up * image.channels, np.float32)
-    image.pixels.foreach_get(pixels)
-    x, y = (np.minimum((p * n).astype(np.int64), n - 1) for p, n in zip(positions, (across, up), strict=True))
-    values: Array = pixels.reshape(up, across, -1)[y, x, 0].astype(np.float64)
-    return np.clip(np.nan_to_num(values), 0.0, 1.0)
+    return values_at(pixels, positions)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Edits of a camera's lists of surfaces, image mappings and targets of Aim, together with their animation.
+"""Edits of a camera's lists of surfaces, image mappings, targets of Aim and layers, with their animation.
 
 F-curves and drivers refer to an item by its place in the list. Blender does not change them when items move.
 """
@@ -11,9 +11,14 @@ from collections.abc import Iterator, Mapping
 from typing import NoReturn
 
 SLOT_PATH = re.compile(r"^scfpf\.(\w+)\[(\d+)\]")
-SURFACES, MAPPINGS, AIM_TARGETS = "surfaces", "mappings", "aim_targets"
+SURFACES, MAPPINGS, AIM_TARGETS, LAYERS = "surfaces", "mappings", "aim_targets", "layers"
 # The property of ``Object.scfpf`` with the index of each list's active item.
-ACTIVE = {SURFACES: "active_surface", MAPPINGS: "active_mapping", AIM_TARGETS: "active_aim"}
+ACTIVE = {
+    SURFACES: "active_surface",
+    MAPPINGS: "active_mapping",
+    AIM_TARGETS: "active_aim",
+    LAYERS: "active_layer",
+}
 
 
 class SlotError(ValueError):
@@ -33,9 +38,9 @@ def require_own_items(settings, *names: str) -> None:
 
 def _refuse(settings) -> NoReturn:
     raise SlotError(
-        f"'{settings.id_data.name}' is a library override: surfaces, mappings and targets of its file can "
-        "be neither moved nor removed here; make the camera local (Object > Relations > Make Local), or edit "
-        "that file"
+        f"'{settings.id_data.name}' is a library override: surfaces, mappings, targets and layers of its "
+        "file can be neither moved nor removed here; make the camera local "
+        "(Object > Relations > Make Local), or edit that file"
     )
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from ...projection.volume.viewing_volume import Projection
 from ...shading.passes.cryptomatte import identifiers
@@ -17,6 +17,7 @@ from ..camera.ordinary_camera import depth_plane, frustum_projection
 from ..camera.read_depth_of_field import read_lens
 from ..camera.read_projection import read_projection
 from ..camera.stereo_views import Eye, eye_place, seen_by, unseen_settings
+from ..layers.read_image_layers import ReadLayers, read_image_layers
 from ..scene.read_images import with_images
 from ..scene.read_motion import MotionReader, read_moments, read_neighbours
 from ..scene.read_scene import never, read_scene
@@ -33,13 +34,15 @@ from .render_passes import crypto_names, transparency_warning
 class RenderInputs:
     """The inputs of a render: arrays and numbers only, because Blender may change or free its data meanwhile.
 
-    moments: what the samples see while the shutter is open, () without motion blur.
+    moments: what the samples see while the shutter is open, () without motion blur. image_layers: those
+    of the projection, and which objects they show.
     """
 
     projection: Projection
     scene: Scene
     settings: FrameSettings
     moments: tuple[Moment, ...] = ()
+    image_layers: ReadLayers = field(default_factory=ReadLayers)
 
 
 def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> RenderInputs:
@@ -52,7 +55,9 @@ def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> Rend
     if lost := absent_text(camera, scene, "choose another camera"):
         raise RenderError(lost)
     # Restores the volume object, which keeps hidden surfaces evaluated, should it have been deleted.
-    sync_volume_object(camera)
+    for each in (camera, *(layer.camera for layer in camera.scfpf.layers)):
+        if each is not None and each.scfpf.enabled and each.is_editable:
+            sync_volume_object(each)
 
     def read(depsgraph, set_frame) -> RenderInputs:
         inputs = read_inputs(depsgraph, camera, size, pixel_error=pixel_error)
@@ -83,21 +88,25 @@ def read_inputs(
 
     size: of the whole image in pixels. pixel_error: overrides the camera's own. border: the part that is
     made. passes: names of ``shading.passes.PASSES``. may_be_empty, cancelled: as for ``read_scene``.
-    scene: read from the depsgraph before. aspect: of the image as it is shown, by default from its size and
-    the scene's pixel aspect. eye: of a stereoscopic scene. Raises one of RENDER_ERRORS.
+    scene: read from the depsgraph before, with the camera's layers. aspect: of the image as it is shown, by
+    default from its size and the scene's pixel aspect. eye: of a stereoscopic scene. Raises one of
+    RENDER_ERRORS.
     """
     render = depsgraph.scene_eval.render
     evaluated = camera.evaluated_get(depsgraph)
     options = evaluated.scfpf
-    projection = read_view(depsgraph, camera, aspect or shown_aspect(render, *size), eye)
+    aspect = aspect or shown_aspect(render, *size)
+    layers = read_image_layers(camera, depsgraph, aspect, eye)
+    projection = replace(read_view(depsgraph, camera, aspect, eye), layers=layers.layers)
     lens, lens_warning = read_lens(evaluated, projection, depsgraph, eye)
     if scene is None:
         scene = with_images(
-            read_scene(depsgraph, may_be_empty, "UV" in passes, cancelled),
+            read_scene(depsgraph, may_be_empty, "UV" in passes, cancelled, layers.members),
             projection,
             transparent=render.film_transparent,
         )
     others = lens_warning, unseen_settings(evaluated, eye), transparency_warning(scene, passes)
+    others = (*others, *layers.warnings_of(scene.geometry, lens is not None))
     scene = replace(scene, warnings=(*scene.warnings, *filter(None, others)))
     marks = {}
     if any(name.startswith("CRYPTO") for name in passes):
@@ -112,7 +121,7 @@ def read_inputs(
         passes=DataPasses(passes, plane, identifiers=marks),
         depth_of_field=lens,
     )
-    return RenderInputs(projection, scene, settings)
+    return RenderInputs(projection, scene, settings, image_layers=layers)
 
 
 def frame_settings(scene, size: tuple[int, int], **own) -> FrameSettings:
@@ -155,13 +164,18 @@ def with_motion(
     """
 
     def view():
-        projection = read_view(depsgraph, camera, inputs.projection.aspect, eye)
+        aspect = inputs.projection.aspect
+        layers = read_image_layers(camera, depsgraph, aspect, eye)
+        if layers.names != inputs.image_layers.names:
+            # A layer is switched there: those of the frame itself have the numbers of its things.
+            layers = inputs.image_layers
+        projection = replace(read_view(depsgraph, camera, aspect, eye), layers=layers.layers)
         return projection, read_lens(camera.evaluated_get(depsgraph), projection, depsgraph, eye)[0]
 
     def everything():
         projection, lens = view()
         with_uv = inputs.scene.geometry.uv is not None
-        there = read_scene(depsgraph, True, with_uv, cancelled)
+        there = read_scene(depsgraph, True, with_uv, cancelled, inputs.image_layers.members)
         there = with_images(there, projection, transparent=depsgraph.scene_eval.render.film_transparent)
         # The frame itself has one warning more, and each is shown once.
         return projection, replace(there, warnings=inputs.scene.warnings), lens

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import weakref
+from collections.abc import Mapping
 from dataclasses import replace
 
 import bpy
@@ -19,6 +20,7 @@ from ...projection.volume.viewing_volume import Projection, ViewingVolume
 from ...shading.scene.shading_scene import Scene
 from ...shading.settings.frame_settings import Border
 from ..camera.stereo_views import EYES, Eye, eye_of, frame_matrix
+from ..layers.read_image_layers import read_image_layers
 from ..scene.read_images import KnownImages, with_images
 from ..scene.read_scene import read_scene
 from .render_errors import RENDER_ERRORS, reason
@@ -48,6 +50,7 @@ class ViewportRender:
         # Blender drops this object with its engine, which has no method for its end.
         weakref.finalize(self, self._painter.stop)
         self._scene: Scene | None = None
+        self._members: Mapping[int, int] = {}
         self._images: KnownImages = {}
         self._view: tuple | None = None
         self._drawn = -1
@@ -81,8 +84,10 @@ class ViewportRender:
 
     def _ask(self, context, depsgraph) -> None:
         try:
-            if self._scene is None:
-                self._scene = with_images(read_scene(depsgraph, may_be_empty=True), known=self._images)
+            members = viewport_members(context, depsgraph)
+            if self._scene is None or members != self._members:
+                scene = read_scene(depsgraph, may_be_empty=True, image_layers=members)
+                self._scene, self._members = with_images(scene, known=self._images), members
             commission = read_commission(context, depsgraph, self._scene)
         except RENDER_ERRORS as error:
             self._message = reason(error)
@@ -124,16 +129,29 @@ def viewport_eye(space, depsgraph) -> Eye:
     return eye_of(depsgraph.scene_eval.render, chosen) if chosen in EYES else ""
 
 
+def viewport_camera(context, depsgraph):
+    """The camera that a viewport looks through, or None."""
+    space = context.space_data
+    camera = space.camera if space.use_local_camera else depsgraph.scene.camera
+    is_through = context.region_data.view_perspective == "CAMERA" and camera is not None
+    return camera if is_through and camera.type == "CAMERA" else None
+
+
+def viewport_members(context, depsgraph) -> Mapping[int, int]:
+    """The members of the layers that a viewport shows, see ``ReadLayers``. Raises one of RENDER_ERRORS."""
+    camera = viewport_camera(context, depsgraph)
+    return {} if camera is None else read_image_layers(camera.original, depsgraph, 1.0).members
+
+
 def read_commission(context, depsgraph, scene: Scene) -> Commission | None:
     """Read the commission of a viewport, None if the camera's frame is outside it.
 
     Raises one of RENDER_ERRORS.
     """
     region, view, space = context.region, context.region_data, context.space_data
-    camera = space.camera if space.use_local_camera else depsgraph.scene.camera
-    eye = viewport_eye(space, depsgraph)
-    if view.view_perspective != "CAMERA" or camera is None or camera.type != "CAMERA":
-        camera, frame = None, Rectangle(0.0, 0.0, float(region.width), float(region.height))
+    camera, eye = viewport_camera(context, depsgraph), viewport_eye(space, depsgraph)
+    if camera is None:
+        frame = Rectangle(0.0, 0.0, float(region.width), float(region.height))
     else:
         frame = camera_rectangle(camera, depsgraph, region, view, eye)
     if frame is None:

@@ -32,7 +32,8 @@ class Instances:
 
     mesh: (N,) number of each instance's mesh. look: (N,) number of its look. matrix: (N, 4, 4) float64.
     look_object: (L,) object number of each look. slots: material numbers of all looks' slots in order;
-    first_slot: (L + 1,) the index of each look's first one. visibility, linked: (N,), see ``Geometry``.
+    first_slot: (L + 1,) the index of each look's first one. visibility, linked, image_layer: (N,), see
+    ``Geometry``.
     """
 
     mesh: NDArray[np.int32]
@@ -43,6 +44,7 @@ class Instances:
     first_slot: NDArray[np.int32]
     visibility: NDArray[np.uint8] | None = None
     linked: NDArray[np.int32] | None = None
+    image_layer: NDArray[np.uint8] | None = None
 
 
 def join_meshes(
@@ -82,11 +84,11 @@ def join_meshes(
     if result.corner_normals is not None:
         normalize(result.corner_normals)
     many = [len(meshes[number].triangles) for number in instances.mesh[order]]
+    own = {name: getattr(instances, name) for name in ("visibility", "linked", "image_layer")}
     return replace(
         result,
         layers=join_layers(blocks, triangles),
-        visibility=None if instances.visibility is None else np.repeat(instances.visibility[order], many),
-        linked=None if instances.linked is None else np.repeat(instances.linked[order], many),
+        **{name: None if each is None else np.repeat(each[order], many) for name, each in own.items()},
     )
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -49,7 +49,11 @@ def never() -> bool:
 
 
 def read_scene(
-    depsgraph, may_be_empty: bool = False, with_uv: bool = False, cancelled: Callable[[], bool] = never
+    depsgraph,
+    may_be_empty: bool = False,
+    with_uv: bool = False,
+    cancelled: Callable[[], bool] = never,
+    image_layers: Mapping[int, int] | None = None,
 ) -> Scene:
     """Read everything that an image of the depsgraph's view layer shows.
 
@@ -60,9 +64,10 @@ def read_scene(
 
     may_be_empty: return a scene of no triangles with a warning if nothing can be shown. with_uv: read the
     texture coordinates of renders, too. cancelled(): whether to return the part that has been read.
+    image_layers: the number of the image layer by an object's session id; that of an instancer comes first.
     Raises SceneError if nothing can be shown otherwise, or memory cannot hold it.
     """
-    reader = _SceneReader(depsgraph, with_uv)
+    reader = _SceneReader(depsgraph, with_uv, image_layers or {})
     for instance in depsgraph.object_instances:
         if cancelled():
             break
@@ -104,7 +109,8 @@ def read_scene(
 class _SceneReader:
     """Gathers instances; every mesh, material and visibility is read once."""
 
-    def __init__(self, depsgraph, with_uv: bool) -> None:
+    def __init__(self, depsgraph, with_uv: bool, image_layers: Mapping[int, int]) -> None:
+        self._image_layers = image_layers
         self.meshes: list[MeshArrays] = []
         self.object_numbers: dict[str, int] = {}
         self.pass_indices: list[int] = []
@@ -117,9 +123,10 @@ class _SceneReader:
         self._material = evaluated.material_override
         self._renders = ShownInRenders(depsgraph)
         self.links = LightLinks()
-        # By object and instancer: its ray visibility, and the number by which lamps know it.
-        self._shown: dict[tuple[int, int], tuple[int, int]] = {}
-        self._placed_shown: list[tuple[int, int]] = []
+        # By object and instancer: its ray visibility, the number by which lamps know it,
+        # and the number of its image layer.
+        self._shown: dict[tuple[int, int], tuple[int, int, int]] = {}
+        self._placed_shown: list[tuple[int, int, int]] = []
         self._mesh_numbers: dict[int, int] = {}
         self._look_numbers: dict[tuple[int, int], int] = {}
         self._looks: list[tuple[int, list[int]]] = []
@@ -147,7 +154,9 @@ class _SceneReader:
         if shown is None:
             name, above = own.name_full, parent.original.name_full if parent else ""
             rays = self._renders.rays(obj, parent)
-            shown = self._shown[key] = rays, self.links.number(name, above) if rays else 0
+            layer = self._image_layers.get(parent.original.session_uid, 0) if parent else 0
+            layer = layer or self._image_layers.get(own.session_uid, 0)
+            shown = self._shown[key] = rays, self.links.number(name, above) if rays else 0, layer
             if rays and obj.type == "MESH":
                 self._note_object(obj)
         if not shown[0]:
@@ -230,7 +239,7 @@ class _SceneReader:
         placed = np.array(self._placed, np.int32).reshape(-1, 2)
         matrix = np.array(self._matrices).reshape(-1, 4, 4)
         look_object = np.array([number for number, _ in self._looks], np.int32)
-        shown = np.array(self._placed_shown, np.int32).reshape(-1, 2)
+        shown = np.array(self._placed_shown, np.int32).reshape(-1, 3)
         finite = (np.abs(matrix) <= LARGEST_COORDINATE).all(axis=(1, 2))
         names = list(self.object_numbers)
         for number in sorted(set(look_object[placed[~finite, 1]].tolist())):
@@ -244,6 +253,7 @@ class _SceneReader:
             first_slot=np.cumsum([0, *(len(slots) for _, slots in self._looks)], dtype=np.int32),
             visibility=None if (shown[:, 0] == EVERYWHERE).all() else shown[finite, 0].astype(np.uint8),
             linked=shown[finite, 1] if self.links else None,
+            image_layer=shown[finite, 2].astype(np.uint8) if self._image_layers else None,
         )
 
     def warnings(self) -> tuple[str, ...]:

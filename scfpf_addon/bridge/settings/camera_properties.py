@@ -22,6 +22,7 @@ from ..surfaces import surface_object
 from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
 from .aim_properties import SCFPF_Aim, SCFPF_AimTarget
+from .layer_properties import SCFPF_ImageLayer
 from .mapping_properties import SCFPF_ImageMapping
 from .property_options import (
     MARK,
@@ -351,6 +352,19 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         **STATIC,
     )
     aim: pointer("Aim", "Settings and results of Aim", SCFPF_Aim)
+    layers: CollectionProperty(
+        name="Layers",
+        description="Collections that other cameras see in this camera's picture, the first one on top",
+        type=SCFPF_ImageLayer,
+        override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"},
+    )
+    active_layer: IntProperty(
+        name="Active Layer",
+        description="The layer that is selected in the list",
+        default=0,
+        min=0,
+        **STATIC,
+    )
     pixel_error: number(
         "Pixel Error",
         "Largest error of a curved projector, in pixels: smaller is slower, 1 is for drafts, "

@@ -13,6 +13,13 @@ from ...projection.volume.viewing_volume import ImageLayer, Projection
 from ..common.geometry import Geometry
 from ..scene.cast_scene import CastScene
 
+# Unit normals of the slabs of hulls: along axes, edges' and corners' diagonals of a cube.
+DIRECTIONS: Array = np.array(
+    [
+        step / np.linalg.norm(step)
+        for step in (np.array(np.unravel_index(number, (3, 3, 3))) - 1.0 for number in range(14, 27))
+    ]
+)
 # Bounds are wider than their contents by this, cast space: sixteen roundings of float32.
 SLACK = 2.0**-20
 
@@ -29,6 +36,13 @@ class Box:
         """The bounds of triangles (T, 3), T > 0. vertices: (3, V)."""
         used = vertices[:, np.unique(triangles)]
         return cls(used.min(axis=1), used.max(axis=1))
+
+    @property
+    def corners(self) -> Array:
+        """The corners, (3, 8)."""
+        ends = np.stack([self.lower, self.upper])
+        corners: Array = np.stack([each.ravel() for each in np.meshgrid(*ends.T)])
+        return corners
 
     @property
     def middle(self) -> Array:
@@ -52,29 +66,49 @@ class Box:
                 met &= corners.min(axis=1) <= self.upper[axis] + halo
         return met
 
+
+@dataclass(frozen=True)
+class Hull:
+    """A polytope around triangles, in the space of these: slabs low <= DIRECTIONS @ p <= high, (K,) each."""
+
+    low: Array
+    high: Array
+
+    @classmethod
+    def around(cls, points: Array) -> Hull:
+        """The hull of points (3, N), N > 0."""
+        ends = [(heights.min(), heights.max()) for heights in (each @ points for each in DIRECTIONS)]
+        return cls(*np.array(ends).T)
+
     def may_be_met(self, projection: Projection, x: Array, y: Array, around: float) -> BoolArray:
-        """Whether projectors through image positions (N,) may meet the box widened by ``around``, (N,).
+        """Whether projectors through image positions (N,) may meet the hull widened by ``around``, (N,).
 
         Certain for misses: a projector lies in the hull of its control points.
         """
         points, met = projection.projectors(x, y)
+        enters, leaves = np.zeros(len(x)), np.ones(len(x))
         with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            low = (self.lower - around - SLACK)[:, None]
-            high = (self.upper + around + SLACK)[:, None]
-            met = met & ((points.min(axis=0) <= high) & (points.max(axis=0) >= low)).all(axis=0)
-            if projection.volume.spans.is_straight:
-                way = points[1] - points[0]
-                ends = np.stack([(low - points[0]) / way, (high - points[0]) / way])
-                # A projector along a face of the box divides 0 by 0; the comparison above decides then.
-                enters = np.nanmax(np.where(way == 0.0, -np.inf, ends.min(axis=0)), axis=0)
-                leaves = np.nanmin(np.where(way == 0.0, np.inf, ends.max(axis=0)), axis=0)
-                met &= (enters <= leaves + SLACK) & (leaves >= -SLACK) & (enters <= 1.0 + SLACK)
+            for direction, low, high in zip(DIRECTIONS, self.low - around, self.high + around, strict=True):
+                slack = SLACK * float(np.abs(direction).sum())
+                low, high = low - slack, high + slack
+                heights = np.einsum("c,kcn->kn", direction, points)
+                met = met & (heights.min(axis=0) <= high) & (heights.max(axis=0) >= low)
+                if projection.volume.spans.is_straight:
+                    way = heights[1] - heights[0]
+                    ends = np.stack([low - heights[0], high - heights[0]]) / way
+                    # A projector along a slab is decided by the comparison above.
+                    ends[:, way == 0.0] = np.array([[0.0], [1.0]])
+                    enters, leaves = (
+                        np.maximum(enters, ends.min(axis=0)),
+                        np.minimum(leaves, ends.max(axis=0)),
+                    )
+            met &= enters <= leaves + SLACK
         return met
 
 
 @dataclass(frozen=True)
 class LayerPart:
-    """The things of one layer, in cast space.
+    """The things of one layer, in cast space, with their bounds.
 
     surroundings: the triangles of layer 0 that are near enough for the layer's halo; None without any.
     """
@@ -82,6 +116,7 @@ class LayerPart:
     scene: CastScene
     surroundings: CastScene | None
     box: Box
+    hull: Hull
 
 
 @dataclass(frozen=True)
@@ -127,4 +162,6 @@ def _part(
     if layer.halo > 0.0:
         near = (numbers == 0) & box.near(vertices, triangles, layer.halo)
         around = cast_scene.only(near) if near.any() else None
-    return LayerPart(scene, around, box)
+    # Halos are distances from the box.
+    held = vertices[:, np.unique(triangles[scene.usable])] if around is None else box.corners
+    return LayerPart(scene, around, box, Hull.around(held))

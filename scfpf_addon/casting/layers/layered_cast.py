@@ -75,7 +75,7 @@ class LayeredCast:
         if part is not None:
             shown = np.flatnonzero(layer.shown_at(x, y))
             around = layer.halo if part.surroundings else 0.0
-            met[shown] = part.box.may_be_met(layer.projection, x[shown], y[shown], around)
+            met[shown] = part.hull.may_be_met(layer.projection, x[shown], y[shown], around)
         return met
 
     def hits_of(self, number: int, which: IndexArray, x: Array, y: Array, counts: CastCounts) -> Hits:

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from ...projection.surfaces.surface import BilinearPatch, Plane, Point
 from ...projection.typing import Array, BoolArray
-from ...projection.volume.viewing_volume import ViewingVolume
+from ...projection.volume.viewing_volume import Projection, ViewingVolume
+from ..common.geometry import Geometry
 from ..common.parallel import chunks, parallel_map
 from .half_spaces import HalfSpaces
 from .integral_image import count_in_boxes, integral_image
@@ -39,6 +40,28 @@ def within_volume(vertices: Array, triangles: NDArray[np.int32], volume: Viewing
         return sides.met_by(points, triangles)
     grid = _Grid.around(volume)
     return np.ones(len(triangles), bool) if grid is None else grid.met_by(points, triangles)
+
+
+def within_projection(geometry: Geometry, projection: Projection) -> BoolArray:
+    """Return whether each triangle may meet the volume that shows it, (T,).
+
+    That is the projection's or that of the triangle's layer. A layer with a halo shows triangles of layer 0,
+    too.
+    """
+
+    def within(volume: ViewingVolume) -> BoolArray:
+        return within_volume(geometry.vertices, geometry.triangles, volume)
+
+    kept, numbers = within(projection.volume), geometry.image_layer
+    if numbers is None or not projection.layers:
+        return kept
+    kept &= numbers == 0
+    for number, layer in enumerate(projection.layers, 1):
+        own = numbers == number
+        if layer.halo > 0.0:
+            own |= numbers == 0
+        kept |= own & within(layer.projection.volume)
+    return kept
 
 
 class _Grid(NamedTuple):

@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 
 from ...projection.typing import BoolArray, Float32Array
 from ..common.cancellation import raise_if_cancelled
+from ..common.geometry import renumbered
 from .embree_meshes import build_mesh
 from .quads import Quads
+
+# Usable triangles that are a smaller share of all are built alone.
+FEW = 0.5
 
 
 class TracedMesh:
@@ -23,6 +27,13 @@ class TracedMesh:
     """
 
     def __init__(self, vertices: NDArray[Any], triangles: NDArray[np.int32], usable: BoolArray) -> None:
+        self._numbers: NDArray[np.int32] | None = None
+        kept = np.flatnonzero(usable)
+        if 0 < len(kept) < len(usable) * FEW:
+            used, triangles = renumbered(triangles[kept], vertices.shape[1])
+            vertices, usable = vertices[:, used], np.ones(len(kept), bool)
+            # The last one stands for a miss, -1.
+            self._numbers = np.append(kept, -1).astype(np.int32)
         faces = triangles
         self.quads = Quads.of(triangles, usable)
         if self.quads:
@@ -39,9 +50,10 @@ class TracedMesh:
         if self.quads:
             # embreex overwrites the array of limits.
             rays = origins.T, directions.T, limits.copy()
-            return self.quads.triangles(self._embree.run(*rays, output=True), self._faces_each)
-        found: NDArray[np.int32] = self._embree.run(origins.T, directions.T, limits)
-        return found
+            found = self.quads.triangles(self._embree.run(*rays, output=True), self._faces_each)
+        else:
+            found = self._embree.run(origins.T, directions.T, limits)
+        return found if self._numbers is None else self._numbers[found]
 
     def trace_distance(
         self, origins: Float32Array, directions: Float32Array, limits: Float32Array

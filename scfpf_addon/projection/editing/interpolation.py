@@ -10,7 +10,7 @@ import numpy as np
 
 from ..surfaces.surface import ControlSurface, Placement, SurfaceSample
 from ..typing import Array
-from ..volume.viewing_volume import Projection, ViewingVolume
+from ..volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class InterpolatedSurface(ControlSurface):
 def interpolated_projection(before: Projection, after: Projection, share: float) -> Projection:
     """The projection ``share`` of the way from one to the other.
 
-    Only control surfaces and the shown range are interpolated. Volumes with other numbers of surfaces, other
-    bases or lattices give the nearer of both.
+    Only control surfaces and the shown range are interpolated, those of layers as well. Volumes with other
+    numbers of surfaces, other bases or lattices give the nearer of both.
     """
     one, other = before.volume, after.volume
     nearer = before if share < 0.5 else after
@@ -67,11 +67,23 @@ def interpolated_projection(before: Projection, after: Projection, share: float)
     weights = one.weights
     if one.weights is not None and other.weights is not None:
         weights = tuple(a + (b - a) * share for a, b in zip(one.weights, other.weights, strict=True))
+    layers = nearer.layers
+    if len(before.layers) == len(after.layers):
+        layers = tuple(_layer(*both, share) for both in zip(before.layers, after.layers, strict=True))
     return replace(
         nearer,
+        layers=layers,
         volume=ViewingVolume(surfaces, one.basis, weights),
         u_range=_pair(before.u_range, after.u_range, share),
         v_range=_pair(before.v_range, after.v_range, share),
+    )
+
+
+def _layer(before: ImageLayer, after: ImageLayer, share: float) -> ImageLayer:
+    return replace(
+        before if share < 0.5 else after,
+        projection=interpolated_projection(before.projection, after.projection, share),
+        eye=before.eye + (after.eye - before.eye) * share,
     )
 
 

@@ -13,7 +13,7 @@ from ...casting.common.geometry import Geometry
 from ...casting.common.hits import NothingToCastAt
 from ...casting.common.ray_visibility import CAMERA, SHADOW, visible_to
 from ...casting.scene.cast_scene import CastScene
-from ...casting.scene.culling import within_volume
+from ...casting.scene.culling import within_projection
 from ...casting.scene.prisms import require_room_for_prisms
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
@@ -44,12 +44,7 @@ def _within_reach(
         return scene, None
     if not alone:
         return scene, _built(whole, exact)
-    kept = within_volume(whole.vertices, whole.triangles, projection.volume)
-    for number, layer in enumerate(projection.layers, 1):
-        seen_there = within_volume(whole.vertices, whole.triangles, layer.projection.volume)
-        if whole.image_layer is not None and layer.halo == 0.0:
-            seen_there &= whole.image_layer == number
-        kept |= seen_there
+    kept = within_projection(whole, projection)
     seen = visible_to(whole.visibility, CAMERA)
     if seen is not None:
         kept &= seen

@@ -9,11 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...casting.cast import cast
+from ...casting.common.hits import CastCounts, Hits
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.inverse import ImagePlaces, find_in_image
 from ...projection.volume.viewing_volume import Projection
 from ..scene.shading_scene import Scene
-from .pick import PIXEL_ERROR, object_name, visible_scene
+from .pick import PIXEL_ERROR, layered_cast, object_name, visible_scene
 
 # Of an object with more points these are looked up: the outermost in so many directions, and so many others.
 DIRECTIONS, OTHERS = 96, 300
@@ -57,9 +58,10 @@ def find(
     projection: in the scene's space. points: (3, N), N >= 1, of the object. names: of the objects that
     cannot hide it: its own. pixel_size: as for ``pick``. Raises CastError.
     """
+    number = _layer_of(scene, names)
     middle = (points.min(axis=1) + points.max(axis=1)) / 2
     some = np.concatenate([middle[:, None], _some(points)], axis=1)
-    place = find_in_image(projection, some)
+    place = find_in_image(projection.of_layers[number], some)
     inside = np.flatnonzero(place.found[1:]) + 1
     if not len(inside):
         return None
@@ -69,7 +71,7 @@ def find(
     else:
         nearest = inside[np.argmin(np.linalg.norm(some[:, inside] - middle[:, None], axis=0))]
     shown = ImagePlaces(x, y, place.t[inside], place.found[inside])
-    hidden, hider = _hidden(projection, scene, shown, names, pixel_size)
+    hidden, hider = _hidden(projection, scene, shown, some[:, inside], names, pixel_size)
     return Found(
         box=(float(x.min()), float(y.min()), float(x.max()), float(y.max())),
         centre=(float(place.x[nearest]), float(place.y[nearest])),
@@ -77,6 +79,15 @@ def find(
         hidden=hidden,
         hider=hider,
     )
+
+
+def _layer_of(scene: Scene, names: Collection[str]) -> int:
+    """The number of the layer that shows most triangles of the objects of these names."""
+    geometry = scene.geometry
+    if geometry.image_layer is None:
+        return 0
+    numbers = geometry.image_layer[_own(scene, names)[geometry.object_index]]
+    return int(np.bincount(numbers).argmax()) if len(numbers) else 0
 
 
 def _own(scene: Scene, names: Collection[str]) -> BoolArray:
@@ -101,17 +112,29 @@ def _hidden(
     projection: Projection,
     scene: Scene,
     place: ImagePlaces,
+    points: Array,
     names: Collection[str],
     pixel_size: tuple[float, float],
 ) -> tuple[float, str]:
-    """The share of the points behind other objects, and the name of the one that hides most."""
+    """The share of points (3, N) at ``place`` behind other objects; the name of the one that hides most."""
     cast_scene = visible_scene(scene)
     if cast_scene is None:
         return 0.0, ""
-    moved = projection.transformed(cast_scene.matrix)
-    hits = cast(cast_scene, moved, place.x, place.y, pixel_size, PIXEL_ERROR)
+    layered = layered_cast(cast_scene, projection, scene, pixel_size)
+    if layered is None:
+        moved = projection.transformed(cast_scene.matrix)
+        hits = cast(cast_scene, moved, place.x, place.y, pixel_size, PIXEL_ERROR)
+        before = hits.t < place.t - HIDING_STEP
+    else:
+        hits, layer = layered.first_hits(place.x, place.y, CastCounts())
+        number = _layer_of(scene, names)
+        within = cast_scene.matrix[:3, :3] @ points + cast_scene.matrix[:3, 3:]
+        there = Hits.empty(len(place.t))._replace(position=within, triangle=np.zeros(len(place.t), np.int32))
+        keys = [layered.keys(each, hits) for each in range(len(projection.of_layers))]
+        in_front = np.stack(keys)[layer, np.arange(len(layer))] < layered.keys(number, there)
+        before = np.where(layer == number, hits.t < place.t - HIDING_STEP, in_front)
     met = scene.geometry.object_index[hits.triangle]
-    hiding = (hits.triangle >= 0) & ~_own(scene, names)[met] & (hits.t < place.t - HIDING_STEP)
+    hiding = (hits.triangle >= 0) & ~_own(scene, names)[met] & before
     if not hiding.any():
         return 0.0, ""
     most = int(np.bincount(met[hiding]).argmax())

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...casting.cast import cast
+from ...casting.common.hits import CastCounts
+from ...casting.layers.layer_parts import LayerParts
+from ...casting.layers.layered_cast import LayeredCast
 from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
@@ -47,17 +50,22 @@ def pick(
     projection: in the scene's space. pixel_size: a pixel's width and height as shares
     of the image. Raises CastError.
     """
+    cast_scene = visible_scene(scene)
+    triangle, t = -1, math.inf
+    if cast_scene is not None:
+        layered = layered_cast(cast_scene, projection, scene, pixel_size)
+        if layered is None:
+            triangle, t = first_hit(cast_scene, projection, x, y, pixel_size)
+        else:
+            hits, layer = layered.first_hits(np.array([x]), np.array([y]), CastCounts())
+            triangle, t = int(hits.triangle[0]), float(hits.t[0])
+            projection = projection.of_layers[int(layer[0])]
     curve_at = projector_at(projection, x, y)
     if curve_at is None:
         return None
     curve = curve_at(np.linspace(0.0, 1.0, LENGTH_PIECES + 1))
-    miss = Pick(curve, None, np.zeros(3), "", 0.0)
-    cast_scene = visible_scene(scene)
-    if cast_scene is None:
-        return miss
-    triangle, t = first_hit(cast_scene, projection, x, y, pixel_size)
     if triangle < 0:
-        return miss
+        return Pick(curve, None, np.zeros(3), "", 0.0)
     way = curve_at(np.linspace(0.0, t, LENGTH_PIECES + 1))
     distance = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
     name = object_name(scene, int(scene.geometry.object_index[triangle]))
@@ -78,6 +86,17 @@ def projector_at(projection: Projection, x: float, y: float) -> Callable[[Array]
         return points
 
     return curve_at
+
+
+def layered_cast(
+    cast_scene: CastScene, projection: Projection, scene: Scene, pixel_size: tuple[float, float]
+) -> LayeredCast | None:
+    """The cast at a scene's layers, None if the projection itself shows all; arguments as for ``pick``."""
+    moved = projection.transformed(cast_scene.matrix)
+    parts = LayerParts.of(scene.geometry, cast_scene, moved.layers)
+    if parts is None:
+        return None
+    return LayeredCast(parts=parts, projection=moved, pixel_size=pixel_size, pixel_error=PIXEL_ERROR)
 
 
 def first_hit(

@@ -99,7 +99,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
     hidden |= {"report", "statistics", "frame_sizes"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
     hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends"}
-    hidden |= {"aim", "aim_targets", "active_aim"}
+    hidden |= {"aim", "aim_targets", "active_aim", "layers", "active_layer"}
     # An operator switches it, which also looks through the camera.
     hidden |= {"show_live"}
     assert names == set(camera.scfpf.bl_rna.properties.keys()) - hidden

@@ -285,7 +285,9 @@ def test_what_an_override_has_from_its_file_stays_until_it_is_local(addon, camer
         ("camera_from_camera", {}),
         ("volume_to_lattice", {}),
     ):
-        with pytest.raises(RuntimeError, match="is a library override: surfaces, mappings and targets"):
+        with pytest.raises(
+            RuntimeError, match="is a library override: surfaces, mappings, targets and layers"
+        ):
             getattr(bpy.ops.scfpf, name)(**options)
         assert [slot.object for slot in slots] == before and len(bpy.data.objects) == count, name
     camera.scfpf.active_surface = 1

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Check the layers of a camera: how much of the picture shows each, and why one shows nothing."""
+
+from __future__ import annotations
+
+import bpy
+
+from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
+from ...scfpf_addon.bridge.layers.read_image_layers import lacking
+from ...scfpf_addon.shading.picking.layer_shares import layer_shares
+from ..aim.aim_camera import AimAction, camera_name
+from ..common.target import poll_flexible_camera
+from ..image.preparation import poll_no_render, prepared_inputs, redraw_interface
+
+UNSEEN = "Its camera sees none of it: point the camera at the collection"
+HIDDEN = "All of it is hidden by other things: choose Order under In Front, or move it up in the list"
+MASKED = "Renders show none of its objects, or its mask hides all: look at both"
+
+
+class SCFPF_OT_layer_check(AimAction, bpy.types.Operator):
+    """Find out how much of the picture shows each layer, and why a layer shows nothing"""
+
+    bl_idname = "scfpf.layer_check"
+    bl_label = "Check Layers"
+
+    camera: camera_name()
+
+    @classmethod
+    def poll(cls, context):
+        return poll_flexible_camera(cls, context) and poll_no_render(cls, context)
+
+    def edit(self, context, camera):
+        uid = camera.session_uid
+        inputs = prepared_inputs(context, camera)
+        shares = layer_shares(inputs.projection, inputs.scene)
+        number, parts = 0, []
+        for layer in object_by_uid(uid).scfpf.layers:
+            lack = lacking(layer)
+            layer.share, layer.message = -1.0, ""
+            if not layer.is_on or lack:
+                layer.message = f"Left out: {lack}" if lack else ""
+                continue
+            number += 1
+            layer.share = float(shares.seen[number])
+            parts.append(f"{layer.name} {layer.share:.1%}".replace("%", " %"))
+            if layer.share == 0.0:
+                layer.message = _why(inputs, number, float(shares.alone[number]))
+        redraw_interface(context.window_manager)
+        for warning in inputs.image_layers.warnings:
+            self.report({"WARNING"}, warning)
+        return " · ".join(parts) or "No layer is complete and switched on"
+
+
+def _why(inputs, number: int, alone: float) -> str:
+    """The reason why a layer is not seen. alone: the share of the image that it would have alone."""
+    if alone > 0.0:
+        return HIDDEN
+    numbers = inputs.scene.geometry.image_layer
+    is_shown = numbers is not None and bool((numbers == number).any())
+    return UNSEEN if is_shown and inputs.projection.layers[number - 1].mask is None else MASKED
+
+
+register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_layer_check,))

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel Layers: the collections that other cameras see in the picture, and the settings of one."""
+
+import bpy
+
+from ..scfpf_addon.bridge.layers.read_image_layers import lacking
+from .base import Subsection, draw_text, section_panels
+
+
+class SCFPF_UL_layers(bpy.types.UIList):
+    """The layers of the picture, the first one on top"""
+
+    def draw_item(self, _context, layout, _data, item, _icon, _active_data, _active_property, _index):
+        row = layout.row(align=True)
+        row.active = item.is_on
+        # A row has no room for the panel's split into name and value.
+        row.use_property_split = row.use_property_decorate = False
+        row.prop(item, "name", text="", emboss=False, icon="ERROR" if lacking(item) else "RENDERLAYERS")
+        if item.is_on and item.share >= 0.0:
+            right = row.row()
+            right.alignment = "RIGHT"
+            right.alert = item.share == 0.0
+            right.label(text=f"{item.share:.1%}".replace("%", " %"))
+        icon = "CHECKBOX_HLT" if item.is_on else "CHECKBOX_DEHLT"
+        row.prop(item, "is_on", text="", emboss=False, icon=icon)
+
+
+class _LayersSection(Subsection):
+    bl_label = "Layers"
+    bl_order = 0
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw_settings(self, _context, _camera, settings):
+        layout = self.layout
+        if not len(settings.layers):
+            layout.operator("scfpf.layer_add", icon="RENDERLAYERS")
+            return
+        row = layout.row()
+        row.template_list(
+            "SCFPF_UL_layers", "", settings, "layers", settings, "active_layer", rows=4, sort_lock=True
+        )
+        column = row.column(align=True)
+        column.operator("scfpf.layer_add", text="", icon="ADD")
+        column.operator("scfpf.layer_remove", text="", icon="REMOVE")
+        column.separator()
+        column.operator("scfpf.layer_move", text="", icon="TRIA_UP").direction = "UP"
+        column.operator("scfpf.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
+        layout.operator("scfpf.layer_check", icon="VIEWZOOM")
+        if settings.active_layer < len(settings.layers):
+            draw_layer(layout, settings.layers[settings.active_layer])
+
+
+def draw_layer(layout, layer) -> None:
+    """Draw the settings of a layer, what it lacks, and what Check Layers has found."""
+    column = layout.column()
+    column.active = layer.is_on
+    for name in ("collection", "camera", "front", "mask", "halo"):
+        column.prop(layer, name)
+    lack = lacking(layer)
+    if lack:
+        draw_text(layout, f"Left out: {lack}", "ERROR")
+    elif layer.is_on and layer.message:
+        draw_text(layout, layer.message, "ERROR")
+
+
+register, unregister = bpy.utils.register_classes_factory(
+    (SCFPF_UL_layers, *section_panels(_LayersSection, "layers"))
+)

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""New layers of a flexible camera, and the cameras that see them."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..blender.scene_objects import link_beside
+
+
+def add_layer(camera, collection, eye=None):
+    """Append a layer that shows a collection to a camera's list, and make it active. Returns the layer.
+
+    eye: the camera that sees the collection; by default a new ordinary one in the place of ``camera``, which
+    the artist then moves.
+    """
+    settings = camera.scfpf
+    taken = {layer.name for layer in settings.layers}
+    names = (collection.name, *(f"{collection.name} {number}" for number in range(2, len(taken) + 2)))
+    layer = settings.layers.add()
+    layer.name = next(free for free in names if free not in taken)
+    layer.collection, layer.camera = collection, eye or _new_eye(camera, layer.name)
+    settings.active_layer = len(settings.layers) - 1
+    return layer
+
+
+def _new_eye(camera, name: str):
+    """An ordinary camera with the place and the lens of a flexible one."""
+    data = camera.data.copy()
+    data.name = f"{name} Layer"
+    data.animation_data_clear()
+    eye = bpy.data.objects.new(data.name, data)
+    eye.matrix_world = camera.matrix_world
+    link_beside(eye, camera)
+    return eye

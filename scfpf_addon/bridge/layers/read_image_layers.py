@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The layers of a flexible camera's image: which things they show, and through which volume."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...casting.common.geometry import Geometry
+from ...projection.volume.viewing_volume import ImageLayer, Projection
+from ..blender.scene_objects import absent_text
+from ..camera.ordinary_camera import FrustumError, frustum_projection
+from ..camera.read_projection import ProjectionError, read_projection
+from ..camera.stereo_views import Eye, eye_place, seen_by
+from ..scene.read_images import mask_pixels
+from ..scene.read_materials import listing
+
+# Layers of one image at most: their numbers are bytes.
+MOST_LAYERS = 64
+NOT_HERE = "Layers are shown by the SCFPF engine and Render, not here: {}"
+SHARP = "Depth of field is left out in layers: only the rest of the picture is blurred"
+TWICE = "In the layers '{}' and '{}', of which the first alone shows them: {}"
+EMPTY = "Layers that show nothing, as renders show none of their objects: "
+
+
+@dataclass(frozen=True)
+class ReadLayers:
+    """The layers of an image, as evaluated.
+
+    layers, names: by number, from 1 on. members: the number of the layer by the session id of each object
+    that a layer shows. warnings: about layers that are left out or show less than asked.
+    """
+
+    layers: tuple[ImageLayer, ...] = ()
+    names: tuple[str, ...] = ()
+    members: Mapping[int, int] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def warnings_of(self, geometry: Geometry, is_blurred: bool) -> tuple[str, ...]:
+        """The warnings, with those about the scene that was read. is_blurred: by depth of field."""
+        if not self.layers:
+            return self.warnings
+        numbers = geometry.image_layer
+        shown = set() if numbers is None else set(np.unique(numbers).tolist())
+        empty = [name for number, name in enumerate(self.names, 1) if number not in shown]
+        more = [EMPTY + listing(empty)] if empty else []
+        return (*self.warnings, *more, *([SHARP] if is_blurred else []))
+
+
+def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLayers:
+    """Read the layers of a camera that are switched on and complete.
+
+    aspect: of the image. eye: of a stereoscopic scene; each layer's camera has its own two. Raises
+    ProjectionError or FrustumError, with the layer's name.
+    """
+    evaluated = camera.evaluated_get(depsgraph)
+    place = np.array(eye_place(evaluated, eye)[:3, 3], np.float64) if evaluated.scfpf.layers else None
+    layers, names, collections, warnings = [], [], [], []
+    for own, state in zip(camera.original.scfpf.layers, evaluated.scfpf.layers, strict=True):
+        if not state.is_on or not camera.original.scfpf.enabled:
+            continue
+        lack = lacking(own)
+        if lack or len(layers) == MOST_LAYERS:
+            reason = lack or f"an image has at most {MOST_LAYERS} layers"
+            warnings.append(f"Layer '{own.name}' is left out: {reason}")
+            continue
+        try:
+            projection = _view(own.camera, depsgraph, aspect, eye)
+        except (ProjectionError, FrustumError) as error:
+            raise type(error)(f"Layer '{own.name}': {error}") from error
+        mask = None if own.mask is None else mask_pixels(own.mask)
+        if mask is None and own.mask is not None:
+            warnings.append(
+                f"The mask of layer '{own.name}' has no pixels, so it hides nothing: paint or load it"
+            )
+        layers.append(ImageLayer(projection, state.front, place, mask, state.halo))
+        names.append(own.name)
+        collections.append(own.collection)
+    members, twice = _members(names, collections)
+    return ReadLayers(tuple(layers), tuple(names), members, (*warnings, *twice))
+
+
+def lacking(layer) -> str:
+    """What a layer lacks to be shown, and what to do; empty if it is complete."""
+    if layer.collection is None:
+        return "it has no collection: choose one"
+    if layer.camera is None:
+        return "it has no camera: choose one under Seen By"
+    return ""
+
+
+def _view(camera, depsgraph, aspect: float, eye: Eye) -> Projection:
+    """The projection of a layer's camera. Raises ProjectionError or FrustumError."""
+    if lost := absent_text(camera, depsgraph.scene, "choose another camera under Seen By"):
+        raise ProjectionError(lost)
+    evaluated = camera.evaluated_get(depsgraph)
+    if camera.scfpf.enabled:
+        projection = read_projection(camera, depsgraph, aspect)
+    else:
+        projection = frustum_projection(evaluated, depsgraph, aspect)
+    return projection.transformed(seen_by(evaluated, eye)) if eye else projection
+
+
+def _members(names, collections) -> tuple[dict[int, int], list[str]]:
+    """The layer of each object, and a warning for each two layers that share some: the first shows them."""
+    members: dict[int, int] = {}
+    shared: dict[tuple[int, int], list[str]] = {}
+    for number, collection in enumerate(collections, 1):
+        for obj in collection.all_objects:
+            first = members.setdefault(obj.session_uid, number)
+            if first != number:
+                shared.setdefault((first, number), []).append(obj.name)
+    return members, [
+        TWICE.format(names[first - 1], names[second - 1], listing(objects))
+        for (first, second), objects in shared.items()
+    ]
+
+
+def shown_layers(camera) -> list[str]:
+    """The names of the layers that a camera's renders show."""
+    if not camera.scfpf.enabled:
+        return []
+    return [layer.name for layer in camera.scfpf.layers if layer.is_on and not lacking(layer)]
+
+
+def not_here(camera) -> str:
+    """The sentence for a view that does not show layers; empty if the camera has none."""
+    names = shown_layers(camera)
+    return NOT_HERE.format(listing(names)) if names else ""

@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The properties of image layers, the list ``Object.scfpf.layers``.
+
+Switches and numbers are keyframable; the order of the list is not.
+"""
+
+from __future__ import annotations
+
+import bpy
+
+from .property_options import STATIC, choice, number, pointer, switch, text
+
+FRONTS = (
+    ("DEPTH", "Depth", "Whatever is nearer to this camera is in front, point by point"),
+    (
+        "ANCHOR",
+        "Anchor",
+        "The layer counts as one thing as far away from this camera as the middle of its collection",
+    ),
+    ("ORDER", "Order", "The layer is in front of the rest and of the layers below it in the list"),
+)
+
+
+def _may_see(layer, candidate) -> bool:
+    return candidate.type == "CAMERA" and candidate != layer.id_data
+
+
+class SCFPF_ImageLayer(bpy.types.PropertyGroup):
+    """Things that the image shows as another camera sees them.
+
+    Only ``slot_animation`` may reorder and remove layers.
+    """
+
+    name: text("Name", "Name of the layer in the list")
+    is_on: switch(
+        "Use Layer", "Show the layer's collection as its camera sees it, instead of as this one does", True
+    )
+    collection: pointer("Collection", "The things that the layer shows", bpy.types.Collection)
+    camera: pointer(
+        "Seen By",
+        "The camera, flexible or not, that sees the layer's collection. Its picture lies over this one's",
+        bpy.types.Object,
+        poll=_may_see,
+    )
+    front: choice(
+        "In Front", "What decides which of two things hides the other", items=FRONTS, default="DEPTH"
+    )
+    mask: pointer(
+        "Mask",
+        "An image over the whole picture: the layer is shown where it is white, hidden where it is black",
+        bpy.types.Image,
+    )
+    halo: number(
+        "Halo",
+        "Distance around the collection within which the layer shows the rest of the scene, too: the ground "
+        "on which a thing stands",
+        0.0,
+        0.0,
+        1e6,
+        soft_max=10.0,
+        subtype="DISTANCE",
+    )
+    share: number(
+        "Share",
+        "Share of the picture in which the layer is seen; -1 before Check Layers",
+        -1.0,
+        -1.0,
+        1.0,
+        **STATIC,
+    )
+    message: text("Message", "What Check Layers has found", **STATIC)
+
+
+CLASSES = (SCFPF_ImageLayer,)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister():
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

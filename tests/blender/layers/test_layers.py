@@ -1,0 +1,319 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image layers in Blender: what they show against composited renders, and the list through a session."""
+
+from itertools import pairwise
+
+import bpy
+import numpy as np
+import pytest
+from engine_images import button, f12
+from mathutils import Matrix
+
+FRONTS = ("DEPTH", "ANCHOR", "ORDER")
+
+
+def placed(obj, location, turn=(0, 0, 0)):
+    obj.location, obj.rotation_euler = location, turn
+    return obj
+
+
+def new_camera(name, matrix, scene=None):
+    camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    (scene or bpy.context.scene).collection.objects.link(camera)
+    camera.matrix_world = matrix
+    camera.data.clip_end = 60.0
+    return camera
+
+
+def looking(place, at=(0, 0, 0)):
+    from mathutils import Vector
+
+    way = Vector(at) - Vector(place)
+    return Matrix.Translation(place) @ way.to_track_quat("-Z", "Y").to_matrix().to_4x4()
+
+
+@pytest.fixture
+def scene(engine_scene):
+    """A cube on a floor, a second one, a flexible camera before them and a layer's camera beside."""
+    cube = bpy.data.objects["Cube"]
+    cube.name = "Thing"
+    things = bpy.data.collections.new("Things")
+    engine_scene.collection.children.link(things)
+    things.objects.link(cube)
+    bpy.ops.mesh.primitive_cube_add(location=(1.5, 3.0, 0), size=3.0)
+    bpy.context.object.name = "Wall"
+    bpy.ops.mesh.primitive_plane_add(location=(0, 0, -1), size=30)
+    bpy.context.object.name = "Floor"
+    camera = engine_scene.camera
+    camera.name = "Master"
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.preset_apply(preset="perspective") == {"FINISHED"}
+    camera.matrix_world = looking((0, -9, 2))
+    camera.scfpf.samples, camera.scfpf.pixel_error = 1, 0.05
+    engine_scene.render.filter_size = 0.0
+    engine_scene.render.film_transparent = True
+    new_camera("Side", looking((-6, -5, 5), (-0.8, 0, 0)))
+    return engine_scene
+
+
+def add(front="DEPTH", collection="Things", seen_by="Side", **more):
+    given = {"camera": "Master", "collection": collection, "seen_by": seen_by, "front": front}
+    assert bpy.ops.scfpf.layer_add(**given, **more) == {"FINISHED"}
+    return bpy.data.objects["Master"].scfpf.layers[-1]
+
+
+def seen_alone(names, camera=None):
+    """The image of some objects; the others are hidden from the camera, but lit and shadowed as ever."""
+    scene, kept = bpy.context.scene, bpy.context.scene.camera
+    scene.camera = camera or kept
+    meshes = [obj for obj in scene.objects if obj.type == "MESH" and obj.scfpf_surface.kind == "NONE"]
+    for obj in meshes:
+        obj.visible_camera = obj.name in names
+    image = f12(scene)["ViewLayer.Combined"]
+    for obj in meshes:
+        obj.visible_camera = True
+    scene.camera = kept
+    return image
+
+
+@pytest.mark.parametrize("is_flexible", [False, True])
+def test_a_layer_on_top_is_its_cameras_image_over_the_rest(scene, is_flexible):
+    side = bpy.data.objects["Side"]
+    if is_flexible:
+        bpy.context.view_layer.objects.active = side
+        assert bpy.ops.scfpf.preset_apply(preset="curved_convergence") == {"FINISHED"}
+        side.scfpf.samples, side.scfpf.pixel_error = 1, 0.05
+        scene.camera = bpy.data.objects["Master"]
+    else:
+        # A frame's own samples are the camera's.
+        side.scfpf.samples = 1
+    thing, rest = seen_alone({"Thing"}, side), seen_alone({"Wall", "Floor"})
+    layer = add("ORDER")
+    image = f12(scene)["ViewLayer.Combined"]
+    covered = thing[..., 3] > 0
+    assert 0.02 < covered.mean() < 0.6
+    expected = np.where(covered[..., None], thing, rest)
+    off = np.abs(image - expected).max(axis=2) > 2e-3
+    # Silhouettes and shadow borders may differ by a rounding, as parts have a tree of their own.
+    assert off.mean() < (0.01 if is_flexible else 0.002)
+    # Float32's last digit: the other image builds other triangles.
+    near = np.isclose(image[~covered], rest[~covered], rtol=1e-6, atol=1e-6).all(axis=1)
+    assert near.mean() > 0.999
+    layer.mask = bpy.data.images.new("Black", 1, 1)
+    layer.mask.pixels[:] = (0.0, 0.0, 0.0, 1.0)
+    hidden = f12(scene)["ViewLayer.Combined"]
+    shown = np.abs(image - hidden).max(axis=2) > 0
+    assert (shown & ~covered).mean() < 0.001 and (shown & covered).mean() > 0.7 * covered.mean()
+
+
+@pytest.mark.parametrize("front", FRONTS)
+def test_the_button_the_engine_and_their_passes_agree(scene, front):
+    bpy.context.view_layer.use_pass_object_index = True
+    bpy.data.objects["Thing"].pass_index = 7
+    add(front)
+    made = f12(scene)
+    assert np.array_equal(made["ViewLayer.Combined"], button())
+    index = made["ViewLayer.Object Index" if bpy.app.version >= (5, 0, 0) else "ViewLayer.IndexOB"][..., 0]
+    assert 0.01 < (index == 7).mean() < 0.5
+
+
+def test_who_is_in_front_follows_the_master(scene):
+    # The thing stands behind the wall as the master sees it; its layer's image lies over the wall's.
+    bpy.context.view_layer.use_pass_object_index = True
+    bpy.data.objects["Thing"].pass_index = 7
+    placed(bpy.data.objects["Thing"], (1.5, 9, 0))
+    bpy.data.objects["Side"].matrix_world = looking((1.5, 3, 8), (1.5, 9, 0))
+    shares = {}
+    for front in FRONTS:
+        layer = add(front)
+        bpy.ops.scfpf.layer_check(camera="Master")
+        shares[front] = layer.share
+        assert bpy.ops.scfpf.layer_remove(camera="Master") == {"FINISHED"}
+    assert shares["ORDER"] > shares["DEPTH"] and shares["ORDER"] > 0.02
+    assert shares["DEPTH"] == pytest.approx(shares["ANCHOR"], abs=0.02)
+
+
+def test_instances_are_in_the_layer_of_their_instancer(scene):
+    bpy.ops.object.collection_instance_add(collection="Things", location=(-3, 0, 0))
+    empty = bpy.context.object
+    group = bpy.data.collections.new("Group")
+    scene.collection.children.link(group)
+    group.objects.link(empty)
+    layer = add("ORDER", collection="Group")
+    bpy.data.objects["Side"].matrix_world = looking((-9, -5, 5), (-3, 0, 0))
+    bpy.ops.scfpf.layer_check(camera="Master")
+    assert layer.share > 0.01
+
+
+def test_a_mask_and_a_switch_hide_a_layer(scene):
+    layer, camera = add("ORDER"), scene.camera
+    full = f12(scene)["ViewLayer.Combined"]
+    mask = bpy.data.images.new("Mask", 4, 2)
+    mask.pixels[:] = [0.0] * 32
+    layer.mask = mask
+    hidden = f12(scene)["ViewLayer.Combined"]
+    np.testing.assert_allclose(hidden, seen_alone({"Wall", "Floor"}), rtol=1e-6)
+    assert (hidden != full).any()
+    mask.pixels[:] = [1.0] * 32
+    np.testing.assert_array_equal(f12(scene)["ViewLayer.Combined"], full)
+    layer.is_on = False
+    plain = f12(scene)["ViewLayer.Combined"]
+    camera.scfpf.layers.clear()
+    np.testing.assert_array_equal(f12(scene)["ViewLayer.Combined"], plain)
+
+
+def test_an_animated_layer(scene):
+    layer = add("ORDER")
+    side = bpy.data.objects["Side"]
+    for frame, is_on, height in ((1, True, 5.0), (3, True, 7.0), (4, False, 7.0)):
+        layer.is_on, side.location.z = is_on, height
+        layer.keyframe_insert("is_on", frame=frame)
+        side.keyframe_insert("location", index=2, frame=frame)
+    images = []
+    for frame in (1, 2, 3, 4):
+        scene.frame_set(frame)
+        images.append(f12(scene)["ViewLayer.Combined"])
+    assert all((a != b).any() for a, b in pairwise(images))
+    # The second keyframes' switch follows its layer when another comes on top.
+    add("ORDER", collection=_new_collection("Walls", "Wall"))
+    assert bpy.ops.scfpf.layer_move(camera="Master", index=1, direction="UP") == {"FINISHED"}
+    scene.frame_set(4)
+    assert [each.is_on for each in scene.camera.scfpf.layers] == [True, False]
+    assert bpy.ops.scfpf.layer_remove(camera="Master", index=0) == {"FINISHED"}
+    assert not scene.camera.scfpf.layers[0].is_on
+    scene.frame_set(1)
+    assert scene.camera.scfpf.layers[0].is_on
+
+
+def _new_collection(name, *objects):
+    made = bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(made)
+    for each in objects:
+        made.objects.link(bpy.data.objects[each])
+    return name
+
+
+def test_motion_blur_and_vectors_follow_a_layers_camera(scene):
+    add("ORDER")
+    side = bpy.data.objects["Side"]
+    for frame, height in ((0, 4.0), (2, 6.0)):
+        side.location.z = height
+        side.keyframe_insert("location", index=2, frame=frame)
+    scene.frame_set(1)
+    scene.camera.scfpf.samples = 4
+    bpy.context.view_layer.use_pass_vector = True
+    still = f12(scene)
+    vector = still["ViewLayer.Vector"]
+    thing = seen_alone({"Thing"}, side)[..., 3] == 1
+    moving = np.abs(vector).max(axis=2) > 0.5
+    assert moving[thing].mean() > 0.9 and moving[~thing].mean() < 0.1
+    bpy.context.view_layer.use_pass_vector = False
+    scene.render.use_motion_blur = True
+    blurred = f12(scene)["ViewLayer.Combined"]
+    assert (np.abs(blurred - still["ViewLayer.Combined"]).max(axis=2) > 0.01)[thing].any()
+
+
+def test_the_list_through_save_undo_and_append(scene, tmp_path):
+    bpy.ops.ed.undo_push(message="Before")
+    add("ANCHOR")
+    bpy.ops.ed.undo_push(message="Added")
+    bpy.ops.ed.undo()
+    assert not len(bpy.data.objects["Master"].scfpf.layers)
+    bpy.ops.ed.redo()
+    assert bpy.data.objects["Master"].scfpf.layers[0].camera == bpy.data.objects["Side"]
+    expected = button()
+    path = str(tmp_path / "layers.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    np.testing.assert_array_equal(button(), expected)
+    for link in (False, True):
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        with bpy.data.libraries.load(path, link=link) as (_there, here):
+            here.objects = ["Master"]
+        camera = bpy.data.objects["Master"]
+        layer = camera.scfpf.layers[0]
+        assert (layer.collection.name, layer.camera.name, layer.front) == ("Things", "Side", "ANCHOR")
+
+
+def test_layers_that_cannot_be_shown_are_told(scene, addon):
+    read = addon("bridge.layers.read_image_layers").read_image_layers
+    layer = add("ORDER")
+
+    def warnings():
+        bpy.context.view_layer.update()
+        return " ".join(read(scene.camera, bpy.context.evaluated_depsgraph_get(), 16 / 9).warnings)
+
+    assert warnings() == ""
+    layer.camera = None
+    assert "has no camera: choose one under Seen By" in warnings()
+    layer.camera, layer.collection = bpy.data.objects["Side"], None
+    assert "has no collection: choose one" in warnings()
+    layer.collection = bpy.data.collections["Things"]
+    add("ORDER", collection="Things")
+    assert "'Things' and 'Things 2', of which the first alone shows them: Thing" in warnings()
+    assert bpy.ops.scfpf.layer_check(camera="Master") == {"FINISHED"}
+    assert scene.camera.scfpf.layers[0].share > 0.01 and scene.camera.scfpf.layers[1].share == 0.0
+    bpy.data.objects["Thing"].hide_render = True
+    inputs = addon("bridge.render.render_inputs").prepare(scene, bpy.context.view_layer, scene.camera)
+    assert any("show nothing" in line and "Things, Things 2" in line for line in inputs.scene.warnings)
+    bpy.data.objects["Thing"].hide_render = False
+    bpy.data.objects["Side"].matrix_world = looking((50, 0, 0), (60, 0, 0))
+    bpy.ops.scfpf.layer_check(camera="Master")
+    assert "sees none of it" in scene.camera.scfpf.layers[0].message
+    layer = scene.camera.scfpf.layers[0]
+    layer.camera.data.clip_start, layer.camera.data.clip_end = 5.0, 1.0
+    with pytest.raises(RuntimeError, match="Layer 'Things': 'Side' ends where it starts"):
+        bpy.ops.scfpf.render()
+
+
+def test_other_ways_to_see_the_volume_say_that_layers_are_missing(scene, addon):
+    add("ORDER")
+    text = addon("bridge.layers.read_image_layers").not_here(scene.camera)
+    assert text.endswith("Things")
+    bpy.context.view_layer.objects.active = scene.camera
+    bpy.ops.scfpf.cycles_rig()
+    rig = addon("cycles.rig_data").rig_of(scene)
+    assert text in addon("cycles.cautions").cautions(scene, bpy.context.view_layer, rig)
+
+
+def test_wrong_arguments_are_refused(scene):
+    for given, message in (
+        ({"collection": "Nothing"}, "There is no collection 'Nothing'"),
+        ({"collection": "Things", "seen_by": "Wall"}, "'Wall' cannot see a layer"),
+        ({}, "Select the objects that the layer is to show"),
+    ):
+        with pytest.raises(RuntimeError, match=message):
+            bpy.ops.scfpf.layer_add(camera="Master", **given)
+    with pytest.raises(RuntimeError, match="has no layer at place 1"):
+        bpy.ops.scfpf.layer_remove(camera="Master")
+    assert not len(scene.camera.scfpf.layers)
+
+
+def test_a_new_layer_of_the_selection_starts_where_the_picture_shows_it(scene):
+    bpy.data.objects["Thing"].select_set(True)
+    bpy.context.view_layer.objects.active = bpy.data.objects["Thing"]
+    assert bpy.ops.scfpf.layer_add() == {"FINISHED"}
+    layer = scene.camera.scfpf.layers[0]
+    assert layer.collection == bpy.data.collections["Things"] and layer.camera.type == "CAMERA"
+    np.testing.assert_allclose(layer.camera.matrix_world, scene.camera.matrix_world, atol=1e-6)
+    # Its camera stands for the one with the layers.
+    bpy.context.view_layer.objects.active = layer.camera
+    bpy.ops.scfpf.layer_check()
+    assert layer.share > 0.0
+
+
+def test_pick_and_find_see_layers(scene):
+    add("ORDER")
+    assert bpy.ops.scfpf.layer_check(camera="Master") == {"FINISHED"}
+    bpy.ops.object.select_all(action="DESELECT")
+    bpy.data.objects["Thing"].select_set(True)
+    assert bpy.ops.scfpf.find_in_image() == {"FINISHED"}
+    settings = scene.camera.scfpf
+    assert settings.pick_object == "Thing" and "Hidden" not in settings.found_object
+    left, low, right, high = settings.found_box
+    image = np.abs(f12(scene)["ViewLayer.Combined"] - seen_alone({"Wall", "Floor"})).max(axis=2) > 1e-3
+    rows, columns = np.nonzero(image)
+    size = image.shape[1], image.shape[0]
+    box = columns.min() / size[0], rows.min() / size[1], columns.max() / size[0], rows.max() / size[1]
+    np.testing.assert_allclose((left, low, right, high), box, atol=0.05)
