@@ -54,7 +54,7 @@ def draw_layer(layout, layer) -> None:
     """Draw the settings of a layer, what it lacks, and what Check Layers has found."""
     column = layout.column()
     column.active = layer.is_on
-    for name in ("collection", "camera", "front", "mask", "halo"):
+    for name in ("collection", "camera", "position", "size", "front", "mask", "halo"):
         column.prop(layer, name)
     lack = lacking(layer)
     if lack:

@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...casting.common.geometry import Geometry
-from ...projection.volume.viewing_volume import ImageLayer, Projection
+from ...projection.mappings.stack import seen_through
+from ...projection.volume.reparameterisation import Framed
+from ...projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
 from ..blender.scene_objects import absent_text
 from ..camera.ordinary_camera import FrustumError, frustum_projection
 from ..camera.read_projection import ProjectionError, read_projection
@@ -67,7 +69,9 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
             warnings.append(f"Layer '{own.name}' is left out: {reason}")
             continue
         try:
-            projection = _view(own.camera, depsgraph, aspect, eye)
+            projection = _view(
+                own.camera, Framed(*map(tuple, (state.position, state.size))), depsgraph, aspect, eye
+            )
         except (ProjectionError, FrustumError) as error:
             raise type(error)(f"Layer '{own.name}': {error}") from error
         mask = None if own.mask is None else mask_pixels(own.mask)
@@ -91,15 +95,22 @@ def lacking(layer) -> str:
     return ""
 
 
-def _view(camera, depsgraph, aspect: float, eye: Eye) -> Projection:
-    """The projection of a layer's camera. Raises ProjectionError or FrustumError."""
+def _view(camera, frame: Framed, depsgraph, aspect: float, eye: Eye) -> Projection:
+    """The projection of a layer's camera in a frame of the image. Raises ProjectionError or FrustumError."""
     if lost := absent_text(camera, depsgraph.scene, "choose another camera under Seen By"):
         raise ProjectionError(lost)
     evaluated = camera.evaluated_get(depsgraph)
+    own_aspect = aspect * frame.size[0] / frame.size[1]
     if camera.scfpf.enabled:
-        projection = read_projection(camera, depsgraph, aspect)
+        projection = read_projection(camera, depsgraph, own_aspect)
     else:
-        projection = frustum_projection(evaluated, depsgraph, aspect)
+        projection = frustum_projection(evaluated, depsgraph, own_aspect)
+        # A frame of another shape shows more or less height, undistorted.
+        ends = (replace(end, height=end.height * aspect / own_aspect) for end in projection.volume.surfaces)
+        projection = replace(projection, volume=ViewingVolume(tuple(ends)))
+    if frame != Framed():
+        seen = seen_through((frame,), projection.reparameterisation)
+        projection = replace(projection, reparameterisation=seen)
     return projection.transformed(seen_by(evaluated, eye)) if eye else projection
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 
-from .property_options import STATIC, choice, number, pointer, switch, text
+from .property_options import STATIC, choice, number, pointer, switch, text, vector
 
 FRONTS = (
     ("DEPTH", "Depth", "Whatever is nearer to this camera is in front, point by point"),
@@ -38,12 +38,33 @@ class SCFPF_ImageLayer(bpy.types.PropertyGroup):
     collection: pointer("Collection", "The things that the layer shows", bpy.types.Collection)
     camera: pointer(
         "Seen By",
-        "The camera, flexible or not, that sees the layer's collection. Its picture lies over this one's",
+        "The camera, flexible or not, that sees the layer's collection",
         bpy.types.Object,
         poll=_may_see,
     )
     front: choice(
         "In Front", "What decides which of two things hides the other", items=FRONTS, default="DEPTH"
+    )
+    position: vector(
+        "Position",
+        "Place of the middle of the layer's picture, as shares of this one from its lower left",
+        (0.5, 0.5),
+        -2.0,
+        3.0,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
+    )
+    size: vector(
+        "Size",
+        "Width and height of the layer's picture, as shares of this one's",
+        (1.0, 1.0),
+        0.01,
+        20.0,
+        soft_max=2.0,
+        precision=3,
+        step=1,
     )
     mask: pointer(
         "Mask",

@@ -108,6 +108,37 @@ class Polar(Reparameterisation):
         return 0.5 + v * np.cos(angle) / scale_x, 0.5 + v * np.sin(angle) / scale_y
 
 
+@dataclass(frozen=True)
+class Framed(Reparameterisation):
+    """A rectangle of the image, seen as an image of its own: its places in [0, 1]², others outside of that.
+
+    centre: (x, y) and size: (width, height), shares of the image.
+    """
+
+    centre: tuple[float, float] = (0.5, 0.5)
+    size: tuple[float, float] = (1.0, 1.0)
+
+    def map(self, x: Array, y: Array, aspect: float) -> ImageMap:
+        """See Reparameterisation.map; the whole image leads somewhere."""
+        across, up, zero = (
+            np.full_like(x, 1 / self.size[0]),
+            np.full_like(y, 1 / self.size[1]),
+            np.zeros_like(x),
+        )
+        image = self.points(x, y, aspect)
+        return ImageMap(image.u, image.v, np.array([[across, zero], [zero, up]]), image.mask)
+
+    def points(self, x: Array, y: Array, aspect: float) -> ImagePoints:
+        """See Reparameterisation.points."""
+        u, v = ((p - c) / s + 0.5 for p, c, s in zip((x, y), self.centre, self.size, strict=True))
+        return ImagePoints(u, v, np.ones(len(x), bool))
+
+    def image_positions(self, u: Array, v: Array, aspect: float) -> tuple[Array, Array]:
+        """See Reparameterisation.image_positions."""
+        (x, y), (width, height) = self.centre, self.size
+        return x + (u - 0.5) * width, y + (v - 0.5) * height
+
+
 def reparameterisation(kind: str) -> Reparameterisation:
     """The re-parameterisation named RECTANGLE or POLAR; ValueError otherwise."""
     if kind == "RECTANGLE":

@@ -163,6 +163,26 @@ def test_a_mask_and_a_switch_hide_a_layer(scene):
     np.testing.assert_array_equal(f12(scene)["ViewLayer.Combined"], plain)
 
 
+@pytest.mark.parametrize(("size", "position"), [((0.5, 0.5), (0.5, 0.5)), ((0.5, 1.0), (0.75, 0.5))])
+def test_a_layers_picture_has_a_place_and_a_size(scene, size, position):
+    bpy.context.view_layer.use_pass_position = True
+    camera, side = scene.camera, bpy.data.objects["Side"]
+    layer = add("ORDER")
+    layer.size, layer.position = size, position
+    found = f12(scene)["ViewLayer.Position"]
+    # The side camera's own image, as large as the layer's.
+    scene.camera, side.data.sensor_fit = side, "HORIZONTAL"
+    scene.render.resolution_x, scene.render.resolution_y = round(64 * size[0]), round(36 * size[1])
+    alone = f12(scene)["ViewLayer.Position"]
+    centre = bpy.data.objects["Thing"].matrix_world.translation
+    thing = (np.abs(alone - centre).max(axis=2) <= 1.0 + 1e-5) & alone.any(axis=2)
+    top, left = (round(n * (p - s / 2)) for n, p, s in zip((36, 64), position[::-1], size[::-1], strict=True))
+    part = found[top : top + alone.shape[0], left : left + alone.shape[1]]
+    assert thing.mean() > 0.1
+    np.testing.assert_allclose(part[thing], alone[thing], atol=1e-4)
+    assert scene.camera != camera
+
+
 def test_an_animated_layer(scene):
     layer = add("ORDER")
     side = bpy.data.objects["Side"]
