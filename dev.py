@@ -58,12 +58,15 @@ def command_gallery(options, rest):
 def command_pictures(options, rest):
     """Take the screenshots of README.md and docs/guide.md, and write docs/presets.md; names choose some.
 
-    Names that begin with aim- are rendered for docs/aim.md; without names all are.
+    Names that begin with aim- or layers- are rendered for docs/aim.md and docs/compose.md; without names all
+    are.
     """
-    moving = [name for name in rest if name.startswith("aim-")]
-    if moving or not rest:
-        environments.run([environments.first().python, "demo/aim_pictures.py", *moving])
-    if not moving:
+    rendered = {"aim-": "demo/aim_pictures.py", "layers-": "demo/recipes/layer_pictures.py"}
+    for start, script in rendered.items():
+        chosen = [name for name in rest if name.startswith(start)]
+        if chosen or not rest:
+            environments.run([environments.first().python, script, *chosen])
+    if not rest or not rest[0].startswith(tuple(rendered)):
         pictures.take(environments.first(), options.blender_window, rest)
 
 
