@@ -49,6 +49,11 @@ def command_thumbnails(options, rest):
     environments.run([environments.first().python, "demo/render_thumbnails.py", *rest])
 
 
+def command_recipes(options, rest):
+    """Make the recipes: pages and pictures in docs/recipes/, .blend files in demo/output/recipes/."""
+    environments.run([environments.first().python, "demo/recipes/make.py", *rest])
+
+
 def command_gallery(options, rest):
     """Render the pictures of docs/gallery.md: every figure of the paper, and what lies beyond."""
     environment = environments.first()
@@ -167,7 +172,7 @@ def parser():
     """The command line."""
     top = argparse.ArgumentParser(prog="dev.py", description=__doc__.splitlines()[0])
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    commanded = (command_demo, command_gallery, command_thumbnails, command_pictures)
+    commanded = (command_demo, command_gallery, command_recipes, command_thumbnails, command_pictures)
     for run in (*commanded, command_test, command_build, command_lint, command_bench):
         summary = run.__doc__.strip().splitlines()[0]
         command = commands.add_parser(

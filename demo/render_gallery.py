@@ -50,6 +50,22 @@ with control surfaces in green and projectors in blue. The set-up shows it in th
 camera's picture. Diagram and set-up replace very small or distant surfaces by others of the same view.
 """
 QUALITY = 85
+# The recipes of docs/recipes that plates lead to; the others lead to the one for any preset.
+ANY_RECIPE = "any-preset"
+RECIPES = {
+    "figure-1": "all-sides",
+    "figure-2": "oblique",
+    "figure-5": "panini",
+    "figure-6": "long-pan",
+    "figure-8": "fulldome-master",
+    "figure-11": "street-unrolled",
+    "stereographic": "tiny-planet",
+    "equirectangular": "tiny-planet",
+    "oblique": "oblique",
+    "digital-cubism": "best-side",
+    "strip-camera": "all-sides",
+    "tiles": "all-sides",
+}
 
 CYCLES_TEXT = """Cycles in a stock Blender path-traces the same volumes: *Set Up Cycles* sends its rays
 along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
@@ -90,10 +106,11 @@ def page(plates: Sequence[Plate], folder: str, shown: set[str], times: dict[str,
         if beyond:
             title, text = gallery_animation.HEADING, gallery_animation.TEXT
             picture = f"![{title}]({folder}/{gallery_animation.STEM}.webp)"
-            lines += [f"### {title}", "", text, "", picture, ""]
+            lines += [f"### {title}", "", f"{text} {recipe_link(gallery_animation.STEM)}", "", picture, ""]
         for plate in plates:
             if plate.paper != beyond:
-                lines += [f"### {plate.heading}", "", plate.text, "", *_table(plate, folder)]
+                lines += [f"### {plate.heading}", "", f"{plate.text} {recipe_link(plate.stem)}", ""]
+                lines += _table(plate, folder)
     lines += ["## Rendered with Cycles", "", CYCLES_TEXT, ""]
     for plate in plates:
         for stem in sorted(shown & set(stems(plate))):
@@ -104,6 +121,11 @@ def page(plates: Sequence[Plate], folder: str, shown: set[str], times: dict[str,
         name = stem.replace("-", " ")
         lines += [f"| {name} | {curved:.0f} s | {straight:.0f} s | {curved / straight:.1f} |"]
     return "\n".join([*lines, ""] if times else lines)
+
+
+def recipe_link(stem: str) -> str:
+    """The way from a plate to its recipe."""
+    return f"[Recipe](recipes/{RECIPES.get(stem, ANY_RECIPE)}.md)"
 
 
 def with_cycles(folder: Path) -> set[str]:

@@ -17,6 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from demo.recipes.scenes import land  # noqa: E402
 from demo.render_demo import (  # noqa: E402
     MODULE,
     SHOTS,
@@ -64,25 +65,14 @@ LAND = {"panorama_map": Shot((0.0, -10.0, 12.0), (0.0, 10.0, 12.0))}
 
 def make(only: str | None) -> None:
     """Write the thumbnails, or one of them."""
-    for build, land in ((build_street, False), (build_land, True)):
+    for build, is_land in ((build_street, False), (land, True)):
         paths = [
             path
             for path in sorted((ROOT / "presets").glob("*.json"))
-            if only in (None, path.stem) and (path.stem in LAND) == land
+            if only in (None, path.stem) and (path.stem in LAND) == is_land
         ]
         if paths:
             render_all(build(), paths)
-
-
-def build_land():
-    """Open a new file with a landscape, and return its scene."""
-    import bpy
-
-    from demo.recipes.terrain import build_scene
-
-    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    build_scene(bpy.context.scene)
-    return bpy.context.scene
 
 
 def render_all(scene, paths: list[Path]) -> None:

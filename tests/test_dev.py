@@ -227,7 +227,7 @@ def test_help_needs_nothing_but_a_python(tmp_path):
         cwd=tmp_path,
     )
     assert done.returncode == 0, done.stderr
-    commands = ["demo", "gallery", "thumbnails", "pictures", "test", "build", "lint", "bench"]
+    commands = ["demo", "gallery", "recipes", "thumbnails", "pictures", "test", "build", "lint", "bench"]
     assert re.findall(r"^    (\w+)(?: |$)", done.stdout, re.MULTILINE) == commands
 
 

@@ -8,6 +8,7 @@ import re
 
 import pytest
 
+from demo.recipes import pages as recipes
 from devtools import pictures, settings_page
 from scfpf_addon.projection.surfaces.kinds import SURFACE_KINDS
 from tests.british import british
@@ -43,7 +44,7 @@ def words(text):
 
 @pytest.mark.parametrize("name", MOST_WORDS)
 def test_pages_are_short(name):
-    (page,) = (path for path in PAGES if path.name == name and path.parent.name != "decisions")
+    (page,) = (path for path in PAGES if path.name == name and path.parent in (ROOT, ROOT / "docs"))
     assert words(page.read_text(encoding="utf-8")) <= MOST_WORDS[name]
 
 
@@ -75,6 +76,22 @@ def test_pictures_are_shown_and_small():
         assert any(link.endswith(f"pictures/{path.name}") for link in shown), f"{path.name} is shown nowhere"
         most = pictures.LARGEST_MOVING_BYTES if path.suffix == ".webp" else pictures.LARGEST_BYTES
         assert path.stat().st_size <= most, path.name
+
+
+def test_recipes_are_those_of_the_steps_that_tests_perform():
+    """Their pictures come first, and gallery and README lead to them."""
+    found = {path.name: path.read_text(encoding="utf-8") for path in recipes.FOLDER.glob("*.md")}
+    assert found == recipes.pages(), "python3 dev.py recipes writes them anew"
+    images = {path.name for path in recipes.FOLDER.iterdir()} - set(found)
+    jobs = [text for name, text in found.items() if name != "README.md"]
+    assert images == {links(text)[0] for text in jobs}
+    assert all(text.splitlines()[2].startswith("![") for text in jobs)
+    for name in images:
+        assert (recipes.FOLDER / name).stat().st_size <= pictures.LARGEST_BYTES, name
+    gallery = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    plates, _, _ = gallery.partition("## Rendered with Cycles")
+    assert plates.count("[Recipe](recipes/") == plates.count("\n### ")
+    assert "docs/recipes/README.md" in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_page_of_presets_is_that_of_the_files():

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The gallery: its page is up to date and complete, its scenes and one panel can be made."""
 
+import json
+
 import bpy
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Vector
 
 from demo import gallery_animation, gallery_plates, gallery_scenes, render_demo, render_gallery
+from demo.recipes import pages as recipes
 
 PAGE = render_gallery.ROOT / "docs" / "gallery.md"
 PANELS = [
@@ -27,7 +30,14 @@ def test_the_page_shows_every_plate_and_preset():
         f"{stem}-{part}.{kind}" for stem, _ in PANELS for part, kind in render_gallery.PARTS.items()
     } | {f"{stem}-cycles.jpg" for stem in shown} | {f"{gallery_animation.STEM}.webp"}
     presets = {path.stem for path in (render_gallery.ROOT / "presets").glob("*.json")}
-    assert {panel.preset for _, panel in PANELS} == presets
+    in_plates = {panel.preset for _, panel in PANELS}
+    told = "".join(recipes.pages().values())
+    assert in_plates <= presets
+    for stem in presets - in_plates:
+        name = json.loads((render_gallery.ROOT / "presets" / f"{stem}.json").read_text(encoding="utf-8"))[
+            "name"
+        ]
+        assert name in told, f"neither a plate nor a recipe shows {name}"
 
 
 @pytest.mark.parametrize("name", gallery_scenes.SCENES)

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The recipes: jobs that people come for, each as steps that a page tells and a test performs."""
+
+from __future__ import annotations
+
+import math
+
+from . import scenes
+from .steps import Recipe, Step, add, add_as_made, done, place, render, scale, select, size
+
+
+def _add_view() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.aim_view_add())
+
+
+def _turn() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.aim_turn(left=math.radians(TURN)))
+
+
+def _solve() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.aim_solve())
+
+
+def _from_screen() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.camera_from_screen())
+    bpy.context.scene.camera = bpy.context.object
+
+
+# The angle by which the recipe of the best side turns its view, in degrees.
+TURN = -20.0
+SCREEN = (
+    select(
+        "Model the screen where it stands, and unwrap it as its pixels lie. Put an empty at the viewer's "
+        "eye. Select the eye, then the screen with Shift.",
+        "Eye",
+        "Screen",
+    ),
+    Step("Choose *Add › Camera › Flexible Camera from Screen*.", _from_screen),
+)
+SCREEN_MORE = (
+    "The camera follows the eye and the screen when you move them. The picture shows what is behind the "
+    "screen, as seen from the eye, pixel by pixel of its UV map. [The guide](../guide.md#ways-to-a-picture) "
+    "says more."
+)
+
+RECIPES = (
+    Recipe(
+        "best-side",
+        "A character from its best side, the rest as shot",
+        "Turn one thing in the picture, and keep the background and the framing.",
+        scenes.head,
+        (
+            size(960, 540),
+            select("Select the character. The scene has an ordinary camera.", "Head"),
+            Step("Press *Add View* in the panel *Aim* (press N, tab *Flexible*).", _add_view),
+            Step("Choose *Turn View* (F3) and enter *Left* -20°.", _turn),
+            Step("Press *Solve*.", _solve),
+            render(),
+        ),
+        "Turn in steps of 10° to 30°: what is close behind bends with the character. [Aim](../aim.md) has "
+        "more.",
+    ),
+    Recipe(
+        "long-pan",
+        "A bent background for a long pan",
+        "One wide background over which a camera move slides, as in hand-drawn films.",
+        scenes.street,
+        (size(1520, 380), *add_as_made("long_pan"), place((0.0, -10.0, 2.0)), render()),
+        "Move a 16:9 frame over the picture from left to right: the scene seems to turn by 100°. Pull the "
+        "points of the two surfaces (*Edit Volume*, then Tab) to slide or turn elsewhere.",
+    ),
+    Recipe(
+        "panorama-map",
+        "A panorama map",
+        "A landscape like Heinrich Berann's: from above near by, from the front far away.",
+        scenes.land,
+        (size(1280, 720), *add_as_made("panorama_map"), place((0.0, -10.0, 12.0)), render()),
+        "Heights count twice, for a camera 12 above the land. Scale the camera along its own Y (*S Y Y 2*) "
+        "and raise it to 24: they count once. For larger land scale it along all axes, and raise it too.",
+    ),
+    Recipe(
+        "led-wall",
+        "The picture for a curved LED wall",
+        "One render for a bent screen of several panels, without baking.",
+        scenes.led_wall,
+        (size(1280, 400), *SCREEN, render()),
+        SCREEN_MORE,
+    ),
+    Recipe(
+        "dome",
+        "The picture for a dome and a viewer in it",
+        "A dome master for an eye that is anywhere in the dome.",
+        scenes.dome,
+        (size(800, 800), *SCREEN, render()),
+        SCREEN_MORE + " For an eye in the dome's centre take the [fulldome master](fulldome-master.md).",
+    ),
+    Recipe(
+        "anamorphic-billboard",
+        "An anamorphic billboard at a corner",
+        "Two walls whose picture becomes a room when it is seen from the right place.",
+        scenes.billboard,
+        (size(1200, 460), *SCREEN, render()),
+        SCREEN_MORE + " For one flat wall there is the preset *Anamorphic Billboard* as well.",
+    ),
+    Recipe(
+        "panini",
+        "Wide angle without stretched edges",
+        "150 degrees across, and people at the borders keep their width.",
+        scenes.street,
+        (size(1040, 585), add("panini"), place((-2.4, -4.4, 1.4), -30.0), render()),
+        "*Panini, Half Compressed* bows level lines less. *Panini, Vertical* is for naves and towers.",
+    ),
+    Recipe(
+        "oblique",
+        "Oblique and three-quarter views",
+        "Drawings to measure in, and top-down views for games.",
+        scenes.street,
+        (
+            size(1040, 585),
+            *add_as_made("military"),
+            scale(2.5),
+            place((0.0, -37.5, 3.0)),
+            render(),
+        ),
+        "*Oblique*, *Cavalier* and *Three-Quarter Top-Down* are applied in the same way. What is 15 ahead of "
+        "the camera, times its scale, is in the middle.",
+    ),
+    Recipe(
+        "tiny-planet",
+        "A tiny planet",
+        "The ground as a little planet with the town standing all round it.",
+        scenes.street,
+        (size(900, 900), add("tiny_planet"), place((0.0, -0.6, 5.0)), render()),
+        "Lower the camera to make near things larger; raise it above the roofs to see the town from above. "
+        "What is ahead of the camera points upwards.",
+    ),
+    Recipe(
+        "fulldome-master",
+        "A fulldome master",
+        "The whole dome above the camera as a disk, for planetariums.",
+        scenes.street,
+        (size(900, 900), add("fulldome_master"), place((-1.7, -3.9, 1.2)), render()),
+        "Planetariums ask for 4096 × 4096. For a tilted dome select both surfaces and turn them about the "
+        "camera's X.",
+    ),
+    Recipe(
+        "all-sides",
+        "A car from all sides at once",
+        "Front, both sides and back of one thing in one picture, without a seam.",
+        scenes.street,
+        (
+            size(1500, 500),
+            select("Select the car, all of its parts.", collection="Car"),
+            add("around_the_car"),
+            render(),
+        ),
+        "The volume is placed around the selection. Its far surface is inside the car: drag it in *Live "
+        "View*.",
+    ),
+    Recipe(
+        "street-unrolled",
+        "A street unrolled",
+        "All fronts of a street side by side, each seen square-on.",
+        scenes.street,
+        (size(1800, 200), *add_as_made("street_panorama"), place((-4.0, 0.0, 2.05), -90.0), render()),
+        "*Street Panorama, Curved* also looks into side streets. Scale the camera along its X for a longer "
+        "street.",
+    ),
+    Recipe(
+        "any-preset",
+        "Any projection of the gallery in your scene",
+        "Two clicks to each projection of the paper, and what to do then.",
+        scenes.street,
+        (
+            size(800, 800),
+            add("mirror_ball"),
+            place((-1.7, -3.9, 1.2), -20.0),
+            render(),
+        ),
+        "Every [preset](../presets.md) is applied like this, for example *Crystal Ball*. Then bend it: "
+        "*Edit Volume* lets you click the surfaces, and *Live View* shows the picture while you drag.",
+    ),
+)

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The scenes of recipes: the street, with a head or a screen in it, and a landscape."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..render_demo import build_street
+
+# Where a screen's viewer stands.
+EYE = (0.0, -13.0, 1.7)
+
+
+def land():
+    """Open a new file with a landscape, and return its scene."""
+    import bpy
+
+    from .terrain import build_scene
+
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    build_scene(bpy.context.scene)
+    return bpy.context.scene
+
+
+def street():
+    """The street."""
+    return build_street()
+
+
+def head():
+    """The street with a monkey's head before an ordinary camera, which sees it from its side."""
+    import bpy
+
+    from ..mesh import material
+    from ..render_demo import Shot, place_camera
+
+    scene = build_street()
+    bpy.ops.mesh.primitive_monkey_add(size=1.5, location=(0.2, -8.0, 1.7), rotation=(0, 0, math.radians(52)))
+    monkey = bpy.context.object
+    monkey.name = "Head"
+    monkey.modifiers.new("Smooth", "SUBSURF").levels = 1
+    monkey.data.shade_smooth()
+    monkey.data.materials.append(material("Head", (0.50, 0.21, 0.11), 0.45))
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera, camera.data.lens = camera, 35.0
+    place_camera(camera, Shot((-1.4, -13.0, 2.0), (0.2, 0.0, 2.1)))
+    return scene
+
+
+def _with_screen(points, faces, uvs):
+    """The street with a screen, and an empty at its viewer's eye."""
+    import bpy
+
+    scene = build_street()
+    mesh = bpy.data.meshes.new("Screen")
+    mesh.from_pydata(np.asarray(points, float).tolist(), [], faces)
+    layer = mesh.uv_layers.new(name="Pixels")
+    for loop in mesh.loops:
+        layer.uv[loop.index].vector = uvs[loop.vertex_index]
+    scene.collection.objects.link(bpy.data.objects.new("Screen", mesh))
+    eye = bpy.data.objects.new("Eye", None)
+    eye.location = EYE
+    scene.collection.objects.link(eye)
+    return scene
+
+
+def _strip(plan, low: float, high: float):
+    """An upright screen over a line in the plan, (n, 2) points; u goes by its length."""
+    plan = np.asarray(plan)
+    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(plan, axis=0).T))])
+    points = [(x, y, z) for x, y in plan for z in (low, high)]
+    faces = [(2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1) for i in range(len(plan) - 1)]
+    return points, faces, [(u, v) for u in length / length[-1] for v in (0.0, 1.0)]
+
+
+def led_wall():
+    """A wall of LED panels, bent round its viewer."""
+    turn = np.radians(np.linspace(-62, 62, 63))
+    return _with_screen(*_strip(np.stack([6 * np.sin(turn), 6 * np.cos(turn) - 13], axis=1), 0.05, 4.0))
+
+
+def billboard():
+    """Two walls of a house's corner, seen aslant."""
+    return _with_screen(*_strip([(-5.0, -6.5), (0.8, -7.5), (4.2, -3.8)], 0.4, 4.6))
+
+
+def dome():
+    """Half a sphere over its viewer. Its UV map is a dome master: the radius is the angle from the zenith."""
+    rings, parts, radius = 24, 72, 2.5
+    points, uvs = [(0.0, -5.0, radius)], [(0.5, 0.5)]
+    for ring in range(1, rings + 1):
+        angle = math.pi / 2 * ring / rings
+        for turn in np.arange(parts) * 2 * math.pi / parts:
+            x, y = math.sin(turn), -math.cos(turn)
+            points.append(
+                (radius * math.sin(angle) * x, radius * math.sin(angle) * y - 5, radius * math.cos(angle))
+            )
+            uvs.append((0.5 + ring / rings / 2 * x, 0.5 - ring / rings / 2 * y))
+    around = [(k, k % parts + 1) for k in range(1, parts + 1)]
+    faces = [(0, a, b) for a, b in around]
+    for ring in range(rings - 1):
+        first = ring * parts
+        faces += [(first + a, first + a + parts, first + b + parts, first + b) for a, b in around]
+    scene = _with_screen(points, faces, uvs)
+    scene.objects["Eye"].location = (0.0, -5.0, 1.6)
+    return scene

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The recipes of docs/recipes: their steps are performed, and the view is the one that the page promises."""
+
+import math
+import pathlib
+
+import bpy
+import numpy as np
+import pytest
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Vector
+
+from demo.recipes.jobs import RECIPES
+from demo.recipes.steps import perform
+
+RECIPE = {recipe.stem: recipe for recipe in RECIPES}
+# Of the resolution, in percent.
+SMALL = 10
+
+
+@pytest.fixture
+def seen(addon):
+    """Points of the projectors (3, N) at two t, in world space, for image positions (N,)."""
+    module = addon("bridge.camera.read_projection")
+    size = addon("bridge.render.image_size")
+
+    def evaluate(camera, x, y, times=(0.0, 1.0)):
+        bpy.context.view_layer.update()
+        aspect = size.image_aspect(bpy.context.scene)
+        projection = module.read_projection(camera, bpy.context.evaluated_depsgraph_get(), aspect)
+        x, y = np.broadcast_arrays(np.atleast_1d(x).astype(float), y)
+        image = projection.parameters(x, y)
+        assert image.mask.all()
+        return [projection.volume.evaluate(image.u, image.v, np.full(len(x), t)).position for t in times]
+
+    return evaluate
+
+
+@pytest.fixture
+def way(seen):
+    """Directions (3, N) from near to far."""
+
+    def directions(camera, x, y):
+        near, far = seen(camera, x, y)
+        return (far - near) / np.linalg.norm(far - near, axis=0)
+
+    return directions
+
+
+def performed(stem):
+    """The camera after the steps of a recipe; its render shows more than one color."""
+    camera = perform(RECIPE[stem], SMALL, samples=1)
+    assert camera.scfpf.enabled and bpy.context.scene.camera == camera and camera.scfpf.report
+    image = bpy.data.images["SCFPF Render"]
+    pixels = np.array(image.pixels[:]).reshape(-1, 4)
+    assert pixels[:, :3].std() > 0.03
+    return camera
+
+
+def off(places, wanted):
+    """The distance of two shapes (2, N) after the best move, turn and scaling, relative to their size."""
+    one, other = (np.array([1, 1j]) @ places for places in (places, wanted))
+    one, other = one - one.mean(), other - other.mean()
+    factor = np.vdot(one, other) / np.vdot(one, one)
+    return float(np.linalg.norm(factor * one - other) / np.linalg.norm(other))
+
+
+def is_seen(obj, vertex, eye):
+    """Whether nothing of an object hides its vertex from another object, and its face is turned there."""
+    place = vertex.co + 0.03 * vertex.normal
+    way = obj.matrix_world.inverted() @ eye.matrix_world.translation - place
+    return not obj.ray_cast(place, way.normalized())[0] and vertex.normal.angle(way) < math.radians(70)
+
+
+def test_a_character_turns_and_the_background_stays(way, addon):
+    """The head's image has the shape that an ordinary camera sees from where the view was turned to."""
+    job = RECIPE["best-side"]
+    shot = job.build().camera
+    job.steps[0].act()
+    bpy.context.view_layer.objects.active = shot
+    bpy.ops.scfpf.camera_from_camera()
+    still = (np.array([0.1, 0.3, 0.95]), np.array([0.3, 0.9, 0.9]))
+    before = way(shot, *still)
+    camera = performed("best-side")
+    away = np.degrees(np.arccos(np.clip((way(camera, *still) * before).sum(axis=0), -1, 1)))
+    assert away.max() < 1.5
+    head, eye, scene = bpy.data.objects["Head"], camera.scfpf.aim_targets[0].eye, bpy.context.scene
+    facing = [v for v in head.data.vertices if is_seen(head, v, eye)]
+    points = np.array([head.matrix_world @ vertex.co for vertex in facing]).T
+    assert len(facing) > 50
+    module, aspect = addon("bridge.camera.read_projection"), 960 / 540
+    projection = module.read_projection(camera, bpy.context.evaluated_depsgraph_get(), aspect)
+    found = addon("projection.volume.inverse").find_in_image(projection, points)
+    assert found.found.mean() > 0.9
+    places = np.array([found.x, found.y / aspect])[:, found.found]
+    views = []
+    for view in (camera, eye):
+        seen_by = np.array([world_to_camera_view(scene, view, Vector(point)) for point in points.T]).T
+        views.append(seen_by[:2, found.found] * np.array([[1], [1 / aspect]]))
+    assert off(places, views[1]) < 0.5 * off(places, views[0])
+
+
+def test_the_long_pan_turns_by_a_hundred_degrees(way):
+    ahead = way(performed("long-pan"), [0.0, 0.5, 1.0], 0.5)
+    assert np.degrees(np.arctan2(ahead[0], ahead[1])) == pytest.approx([-50, 0, 50], abs=0.01)
+
+
+def test_the_panorama_map_looks_from_above_near_by_and_from_the_front_far_away(seen):
+    near, far = seen(performed("panorama-map"), 0.5, np.array([0.0, 0.5, 1.0]))
+    step = far - near
+    pitch = np.degrees(np.arctan2(-2 * step[2], step[1]))
+    assert pitch == pytest.approx([60, 26, -8], abs=0.01)
+
+
+@pytest.mark.parametrize("stem", ["led-wall", "dome", "anamorphic-billboard"])
+def test_projectors_of_screens_go_straight_away_from_the_eye(seen, stem):
+    camera = performed(stem)
+    turn = np.linspace(0.3, 6, 20)
+    near, far = seen(camera, 0.5 + 0.4 * np.sin(turn), 0.5 + 0.4 * np.cos(turn))
+    screen, eye = bpy.data.objects["Screen"], np.array(bpy.data.objects["Eye"].location)[:, None]
+    for point in near.T:
+        found, place, _, _ = screen.closest_point_on_mesh(point)
+        assert found and np.linalg.norm(np.array(place) - point) < 1e-3
+    rays = [(end - eye) / np.linalg.norm(end - eye, axis=0) for end in (near, far)]
+    assert np.allclose(*rays, rtol=0, atol=1e-5)
+
+
+def test_panini_is_150_degrees_wide(way):
+    ahead = way(performed("panini"), [0.0, 1.0], 0.5)
+    assert math.degrees(math.acos(ahead[:, 0] @ ahead[:, 1])) == pytest.approx(150, abs=1e-3)
+
+
+def test_the_oblique_view_is_parallel_and_halves_the_right_angle_of_heights_and_depths(way):
+    ahead = way(performed("oblique"), np.array([0.1, 0.5, 0.9]), np.array([0.2, 0.5, 0.7]))
+    assert np.allclose(ahead, ahead[:, :1], atol=1e-6)
+    assert ahead[2, 0] == pytest.approx(-math.sqrt(0.5), abs=1e-6)
+
+
+def test_the_tiny_planet_has_straight_down_in_its_middle(way):
+    camera = performed("tiny-planet")
+    assert way(camera, 0.5, 0.5)[:, 0] == pytest.approx([0, 0, -1], abs=1e-6)
+    assert way(camera, 0.5, 0.95)[1, 0] > 0
+
+
+def test_the_fulldome_master_has_the_zenith_in_its_middle_and_the_horizon_at_its_rim(way):
+    up = way(performed("fulldome-master"), np.array([0.501, 0.5, 0.999]), np.array([0.5, 0.001, 0.5]))
+    assert up[2] == pytest.approx([1, 0, 0], abs=0.01)
+    assert up[1, 1] > 0.99 and up[0, 2] > 0.99
+
+
+def test_all_sides_of_the_car_are_looked_at(seen):
+    """From the front in the middle, from both sides beside it, from behind at the borders."""
+    camera = performed("all-sides")
+    before, end = seen(camera, np.array([0.0, 0.25, 0.5, 0.75, 1.0]), 0.5, (0.9, 1.0))
+    x, y, _ = (end - before) / np.linalg.norm(end - before, axis=0)
+    assert y[2] > 0.9 and y[0] < 0 and y[4] < 0 and x[1] > 0.3 and x[3] < -0.3
+
+
+def test_the_unrolled_street_is_seen_square_on(way):
+    x, y, _ = way(performed("street-unrolled"), np.linspace(0, 1, 9), 0.4)
+    assert np.allclose(y, 0, atol=1e-6) and (x > 0.9).all()
+
+
+def test_any_preset_is_two_clicks_away(way):
+    """A mirror ball: what is behind is at the rim."""
+    ahead = way(performed("any-preset"), np.array([0.501, 0.501]), np.array([0.5, 0.999]))
+    assert ahead[:, 0] @ ahead[:, 1] < -0.9
+
+
+def test_no_recipe_is_left_out():
+    text = pathlib.Path(__file__).read_text(encoding="utf-8")
+    assert not [stem for stem in RECIPE if f'"{stem}"' not in text]
+    assert len(RECIPE) >= 10
