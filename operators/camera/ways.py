@@ -5,7 +5,6 @@ import bpy
 
 from ...scfpf_addon.bridge.blender.app_handlers import DrawHandler
 from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
-from ...scfpf_addon.bridge.layers.read_image_layers import not_here
 from ...scfpf_addon.bridge.live.live_drawing import SHADINGS
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.bridge.render.render_errors import RENDER_ERRORS
@@ -122,8 +121,6 @@ class SCFPF_OT_view_live(bpy.types.Operator):
                 _toggle_rendered(context, area)
             if shading.type not in SHADINGS:
                 shading.type = "SOLID"
-            if text := not_here(camera):
-                self.report({"WARNING"}, text)
         return {"FINISHED"}
 
 

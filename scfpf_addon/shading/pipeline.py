@@ -116,7 +116,7 @@ def _view(
     view = view.seen_by(projection, settings.depth_of_field)
     if cast_scene is None:
         return view
-    return replace(view, parts=LayerParts.of(scene.geometry, cast_scene, view.projection.layers))
+    return replace(view, parts=LayerParts.of(scene.geometry.image_layer, cast_scene, view.projection.layers))
 
 
 def _moment_views(view: SceneView, scene: Scene, moments: tuple[Moment, ...]) -> tuple[SceneView, ...]:

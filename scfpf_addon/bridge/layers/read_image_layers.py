@@ -21,7 +21,7 @@ from ..scene.read_materials import listing
 
 # Layers of one image at most: their numbers are bytes.
 MOST_LAYERS = 64
-NOT_HERE = "Layers are shown by the SCFPF engine and Render, not here: {}"
+NOT_HERE = "Neither the nodes preview nor Cycles shows layers: {}"
 SHARP = "Depth of field is left out in layers: only the rest of the picture is blurred"
 TWICE = "In the layers '{}' and '{}', of which the first alone shows them: {}"
 EMPTY = "Layers that show nothing, as renders show none of their objects: "

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -54,6 +55,11 @@ class LookTable:
         if number == len(self.objects):
             self.objects.append(key)
         return number
+
+    def layers(self, members: Mapping[int, int]) -> NDArray[np.uint8]:
+        """The number of the image layer of each object, or of its instancer. members: by session id."""
+        found = (members.get(key.owner_uid) or members.get(key.uid, 0) for key in self.objects)
+        return np.fromiter(found, np.uint8, len(self.objects))
 
     def first_look(self, number: int, slots: int) -> int:
         """The first of the looks of an object with so many material slots, which are consecutive."""

@@ -7,6 +7,9 @@ import threading
 from time import perf_counter
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ...casting.common.cancellation import Cancelled
 from ...casting.common.parallel import thread_count
 from ...projection.diagrams.diagram import volume_signature
@@ -42,7 +45,7 @@ class Request(NamedTuple):
     """A request for images: everything is an array, a number or a function of these.
 
     window: in pixels of the viewport. rectangle: where it is drawn. paint_key: differs whenever ``paint``
-    paints differently.
+    paints differently. members: see ``LiveProjection``.
     """
 
     kept: KeptScene
@@ -52,6 +55,7 @@ class Request(NamedTuple):
     rectangle: Rectangle
     paint: Paint
     paint_key: bytes
+    members: NDArray[np.uint8] | None = None
 
 
 class LiveImage(NamedTuple):
@@ -68,6 +72,10 @@ class _Seen(NamedTuple):
     key: tuple
     hits: LiveHits
     step: float
+
+
+def _bytes(members: NDArray[np.uint8] | None) -> bytes:
+    return b"" if members is None else members.tobytes()
 
 
 class LivePainter:
@@ -153,13 +161,16 @@ class LivePainter:
     def _paint(self, request: Request, asked: int) -> None:
         """Make the first image, then finer ones, unless another request comes."""
         scene = request.kept.updated(request.placements)
-        key = (scene, volume_signature(request.projection), request.window)
+        key = (scene, volume_signature(request.projection, _bytes(request.members)), request.window)
         seen = self._seen
         if seen is not None and seen.key[0] is scene and seen.key[1:] == key[1:]:
             view, hits, step = None, seen.hits, seen.step
             self._answer(asked, _image(request, hits, step))
         else:
-            view, step = LiveProjection.of(request.projection), self._first_step(request.window)
+            view, step = (
+                LiveProjection.of(request.projection, request.members),
+                self._first_step(request.window),
+            )
             begun = perf_counter()
             # Nothing cancels a first image: a drag would show none if it were asked for too often.
             hits = cast_live(scene, view, request.window.coarser(step))
@@ -170,7 +181,7 @@ class LivePainter:
             return
         while step > 1.0:
             step = self._finer_step(request.window, step)
-            view = view or LiveProjection.of(request.projection)
+            view = view or LiveProjection.of(request.projection, request.members)
             hits = cast_live(scene, view, request.window.coarser(step), self)
             if self.is_set():
                 return
@@ -179,7 +190,7 @@ class LivePainter:
         if step <= 1.0 and self._is_idle(SETTLE_SECONDS) and request.kept.settle():
             # The same image, of a scene built anew; a small one makes what is made at first use.
             scene = request.kept.updated(request.placements)
-            view = view or LiveProjection.of(request.projection)
+            view = view or LiveProjection.of(request.projection, request.members)
             cast_live(scene, view, request.window.coarser(SMALL), self)
             self._seen = _Seen((scene, *key[1:]), hits, step)
 

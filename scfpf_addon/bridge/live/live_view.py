@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from weakref import WeakValueDictionary
 
 import bpy
@@ -13,6 +14,7 @@ from ...shading.live.live_image import live_image
 from ...shading.live.solid_look import SolidLook, paint
 from ...shading.typing import Single
 from ..camera.stereo_views import Eye
+from ..layers.read_image_layers import read_image_layers
 from ..render.image_size import shown_aspect
 from ..render.render_inputs import read_view
 from ..render.view_painter import Rectangle
@@ -116,14 +118,18 @@ class LiveView:
         window = LiveWindow(0.0, 0.0, 1.0, 1.0, *size)
         request = _request(source, depsgraph, camera, aspect, window, whole, "", placements, look)
         scene = source.kept.updated(request.placements)
-        return live_image(scene, LiveProjection.of(request.projection), window, request.paint, step)
+        return live_image(
+            scene, LiveProjection.of(request.projection, request.members), window, request.paint, step
+        )
 
 
 def _request(source, depsgraph, camera, aspect, window, rectangle, eye, placements, look) -> Request:
+    layers = read_image_layers(camera.original, depsgraph, aspect, eye)
     return Request(
+        members=source.objects.table.layers(layers.members) if layers.layers else None,
         kept=source.kept,
         placements=placements,
-        projection=read_view(depsgraph, camera.original, aspect, eye),
+        projection=replace(read_view(depsgraph, camera.original, aspect, eye), layers=layers.layers),
         window=window,
         rectangle=rectangle,
         paint=lambda hits, step: paint(hits, look, step),

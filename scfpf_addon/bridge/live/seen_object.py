@@ -3,14 +3,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from ...casting.common.ray_visibility import CAMERA
 from ...projection.typing import Array
-from ...shading.picking.seen import first_seen, may_be_met
+from ...shading.picking.seen import first_seen, may_be_met_in_layers
 from ..camera.read_projection import read_projection
+from ..layers.read_image_layers import read_image_layers
 from ..render.render_engine import ENGINE
 from ..render.render_viewport import Rectangle, camera_rectangle, viewport_eye
 from ..scene.mesh_arrays import LARGEST_COORDINATE, MeshArrays, of_mesh, read_mesh
@@ -71,15 +73,22 @@ def seen_object(context, place: Place):
     depsgraph = context.evaluated_depsgraph_get()
     frame = place.frame
     projection = read_projection(place.camera, depsgraph, frame.width / frame.height)
+    read = read_image_layers(place.camera, depsgraph, frame.width / frame.height)
     wanted = {obj.as_pointer(): obj for obj in context.selectable_objects}
     owners, boxes = _boxes(depsgraph, wanted)
     if not owners:
         return None
-    met = may_be_met(projection, place.x, place.y, boxes[:, 0], boxes[:, 1])
+    layers = None
+    if read.layers:
+        projection = replace(projection, layers=read.layers)
+        numbers = [read.members.get(wanted[owner].session_uid, 0) if owner else 0 for owner in owners]
+        layers = np.array(numbers, np.uint8)
+    met = may_be_met_in_layers(projection, place.x, place.y, boxes[:, 0], boxes[:, 1], layers)
     met &= np.array(owners) != 0
     meshes = _meshes(depsgraph, met)
     pixel = 1.0 / frame.width, 1.0 / frame.height
-    first = first_seen(projection, meshes, place.x, place.y, pixel)
+    own = None if layers is None else layers[met]
+    first = first_seen(projection, meshes, place.x, place.y, pixel, own)
     return wanted[owners[np.flatnonzero(met)[first]]] if first >= 0 else None
 
 

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.viewing_volume import ImageLayer, Projection
-from ..common.geometry import Geometry
 from ..scene.cast_scene import CastScene
 
 # Unit normals of the slabs of hulls: along axes, edges' and corners' diagonals of a cube.
@@ -32,10 +31,9 @@ class Box:
     upper: Array
 
     @classmethod
-    def around(cls, vertices: Array, triangles: NDArray[np.int32]) -> Box:
-        """The bounds of triangles (T, 3), T > 0. vertices: (3, V)."""
-        used = vertices[:, np.unique(triangles)]
-        return cls(used.min(axis=1), used.max(axis=1))
+    def around(cls, points: Array) -> Box:
+        """The bounds of points (3, N), N > 0."""
+        return cls(points.min(axis=1), points.max(axis=1))
 
     @property
     def corners(self) -> Array:
@@ -55,16 +53,6 @@ class Box:
         off = np.maximum(self.lower[:, None] - positions, positions - self.upper[:, None])
         distance: Array = np.linalg.norm(np.maximum(off, 0.0), axis=0)
         return distance
-
-    def near(self, vertices: Array, triangles: NDArray[np.int32], halo: float) -> BoolArray:
-        """Whether the bounds of triangles (T, 3) are within the box widened by ``halo``, (T,)."""
-        met = np.ones(len(triangles), bool)
-        for axis, places in enumerate(vertices):
-            corners = places.take(triangles)
-            with np.errstate(invalid="ignore"):
-                met &= corners.max(axis=1) >= self.lower[axis] - halo
-                met &= corners.min(axis=1) <= self.upper[axis] + halo
-        return met
 
 
 @dataclass(frozen=True)
@@ -134,13 +122,12 @@ class LayerParts:
 
     @classmethod
     def of(
-        cls, geometry: Geometry, cast_scene: CastScene, layers: tuple[ImageLayer, ...]
+        cls, numbers: NDArray[np.uint8] | None, cast_scene: CastScene, layers: tuple[ImageLayer, ...]
     ) -> LayerParts | None:
         """The parts of a scene that projectors can hit; None if no layer shows any of it.
 
-        layers: in cast space.
+        numbers: (T,) of each triangle's layer, None for 0. layers: in cast space.
         """
-        numbers = geometry.image_layer
         if numbers is None or not layers:
             return None
         parts = tuple(_part(cast_scene, numbers, number, layer) for number, layer in enumerate(layers, 1))
@@ -156,12 +143,10 @@ def _part(
     scene = cast_scene.only(own) if own.any() else None
     if scene is None:
         return None
-    vertices, triangles = cast_scene.vertices, cast_scene.triangles
-    box = Box.around(vertices, triangles[scene.usable])
-    around = None
+    points = cast_scene.points_of(own & scene.usable)
+    box, around = Box.around(points), None
     if layer.halo > 0.0:
-        near = (numbers == 0) & box.near(vertices, triangles, layer.halo)
+        near = (numbers == 0) & cast_scene.within(box.lower - layer.halo, box.upper + layer.halo)
         around = cast_scene.only(near) if near.any() else None
     # Halos are distances from the box.
-    held = vertices[:, np.unique(triangles[scene.usable])] if around is None else box.corners
-    return LayerPart(scene, around, box, Hull.around(held))
+    return LayerPart(scene, around, box, Hull.around(points if around is None else box.corners))

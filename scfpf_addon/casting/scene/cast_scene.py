@@ -92,6 +92,19 @@ class CastScene(CastTriangles):
             self._parts[key] = part
         return self._parts[key]
 
+    def points_of(self, which: BoolArray) -> Array:
+        """The vertices (3, n) of triangles ``which`` (T,), cast space."""
+        points: Array = self.vertices[:, np.unique(self.triangles[which])]
+        return points
+
+    def within(self, lower: Array, upper: Array) -> BoolArray:
+        """Return whether the bounds of each triangle meet a box, (T,). lower, upper: (3,), cast space."""
+        met: BoolArray = np.ones(len(self.triangles), bool)
+        for places, low, high in zip(self.vertices, lower, upper, strict=True):
+            corners = places.take(self.triangles)
+            met &= (corners.max(axis=1) >= low) & (corners.min(axis=1) <= high)
+        return met
+
     @property
     def prisms(self) -> PrismScene:
         """The prisms of exact casting. Made at first use, since they take memory and time.

@@ -10,11 +10,15 @@ from threading import Thread
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...casting.cast import cast
 from ...casting.common.cancellation import Signal, cancelled_by
-from ...casting.common.hits import Hits
+from ...casting.common.hits import CastCounts, Hits
 from ...casting.common.parallel import started, thread_count
+from ...casting.layers.layer_parts import LayerParts
+from ...casting.layers.layered_cast import LayeredCast
+from ...casting.scene.cast_scene import CastScene
 from ...projection.typing import Array, IndexArray
 from ...projection.volume.folds import find_folds
 from ...projection.volume.viewing_volume import Projection, Projectors
@@ -73,15 +77,30 @@ class Never:
 
 @dataclass(frozen=True)
 class LiveProjection:
-    """A projection in world space. is_mirrored: whether its image is that of a mirror outside of folds."""
+    """A projection in world space.
+
+    is_mirrored: whether its image is that of a mirror outside of folds; mirrored: of each of its layers.
+    members: (O,) the number of the layer of each object of the scene, for any further ones 0.
+    """
 
     projection: Projection
     is_mirrored: bool
+    mirrored: tuple[bool, ...] = ()
+    members: NDArray[np.uint8] | None = None
 
     @classmethod
-    def of(cls, projection: Projection) -> LiveProjection:
-        """Find out the handedness of a projection."""
-        return cls(projection, find_folds(projection).mirrored)
+    def of(cls, projection: Projection, members: NDArray[np.uint8] | None = None) -> LiveProjection:
+        """Find out the handedness of a projection and of its layers."""
+        own, *layers = (find_folds(each).mirrored for each in projection.of_layers)
+        return cls(projection, own, tuple(layers), members)
+
+    def parts(self, scene: LiveScene, inside: Projection) -> LayerParts | None:
+        """The parts of a scene in the layers, None without any. inside: the projection in cast space."""
+        if self.members is None or not inside.layers or scene.cast_scene is None or scene.tables is None:
+            return None
+        numbers = np.zeros(max(int(scene.tables.object.max(initial=0)) + 1, len(self.members)), np.uint8)
+        numbers[: len(self.members)] = self.members
+        return LayerParts.of(numbers.take(scene.tables.object), scene.cast_scene, inside.layers)
 
 
 def cast_live(
@@ -102,10 +121,16 @@ def cast_live(
     if scene.cast_scene is not None:
         inside = inside.transformed(scene.cast_scene.matrix)
 
+    parts = view.parts(scene, inside)
+
     def fill(rows: slice) -> None:
         """Cast the projectors of a band of rows."""
         with cancelled_by(signal or Never()):
-            _fill_band(scene, inside, view.is_mirrored, window, rows, hits)
+            if parts is None:
+                seen = _seen(scene.cast_scene, inside, view.is_mirrored, window, rows)
+            else:
+                seen = _seen_in_layers(parts, inside, view, window, rows)
+            _fill_band(scene, *seen, slice(rows.start * window.width, rows.stop * window.width), hits)
 
     _do_all(fill, [slice(*ends) for ends in pairwise(edges)], count)
     return hits
@@ -170,28 +195,57 @@ class _Noted(Projection):
         return found
 
 
-def _fill_band(
-    scene: LiveScene,
-    projection: Projection,
-    is_mirrored: bool,
-    window: LiveWindow,
-    rows: slice,
-    into: LiveHits,
-) -> None:
-    """Cast the projectors of whole rows, and write their hits. projection: in cast space."""
+def _seen(
+    cast_scene: CastScene | None, projection: Projection, is_mirrored: bool, window: LiveWindow, rows: slice
+) -> tuple[Hits, ViewAxes]:
+    """The hits of the projectors of whole rows, and their axes. projection: in cast space."""
     x, y = window.centres(rows)
-    own = slice(rows.start * window.width, rows.stop * window.width)
     noting = _Noted(**{name: getattr(projection, name) for name in Projection.__dataclass_fields__})
-    if scene.cast_scene is None:
+    if cast_scene is None:
         points, mask = noting.projectors(x, y)
         hits = _misses(projection, points, mask)
     else:
-        hits = cast(scene.cast_scene, noting, x, y, window.pixel_size, PIXEL_ERROR, None, window.width)
+        hits = cast(cast_scene, noting, x, y, window.pixel_size, PIXEL_ERROR, None, window.width)
         points = noting.noted[0].points
     steps = neighbour_steps(points, hits.mask, window.width)
+    where = np.where(hits.triangle >= 0, hits.t, 1.0)
+    return hits, view_axes(projection.volume.spans, steps, where, hits.tangent, is_mirrored)
+
+
+def _seen_in_layers(
+    parts: LayerParts, projection: Projection, view: LiveProjection, window: LiveWindow, rows: slice
+) -> tuple[Hits, ViewAxes]:
+    """As ``_seen``, of the things in front of all that the projection and its layers see."""
+    hits, axes = _seen(parts.rest, projection, view.is_mirrored, window, rows)
+    layered = LayeredCast(
+        parts=parts, projection=projection, pixel_size=window.pixel_size, pixel_error=PIXEL_ERROR
+    )
+    nearest = layered.keys(0, hits)
+    hits = hits._replace(mask=hits.mask.copy())
+    x, y = window.centres(rows)
+    for number, layer in enumerate(projection.layers, 1):
+        which = np.flatnonzero(layered.may_meet(number, x, y))
+        found = layered.hits_of(number, which, x, y, CastCounts())
+        key = layered.keys(number, found)
+        better = np.flatnonzero(key < nearest[which])
+        won = which[better]
+        if not len(won):
+            continue
+        hits.put(won, found.take(better))
+        nearest[won] = key[better]
+        # Axes need the neighbours in whole rows.
+        points, mask = layer.projection.projectors(x, y)
+        steps = tuple(step.take(won, 2) for step in neighbour_steps(points, mask, window.width))
+        spans, mirrored = layer.projection.volume.spans, view.mirrored[number - 1]
+        own = view_axes(spans, (steps[0], steps[1]), hits.t[won], hits.tangent[:, won], mirrored)
+        for into, values in zip(axes, own, strict=True):
+            into[..., won] = values
+    return hits, axes
+
+
+def _fill_band(scene: LiveScene, hits: Hits, axes: ViewAxes, own: slice, into: LiveHits) -> None:
+    """Write the hits of a band."""
     is_hit = hits.triangle >= 0
-    where = np.where(is_hit, hits.t, 1.0)
-    axes = view_axes(projection.volume.spans, steps, where, hits.tangent, is_mirrored)
     into.mask[own], into.is_mirrored[own] = hits.mask, axes.is_mirrored
     into.t[own] = hits.t
     into.forward[:, own], into.right[:, own], into.up[:, own] = axes.forward, axes.right, axes.up

@@ -13,7 +13,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
-from ...casting.scene.cast_scene import CastScene
+from ...casting.scene.cast_scene import MOST_PARTS, CastScene
 from ...casting.scene.occupancy import Occupancy
 from ...casting.scene.traced_mesh import TracedMesh
 from ...projection.typing import Array, BoolArray, Float32Array
@@ -82,6 +82,16 @@ class StillPart:
         self.scene, self.usable = scene, scene.usable & kept
         whole = self.usable.sum() == scene.usable.sum()
         self.mesh = scene.mesh if whole else TracedMesh(scene.vertices, scene.triangles, self.usable)
+        self._parts: dict[bytes, StillPart] = {}
+
+    def only(self, kept: BoolArray) -> StillPart:
+        """The part of which only ``kept`` (T,) can be hit. Answers are cached."""
+        key = np.packbits(kept).tobytes()
+        if key not in self._parts:
+            if len(self._parts) == MOST_PARTS:
+                self._parts.clear()
+            self._parts[key] = StillPart(self.scene, self.usable & kept)
+        return self._parts[key]
 
 
 class TwoPartScene(CastScene):
@@ -93,6 +103,7 @@ class TwoPartScene(CastScene):
 
     def __init__(self, still: StillPart, moving: CastScene | None) -> None:
         scene = still.scene
+        self._still, self._moving = still, moving
         self._parts_of_it = (scene,) if moving is None else (scene, moving)
         self._tables_lock, self._lock = Lock(), Lock()
         self._weights: Array | None = None
@@ -107,7 +118,30 @@ class TwoPartScene(CastScene):
             self.mesh = TwoMeshes(still.mesh, moving.mesh, len(still.usable))
             usable = np.concatenate([still.usable, moving.usable])
             self.planes = np.concatenate([scene.planes, moving.planes], axis=1)
+        self._largest = np.concatenate([part._largest for part in self._parts_of_it])
         self.usable = usable
+
+    def only(self, kept: BoolArray | None) -> CastScene | None:
+        """See ``CastScene``."""
+        if kept is None or kept[self.usable].all():
+            return self
+        if not kept[self.usable].any():
+            return None
+        count = len(self._still.usable)
+        moving = None if self._moving is None else self._moving.only(kept[count:])
+        return TwoPartScene(self._still.only(kept[:count]), moving)
+
+    def points_of(self, which: BoolArray) -> Array:
+        """See ``CastScene``."""
+        count = len(self._still.usable)
+        points = self._parts_of_it[0].points_of(which[:count])
+        if self._moving is None:
+            return points
+        return np.concatenate([points, self._moving.points_of(which[count:])], axis=1)
+
+    def within(self, lower: Array, upper: Array) -> BoolArray:
+        """See ``CastScene``."""
+        return np.concatenate([part.within(lower, upper) for part in self._parts_of_it])
 
     def _make_weights(self) -> Array:
         weights = [part.weights for part in self._parts_of_it]

@@ -120,7 +120,7 @@ def _hidden(
     cast_scene = visible_scene(scene)
     if cast_scene is None:
         return 0.0, ""
-    layered = layered_cast(cast_scene, projection, scene, pixel_size)
+    layered = layered_cast(cast_scene, projection, scene.geometry.image_layer, pixel_size)
     if layered is None:
         moved = projection.transformed(cast_scene.matrix)
         hits = cast(cast_scene, moved, place.x, place.y, pixel_size, PIXEL_ERROR)

@@ -35,7 +35,7 @@ def layer_shares(projection: Projection, scene: Scene) -> LayerShares:
     seen, alone = np.zeros(count), np.zeros(count)
     cast_scene = visible_scene(scene)
     pixel = 1 / COLUMNS, 1 / rows
-    layered = cast_scene and layered_cast(cast_scene, projection, scene, pixel)
+    layered = cast_scene and layered_cast(cast_scene, projection, scene.geometry.image_layer, pixel)
     if layered:
         x, y = pixel_centres(COLUMNS, rows, (0, rows))
         hits, layer = layered.first_hits(x, y, CastCounts(), COLUMNS)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...casting.cast import cast
 from ...casting.common.hits import CastCounts
@@ -53,13 +54,8 @@ def pick(
     cast_scene = visible_scene(scene)
     triangle, t = -1, math.inf
     if cast_scene is not None:
-        layered = layered_cast(cast_scene, projection, scene, pixel_size)
-        if layered is None:
-            triangle, t = first_hit(cast_scene, projection, x, y, pixel_size)
-        else:
-            hits, layer = layered.first_hits(np.array([x]), np.array([y]), CastCounts())
-            triangle, t = int(hits.triangle[0]), float(hits.t[0])
-            projection = projection.of_layers[int(layer[0])]
+        triangle, t, layer = first_hit(cast_scene, projection, x, y, pixel_size, scene.geometry.image_layer)
+        projection = projection.of_layers[layer]
     curve_at = projector_at(projection, x, y)
     if curve_at is None:
         return None
@@ -89,27 +85,44 @@ def projector_at(projection: Projection, x: float, y: float) -> Callable[[Array]
 
 
 def layered_cast(
-    cast_scene: CastScene, projection: Projection, scene: Scene, pixel_size: tuple[float, float]
+    cast_scene: CastScene,
+    projection: Projection,
+    layers: NDArray[np.uint8] | None,
+    pixel_size: tuple[float, float],
 ) -> LayeredCast | None:
-    """The cast at a scene's layers, None if the projection itself shows all; arguments as for ``pick``."""
+    """The cast at a scene's layers, None if the projection itself shows all.
+
+    layers: (T,) of the triangles, see ``Geometry.image_layer``. projection, pixel_size: as for ``pick``.
+    """
     moved = projection.transformed(cast_scene.matrix)
-    parts = LayerParts.of(scene.geometry, cast_scene, moved.layers)
+    parts = LayerParts.of(layers, cast_scene, moved.layers)
     if parts is None:
         return None
     return LayeredCast(parts=parts, projection=moved, pixel_size=pixel_size, pixel_error=PIXEL_ERROR)
 
 
 def first_hit(
-    cast_scene: CastScene, projection: Projection, x: float, y: float, pixel_size: tuple[float, float]
-) -> tuple[int, float]:
-    """The first triangle that the projector at (x, y) meets, and its t; (-1, inf) on a miss.
+    cast_scene: CastScene,
+    projection: Projection,
+    x: float,
+    y: float,
+    pixel_size: tuple[float, float],
+    layers: NDArray[np.uint8] | None = None,
+) -> tuple[int, float, int]:
+    """The first triangle that is seen at (x, y), its t and the layer that shows it; (-1, inf, 0) on a miss.
 
-    projection, pixel_size: as for ``pick``. Raises CastError.
+    The arguments are those of ``layered_cast``. Raises CastError.
     """
-    moved = projection.transformed(cast_scene.matrix)
-    hits = cast(cast_scene, moved, np.array([x]), np.array([y]), pixel_size, PIXEL_ERROR)
+    place, layer = (np.array([x]), np.array([y])), 0
+    layered = layered_cast(cast_scene, projection, layers, pixel_size)
+    if layered is None:
+        moved = projection.transformed(cast_scene.matrix)
+        hits = cast(cast_scene, moved, *place, pixel_size, PIXEL_ERROR)
+    else:
+        hits, numbers = layered.first_hits(*place, CastCounts())
+        layer = int(numbers[0])
     triangle = int(hits.triangle[0])
-    return (triangle, float(hits.t[0])) if triangle >= 0 else (-1, math.inf)
+    return (triangle, float(hits.t[0]), layer) if triangle >= 0 else (-1, math.inf, 0)
 
 
 def visible_scene(scene: Scene) -> CastScene | None:

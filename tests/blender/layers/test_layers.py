@@ -297,6 +297,69 @@ def test_other_ways_to_see_the_volume_say_that_layers_are_missing(scene, addon):
     assert text in addon("cycles.cautions").cautions(scene, bpy.context.view_layer, rig)
 
 
+@pytest.mark.parametrize("halo", [0.0, 1.5])
+def test_live_view_shows_what_the_engine_does(scene, addon, halo):
+    views, casting = addon("bridge.live.live_view"), addon("shading.live.cast_live")
+    bpy.context.view_layer.use_pass_position = True
+    side, thing = bpy.data.objects["Side"], bpy.data.objects["Thing"]
+    bpy.context.view_layer.objects.active = side
+    assert bpy.ops.scfpf.preset_apply(preset="curved_convergence") == {"FINISHED"}
+    scene.camera = bpy.data.objects["Master"]
+    layer = add("DEPTH")
+    layer.halo, layer.size, layer.position = halo, (0.8, 0.8), (0.45, 0.5)
+    live = views.LiveView()
+
+    def compare():
+        bpy.context.view_layer.update()
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        source = live.source = views.source_of(depsgraph)
+        source.mark_edited()
+        window = casting.LiveWindow(0.0, 0.0, 1.0, 1.0, 64, 36)
+        whole = addon("bridge.render.view_painter").Rectangle(0.0, 0.0, 64.0, 36.0)
+        placements, look = views.read_scene(source, depsgraph, scene.camera, 64.0)
+        asked = views._request(source, depsgraph, scene.camera, 64 / 36, window, whole, "", placements, look)
+        view = casting.LiveProjection.of(asked.projection, asked.members)
+        hits = casting.cast_live(source.kept.updated(asked.placements), view, window)
+        expected = f12(scene)["ViewLayer.Position"].reshape(-1, 3)
+        off = np.linalg.norm(hits.position.T - expected, axis=1)
+        # Live View follows curved projectors to a pixel, the engine finer: silhouettes may differ.
+        assert np.mean(off > 0.1) < 0.02
+        # The axes are perpendicular, of length 1, and face the surfaces' normals.
+        hit = hits.look >= 0
+        axes = np.stack([hits.forward, hits.right, hits.up])[:, :, hit]
+        products = np.einsum("acn,bcn->nab", axes, axes)
+        np.testing.assert_allclose(products, np.broadcast_to(np.eye(3), products.shape), atol=1e-4)
+        assert (np.einsum("cn,cn->n", hits.normal, hits.forward)[hit] <= 1e-4).all()
+        return hits
+
+    before = compare()
+    # The thing moves and is built apart from the rest.
+    thing.location.x -= 1.0
+    after = compare()
+    assert (before.position != after.position).any()
+    side.location.z += 1.0
+    assert (compare().position != after.position).any()
+
+
+def test_a_click_selects_what_the_picture_shows(scene, addon):
+    seen = addon("bridge.live.seen_object")
+    bpy.context.view_layer.use_pass_object_index = True
+    for number, name in enumerate(("Thing", "Wall", "Floor"), 1):
+        bpy.data.objects[name].pass_index = number
+    layer = add("DEPTH")
+    layer.size = (0.7, 0.7)
+    made = f12(scene)
+    index = made["ViewLayer.Object Index" if bpy.app.version >= (5, 0, 0) else "ViewLayer.IndexOB"][..., 0]
+    frame = addon("bridge.render.view_painter").Rectangle(0.0, 0.0, 64.0, 36.0)
+    found = set()
+    for column, row in np.random.default_rng(2).integers((0, 0), (64, 36), (60, 2)):
+        place = seen.Place(scene.camera, (column + 0.5) / 64, (row + 0.5) / 36, frame)
+        obj = seen.seen_object(bpy.context, place)
+        assert (obj.pass_index if obj else 0) == index[row, column]
+        found.add(obj and obj.name)
+    assert {"Thing", "Floor"} <= found
+
+
 def test_wrong_arguments_are_refused(scene):
     for given, message in (
         ({"collection": "Nothing"}, "There is no collection 'Nothing'"),

@@ -54,7 +54,7 @@ def random_case(seed):
     geometry = Geometry(vertices, triangles, None, nothing, nothing, image_layer=numbers)
     scene = CastScene(vertices, triangles)
     inside = projection.transformed(scene.matrix)
-    parts = LayerParts.of(geometry, scene, inside.layers)
+    parts = LayerParts.of(geometry.image_layer, scene, inside.layers)
     made = LayeredCast(parts=parts, projection=inside, pixel_size=(1 / SIDE, 1 / SIDE), pixel_error=0.1)
     return projection, vertices[triangles], numbers, made
 
@@ -169,7 +169,7 @@ def test_layers_cost_rays_only_where_their_things_may_be_seen(seed):
     geometry = Geometry(vertices, triangles, None, nothing, nothing, image_layer=numbers)
     scene = CastScene(vertices, triangles)
     projection = replace(base, layers=(ImageLayer(base, "DEPTH", np.zeros(3)),)).transformed(scene.matrix)
-    parts = LayerParts.of(geometry, scene, projection.layers)
+    parts = LayerParts.of(geometry.image_layer, scene, projection.layers)
     made = LayeredCast(parts=parts, projection=projection, pixel_size=(0.01, 0.01), pixel_error=0.1)
     x, y = pixel_centres(100, 100, (0, 100))
     counts = CastCounts()
