@@ -14,17 +14,20 @@ FOLDER = Path(__file__).resolve().parents[3] / "presets"
 GROUPS = {
     "Cameras": (
         "anamorphic_billboard",
-        "cavalier",
         "digital_cubism",
         "inverted_perspective",
         "irregular_perspective",
-        "military",
-        "oblique",
         "occlusion_camera",
         "off_centre",
-        "orthographic",
         "perspective",
         "telephoto",
+    ),
+    "Drawings and Maps": (
+        "cavalier",
+        "military",
+        "oblique",
+        "orthographic",
+        "panorama_map",
         "three_quarter",
     ),
     "Fisheyes and Lenses": (
@@ -55,7 +58,6 @@ GROUPS = {
         "panini",
         "panini_compressed",
         "panini_vertical",
-        "panorama_map",
         "street_panorama",
         "street_panorama_curved",
         "strip_camera",
