@@ -18,32 +18,33 @@ Role: TypeAlias = Literal[
 Color: TypeAlias = tuple[float, float, float, float]
 
 # Display colours (sRGB), red green blue alpha, for dark and for light backgrounds. Blender's
-# light theme has a 3D viewport of medium grey: the bright colours serve it too.
+# light theme has a 3D viewport of medium grey: the bright colours serve it too. What may lie
+# side by side (SURFACE, PROJECTOR, FOLD, U, V, PICK) differs for colour-blind eyes as well.
 BRIGHT: dict[Role, Color] = {
     "ISO": (0.48, 0.78, 0.50, 1.0),
-    "SURFACE": (0.20, 0.78, 0.30, 1.0),
+    "SURFACE": (0.25, 1.00, 0.45, 1.0),
     "FOLDED": (0.94, 0.44, 0.42, 1.0),
     "PROJECTOR": (0.36, 0.62, 1.00, 1.0),
-    "FOLD": (1.00, 0.42, 0.38, 1.0),
+    "FOLD": (0.96, 0.45, 0.47, 1.0),
     "FAR": (0.10, 0.85, 0.55, 1.0),
     "SAFE": (0.80, 0.88, 0.62, 1.0),
     "FRAME": (0.55, 1.00, 0.40, 1.0),
-    "U": (1.00, 0.65, 0.20, 1.0),
-    "V": (0.90, 0.55, 1.00, 1.0),
-    "PICK": (1.00, 0.95, 0.15, 1.0),
+    "U": (1.00, 0.57, 0.00, 1.0),
+    "V": (0.91, 0.44, 0.67, 1.0),
+    "PICK": (0.98, 1.00, 0.04, 1.0),
 }
 DARK: dict[Role, Color] = {
     "ISO": (0.14, 0.36, 0.16, 1.0),
-    "SURFACE": (0.02, 0.38, 0.08, 1.0),
-    "FOLDED": (0.64, 0.06, 0.06, 1.0),
+    "SURFACE": (0.08, 0.41, 0.34, 1.0),
+    "FOLDED": (0.40, 0.06, 0.12, 1.0),
     "PROJECTOR": (0.08, 0.22, 0.80, 1.0),
-    "FOLD": (0.70, 0.03, 0.03, 1.0),
+    "FOLD": (0.32, 0.07, 0.12, 1.0),
     "FAR": (0.00, 0.35, 0.22, 1.0),
     "SAFE": (0.24, 0.30, 0.04, 1.0),
     "FRAME": (0.02, 0.40, 0.02, 1.0),
-    "U": (0.52, 0.26, 0.00, 1.0),
-    "V": (0.50, 0.05, 0.60, 1.0),
-    "PICK": (0.42, 0.33, 0.00, 1.0),
+    "U": (0.38, 0.12, 0.00, 1.0),
+    "V": (0.29, 0.00, 0.34, 1.0),
+    "PICK": (0.43, 0.37, 0.03, 1.0),
 }
 # Backgrounds of a higher relative luminance get the dark lines: there black and the blue that
 # projectors have stand out equally.
