@@ -22,6 +22,7 @@ class SCFPF_OT_aim_pin_click(ImageClick, bpy.types.Operator):
     bl_idname = "scfpf.aim_pin_click"
     bl_label = "Add Pin by Click"
     bl_options = {"UNDO"}
+    without_mouse = None
     hint = "Click on a thing in the picture, in Live View or in a 3D viewport"
 
     # The point that was clicked in the scene, None after a click in the picture.

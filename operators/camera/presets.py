@@ -77,8 +77,8 @@ class PresetOperator(Action):
 
     fit: BoolProperty(
         name="Fit to Scene",
-        description="Make the volume reach beyond the scene. A preset made around a subject moves the camera "
-        "so that it surrounds the selected objects, or else the whole scene",
+        description="Make the volume reach beyond the scene, or, if the preset is made around a subject, "
+        "surround the selected objects or else the whole scene",
         default=True,
     )
 

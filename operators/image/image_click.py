@@ -53,6 +53,8 @@ class ImageClick:
 
     cursor = "EYEDROPPER"
     hint = ""
+    # The position that Enter chooses when the mouse is elsewhere, None to wait: numbers can follow.
+    without_mouse: tuple[float, float] | None = (0.5, 0.5)
 
     x: _share("X", "From the picture's left border, as a share of its width")
     y: _share("Y", "From the picture's lower border, as a share of its height")
@@ -74,8 +76,10 @@ class ImageClick:
         if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
             self.cancel(context)
             return {"CANCELLED"}
-        if event.type == "LEFTMOUSE" and event.value == "PRESS":
+        if event.type in {"LEFTMOUSE", "RET", "NUMPAD_ENTER"} and event.value == "PRESS":
             position = self.position_at(context, event.mouse_x, event.mouse_y)
+            if position is None and event.type != "LEFTMOUSE":
+                position = self.without_mouse
             if position is None:
                 return {"RUNNING_MODAL"}
             self.cancel(context)

@@ -17,12 +17,15 @@ from ..common.tool import Action
 TURN, ZOOM, DOLLY = math.radians(60), 2.0, 1.0
 # The zoom of one notch of the wheel.
 WHEEL = 1.05
+# The effect of an arrow key, as that of a drag across this share of the region: half a degree.
+ARROW = 1 / 120
+ARROWS = {"LEFT_ARROW": (-1, 0), "RIGHT_ARROW": (1, 0), "DOWN_ARROW": (0, -1), "UP_ARROW": (0, 1)}
 # The zoom that the properties allow.
 LEAST_ZOOM, MOST_ZOOM = 0.01, 100.0
 # An axis of the camera foreshortened to less than this share has no direction on the screen.
 SEEN = 0.2
 KEYS = (
-    "Move: pan and tilt    Ctrl or wheel: zoom    Shift: dolly    R: roll    "
+    "Move, arrow keys: pan and tilt    Ctrl or wheel: zoom    Shift: dolly    R: roll    "
     "Enter, click: accept    Esc, right click: restore"
 )
 
@@ -97,6 +100,8 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
             self._zoom_by(WHEEL if event.type == "WHEELUPMOUSE" else 1 / WHEEL)
         elif event.type == "MOUSEMOVE":
             self._drag(event)
+        elif event.type in ARROWS and event.value == "PRESS":
+            self._step(event)
         else:
             return {"PASS_THROUGH"} if event.type.startswith("TIMER") else {"RUNNING_MODAL"}
         self._restore(camera)
@@ -112,7 +117,20 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
             a, b = (math.atan2(p[1] - self._centre[1], p[0] - self._centre[0]) for p in (old, self._mouse))
             # From in front of the camera the roll looks reversed.
             self.roll += self._sides[2] * math.remainder(b - a, math.tau)
-        elif event.ctrl:
+        else:
+            self._shift(x, y, event)
+
+    def _step(self, event):
+        """Apply an arrow key, by the modifier keys that are held; a roll goes by the angle of a pan."""
+        x, y = (ARROW * way for way in ARROWS[event.type])
+        if self._rolling:
+            self.roll -= self._sides[2] * TURN * (x + y)
+        else:
+            self._shift(x, y, event)
+
+    def _shift(self, x: float, y: float, event):
+        """Pan and tilt, zoom or dolly by shares of the region."""
+        if event.ctrl:
             self._zoom_by(math.exp(ZOOM * (x + y)))
         elif event.shift:
             self.dolly += DOLLY * self._distance * (x + y)

@@ -22,14 +22,15 @@ def module(addon):
 def drag(module):
     """A function that moves the mouse and returns the amounts after it."""
 
-    def drag(x, y, ctrl=False, shift=False, rolling=False, sides=(1, 1, 1)):
+    def drag(x, y, ctrl=False, shift=False, rolling=False, sides=(1, 1, 1), key=None):
         state = SimpleNamespace(pan=0.0, tilt=0.0, roll=0.0, dolly=0.0, zoom=1.0)
         state._mouse, state._centre, state._reach = (500, 300), (400, 300), 1000
         state._distance, state._rolling, state._sides = 20.0, rolling, sides
         operator = module.SCFPF_OT_volume_frame
         state._zoom_by = lambda factor: operator._zoom_by(state, factor)
-        event = SimpleNamespace(mouse_x=500 + x, mouse_y=300 + y, ctrl=ctrl, shift=shift)
-        operator._drag(state, event)
+        state._shift = lambda *amounts: operator._shift(state, *amounts)
+        event = SimpleNamespace(mouse_x=500 + x, mouse_y=300 + y, ctrl=ctrl, shift=shift, type=key)
+        (operator._step if key else operator._drag)(state, event)
         return state
 
     return drag
@@ -51,6 +52,15 @@ def test_keys_zoom_dolly_and_roll(module, drag):
     # From the right of the centre to above it: a quarter turn anticlockwise.
     assert drag(-100, 100, rolling=True).roll == pytest.approx(math.pi / 2)
     assert drag(-100, 100, rolling=True, sides=(-1, 1, -1)).roll == pytest.approx(-math.pi / 2)
+
+
+def test_arrow_keys_do_what_the_mouse_does(drag):
+    """Half a degree each."""
+    assert drag(0, 0, key="RIGHT_ARROW").pan == pytest.approx(math.radians(0.5))
+    assert drag(0, 0, key="DOWN_ARROW").tilt == pytest.approx(-math.radians(0.5))
+    assert drag(0, 0, key="UP_ARROW", ctrl=True).zoom > 1 > drag(0, 0, key="LEFT_ARROW", ctrl=True).zoom
+    assert drag(0, 0, key="UP_ARROW", shift=True).dolly > 0
+    assert drag(0, 0, key="LEFT_ARROW", rolling=True).roll == pytest.approx(math.radians(0.5))
 
 
 def test_the_side_of_the_screen_that_the_volume_is_seen_from(module):

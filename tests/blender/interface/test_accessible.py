@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The interface by the keyboard alone, and tooltips of one sentence."""
+
+import pathlib
+import re
+import types
+
+import bpy
+
+GUIDE = pathlib.Path(__file__).resolve().parents[3] / "docs" / "guide.md"
+# They wait for no input: for the end of a render, for a click that Blender handles, for a warning's turn.
+NOT_TOOLS = {"engine_warn", "live_select", "render_escape"}
+SENTENCE = re.compile(r"[.!?]\s+(?=[A-Z])")
+
+
+def test_every_modal_tool_is_in_the_table_of_keys():
+    text = GUIDE.read_text(encoding="utf-8")
+    table = text[text.index("| tool | keys |") : text.index("## Command line")]
+    modal = [name for name in dir(bpy.types) if name.startswith("SCFPF_OT_")]
+    modal = [cls for cls in (getattr(bpy.types, name) for name in modal) if hasattr(cls, "modal")]
+    tools = [cls for cls in modal if cls.__name__.removeprefix("SCFPF_OT_") not in NOT_TOOLS]
+    assert len(tools) >= 10
+    assert not [cls.bl_label for cls in tools if cls.bl_label not in table]
+
+
+def test_properties_of_operators_are_told_in_one_sentence():
+    """Those of two numbers that depend on each other take a second one."""
+    long = {
+        f"{name}.{prop.identifier}"
+        for name in dir(bpy.ops.scfpf)
+        for prop in getattr(bpy.ops.scfpf, name).get_rna_type().properties
+        if SENTENCE.search(prop.description)
+    }
+    assert long <= {"surface_to_patch.columns", "surface_to_patch.rows"}
+
+
+def test_enter_picks_the_middle_where_the_mouse_is_beside_the_picture(addon):
+    """A click there waits for another one."""
+    click = addon("operators.image.image_click").ImageClick
+    tool = types.SimpleNamespace(
+        without_mouse=click.without_mouse,
+        position_at=lambda *_place: None,
+        cancel=lambda _context: None,
+        poll=lambda _context: True,
+        execute=lambda _context: {"FINISHED"},
+    )
+    beside = {"value": "PRESS", "mouse_x": 0, "mouse_y": 0}
+    assert click.modal(tool, None, types.SimpleNamespace(type="LEFTMOUSE", **beside)) == {"RUNNING_MODAL"}
+    assert click.modal(tool, None, types.SimpleNamespace(type="RET", **beside)) == {"FINISHED"}
+    assert (tool.x, tool.y) == (0.5, 0.5)
