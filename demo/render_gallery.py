@@ -41,6 +41,9 @@ CYCLES_SAMPLES = 64
 CYCLES_TIMES = "cycles-times.json"
 # The pixel error of their projectors; a smaller one takes more chords without a visible difference.
 CYCLES_PIXEL_ERROR = 0.5
+# The image whose ordinary camera is a perspective of this focal length in millimetres: its volume begins as a
+# small rectangle before the car, and an orthographic camera there sees the car's front alone.
+STREET_VIEW, STREET_LENS = "figure-1", 24.0
 # Images wider than this multiple of their height have rows of their own; others stand in this many columns.
 WIDE, ACROSS = 2.5, 3
 HEAD = """# Gallery
@@ -70,7 +73,8 @@ RECIPES = {
 CYCLES_TEXT = """Cycles in a stock Blender path-traces the same volumes: *Set Up Cycles* sends its rays
 along the projectors. Reflections, bounced light and soft shadows are those of the scene."""
 TIMES_TEXT = f"""Each picture has {CYCLES_SAMPLES} samples a pixel and is denoised. Times are processor
-seconds with the reading of the scene and the denoising. The ordinary camera has the same place and size."""
+seconds with the reading of the scene and the denoising. The ordinary camera has the same place and size.
+That of figure 1 is a perspective 74° wide: an orthographic one would see the car's front alone."""
 
 
 def save_jpeg(source: Path, path: Path) -> None:
@@ -253,13 +257,27 @@ def render_with_cycles(street, panel, path: Path, percentage: int) -> None:
     bpy.ops.scfpf.cycles_rig()
     save_jpeg(raw, path)
     scene.render.engine = "CYCLES"
+    if path.stem == f"{STREET_VIEW}-cycles":
+        scene.camera = _perspective(scene, camera)
     begun = time.process_time()
-    bpy.ops.render.render()
+    # An image that is not written may not be rendered.
+    bpy.ops.render.render(write_still=True)
     straight = time.process_time() - begun
+    raw.unlink()
     print(f"  {path.name}: {curved:.0f} s of the processor, without the rig {straight:.0f} s", flush=True)
     times = cycles_times(path.parent) | {path.stem.removesuffix("-cycles"): [curved, straight]}
     places = {stem: times[stem] for stem in WITH_CYCLES if stem in times}
     (path.parent / CYCLES_TIMES).write_text(json.dumps(places, indent=1) + "\n", encoding="utf-8")
+
+
+def _perspective(scene, camera):
+    """A perspective camera in a scene, at the place of a flexible one."""
+    import bpy
+
+    made = bpy.data.objects.new("Ordinary", bpy.data.cameras.new("Ordinary"))
+    made.matrix_world, made.data.lens = camera.matrix_world, STREET_LENS
+    scene.collection.objects.link(made)
+    return made
 
 
 def cycles_times(folder: Path) -> dict[str, list[float]]:
