@@ -12,7 +12,7 @@ from __future__ import annotations
 from ...bridge.blender.drivers import add_property, new_driver
 from ...bridge.blender.modifier_inputs import input_property
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
-from ...scanline.nodes.geometry_nodes import GeometryBuilder
+from ...scanline.nodes.geometry_nodes import GeometryBuilder, defines_group
 
 # The rig's lens: as wide as Blender allows, since places on it are tilts of 1 in 2000.
 STOP = 0.1
@@ -42,11 +42,20 @@ INPUTS = {
 }
 
 
-def store_lens(nodes: GeometryBuilder, geometry: Value, given: dict[str, Value], matrix: Value) -> Value:
-    """Store the lens of each vertex.
-
-    given: INPUTS, and Start and Chord in world space. matrix: from the camera's space into the world.
-    """
+@defines_group(
+    "SCFPF Lens",
+    {
+        "Geometry": ("Geometry", None, "Sheets"),
+        "Matrix": ("Matrix", None, "From the camera's space into the world"),
+        "Start": ("Vector", None, "Where the chord of a vertex starts in the world"),
+        "Chord": ("Vector", None, "From there to its end"),
+    }
+    | INPUTS,
+    {"Geometry": "Geometry"},
+)
+def lens_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """Store the lens of each vertex."""
+    geometry, matrix = given["Geometry"], given["Matrix"]
     nodes.open_frame("The camera")
     centre = nodes.point((0.0, 0.0, 0.0), matrix, "Its Place")
 
@@ -79,7 +88,7 @@ def store_lens(nodes: GeometryBuilder, geometry: Value, given: dict[str, Value],
     factors = nodes.xyz(radius - radius * depth / focus, radius * reach / focus, 0.0, "Factors")
     for name, value in ((LENS_X, lens_x), (LENS_Y, lens_y), (LENS, factors)):
         geometry = nodes.store(geometry, name, value, "FLOAT_VECTOR")
-    return geometry
+    return {"Geometry": geometry}
 
 
 def _unit(nodes: FieldBuilder, vector: Value) -> Value:

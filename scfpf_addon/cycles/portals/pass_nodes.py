@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ...scanline.nodes.field_nodes import FieldBuilder, Value
-from ...scanline.nodes.geometry_nodes import GeometryBuilder
+from ...scanline.nodes.geometry_nodes import GeometryBuilder, defines_group
 from .mapped_positions import OWN, RECTANGLE
 
 # AOVs, all colours: the start of the chord; Q's change along it, by t; t at the start and the length so far;
@@ -37,14 +37,35 @@ class Chord(NamedTuple):
     step: Value
 
 
-def store_added(
-    nodes: GeometryBuilder, geometry: Value, before: Chord, onward: Chord, given: dict[str, Value]
-) -> Value:
-    """Store each portal's additions on its vertices.
-
-    before, onward: the chords along which a ray comes and goes on. given: Far (1 if it leaves), Number (of
-    the sheet), Sheet (vertices of a whole one), Skips (whether rays skip chords), Place (x, y, polar).
-    """
+@defines_group(
+    "SCFPF Passes",
+    {
+        "Geometry": ("Geometry", None, "Sheets"),
+        "Far": ("Float", 0.0, "1 where a ray leaves the volume"),
+        "Number": ("Float", 0.0, "Of the sheet"),
+        "Sheet": ("Int", 0, "Vertices of a whole sheet"),
+        "Skips": ("Bool", False, "Do rays skip chords?"),
+        "Place": ("Vector", None, "x, y, and 1 in a polar picture"),
+    }
+    | {
+        f"{part} {when}": (kind, None, f"{text} of the chord along which a ray {goes}")
+        for when, goes in (("Before", "comes"), ("Onward", "goes on"))
+        for part, kind, text in (
+            ("Start", "Vector", "Start"),
+            ("Chord", "Vector", "Start to end"),
+            ("t", "Float", "t at the start"),
+            ("Step", "Float", "Change of t"),
+        )
+    },
+    {"Geometry": "Geometry"},
+)
+def passes_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """Store what each portal adds to the passes on its vertices."""
+    geometry = given["Geometry"]
+    before, onward = (
+        Chord(*(given[f"{part} {when}"] for part in ("Start", "Chord", "t", "Step")))
+        for when in ("Before", "Onward")
+    )
     nodes.open_frame("What changes from chord to chord")
     number, far = given["Number"], given["Far"]
     behind = nodes.switch(number > 0.5, 0.0, 1.0, "FLOAT", "Is There One?")
@@ -70,7 +91,7 @@ def store_added(
     for aov, value in ((AOV_START, start), (AOV_RATE, rate), (AOV_ALONG, along)):
         geometry = nodes.store(geometry, ADDED[aov], value, "FLOAT_VECTOR")
     geometry = nodes.store(geometry, INSIDE, counts - behind, "FLOAT")
-    return nodes.store(geometry, PLACE, place, "FLOAT_VECTOR")
+    return {"Geometry": nodes.store(geometry, PLACE, place, "FLOAT_VECTOR")}
 
 
 def add_to_aovs(nodes: FieldBuilder, due, with_place: bool, follow) -> None:

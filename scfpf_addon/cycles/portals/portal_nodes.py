@@ -102,10 +102,10 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     nodes.open_frame("The camera's table")
     table, matrix = nodes.object_info(given["Table"])
     view = view_inputs(nodes, table, given["Aspect"])
-    nodes.open_frame("Sheets that skip chords, or whole ones")
     open_lens = given["Straight"] & (given["Lens Radius"] > 0.0)
     skips = given["Skip"] & ~open_lens
-    geometry, sheet = _sheets(nodes, given, skips)
+    found = nodes.call(_sheets_group(), "Sheets", {"Skip": skips}, given)
+    geometry, sheet = found["Geometry"], found["Sheet"]
     x, y, number = nodes.position().parts()
     nodes.open_frame("Ends of the chord before, and of the next")
     onward, count = nodes.attribute(ONWARD), given["Chords"]
@@ -120,18 +120,22 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         ends[label], times[label] = nodes.point(end, matrix, "In the World"), t
     probe = nodes.set_position(geometry, ends["Here"], "Ends of the Chords")
     polar = view["Numbers"].parts()[2]
-    screen = _screen(nodes, given, polar)
-    geometry = _store_rays(nodes, geometry, ends, far, open_lens)
+    screen = nodes.call(_screen_group(), "Screen", {"Polar": polar}, given)["Position"]
+    inputs = {"Geometry": geometry, "Far": far, "Lens": open_lens}
+    geometry = nodes.call(_rays_group(), "Rays", inputs, ends)["Geometry"]
     here, along = (nodes.attribute(name, "FLOAT_VECTOR") for name in (POSITION, DIRECTION))
-    with_lens = lens_nodes.store_lens(nodes, geometry, given | {"Start": here, "Chord": along}, matrix)
     nodes.open_frame("Only where they are asked for")
+    inputs = {"Geometry": geometry, "Matrix": matrix, "Start": here, "Chord": along}
+    with_lens = nodes.call(lens_nodes.lens_group(), "Lens", inputs, given)["Geometry"]
     geometry = nodes.switch(open_lens, geometry, with_lens, "GEOMETRY", "Depth of Field?")
     before, sheet_place = (nodes.attribute(name, "FLOAT_VECTOR") for name in (ORIGIN, PLACE))
-    last = pass_nodes.Chord(before, sheet_place - before, times["Before"], times["Here"] - times["Before"])
-    onto = pass_nodes.Chord(here, along, times["Start"], times["End"] - times["Start"])
-    of_passes = {"Far": far, "Number": number, "Sheet": sheet, "Skips": skips}
-    of_passes["Place"] = nodes.xyz(x, y, polar, "x, y, polar")
-    with_passes = pass_nodes.store_added(nodes, geometry, last, onto, of_passes)
+    inputs = {"Geometry": geometry, "Far": far, "Number": number, "Sheet": sheet, "Skips": skips}
+    inputs["Place"] = nodes.xyz(x, y, polar, "x, y, polar")
+    inputs |= {"Start Before": before, "Chord Before": sheet_place - before}
+    inputs |= {"t Before": times["Before"], "Step Before": times["Here"] - times["Before"]}
+    inputs |= {"Start Onward": here, "Chord Onward": along}
+    inputs |= {"t Onward": times["Start"], "Step Onward": times["End"] - times["Start"]}
+    with_passes = nodes.call(pass_nodes.passes_group(), "Passes", inputs)["Geometry"]
     geometry = nodes.switch(given["Passes"], geometry, with_passes, "GEOMETRY", "Passes?")
     is_sheet = number > 0.5
     place = nodes.switch(
@@ -142,8 +146,17 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     return {"Geometry": nodes.switch(given["Probe"], placed, probe, "GEOMETRY", "Probe?")}
 
 
-def _sheets(nodes: GeometryBuilder, given: dict[str, Value], skips: Value) -> tuple[Value, Value]:
-    """The mesh with the wanted sheets, and the number of a whole one's vertices."""
+@defines_group(
+    "SCFPF Sheets",
+    {
+        "Geometry": ("Geometry", None, "Sheets: x, y and the number of the sheet as positions"),
+        "Chords": ("Float", 1.0, "The number of chords"),
+        "Skip": ("Bool", False, "Do rays skip the chords that were empty?"),
+    },
+    {"Geometry": "Geometry", "Sheet": "Int"},
+)
+def _sheets_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """Sheets that skip chords or whole ones, and the number of a whole one's vertices."""
     number = nodes.position().parts()[2]
     repeated, skipping = nodes.separate(given["Geometry"], number < REPEATED + 0.5, "The Repeated", "POINT")
     nodes.open_frame("One whole sheet for each break")
@@ -160,21 +173,26 @@ def _sheets(nodes: GeometryBuilder, given: dict[str, Value], skips: Value) -> tu
         inputs = {"Geometry": whole, "Selection": selection, "Material Index": slot}
         whole = nodes.out("GeometryNodeSetMaterialIndex", "Its Material", inputs)
     whole = nodes.join(others, whole)
-    geometry = nodes.switch(skips, whole, skipping, "GEOMETRY", "Skip?")
-    return geometry, nodes.domain_size(repeated, "Point Count")
+    geometry = nodes.switch(given["Skip"], whole, skipping, "GEOMETRY", "Skip?")
+    return {"Geometry": geometry, "Sheet": nodes.domain_size(repeated, "Point Count")}
 
 
-def _store_rays(
-    nodes: GeometryBuilder,
-    geometry: Value,
-    ends: dict[str, Value],
-    far: Value,
-    open_lens: Value,
-) -> Value:
-    """Store which rays the portals turn, and where these go on.
-
-    ends: of the chord before a vertex, Before and Here, and of the next, Start and End.
-    """
+@defines_group(
+    "SCFPF Portal Rays",
+    {
+        "Geometry": ("Geometry", None, "Sheets"),
+        "Far": ("Float", 0.0, "1 where a ray leaves the volume"),
+        "Lens": ("Bool", False, "Has the camera a lens?"),
+        "Before": ("Vector", None, "Start of the chord before a vertex"),
+        "Here": ("Vector", None, "Its end"),
+        "Start": ("Vector", None, "Start of the next"),
+        "End": ("Vector", None, "Its end"),
+    },
+    {"Geometry": "Geometry"},
+)
+def _rays_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """Store which rays the portals turn, and where these go on."""
+    geometry = given["Geometry"]
     nodes.open_frame("Each place once: fields are evaluated anew wherever they are used")
 
     def store(name: str, value: Value, kind: str = "FLOAT_VECTOR") -> None:
@@ -184,31 +202,39 @@ def _store_rays(
     here, before, start, along = (
         nodes.attribute(name, "FLOAT_VECTOR") for name in (PLACE, ORIGIN, POSITION, DIRECTION)
     )
-    store(PLACE, ends["Here"])
-    store(ORIGIN, ends["Before"])
-    store(POSITION, ends["Start"])
-    store(DIRECTION, ends["End"] - start)
+    store(PLACE, given["Here"])
+    store(ORIGIN, given["Before"])
+    store(POSITION, given["Start"])
+    store(DIRECTION, given["End"] - start)
     nodes.open_frame("Where rays go on")
     unit = nodes.out("ShaderNodeVectorMath", "Normalized", {0: along}, operation="NORMALIZE")
     beyond = start + along + unit * TELEPORT
-    store(POSITION, nodes.switch(far > 0.5, start, beyond, "VECTOR", "Out of the Volume?"))
+    store(POSITION, nodes.switch(given["Far"] > 0.5, start, beyond, "VECTOR", "Out of the Volume?"))
     nodes.open_frame("Which rays are turned")
     tolerance = (here - before).length() * CHORD_SHARE + here.length().max(before.length()) * PLACE_SHARE
-    store(TOLERANCE, nodes.switch(open_lens, tolerance, ANYWHERE, "FLOAT", "Rays of a Lens?"), "FLOAT")
-    return geometry
+    store(TOLERANCE, nodes.switch(given["Lens"], tolerance, ANYWHERE, "FLOAT", "Rays of a Lens?"), "FLOAT")
+    return {"Geometry": geometry}
 
 
-def _screen(nodes: GeometryBuilder, given: dict[str, Value], polar: Value) -> Value:
+@defines_group(
+    "SCFPF Screen",
+    {
+        "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
+        "Width": ("Float", WIDTH, "Width of the screen"),
+        "Polar": ("Float", 0.0, "1 in a polar picture"),
+    },
+    {"Position": "Vector"},
+)
+def _screen_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     """The positions of the screen's vertices, and of the surround's."""
     x, y, number = nodes.position().parts()
-    nodes.open_frame("The screen, and what surrounds it")
-    aspect, width = given["Aspect"], given["Width"]
+    aspect, width, polar = given["Aspect"], given["Width"], given["Polar"]
     wide = aspect.max(1.0)
     across = nodes.mix(polar, width, width / wide)
     up = nodes.mix(polar, width / aspect, width / wide)
     depths = (-AWAY - TO_SCREEN, -AWAY - TO_SURROUND)
     depth = nodes.switch(number < -0.5, *depths, "FLOAT", "Screen or Surround")
-    return nodes.xyz((x - 0.5) * across, (y - 0.5) * up, depth, "Screen")
+    return {"Position": nodes.xyz((x - 0.5) * across, (y - 0.5) * up, depth, "Screen")}
 
 
 # Slots of the materials on the sheets' mesh.

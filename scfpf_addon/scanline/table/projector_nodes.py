@@ -59,7 +59,8 @@ def store_projectors(nodes: GeometryBuilder, given: dict[str, Value], powers, po
     row, column = divmod(within, columns)
     x, y = column / (columns - 1.0), row / (rows - 1.0)
     mapped = given["Pictured"] > 0.5
-    u, v, shown = _parameters(nodes, given, x, y, polar, within).parts()
+    inputs = {"X": x, "Y": y, "Point": within, "Disk": polar}
+    u, v, shown = nodes.call(_parameters_group(), "u and v", inputs, given)["Parameters"].parts()
     controls = _controls(nodes, given, u, v, count)
     nodes.open_frame("Holes and the seam of the picture's points")
     holed = given["Pictured"] > 1.5
@@ -75,7 +76,9 @@ def store_projectors(nodes: GeometryBuilder, given: dict[str, Value], powers, po
     leap = plain & nodes.call(_leap_group(), "Leap", {"Table": table, "Size": size})["Leap"]
     piece = (leap & (y * 2.0 - 1.0 < -1e-5)) * controls.base + piece
     cut = controls.cut | holed | leap
-    border = _border(nodes, given, controls.borders, leap, controls.several)
+    nodes.open_frame("Their borders, flat over the picture")
+    inputs = {"Pieces": nodes.join(*controls.borders), "Leap": leap, "Several": controls.several}
+    border = nodes.call(_border_group(), "Borders", inputs, given)["Borders"]
     nodes.open_frame("In pieces? Their numbers")
     pieces = nodes.store(table, PIECE, nodes.switch(hole, piece, NO_PIECE, "FLOAT", "Hole?"), "FLOAT")
     table = nodes.switch(cut, table, pieces, "GEOMETRY", "In Pieces?")
@@ -84,8 +87,28 @@ def store_projectors(nodes: GeometryBuilder, given: dict[str, Value], powers, po
     return Projectors(table, size, cut, border)
 
 
-def _parameters(nodes: GeometryBuilder, given, x: Value, y: Value, polar: Value, point: Value) -> Value:
-    """(u, v) of a point of the image, and as z whether it is shown."""
+# The inputs of ``table_group`` that say which part of u and v an image shows.
+_RANGE = {
+    f"{axis} {end}": ("Float", value, "") for axis in "UV" for end, value in (("Start", 0.0), ("End", 1.0))
+}
+
+
+@defines_group(
+    "SCFPF Parameters",
+    {
+        "X": ("Float", None, ""),
+        "Y": ("Float", None, ""),
+        "Point": ("Float", None, "Number of the picture's point"),
+        "Picture": ("Geometry", None, "u, v and what is shown of the table's corners, as positions"),
+        "Pictured": ("Int", 0, "1: u and v are those of the picture's points, 2: which have holes or a seam"),
+        "Disk": ("Float", 0.0, "1 for a disk in polar coordinates"),
+    }
+    | _RANGE,
+    {"Parameters": "Vector"},
+)
+def _parameters_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """u and v of a point of the picture, and as z whether it is shown."""
+    x, y, polar = (given[label] for label in ("X", "Y", "Disk"))
     nodes.open_frame("(u, v) of the picture's x and y")
     turn, radius = nodes.polar(x * 2.0 - 1.0, y * 2.0 - 1.0)
     u, v = (
@@ -93,50 +116,87 @@ def _parameters(nodes: GeometryBuilder, given, x: Value, y: Value, polar: Value,
         for part, axis in ((nodes.mix(polar, x, turn), "U"), (nodes.mix(polar, y, radius), "V"))
     )
     nodes.open_frame("Those of the picture's points, where it has mappings")
-    own = nodes.sample(given["Picture"], nodes.position(), point, "FLOAT_VECTOR", "The Picture's")
+    own = nodes.sample(given["Picture"], nodes.position(), given["Point"], "FLOAT_VECTOR", "The Picture's")
     plain = nodes.xyz(u, v, 1.0, "Plain")
-    return nodes.switch(given["Pictured"] > 0.5, plain, own, "VECTOR", "Mapped?")
+    return {"Parameters": nodes.switch(given["Pictured"] > 0.5, plain, own, "VECTOR", "Mapped?")}
 
 
 def _controls(nodes: GeometryBuilder, given, u: Value, v: Value, count: int) -> _Controls:
     nodes.open_frame("Control points of the projector")
-    points, borders, piece, cut, hole = [], [], 0.0, False, False
-    several, base = 0.0, 1.0
+    points, borders = [], []
+    pieces = {"Piece": 0.0, "Base": 1.0, "Several": 0.0, "Cut": False, "Hole": False}
     for number in range(1, count + 1):
-        along_u, along_v, closed = given[f"Net {number}"].parts()
-        inputs = {
-            "Surface": given[f"Surface {number}"],
-            "UV Map": given[f"UV Map {number}"],
-            "Columns": along_u,
-            "Rows": along_v,
-            "Cyclic U": closed - (closed * 0.5).floor() * 2.0,
-            "Cyclic V": (closed * 0.5).floor(),
-            "U": u,
-            "V": v,
-        }
-        on_surface = nodes.call(surface_point_group(), f"On Surface {number}", inputs)
-        points.append(on_surface["Position"])
-        borders.append(nodes.store(on_surface["Border"], OF_SURFACE, several, "FLOAT"))
-        piece = on_surface["Piece"] * base + piece
-        several = on_surface["Cut"] + several
-        base = nodes.switch(on_surface["Cut"], 1.0, PIECES, "FLOAT", "In Pieces?") * base
-        cut = on_surface["Cut"] | cut
-        hole = (on_surface["Piece"] < NO_PIECE + 0.5) | hole
+        inputs = {"Net": given[f"Net {number}"], "U": u, "V": v, **pieces}
+        inputs |= {label: given[f"{label} {number}"] for label in ("Surface", "UV Map")}
+        found = nodes.call(_control_point_group(), f"On Surface {number}", inputs)
+        points.append(found.pop("Position"))
+        borders.append(found.pop("Border"))
+        pieces = found
     return _Controls(
-        points=points, borders=borders, piece=piece, base=base, cut=cut, several=several, hole=hole
+        points=points,
+        borders=borders,
+        piece=pieces["Piece"],
+        base=pieces["Base"],
+        cut=pieces["Cut"],
+        several=pieces["Several"],
+        hole=pieces["Hole"],
     )
 
 
-def _border(nodes: GeometryBuilder, given, borders, leap: Value, several: Value) -> Value:
-    """All pieces of surfaces, flat over the image, as one instance; also the halves of one that leaps.
+@defines_group(
+    "SCFPF Control Point",
+    {
+        "Surface": ("Object", None, "The control surface"),
+        "UV Map": ("String", "UVMap", "The UV map of a surface that is a mesh"),
+        "Net": ("Vector", None, "Of a surface patch: points drawn along u and v, closed"),
+        "U": ("Float", None, ""),
+        "V": ("Float", None, ""),
+        "Piece": ("Float", 0.0, "The number of the pieces of the surfaces before"),
+        "Base": ("Float", 1.0, "The factor of this one's"),
+        "Several": ("Float", 0.0, "How many of the surfaces before are in pieces"),
+        "Cut": ("Bool", False, "Is one of them in pieces?"),
+        "Hole": ("Bool", False, "Has one of them a hole here?"),
+    },
+    {"Position": "Vector", "Border": "Geometry"}
+    | {"Piece": "Float", "Base": "Float", "Several": "Float", "Cut": "Bool", "Hole": "Bool"},
+)
+def _control_point_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """The point of a projector on one of its control surfaces, and its piece with those before."""
+    along_u, along_v, closed = given["Net"].parts()
+    half = (closed * 0.5).floor()
+    inputs = {"Columns": along_u, "Rows": along_v, "Cyclic U": closed - half * 2.0, "Cyclic V": half}
+    found = nodes.call(surface_point_group(), "On the Surface", inputs, given)
+    several = given["Several"]
+    return {
+        "Position": found["Position"],
+        "Border": nodes.store(found["Border"], OF_SURFACE, several, "FLOAT"),
+        "Piece": found["Piece"] * given["Base"] + given["Piece"],
+        "Base": nodes.switch(found["Cut"], 1.0, PIECES, "FLOAT", "In Pieces?") * given["Base"],
+        "Several": found["Cut"] + several,
+        "Cut": found["Cut"] | given["Cut"],
+        "Hole": (found["Piece"] < NO_PIECE + 0.5) | given["Hole"],
+    }
+
+
+@defines_group(
+    "SCFPF Borders",
+    {
+        "Pieces": ("Geometry", None, "Those of the surfaces, flat at (u, v)"),
+        "Leap": ("Bool", False, "Does a polar picture leap where it begins and ends?"),
+        "Several": ("Float", 0.0, "How many surfaces are in pieces"),
+    }
+    | _RANGE,
+    {"Borders": "Geometry"},
+)
+def _border_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """All pieces of surfaces, flat over the picture, as one instance; also the halves of one that leaps.
 
     The image runs from 0 to 1 across and up; a polar one over the whole turn and its radius.
     """
-    nodes.open_frame("Their borders, flat over the picture")
     starts, ends = (nodes.xyz(given[f"U {end}"], given[f"V {end}"], 0.0, end) for end in ("Start", "End"))
     position = nodes.position()
     place = (position - starts) / (ends - starts + (0.0, 0.0, 1.0))
-    flat = nodes.set_position(nodes.join(*borders), place, "Over the Picture")
+    flat = nodes.set_position(given["Pieces"], place, "Over the Picture")
     halves = []
     for number in range(2):
         size = {"Size X": 0.5, "Size Y": 1.0, "Vertices X": 2, "Vertices Y": 2}
@@ -144,9 +204,10 @@ def _border(nodes: GeometryBuilder, given, borders, leap: Value, several: Value)
         moved = {"Geometry": half, "Translation": (0.25 + 0.5 * number, 0.5, 0.0)}
         half = nodes.out("GeometryNodeTransform", "In Its Place", moved)
         half = nodes.store(half, PIECE, float(number), "FLOAT")
-        halves.append(nodes.store(half, OF_SURFACE, several, "FLOAT"))
-    both = nodes.switch(leap, None, nodes.join(*halves), "GEOMETRY", "Leaps?")
-    return nodes.out("GeometryNodeGeometryToInstance", "Borders", {"Geometry": nodes.join(flat, both)})
+        halves.append(nodes.store(half, OF_SURFACE, given["Several"], "FLOAT"))
+    both = nodes.switch(given["Leap"], None, nodes.join(*halves), "GEOMETRY", "Leaps?")
+    joined = {"Geometry": nodes.join(flat, both)}
+    return {"Borders": nodes.out("GeometryNodeGeometryToInstance", "Borders", joined)}
 
 
 @defines_group("SCFPF Leap", {key: TABLE_INPUTS[key] for key in ("Table", "Size")}, {"Leap": "Bool"})

@@ -38,18 +38,103 @@ def closed_form_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
     return {"Position": nodes.choose(given["Kind"], shapes, "VECTOR", "Shape of the Kind")}
 
 
+# The parameters of a point of a surface patch.
+PATCH_INPUTS = {
+    "Columns": ("Int", 0, "Of a surface patch: points that Blender draws along u; else 0"),
+    "Rows": ("Int", 0, "Of a surface patch: points that Blender draws along v"),
+    "Cyclic U": ("Int", 0, "Of a surface patch: 1 if it is closed along u"),
+    "Cyclic V": ("Int", 0, "Of a surface patch: 1 if it is closed along v"),
+    "U": ("Float", None, ""),
+    "V": ("Float", None, ""),
+}
+
+# The four drawn points of a cubic, and their weights.
+_INDICES, _WEIGHTS = (tuple(f"{part} {number}" for number in range(1, 5)) for part in ("Index", "Weight"))
+
+
+@defines_group(
+    "SCFPF Patch Axis",
+    {
+        "Parameter": ("Float", None, "u or v"),
+        "Count": ("Int", 0, "Points that are drawn along it"),
+        "Cyclic": ("Int", 0, "1 if the patch is closed along it"),
+    },
+    dict.fromkeys((*_INDICES, *_WEIGHTS), "Float"),
+)
+def _patch_axis_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """The four points of a cubic along u or v, and their weights."""
+    count, cyclic = given["Count"], given["Cyclic"]
+    along = given["Parameter"].max(0.0).min(1.0) * (count - 1.0 + cyclic)
+    first = along.floor() - 1.0
+    # An open net has no points beyond its ends: the outer cubics reach over two of their thirds.
+    inside = first.max(0.0).min(count - 4.0)
+    first = nodes.mix(cyclic, inside, first)
+    f = along - first
+    a, b, c = f - 1.0, f - 2.0, f - 3.0
+    weights = (a * b * c * (-1 / 6), f * b * c * 0.5, f * a * c * -0.5, f * a * b * (1 / 6))
+    whole = [first + float(step) for step in range(4)]
+    indices = [index - (index / count).floor() * count for index in whole]
+    return dict(zip((*_INDICES, *_WEIGHTS), (*indices, *weights), strict=True))
+
+
+@defines_group(
+    "SCFPF Patch Strip",
+    {
+        "Mesh": ("Geometry", None, "The drawn patch"),
+        "Column": ("Float", 0.0, "Number of the strip"),
+        "Rows": ("Int", 0, "Points that are drawn of it"),
+    }
+    | dict.fromkeys((*_INDICES, *_WEIGHTS), ("Float", None, "")),
+    {"Position": "Vector"},
+)
+def _patch_strip_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """The point of a cubic through four drawn points of a strip."""
+    first, position, total = given["Column"] * given["Rows"], nodes.position(), None
+    for row, weight in zip(_INDICES, _WEIGHTS, strict=True):
+        # Half more: rounding must not make a whole number fall short.
+        index = (first + given[row] + 0.5).floor()
+        term = nodes.sample(given["Mesh"], position, index, "FLOAT_VECTOR", "Drawn Point") * given[weight]
+        total = term if total is None else total + term
+    return {"Position": total}
+
+
+@defines_group(
+    "SCFPF Patch Point",
+    {"Mesh": ("Geometry", None, "The drawn patch")} | PATCH_INPUTS,
+    {"Position": "Vector"},
+)
+def _patch_point_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
+    """The point of a surface patch, interpolated between its drawn points, which are exact.
+
+    Cubics run through four of them each way.
+    """
+    across, up = (
+        nodes.call(
+            _patch_axis_group(),
+            f"Along {axis}",
+            {
+                "Parameter": given[axis.upper()],
+                "Count": given[count],
+                "Cyclic": given[f"Cyclic {axis.upper()}"],
+            },
+        )
+        for axis, count in (("u", "Columns"), ("v", "Rows"))
+    )
+    total = None
+    for column, weight in zip(_INDICES, _WEIGHTS, strict=True):
+        inputs = {"Mesh": given["Mesh"], "Column": across[column], "Rows": given["Rows"]}
+        strip = nodes.call(_patch_strip_group(), "Strip", inputs, up)["Position"] * across[weight]
+        total = strip if total is None else total + strip
+    return {"Position": total}
+
+
 @defines_group(
     "SCFPF Control Surface",
     {
         "Surface": ("Object", None, "The control surface"),
         "UV Map": ("String", "UVMap", "The UV map of a surface that is a mesh"),
-        "Columns": ("Int", 0, "Of a surface patch: points that Blender draws along u; else 0"),
-        "Rows": ("Int", 0, "Of a surface patch: points that Blender draws along v"),
-        "Cyclic U": ("Int", 0, "Of a surface patch: 1 if it is closed along u"),
-        "Cyclic V": ("Int", 0, "Of a surface patch: 1 if it is closed along v"),
-        "U": ("Float", None, ""),
-        "V": ("Float", None, ""),
-    },
+    }
+    | PATCH_INPUTS,
     {"Position": "Vector", "Cut": "Bool", "Piece": "Float", "Border": "Geometry"},
 )
 def surface_point_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
@@ -66,7 +151,7 @@ def surface_point_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict
     position, layer = nodes.position(), nodes.attribute(given["UV Map"], "FLOAT_VECTOR")
     inputs = {"Mesh": mesh, "Value": position, "UV Map": layer, "Sample UV": inside}
     sampled = nodes.out("GeometryNodeSampleUVSurface", "Mesh at (u, v)", inputs, data_type="FLOAT_VECTOR")
-    net = _net_point(nodes, given, mesh, position)
+    net = nodes.call(_patch_point_group(), "Patch at (u, v)", {"Mesh": mesh}, given)["Position"]
     sampled = nodes.switch(given["Columns"] > 3.5, sampled, net, "VECTOR", "Net or Mesh")
     nodes.close_frame()
     own = nodes.switch(is_mesh, exact, sampled, "VECTOR", "Exact or Mesh")
@@ -108,37 +193,3 @@ def _exact_point(nodes: GeometryBuilder, given: dict[str, Value], mesh: Value) -
     nodes.open_frame("The exact point")
     exact = nodes.call(closed_form_group(), "Exact", closed, given)
     return exact["Position"], (kind < 0.5) | ~is_exact
-
-
-def _net_point(nodes: GeometryBuilder, given: dict[str, Value], mesh: Value, position: Value) -> Value:
-    """The point of a surface patch, interpolated between its drawn points, which are exact.
-
-    Cubics run through four of them each way.
-    """
-    nodes.open_frame("A surface patch between the points that are drawn of it")
-    axes = []
-    for parameter, count, cyclic in (
-        (given["U"], given["Columns"], given["Cyclic U"]),
-        (given["V"], given["Rows"], given["Cyclic V"]),
-    ):
-        along = parameter.max(0.0).min(1.0) * (count - 1.0 + cyclic)
-        first = along.floor() - 1.0
-        # An open net has no points beyond its ends: the outer cubics reach over two of their thirds.
-        inside = first.max(0.0).min(count - 4.0)
-        first = nodes.mix(cyclic, inside, first)
-        f = along - first
-        a, b, c = f - 1.0, f - 2.0, f - 3.0
-        weights = (a * b * c * (-1 / 6), f * b * c * 0.5, f * a * c * -0.5, f * a * b * (1 / 6))
-        whole = [first + float(step) for step in range(4)]
-        indices = [index - (index / count).floor() * count for index in whole]
-        axes.append(list(zip(indices, weights, strict=True)))
-    total = None
-    for column, across in axes[0]:
-        strip = None
-        for row, up in axes[1]:
-            # Half more: rounding must not make a whole number fall short.
-            index = column * given["Rows"] + row + 0.5
-            term = nodes.sample(mesh, position, index.floor(), "FLOAT_VECTOR", "Drawn Point") * up
-            strip = term if strip is None else strip + term
-        total = strip * across if total is None else total + strip * across
-    return total
