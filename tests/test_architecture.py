@@ -166,3 +166,17 @@ def test_tests_mirror_the_folders():
         for folder in (ROOT / "tests" / package).iterdir():
             if folder.is_dir() and folder.name != "__pycache__":
                 assert folder.name in own | {"whole", "frame"}, title(folder)
+
+
+def test_every_node_group_has_a_name_of_its_own():
+    """A group is looked up by its name: two of one name would be taken for each other."""
+    names = [
+        node.args[0].value
+        for path in FILES
+        if is_product(path)
+        for node in ast.walk(parsed(path))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "defines_group"
+    ]
+    names += ["SCFPF Passes", "SCFPF Screen Surface"]  # of the compositor, and of Camera from Screen
+    assert len(names) > 40
+    assert sorted({name for name in names if names.count(name) > 1}) == []

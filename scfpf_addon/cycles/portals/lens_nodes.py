@@ -43,7 +43,7 @@ INPUTS = {
 
 
 @defines_group(
-    "SCFPF Lens",
+    "SCFPF Portal Lens",
     {
         "Geometry": ("Geometry", None, "Sheets"),
         "Matrix": ("Matrix", None, "From the camera's space into the world"),

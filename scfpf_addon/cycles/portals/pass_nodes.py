@@ -38,7 +38,7 @@ class Chord(NamedTuple):
 
 
 @defines_group(
-    "SCFPF Passes",
+    "SCFPF Portal Passes",
     {
         "Geometry": ("Geometry", None, "Sheets"),
         "Far": ("Float", 0.0, "1 where a ray leaves the volume"),

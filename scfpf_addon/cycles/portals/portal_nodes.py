@@ -147,7 +147,7 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
 
 
 @defines_group(
-    "SCFPF Sheets",
+    "SCFPF Portal Sheets",
     {
         "Geometry": ("Geometry", None, "Sheets: x, y and the number of the sheet as positions"),
         "Chords": ("Float", 1.0, "The number of chords"),
@@ -217,7 +217,7 @@ def _rays_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
 
 
 @defines_group(
-    "SCFPF Screen",
+    "SCFPF Portal Screen",
     {
         "Aspect": ("Float", 16 / 9, "Width over height of the picture"),
         "Width": ("Float", WIDTH, "Width of the screen"),
