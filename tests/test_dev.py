@@ -133,7 +133,7 @@ def test_scenarios_are_named_as_tests_are(monkeypatch):
     assert testing.plan(["tests/window", "-x"]) == {"window": [str(ROOT / "tests/window")]}
     assert window.chosen(testing.plan(["tests/window"])["window"]) == []
     names = ["tests/window/scenarios_panels.py", "tests/window/scenarios_render.py::picks"]
-    assert window.chosen(testing.plan(names)["window"]) == ["scenarios_panels", "picks"]
+    assert window.chosen(testing.plan(names)["window"]) == ["scenarios_panels", "scenarios_render::picks"]
     assert "window" not in testing.plan(["tests/casting"])
 
 
@@ -142,13 +142,14 @@ def test_scenarios_are_named_as_tests_are(monkeypatch):
     [
         ("scenarios: a b\nok: a (1 s)\nok: b (2 s)", 0, (2, 0), True, ""),
         ("scenarios: a b\nok: a (1 s)\nFAILED: b (2 s)", 1, (1, 1), False, ""),
-        ("scenarios: a b\nok: a (1 s)", 139, (1, 0), False, "ended with exit code 139 in b"),
-        ("scenarios: a b\nok: a (1 s)", 0, (1, 0), False, "ended with exit code 0 in b"),
+        ("scenarios: a b\nok: a (1 s)", 139, (1, 1), False, "ended with exit code 139 in b"),
+        ("scenarios: a b\nok: a (1 s)", 0, (1, 1), False, "ended with exit code 0 in b"),
         ("scenarios: a\nok: a (1 s)", 139, (1, 0), False, "ended with exit code 139 in its start or end"),
         ("", 1, (0, 0), False, "ended with exit code 1 in its start or end"),
-        ("scenarios: a b c\nok: a (1 s)", None, (1, 0), True, "time ran out: b, c"),
-        ("scenarios: a b c\nFAILED: a (1 s)", None, (0, 1), False, "time ran out: b, c"),
-        ("", None, (0, 0), True, "time ran out: all scenarios"),
+        ("scenarios: a b c\nok: a (1 s)", None, (1, 2), False, "time ran out: b, c"),
+        ("scenarios: m::a n::a\nok: m::a (1 s)", 0, (1, 1), False, "ended with exit code 0 in n::a"),
+        ("scenarios: a b c\nFAILED: a (1 s)", None, (0, 3), False, "time ran out: b, c"),
+        ("", None, (0, 0), False, "time ran out: all scenarios"),
     ],
 )
 def test_what_scenarios_came_to(tmp_path, results, status, counts, good, said):

@@ -74,24 +74,29 @@ def enable_extension(zip_file: str | None) -> None:
 
 
 def collect(wanted: list[str]) -> list:
-    """The scenarios in the modules of this folder: one by name, those of a module, or all."""
+    """The scenarios in the modules of this folder: one by module::name or name, those of a module, or all."""
     chosen = []
     for path in sorted(FOLDER.rglob("scenarios_*.py")):
         if str(path.parent) not in sys.path:
             sys.path.append(str(path.parent))
         for scenario in importlib.import_module(path.stem).SCENARIOS:
-            if not wanted or path.stem in wanted or scenario.__name__ in wanted:
+            if not wanted or {path.stem, title(scenario), scenario.__name__} & set(wanted):
                 chosen.append(scenario)
     return chosen
+
+
+def title(scenario) -> str:
+    """The name of a scenario among those of all modules."""
+    return f"{scenario.__module__}::{scenario.__name__}"
 
 
 def run(driver, scenarios, output):
     """Generator: run all scenarios, report each, and quit Blender."""
     results = (driver.folder / "results.txt").open("w", buffering=1)
-    print("scenarios:", *(scenario.__name__ for scenario in scenarios), file=results)
+    print("scenarios:", *map(title, scenarios), file=results)
     failed = []
     for scenario in scenarios:
-        name = driver.scenario = scenario.__name__
+        name, driver.scenario = title(scenario), scenario.__name__
         started = time.monotonic()
         faulthandler.dump_traceback_later(LIMIT, exit=True)
         bpy.ops.wm.read_homefile(use_factory_startup=False, use_splash=False)
