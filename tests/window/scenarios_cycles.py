@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Cycles rig in a window: the button, F12, a farm without the add-on, and no remains of the rig."""
+"""The Cycles rig in a window: the button, F12 and Ctrl-F12, a farm without the add-on, and no remains."""
 
 import subprocess
 import sys
@@ -38,11 +38,11 @@ def prepare(driver):
     return scene
 
 
-def f12(driver):
-    """Generator: press F12 and wait for the picture."""
+def f12(driver, **modifiers):
+    """Generator: press F12 and wait for the picture, or with Ctrl for the animation."""
     done = []
     bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
-    driver.key("F12")
+    driver.key("F12", **modifiers)
     end = time.monotonic() + PATIENCE
     # A render of this size may be over before it is looked at.
     while not done or bpy.app.is_job_running("RENDER"):
@@ -77,9 +77,9 @@ def rig_of(scene):
     return next(found, None)
 
 
-def price_module():
-    """The extension's module of prices."""
-    return next(m for name, m in sys.modules.items() if name.endswith(".cycles.prices"))
+def module(name):
+    """A module of the extension."""
+    return next(m for full, m in sys.modules.items() if full.endswith(name))
 
 
 def price(driver):
@@ -95,7 +95,7 @@ def price(driver):
         driver.shot("price")
         driver.key("ESC")
         yield DRAW
-    answers = price_module().price(camera, scene)
+    answers = module(".cycles.prices").price(camera, scene)
     assert answers.chords > 1 and answers.portals == answers.chords + 1, answers
     with driver.override():
         assert bpy.ops.scfpf.cycles_rig("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
@@ -151,6 +151,38 @@ def rig(driver):
     assert scene.camera == camera and counts() == before, (before, counts())
 
 
+def moving(driver):
+    """Ctrl-F12 of a moving volume: rays skip chords in every frame; the images are those of whole sheets."""
+    scene = prepare(driver)
+    scene.frame_step = FRAMES[1] - FRAMES[0]
+    with driver.override():
+        assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
+    blend = driver.folder / "moving.blend"
+    bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
+    farm = farm_render(blend)
+    skipped = {}
+    skips = module(".cycles.skipping.refresh").skips
+
+    def note(*_):
+        skipped[scene.frame_current] = skips(rig_of(scene))
+
+    scene.render.filepath = str(driver.folder / "moving.####.png")
+    scene.render.image_settings.file_format = "PNG"
+    bpy.app.handlers.render_post.append(note)
+    try:
+        yield from f12(driver, ctrl=True)
+    finally:
+        bpy.app.handlers.render_post.remove(note)
+    driver.shot("rendered")
+    assert skipped == dict.fromkeys(FRAMES, True), skipped
+    assert farm.wait(PATIENCE) == 0, "blender -b --factory-startup fails"
+    for frame in FRAMES:
+        picture, whole = (rendered(f"{path}.{frame:04}.png") for path in (driver.folder / "moving", blend))
+        assert picture[..., :3].std(axis=(0, 1)).min() > 0.03, "the picture is of one colour"
+        # In a pixel or two rounding decides which of two things that touch a ray meets.
+        assert (np.abs(picture - whole).max(axis=2) > 0.01).mean() < 1e-3, frame
+
+
 def farm_render(blend):
     """Start a Blender without the add-on on two frames of a file."""
     frames = ",".join(map(str, FRAMES))
@@ -159,4 +191,4 @@ def farm_render(blend):
     return subprocess.Popen(command)
 
 
-SCENARIOS = (price, rig)
+SCENARIOS = (price, rig, moving)
