@@ -60,6 +60,12 @@ def rendered(path):
     return pixels
 
 
+def blocks(pixels, side=8):
+    """The means of squares of an image's pixels."""
+    rows, columns = (length // side for length in pixels.shape[:2])
+    return pixels[: rows * side, : columns * side].reshape(rows, side, columns, side, -1).mean(axis=(1, 3))
+
+
 def steady(driver):
     """Generator: wait until the viewport stops changing; returns its pixels."""
     end = time.monotonic() + PATIENCE
@@ -179,8 +185,9 @@ def moving(driver):
     for frame in FRAMES:
         picture, whole = (rendered(f"{path}.{frame:04}.png") for path in (driver.folder / "moving", blend))
         assert picture[..., :3].std(axis=(0, 1)).min() > 0.03, "the picture is of one colour"
-        # In a pixel or two rounding decides which of two things that touch a ray meets.
-        assert (np.abs(picture - whole).max(axis=2) > 0.01).mean() < 1e-3, frame
+        # Rays that pass other portals draw other random numbers: blocks of pixels are compared, not pixels.
+        off = np.abs(blocks(picture) - blocks(whole)).mean()
+        assert off < 0.01, f"frame {frame} is another image: {off:.3f}"
 
 
 def farm_render(blend):
