@@ -42,9 +42,9 @@ class BodyTree(NamedTuple):
     """Bodies and the boxes of their tree.
 
     points: (M, K, 3), the points of each body, sorted. room: (M,), how far beside each a ray may meet it.
-    boxes: (N, ROW) float32, of the M bodies, then of their parents and so on. The children of a node are
-    CHILDREN neighbours; boxes that meet nothing fill up their number. child: (N,) the first child of each
-    node, -1 for bodies. extent: (N,) float32, the longest side of each box. roots: (R,) the nodes that
+    boxes: (N, ROW) float32 of ``facing``, of the M bodies, then of their parents and so on. The children of a
+    node are CHILDREN neighbours; boxes that meet nothing fill up their number. child: (N,) the first child of
+    each node, -1 for bodies. extent: (N,) float32, the longest side of each box. roots: (R,) the nodes that
     have no parents.
     """
 
@@ -101,7 +101,7 @@ def _tree_of(points: Array, room: Array) -> BodyTree:
     extent = (high - low).max(axis=0)
     roots = np.arange(starts[-2], starts[-1])
     sorted_points = np.ascontiguousarray(points.take(order, axis=2).transpose(2, 0, 1))
-    return BodyTree(sorted_points, room, box_rows(low, high), np.concatenate(children), extent, roots)
+    return BodyTree(sorted_points, room, facing(box_rows(low, high)), np.concatenate(children), extent, roots)
 
 
 def parents(lower: Float32Array, upper: Float32Array) -> tuple[Float32Array, Float32Array]:

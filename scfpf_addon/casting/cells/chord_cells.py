@@ -22,6 +22,9 @@ SLACK = 2.0**-18
 # Cells across a block at the top of the tree, as a power of 2.
 LEVELS = 4
 
+# Cells around which planes are fitted at a time.
+PLANES_AT_ONCE = 1 << 12
+
 # A cell's corners: bit 0 counts columns, bit 1 rows, bit 2 the chord's ends.
 CORNERS = 8
 
@@ -91,22 +94,34 @@ def cells_of(ends: Array, slack: float) -> CellTree:
 
 def planes_around(corners: Array, room: Array) -> Planes:
     """Planes around hulls of cells. corners: (M, CORNERS, 3). room: (M,), by which they are moved out."""
-    normals = np.empty((len(corners), 6, 3))
-    middle = corners.mean(axis=1)
-    sides = [
-        corners[:, [c for c in range(CORNERS) if c >> bit & 1 == end]] for bit in range(3) for end in (0, 1)
-    ]
-    for number, side in enumerate(sides):
+    count = len(corners)
+    planes = Planes(np.empty((count, 6, 3)), np.empty((count, 6)), np.empty(count))
+    for start in range(0, count, PLANES_AT_ONCE):
+        some = slice(start, start + PLANES_AT_ONCE)
+        for whole, part in zip(planes, _planes_around(corners[some], room[some]), strict=True):
+            whole[some] = part
+    return planes
+
+
+def _planes_around(corners: Array, room: Array) -> Planes:
+    """As ``planes_around``, of so few cells that the arrays stay in a core's cache."""
+    normals = np.empty((6, 3, len(corners)))
+    corner = np.ascontiguousarray(corners.transpose(1, 2, 0))
+    middle = corner.sum(axis=0) / CORNERS
+    sides = [[c for c in range(CORNERS) if c >> bit & 1 == end] for bit in range(3) for end in (0, 1)]
+    for number, (first, second, third, fourth) in enumerate(sides):
         # The diagonals' cross product is that of the mean edges.
-        normal = np.cross(side[:, 3] - side[:, 0], side[:, 2] - side[:, 1])
-        outwards = np.einsum("mc,mc->m", normal, side.mean(axis=1) - middle)
-        normals[:, number] = np.copysign(1.0, outwards)[:, None] * normal
-    length = np.sqrt(np.einsum("mpc,mpc->mp", normals, normals))
-    normals *= np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)[:, :, None]
-    along = np.einsum("mpc,mkc->kpm", normals, corners, order="C")
+        one, other = corner[fourth] - corner[first], corner[third] - corner[second]
+        normal = np.cross(one, other, axis=0)
+        centre = 0.25 * (corner[first] + corner[second] + corner[third] + corner[fourth])
+        outwards = (normal * (centre - middle)).sum(axis=0)
+        length = np.sqrt((normal * normal).sum(axis=0))
+        scale = np.divide(1.0, length, out=np.zeros_like(length), where=length > 0.0)
+        normals[number] = normal * np.copysign(scale, outwards)
+    along = np.einsum("pcm,kcm->kpm", normals, corner)
     limits = along.max(axis=0)
     width = (limits - along.min(axis=0)).min(axis=0)
-    return Planes(normals, (limits + room).T, width)
+    return Planes(normals.transpose(2, 0, 1), (limits + room).T, width)
 
 
 def _over_corners(ends: Array, f: np.ufunc) -> Array:

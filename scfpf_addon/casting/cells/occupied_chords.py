@@ -13,7 +13,7 @@ import numpy as np
 
 from ...projection.typing import Array, BoolArray, IndexArray
 from ..common.parallel import parallel_map
-from .body_tree import CHILDREN, TRIANGLE, BodyTree, facing, meet, trees_of
+from .body_tree import CHILDREN, TRIANGLE, BodyTree, meet, trees_of
 from .chord_cells import SLACK, CellTree, cells_of, planes_around
 
 # Cells of all chords that are tested at a time, about.
@@ -21,6 +21,9 @@ CELLS_AT_ONCE = 1 << 16
 
 # Pairs of boxes that are tested at a time.
 PAIRS = 1 << 16
+
+# Pairs of a cell and a body that are tested at a time.
+TESTS = 1 << 12
 
 # Pairs that are tested for each cell, and for each body, at most; a million triangles take 50 a cell. Blocks
 # of cells that are still undecided then count as occupied.
@@ -95,7 +98,6 @@ class _Search:
 
     def __init__(self, cells: CellTree, tree: BodyTree, held: BoolArray) -> None:
         self._cells, self._tree, self._held = cells, tree, held
-        self._facing = facing(tree.boxes)
         count = len(held)
         first = count + count // CHILDREN
         self._of_block = slice(first, first + count // BLOCK)
@@ -137,7 +139,7 @@ class _Search:
     def _step(self, cell: IndexArray, node: IndexArray) -> Iterator[tuple[IndexArray, IndexArray]]:
         """Test pairs of a block or cell and a node or body; the pairs of children that are left."""
         cells, tree = self._cells, self._tree
-        met = np.flatnonzero(meet(cells.boxes.take(cell, 0), self._facing.take(node, 0)))
+        met = np.flatnonzero(meet(cells.boxes.take(cell, 0), tree.boxes.take(node, 0)))
         cell, node = cell.take(met), node.take(met)
         cell, node = self._left_of_blocks(cell, node)
         inner = cells.child.take(cell) >= 0
@@ -223,7 +225,7 @@ class _Search:
     def _beyond_planes(self, cell: IndexArray, node: IndexArray) -> BoolArray:
         """Return whether boxes of nodes are outside of a plane of the cell."""
         rows = self._tree.boxes.take(node, 0).astype(np.float64)
-        low, high = rows[:, :3], -rows[:, 3:6]
+        low, high = rows[:, 3:6], -rows[:, :3]
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         normals = self._normals.take(cell, 0)
         # Short axes first: NumPy reduces those several times as fast.
@@ -234,35 +236,45 @@ class _Search:
 
     def _test(self, cell: IndexArray, body: IndexArray) -> None:
         """Mark the cells that no plane separates from their bodies."""
-        points, room = self._tree.points.take(body, 0), self._tree.room.take(body)
-        least = np.einsum("npc,nkc->kpn", self._normals.take(cell, 0), points, order="C").min(axis=0)
-        least -= room
+        for start in range(0, len(cell), TESTS):
+            some = slice(start, start + TESTS)
+            # What the pairs before have found spares the others.
+            left = np.flatnonzero(~self._held.take(cell[some]))
+            self._test_pairs(cell[some].take(left), body[some].take(left))
+
+    def _test_pairs(self, cell: IndexArray, body: IndexArray) -> None:
+        """As ``_test``, of so few pairs that the arrays stay in a core's cache."""
+        points = np.ascontiguousarray(self._tree.points.take(body, 0).transpose(1, 2, 0))
+        room = self._tree.room.take(body)
+        normals = np.ascontiguousarray(self._normals.take(cell, 0).transpose(1, 2, 0))
+        least = np.einsum("pcn,kcn->kpn", normals, points).min(axis=0) - room
         left = np.flatnonzero((least <= self._limits.take(cell, 0).T).all(axis=0))
         cell = cell.take(left)
-        if points.shape[1] == TRIANGLE:
+        if len(points) == TRIANGLE:
             corners = self._cells.points.take(self._cells.corner.take(cell, 0), 0)
             room = room.take(left) + self._cells.room.take(cell)
-            cell = cell[~separated(corners, points.take(left, 0), room)]
+            corners = np.ascontiguousarray(corners.transpose(1, 2, 0))
+            cell = cell[~separated(corners, points.take(left, axis=2), room)]
         self._held[cell] = True
 
 
 def separated(corners: Array, triangles: Array, room: Array) -> BoolArray:
     """Return whether the triangle's plane, or one along an edge and the chord, parts it from a cell, (N,).
 
-    corners: (N, CORNERS, 3) of the cells. triangles: (N, 3, 3), by corner. room: (N,) the least distance.
+    corners: (CORNERS, 3, N) of the cells. triangles: (3, 3, N), by corner. room: (N,) the least distance.
     """
-    corners = corners - triangles[:, :1]
-    edges = np.roll(triangles, -1, axis=1) - triangles
-    along = corners[:, 4:].sum(axis=1) - corners[:, :4].sum(axis=1)
-    apart: BoolArray = np.zeros(len(corners), bool)
-    for normal in (np.cross(edges[:, 0], edges[:, 1]), *(np.cross(edges[:, k], along) for k in range(3))):
+    corners = corners - triangles[0]
+    first, second, third = (triangles[(k + 1) % 3] - triangles[k] for k in range(3))
+    along = corners[4:].sum(axis=0) - corners[:4].sum(axis=0)
+    apart: BoolArray = np.zeros(corners.shape[2], bool)
+    pairs = ((first, second), *((edge, along) for edge in (first, second, third)))
+    for normal in (np.cross(*pair, axis=0) for pair in pairs):
         # Any normal will do, however rounded: the heights of both are compared.
-        height = np.einsum("nc,nkc->kn", normal, corners, order="C")
-        second = np.einsum("nc,nc->n", normal, edges[:, 0])
-        third = -np.einsum("nc,nc->n", normal, edges[:, 2])
-        reach = room * np.sqrt(np.einsum("nc,nc->n", normal, normal))
-        apart |= height.min(axis=0) > np.maximum(np.maximum(second, third), 0.0) + reach
-        apart |= height.max(axis=0) < np.minimum(np.minimum(second, third), 0.0) - reach
+        height = np.einsum("cn,kcn->kn", normal, corners)
+        at_second, at_third = (normal * first).sum(axis=0), -(normal * third).sum(axis=0)
+        reach = room * np.sqrt((normal * normal).sum(axis=0))
+        apart |= height.min(axis=0) > np.maximum(np.maximum(at_second, at_third), 0.0) + reach
+        apart |= height.max(axis=0) < np.minimum(np.minimum(at_second, at_third), 0.0) - reach
     return apart
 
 

@@ -196,7 +196,8 @@ def test_the_trees_find_what_all_pairs_do(seed, monkeypatch):
         box &= (corners.max(axis=1) + room[:, None] >= triangle.min(axis=0) - reach).all(axis=1)
         least = (planes.normals @ triangle.T).min(axis=2)
         box &= (least - reach <= planes.limits).all(axis=1)
-        wanted |= box & ~separated(corners, np.broadcast_to(triangle, (len(corners), 3, 3)), room + reach)
+        same = np.broadcast_to(triangle[:, :, None], (3, 3, len(corners)))
+        wanted |= box & ~separated(corners.transpose(1, 2, 0), same, room + reach)
     assert 0.05 < wanted.mean() < 0.8
     # Pieces are easier to separate than their triangles.
     assert (occupied_chords(ends, [triangles]).reshape(-1) & ~wanted).mean() < 0.01
