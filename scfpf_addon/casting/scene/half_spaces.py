@@ -44,12 +44,6 @@ class HalfSpaces:
         limits = highest(unit, points)
         return cls(unit, limits + SLACK * float(np.abs(points).max()))
 
-    def with_planes_of(self, other: Self) -> Self:
-        """The intersection with another body."""
-        return type(self)(
-            np.concatenate([self.normals, other.normals]), np.concatenate([self.limits, other.limits])
-        )
-
     def met_by(self, vertices: Array, triangles: NDArray[np.int32]) -> BoolArray:
         """Return whether triangles (T, 3) may meet the body, (T,); triangles with a vertex that is NaN may.
 

@@ -18,7 +18,6 @@ from ...casting.scene.prisms import require_room_for_prisms
 from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
 from ..scene.shading_scene import Scene
-from .shadow_culling import cull_shadow_casters
 
 
 def cull_scene(
@@ -60,11 +59,8 @@ def _within_reach(
     part = replace(scene, geometry=whole.part(kept))
 
     def beyond() -> tuple[Array, NDArray[np.int32]]:
-        """All vertices (V, 3), and the triangles (K, 3) outside the volume that may cast shadows into it."""
-        rest = ~kept
-        if not projection.layers:
-            rest &= cull_shadow_casters(scene, part.geometry, projection.volume)
-        return whole.vertices, whole.triangles.take(np.flatnonzero(rest), axis=0)
+        """All vertices (V, 3), and the triangles (K, 3) outside the volume, which may shade it."""
+        return whole.vertices, whole.triangles.take(np.flatnonzero(~kept), axis=0)
 
     return part, _built(part.geometry, exact, beyond)
 
