@@ -19,12 +19,12 @@ from ...scfpf_addon.shading.picking.frame_drag import DIGITS, FrameDrag
 from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, Frame
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
+from ..common.tool import ARROWS
 from .watched import Watched
 
 # Seconds between two steps while the mouse rests, and how many there are until the volume has settled.
 TICK, RESTING_STEPS = 0.05, 4
 PARTS = {"G": BODY, "S": SIZE, "R": TURN}
-ARROWS = {"LEFT_ARROW": (-1, 0), "RIGHT_ARROW": (1, 0), "DOWN_ARROW": (0, -1), "UP_ARROW": (0, 1)}
 KEYS = (
     "G: move    S: size    R: turn    X, Y: along an axis    Arrows or a number: exactly    Shift: fine    "
     "Ctrl: steps    Release or Enter: solve    Esc, right click: restore"
@@ -32,8 +32,8 @@ KEYS = (
 
 
 class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
-    """Move, scale or turn the active view or pin in the picture, and solve: the volume follows while you
-    drag. G, S and R choose, arrow keys and numbers are exact"""
+    """Move, scale or turn the active view or pin in the picture, by mouse, keys or numbers: the volume
+    follows, and is solved at the end"""
 
     bl_idname = "scfpf.aim_drag"
     bl_label = "Drag Target"

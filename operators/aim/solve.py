@@ -51,8 +51,8 @@ class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
 
 
 class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
-    """Change the control surfaces until the picture shows the targets as they ask, at each of their keys.
-    If that would make the picture worse, the volume stays as it is. Esc cancels"""
+    """Change the control surfaces until the picture shows the targets as they ask, at each of their keys,
+    unless that makes the picture worse"""
 
     bl_idname = "scfpf.aim_solve"
     bl_label = "Solve"

@@ -63,8 +63,8 @@ def collection_of(context, objects: list):
 
 
 class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
-    """Add a view: the selected objects are shown as a camera of their own sees them, which can be turned and
-    moved. Its frame starts where the picture shows them"""
+    """Add a view: the picture shows the selected objects as a camera of their own sees them, in a frame
+    that starts where they are"""
 
     bl_idname = "scfpf.aim_view_add"
     bl_label = "Add View"
@@ -113,8 +113,8 @@ def _viewport_eye(context, camera):
 
 
 class SCFPF_OT_aim_pin_add(AimAction, bpy.types.Operator):
-    """Add a pin: a point of the scene that the picture shows at one place. By default it is the point at the
-    3D cursor, where the picture shows it"""
+    """Add a pin: a point of the scene, by default that at the 3D cursor, that the picture shows at one
+    place"""
 
     bl_idname = "scfpf.aim_pin_add"
     bl_label = "Add Pin"
@@ -173,7 +173,7 @@ def _place_of(projection, point):
 
 
 class SCFPF_OT_aim_line_add(AimAction, bpy.types.Operator):
-    """Keep the line between two pins straight in the picture. By default they are the selected handles"""
+    """Keep the line between two pins, by default the selected handles, straight in the picture"""
 
     bl_idname = "scfpf.aim_line_add"
     bl_label = "Add Straight Line"
@@ -214,7 +214,7 @@ class SCFPF_OT_aim_stay_add(AimAction, bpy.types.Operator):
 
 
 class SCFPF_OT_aim_remove(AimAction, bpy.types.Operator):
-    """Remove the target. The volume stays as it is until Solve is pressed"""
+    """Remove the target, and leave the volume as it is until Solve is pressed"""
 
     bl_idname = "scfpf.aim_remove"
     bl_label = "Remove Target"

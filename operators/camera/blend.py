@@ -57,8 +57,8 @@ def _done(camera) -> str:
 
 
 class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
-    """Make a flexible camera between two selected ones. Blend goes from the other one's picture to that of
-    the active one, and beyond both; it can be animated"""
+    """Make a flexible camera between two selected ones, whose Blend goes from the other one's picture to
+    that of the active one, and beyond both"""
 
     bl_idname = "scfpf.camera_blend"
     bl_label = "Blend Cameras"
@@ -92,8 +92,8 @@ def _chosen(context) -> list:
 
 
 class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
-    """Make a flexible camera between this one and a preset at the same place. Blend goes from this camera's
-    picture to the preset's, and beyond both; it can be animated"""
+    """Make a flexible camera between this one and a preset at the same place, whose Blend goes from this
+    camera's picture to the preset's, and beyond both"""
 
     bl_idname = "scfpf.camera_blend_preset"
     bl_label = "Blend with Preset"
@@ -111,7 +111,7 @@ class SCFPF_OT_camera_blend_preset(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
-    """Update the blend to changes of its two cameras and of the resolution. Keyframes of Blend stay. Edits
+    """Update the blend to changes of its two cameras and of the resolution: keyframes of Blend stay, edits
     of the blend's own surfaces are lost"""
 
     bl_idname = "scfpf.blend_update"

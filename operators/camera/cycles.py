@@ -91,9 +91,8 @@ class _Planned:
 
 
 class SCFPF_OT_cycles_rig(_Planned, bpy.types.Operator):
-    """Set the scene up so that F12 renders the flexible camera's picture with Cycles, or remove this setup.
-    It does not render by itself. Depth and Mist measure from the rig's camera: use the passes of t and depth
-    instead. The camera's own motion is not blurred"""
+    """Set the scene up so that F12 renders the flexible camera's picture with Cycles, or remove this setup
+    (the camera's own motion is not blurred; instead of Depth and Mist use the passes of t and depth)"""
 
     bl_idname = "scfpf.cycles_rig"
     bl_label = "Set Up Cycles"
@@ -139,8 +138,7 @@ class SCFPF_OT_cycles_rig_update(_Planned, bpy.types.Operator):
 
 
 class SCFPF_OT_cycles_passes(Action, bpy.types.Operator):
-    """Add passes of t, depth along the projectors, and (u, v, t) to the compositor. Press again to remove
-    them"""
+    """Add passes of t, depth along the projectors, and (u, v, t) to the compositor, or remove them again"""
 
     bl_idname = "scfpf.cycles_passes"
     bl_label = "t, Depth, (u, v, t) Passes"

@@ -9,8 +9,8 @@ from ..common.tool import Tool
 
 
 class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
-    """Duplicate the camera together with its control surfaces, and move the copy. Shift-D on the camera
-    alone makes a copy that shares them"""
+    """Duplicate the camera together with its control surfaces, which a copy by Shift-D would share, and
+    move the copy"""
 
     bl_idname = "scfpf.camera_duplicate"
     bl_label = "Duplicate Flexible Camera"

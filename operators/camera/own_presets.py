@@ -123,7 +123,7 @@ class SCFPF_OT_preset_export(_SavesVolume, bpy.types.Operator):
 
 
 class SCFPF_OT_preset_import(ReadsPresetFile, Action, bpy.types.Operator):
-    """Add a preset file (JSON) to your own presets. The file is checked, and cannot run code"""
+    """Add a preset file (JSON) to your own presets: it is checked, and cannot run code"""
 
     bl_idname = "scfpf.preset_import"
     bl_label = "Import Projection Preset"

@@ -27,9 +27,8 @@ TICK = 0.01
 
 class SCFPF_OT_preview_toggle(bpy.types.Operator):
     """Show the flexible camera's picture in a second viewport, by Geometry Nodes, in Solid or Material
-    Preview shading; press again to remove it. Lights have no effect, and highlights follow the camera's axis.
-    Hidden objects that render are shown; hair, points, particles and Grease Pencil are not. Materials that
-    are linked to objects are ignored"""
+    Preview shading, or remove it: lights have no effect, hidden objects that render are shown, and hair,
+    points, particles, Grease Pencil and materials linked to objects are left out"""
 
     bl_idname = "scfpf.preview_toggle"
     bl_label = "Nodes Preview"

@@ -15,8 +15,9 @@ from ..common.tool import Action, select_only, show_in_local_view
 
 
 class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
-    """Add a flexible camera for the active mesh as a screen: an LED wall, a dome, a billboard. Its picture
-    fills the screen's UV map, and looks right from the eye: the other selected object, or the 3D cursor"""
+    """Add a flexible camera for the active mesh as a screen, such as an LED wall, a dome or a billboard:
+    its picture fills the screen's UV map, and looks right from the other selected object or the 3D
+    cursor"""
 
     bl_idname = "scfpf.camera_from_screen"
     bl_label = "Flexible Camera from Screen"

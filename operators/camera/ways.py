@@ -99,8 +99,8 @@ def _poll_viewport(cls, context) -> bool:
 
 
 class SCFPF_OT_view_live(bpy.types.Operator):
-    """Look through the flexible camera: the viewport shows what its projectors see while you drag, in Solid
-    or Material Preview shading. Press again to see Blender's own view"""
+    """Look through the flexible camera, in Solid or Material Preview shading: the viewport shows what its
+    projectors see while you drag, until you press again"""
 
     bl_idname = "scfpf.view_live"
     bl_label = "Live View"
@@ -125,8 +125,8 @@ class SCFPF_OT_view_live(bpy.types.Operator):
 
 
 class SCFPF_OT_view_rendered(bpy.types.Operator):
-    """Look through the flexible camera in Rendered shading: the light and the materials of F12, fine after
-    some seconds. Press again for the shading before"""
+    """Look through the flexible camera in Rendered shading, with the light and the materials of F12, until
+    you press again"""
 
     bl_idname = "scfpf.view_rendered"
     bl_label = "Rendered View"
@@ -152,9 +152,8 @@ class SCFPF_OT_view_rendered(bpy.types.Operator):
 
 
 class SCFPF_OT_cycles_use(bpy.types.Operator):
-    """Let Cycles render the flexible camera's picture with F12: all light and materials that it has. The
-    scene is set up for it, which takes some seconds. Depth and Mist measure from the rig's camera: use the
-    passes of t and depth instead. The camera's own motion is not blurred"""
+    """Let Cycles render the flexible camera's picture with F12, with all light and materials that it has
+    (the camera's own motion is not blurred; instead of Depth and Mist use the passes of t and depth)"""
 
     bl_idname = "scfpf.cycles_use"
     bl_label = "Use Cycles for F12"

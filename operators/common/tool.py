@@ -6,6 +6,8 @@ from .target import flexible_camera_of, poll_flexible_camera
 
 # Steps in a list, by the property Direction.
 STEPS = {"UP": -1, "DOWN": 1}
+# Ways across and up of modal tools' keys.
+ARROWS = {"LEFT_ARROW": (-1, 0), "RIGHT_ARROW": (1, 0), "DOWN_ARROW": (0, -1), "UP_ARROW": (0, 1)}
 
 
 class Action:

@@ -4,10 +4,15 @@
 from bpy.props import FloatProperty
 
 from ...scfpf_addon.bridge.render.result_image import result_image
+from ..common.tool import ARROWS
 
 NO_PICTURE = "No Image Editor of this window shows the picture: press Show Picture, then click in it"
 # Clicks elsewhere are passed to Blender meanwhile: anything may have been removed, undone or started.
 NO_MORE = "The camera or the mapping was removed: select it again, then click"
+
+# Arrow keys move the mouse pointer by so many pixels; with Shift by one.
+STEP = 10
+KEYS = "Arrows, with Shift finely: move the pointer    Enter: click    Esc: cancel"
 
 
 def image_regions(window) -> list:
@@ -46,7 +51,9 @@ def _share(name: str, description: str):
 
 
 class ImageClick:
-    """Wait for a click in the image, store its position in x and y, and execute.
+    """Wait for a click in the image, or Enter, store its position in x and y, and execute.
+
+    Arrow keys move the pointer.
 
     cursor, hint: the mouse cursor and the text in the status bar meanwhile.
     """
@@ -69,13 +76,18 @@ class ImageClick:
         """Begin to wait for the click."""
         context.window_manager.modal_handler_add(self)
         context.window.cursor_modal_set(self.cursor)
-        context.workspace.status_text_set(f"{self.hint}    Esc: cancel")
+        context.workspace.status_text_set(f"{self.hint}    {KEYS}")
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
         if event.type in {"ESC", "RIGHTMOUSE"} and event.value == "PRESS":
             self.cancel(context)
             return {"CANCELLED"}
+        if event.type in ARROWS and event.value == "PRESS":
+            step = 1 if event.shift else STEP
+            x, y = ARROWS[event.type]
+            context.window.cursor_warp(event.mouse_x + step * x, event.mouse_y + step * y)
+            return {"RUNNING_MODAL"}
         if event.type in {"LEFTMOUSE", "RET", "NUMPAD_ENTER"} and event.value == "PRESS":
             position = self.position_at(context, event.mouse_x, event.mouse_y)
             if position is None and event.type != "LEFTMOUSE":

@@ -31,7 +31,7 @@ _running: list = []
 
 
 class SCFPF_OT_render(bpy.types.Operator):
-    """Render a picture through the flexible camera into an image. Esc cancels and keeps the old picture"""
+    """Render a picture through the flexible camera into an image; Esc cancels and keeps the old picture"""
 
     bl_idname = "scfpf.render"
     bl_label = "Render Flexible Camera"

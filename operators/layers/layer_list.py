@@ -35,8 +35,8 @@ def _place(camera, index: int) -> int:
 
 
 class SCFPF_OT_layer_add(AimAction, bpy.types.Operator):
-    """Add a layer: the picture shows the selected objects as another camera sees them, and the rest as
-    before. A selected camera is taken; otherwise a new one starts in the place of this one"""
+    """Add a layer: the picture shows the selected objects as another camera sees them, which is a selected
+    one or a new one in the place of this one, and the rest as before"""
 
     bl_idname = "scfpf.layer_add"
     bl_label = "Add Layer"
@@ -72,7 +72,7 @@ class SCFPF_OT_layer_add(AimAction, bpy.types.Operator):
 
 
 class SCFPF_OT_layer_remove(AimAction, bpy.types.Operator):
-    """Remove the layer. Its objects and its camera stay in the scene"""
+    """Remove the layer, but not its objects and its camera"""
 
     bl_idname = "scfpf.layer_remove"
     bl_label = "Remove Layer"
@@ -85,7 +85,7 @@ class SCFPF_OT_layer_remove(AimAction, bpy.types.Operator):
 
 
 class SCFPF_OT_layer_move(AimAction, bpy.types.Operator):
-    """Move the layer in the list. With Order, layers are in front of those below them"""
+    """Move the layer in the list, where by Order layers are in front of those below them"""
 
     bl_idname = "scfpf.layer_move"
     bl_label = "Move Layer"

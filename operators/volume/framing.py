@@ -11,7 +11,7 @@ from ...scfpf_addon.bridge.blender.scene_objects import object_by_uid
 from ...scfpf_addon.bridge.camera.volume_fit import move_volume
 from ...scfpf_addon.projection.editing.volume_edits import framing
 from ..common.target import flexible_camera_of, poll_slot
-from ..common.tool import Action
+from ..common.tool import ARROWS, Action
 
 # The effect of a drag across the region: radians, the logarithm of a factor, a share of the volume's depth.
 TURN, ZOOM, DOLLY = math.radians(60), 2.0, 1.0
@@ -19,7 +19,6 @@ TURN, ZOOM, DOLLY = math.radians(60), 2.0, 1.0
 WHEEL = 1.05
 # The effect of an arrow key, as that of a drag across this share of the region: half a degree.
 ARROW = 1 / 120
-ARROWS = {"LEFT_ARROW": (-1, 0), "RIGHT_ARROW": (1, 0), "DOWN_ARROW": (0, -1), "UP_ARROW": (0, 1)}
 # The zoom that the properties allow.
 LEAST_ZOOM, MOST_ZOOM = 0.01, 100.0
 # An axis of the camera foreshortened to less than this share has no direction on the screen.

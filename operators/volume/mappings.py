@@ -118,8 +118,8 @@ class SCFPF_OT_mapping_place(ImageClick, bpy.types.Operator):
 
 
 class SCFPF_OT_st_map_write(Tool, bpy.types.Operator):
-    """Write the mappings into an image: an ST map of the render's resolution for compositing programs. Save
-    it as OpenEXR from the Image Editor"""
+    """Write the mappings into an image: an ST map of the render's resolution for compositing programs, to
+    be saved as OpenEXR"""
 
     bl_idname = "scfpf.st_map_write"
     bl_label = "Write ST Map"

@@ -79,8 +79,8 @@ class SCFPF_OT_surface_to_grid(Conversion, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_to_patch(Conversion, bpy.types.Operator):
-    """Make the active control surface a smooth surface patch of the same shape, for editing by a few control
-    points. Modifiers are applied"""
+    """Make the active control surface a smooth surface patch of the same shape, with modifiers applied, for
+    editing by a few control points"""
 
     bl_idname = "scfpf.surface_to_patch"
     bl_label = "Convert to Surface Patch"
@@ -150,9 +150,8 @@ class SCFPF_OT_surface_equalise(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
-    """Put the active control surface's whole scale, including its parents', into its sizes; its shape stays.
-
-    Blender's own Apply Scale (Ctrl-A) loses the scale of shapes that only a modifier makes"""
+    """Put the active control surface's whole scale, including its parents', into its sizes, so that its
+    shape stays, which Blender's own Apply Scale (Ctrl-A) may lose"""
 
     bl_idname = "scfpf.surface_apply_scale"
     bl_label = "Apply Scale to Sizes"
@@ -173,8 +172,8 @@ class SCFPF_OT_surface_apply_scale(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_volume_to_lattice(Tool, bpy.types.Operator):
-    """Replace the whole volume by one lattice of the same shape at this frame, for editing point by point.
-    The projectors then follow the lattice's interpolation"""
+    """Replace the whole volume by one lattice of the same shape at this frame, for editing point by
+    point: projectors then follow the lattice's interpolation"""
 
     bl_idname = "scfpf.volume_to_lattice"
     bl_label = "Convert Volume to Lattice"

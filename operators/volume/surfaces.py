@@ -44,9 +44,8 @@ class SCFPF_OT_surface_add(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_surface_attach(bpy.types.Operator):
-    """Append the selected mesh and surface objects to the camera's control surfaces.
-
-    They stay selected: the camera enters the Edit Volume mode"""
+    """Append the selected mesh and surface objects to the camera's control surfaces, and enter the Edit
+    Volume mode"""
 
     bl_idname = "scfpf.surface_attach"
     bl_label = "Use Selected as Control Surface"
@@ -154,8 +153,8 @@ class SCFPF_OT_surface_select(Action, bpy.types.Operator):
 
 
 class SCFPF_OT_edit_volume(Tool, bpy.types.Operator):
-    """Show this camera's control surfaces in front of the scene and make them selectable. Press again to
-    leave the mode"""
+    """Show this camera's control surfaces in front of the scene and make them selectable, until you press
+    again"""
 
     bl_idname = "scfpf.edit_volume"
     bl_label = "Edit Volume"

@@ -15,8 +15,8 @@ from ..common.tool import Tool
 
 
 class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
-    """Insert a control surface without changing the volume at this frame. With polylines the others stay;
-    otherwise the inner ones are replaced and lose their animation"""
+    """Insert a control surface without changing the volume at this frame; unless projectors are polylines,
+    the inner ones are replaced and lose their animation"""
 
     bl_idname = "scfpf.surface_insert"
     bl_label = "Insert Control Surface"

@@ -34,6 +34,31 @@ def test_properties_of_operators_are_told_in_one_sentence():
     assert long <= {"surface_to_patch.columns", "surface_to_patch.rows"}
 
 
+def test_operators_are_told_in_one_sentence():
+    operators = [getattr(bpy.ops.scfpf, name) for name in dir(bpy.ops.scfpf)]
+    told = {one.idname_py(): one.get_rna_type().description for one in operators}
+    assert len(told) > 60 and all(told.values())
+    assert not {name: text for name, text in told.items() if SENTENCE.search(text)}
+
+
+def test_arrow_keys_move_the_pointer_to_where_enter_clicks(addon):
+    """Finely with Shift, as everywhere in Blender."""
+    click, moved = addon("operators.image.image_click").ImageClick, []
+    window = types.SimpleNamespace(cursor_warp=lambda x, y: moved.append((x, y)))
+    context = types.SimpleNamespace(window=window)
+    tool = types.SimpleNamespace()
+    at = {"value": "PRESS", "mouse_x": 200, "mouse_y": 100}
+    for key, shift in (
+        ("LEFT_ARROW", False),
+        ("RIGHT_ARROW", True),
+        ("UP_ARROW", False),
+        ("DOWN_ARROW", True),
+    ):
+        event = types.SimpleNamespace(type=key, shift=shift, **at)
+        assert click.modal(tool, context, event) == {"RUNNING_MODAL"}
+    assert moved == [(190, 100), (201, 100), (200, 110), (200, 99)]
+
+
 def test_enter_picks_the_middle_where_the_mouse_is_beside_the_picture(addon):
     """A click there waits for another one."""
     click = addon("operators.image.image_click").ImageClick

@@ -60,7 +60,7 @@ def test_the_panel_says_what_the_preview_leaves_out_and_what_is_wrong(camera, ad
 
 def test_tooltips_say_in_what_the_ways_to_a_picture_differ():
     for name, phrases in {
-        "preview_toggle": ("Lights have no effect", "Hidden objects", "hair", "linked to objects"),
+        "preview_toggle": ("lights have no effect", "hidden objects", "hair", "linked to objects"),
         "cycles_rig": ("passes of t and depth", "motion is not blurred"),
         "cycles_use": ("passes of t and depth", "motion is not blurred"),
         "view_live": ("Solid or Material Preview",),
