@@ -6,10 +6,11 @@ import bpy
 from ..operators.camera.presets import preset_items
 from ..operators.common.target import camera_of, flexible_camera_of
 from ..operators.image.pick import pick_readout
-from ..scfpf_addon.bridge.camera.camera_blend import is_blend, knows_its_ends
+from ..scfpf_addon.bridge.camera.camera_blend import is_blend, is_too_coarse, knows_its_ends
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
 from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.render.render_errors import RenderError
+from ..scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
 from ..scfpf_addon.bridge.sync.handlers import sharers
 from .base import DataTab, Sidebar, Subsection, draw_lines, section_panels
 from .mapping_stack import draw_stack
@@ -54,6 +55,29 @@ def draw_blend(layout, camera) -> None:
         column.label(text=f"To the preset {names.get(ends.preset, ends.preset)}, or to:")
     column.prop(ends, "second", text="", icon="CAMERA_DATA")
     column.operator("scfpf.blend_update", icon="FILE_REFRESH")
+    draw_blend_map(layout.column(align=True), camera)
+
+
+def draw_blend_map(column, camera) -> None:
+    """Draw where in the image the second camera of a blend counts."""
+    field = camera.scfpf.blend_field
+    title = next(name for kind, name, _text in FIELD_KINDS if kind == field.kind)
+    column.operator_menu_enum("scfpf.blend_map", "kind", text=f"Map: {title}", icon="IMAGE_ALPHA")
+    shown = {
+        "NONE": (),
+        "LINEAR": ("center", "angle", "border"),
+        "RADIAL": ("center", "size", "border"),
+        "RECTANGLE": ("center", "size", "angle", "border"),
+        "IMAGE": (),
+    }
+    if field.kind == "IMAGE":
+        column.template_ID(field, "image", new="image.new", open="image.open")
+    for name in shown[field.kind]:
+        column.prop(field, name)
+    if field.kind != "NONE":
+        column.prop(field, "is_inverted")
+    if is_too_coarse(camera):
+        column.label(text="Update Blend makes it finer", icon="INFO")
 
 
 def draw_pick(layout, settings) -> None:

@@ -6,12 +6,20 @@ import numpy as np
 from bpy.props import EnumProperty
 
 from ...scfpf_addon.bridge.blender.scene_objects import absent_text
-from ...scfpf_addon.bridge.camera.camera_blend import knows_its_ends, new_blend_camera, set_blend
+from ...scfpf_addon.bridge.camera.camera_blend import (
+    knows_its_ends,
+    least_faces,
+    new_blend_camera,
+    read_field,
+    set_blend,
+)
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible
 from ...scfpf_addon.bridge.camera.read_projection import read_projection, world_to_camera
 from ...scfpf_addon.bridge.camera.shown_lens import approximate_lens
 from ...scfpf_addon.bridge.render.image_size import image_aspect
+from ...scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
 from ...scfpf_addon.projection.editing.blending import BlendError, blended
+from ...scfpf_addon.projection.volume.folds import find_folds
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import Tool, select_only
 from .presets import preset_choices, preset_items, shipped_preset
@@ -43,7 +51,7 @@ def _blend(context, first, second, camera):
     inward = world_to_camera(camera)
     own = read_projection(first, context.evaluated_depsgraph_get(), image_aspect(context.scene))
     own = own.transformed(inward)
-    return own, blended(own, second.transformed(inward))
+    return own, blended(own, second.transformed(inward), least_faces(camera))
 
 
 def _preset_before(context, camera, preset):
@@ -127,24 +135,58 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
         return True
 
     def edit(self, context, camera):
-        ends = camera.scfpf.blend_ends
-        first = _end(context, camera, ends.first)
-        if ends.second is not None:
-            other = _end(context, camera, ends.second)
-            aspect = image_aspect(context.scene)
-            second = read_projection(other, context.evaluated_depsgraph_get(), aspect)
-            name = other.name
-        else:
-            if ends.preset not in (stem for stem, _name, _text in preset_items()):
-                raise BlendError(
-                    f"There is no preset '{ends.preset}': choose a camera at which the blend ends"
-                )
-            preset = shipped_preset(ends.preset)
-            second, name = _preset_before(context, first, preset), preset.name
-        own, blend = _blend(context, first, second, camera)
-        set_blend(camera, blend, image_aspect(context.scene))
-        approximate_lens(camera, own)
-        return f"The blend '{camera.name}' is updated: it goes from '{first.name}' to '{name}'"
+        return _updated(context, camera)
+
+
+class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
+    """Choose where in the picture the second camera of the blend counts, and update the blend"""
+
+    bl_idname = "scfpf.blend_map"
+    bl_label = "Blend Map"
+
+    kind: EnumProperty(
+        name="Blend Map", description="Where in the picture the second camera counts", items=FIELD_KINDS
+    )
+
+    poll = SCFPF_OT_blend_update.poll
+
+    def edit(self, context, camera):
+        settings = camera.scfpf
+        before, factor = settings.blend_field.kind, settings.blend_factor
+        settings.blend_field.kind = self.kind
+        if before == "NONE" and factor == 0.0:
+            settings.blend_factor = 1.0  # else the map would show nothing
+        try:
+            return _updated(context, camera)
+        except Exception:
+            settings.blend_field.kind, settings.blend_factor = before, factor
+            raise
+
+
+def _updated(context, camera) -> str:
+    """Make a blend anew from its ends. Returns what there is to say; raises an error of BAD_INPUT."""
+    ends, field = camera.scfpf.blend_ends, camera.scfpf.blend_field
+    if field.kind == "IMAGE" and field.image is not None and read_field(camera) is None:
+        raise BlendError(f"The image '{field.image.name}' has no pixels: paint or load it")
+    first = _end(context, camera, ends.first)
+    if ends.second is not None:
+        other = _end(context, camera, ends.second)
+        aspect = image_aspect(context.scene)
+        second = read_projection(other, context.evaluated_depsgraph_get(), aspect)
+        name = other.name
+    else:
+        if ends.preset not in (stem for stem, _name, _text in preset_items()):
+            raise BlendError(f"There is no preset '{ends.preset}': choose a camera at which the blend ends")
+        preset = shipped_preset(ends.preset)
+        second, name = _preset_before(context, first, preset), preset.name
+    own, blend = _blend(context, first, second, camera)
+    set_blend(camera, blend, image_aspect(context.scene))
+    approximate_lens(camera, own)
+    context.view_layer.update()
+    made = read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
+    folds = find_folds(made)
+    folded = f"; {folds.share:.1%} of it folds".replace("%", " %") if folds else ""
+    return f"The blend '{camera.name}' is updated: it goes from '{first.name}' to '{name}'{folded}"
 
 
 def _end(context, camera, end):
@@ -157,5 +199,5 @@ def _end(context, camera, end):
 
 
 register, unregister = bpy.utils.register_classes_factory(
-    (SCFPF_OT_camera_blend, SCFPF_OT_camera_blend_preset, SCFPF_OT_blend_update)
+    (SCFPF_OT_camera_blend, SCFPF_OT_camera_blend_preset, SCFPF_OT_blend_update, SCFPF_OT_blend_map)
 )

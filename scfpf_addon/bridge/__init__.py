@@ -10,6 +10,7 @@ from .overlays import image_marks, viewport_overlay
 from .render import command_line, render_engine, render_passes, result_image
 from .settings import (
     aim_properties,
+    blend_properties,
     camera_properties,
     layer_properties,
     mapping_properties,
@@ -24,6 +25,7 @@ TYPES = (
     aim_properties,
     layer_properties,
     mapping_properties,
+    blend_properties,
     camera_properties,
     sampling,
     stylised_properties,

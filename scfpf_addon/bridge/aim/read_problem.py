@@ -18,13 +18,13 @@ from ...projection.aim.view_map import ViewMap
 from ...projection.typing import Array, BoolArray
 from ...projection.volume.inverse import find_in_image
 from ...projection.volume.viewing_volume import Projection
+from ..blender.image_masks import mask_pixels, values_at
 from ..blender.scene_objects import is_absent
 from ..blender.slot_animation import MAPPINGS, SURFACES, require_own_items
 from ..camera.read_projection import read_projection, world_to_camera
 from ..live.kept_scene import KeptScene
 from ..live.live_objects import LiveObjects
 from ..render.image_size import image_aspect, image_size
-from ..scene.read_images import mask_pixels, values_at
 from ..settings.aim_properties import LINE, PIN, STAY, VIEW
 from .aimed_volume import Patches, fits, moved, new_start, start_of
 from .target_views import AimError, target_objects, title_of, view_map

@@ -1,21 +1,31 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A camera between two others: its surfaces are grids of two shapes, mixed by one animatable factor.
 
-The shapes are shape keys that drivers mix: files need no Python to play the animation.
+The shapes are shape keys that drivers mix: files need no Python to play the animation. With a field of
+factors over the image the second shape is that of the second camera only where the field is 1. A third shape,
+which nothing mixes, then keeps the whole of it.
 """
 
 from __future__ import annotations
 
+import math
+
 import bpy
 import numpy as np
 
-from ...projection.editing.blending import Blend
+from ...projection.editing.blend_fields import BlendField
+from ...projection.editing.blending import SHARP_FACES, SMOOTH_FACES, Blend
+from ...projection.editing.volume_edits import lattice
+from ...projection.typing import Array
+from ...projection.volume.reparameterisation import Polar
+from ..blender.image_masks import mask_pixels
 from ..blender.scene_objects import link_beside
 from .flexible_camera import NewSurface, replace_surfaces
 
 # Range of the factor: 0 is the first camera, 1 the second one.
 SMALLEST_BLEND, LARGEST_BLEND = -2.0, 3.0
 FIRST_KEY, SECOND_KEY = "First Camera", "Second Camera"
+WHOLE_KEY = "Second Camera, Everywhere"
 FACTOR_PATH = "scfpf.blend_factor"
 
 
@@ -66,6 +76,95 @@ def set_blend(camera, blend: Blend, aspect: float) -> None:
     camera.scfpf.basis = blend.basis
     camera.scfpf.reparameterisation = "POLAR" if blend.polar else "RECTANGLE"
     camera.scfpf.fitted_aspect = aspect
+    write_field(camera)
+
+
+def least_faces(camera) -> int:
+    """The least number of faces along each axis of a blend camera's grids, for its field."""
+    settings = camera.scfpf.blend_field
+    if settings.kind == "NONE":
+        return 1
+    is_smooth = settings.kind != "IMAGE" and settings.border >= 2.0 / SMOOTH_FACES
+    return SMOOTH_FACES if is_smooth else SHARP_FACES
+
+
+def is_too_coarse(camera) -> bool:
+    """Return whether a blend camera's grids are too coarse for its field: Update Blend makes finer ones."""
+    wanted = least_faces(camera)
+    slots = camera.scfpf.surfaces
+    return any(
+        wanted > 1
+        and slot.object is not None
+        and slot.object.type == "MESH"
+        and len(slot.object.data.vertices) < (wanted + 1) ** 2
+        for slot in slots
+    )
+
+
+def read_field(camera) -> BlendField | None:
+    """The field of a blend camera; None without one, and for an image without pixels."""
+    settings = camera.scfpf.blend_field
+    if settings.kind == "NONE":
+        return None
+    pixels = None
+    if settings.kind == "IMAGE":
+        pixels = None if settings.image is None else mask_pixels(settings.image)
+        if pixels is None:
+            return None
+    return BlendField(
+        kind=settings.kind,
+        centre=tuple(settings.center),
+        size=tuple(settings.size),
+        angle=settings.angle,
+        border=settings.border,
+        pixels=pixels,
+        is_inverted=settings.is_inverted,
+    )
+
+
+def write_field(camera) -> None:
+    """Write the second shape of a blend camera's surfaces: the second camera's as far as the field says.
+
+    Surfaces that are not the blend's own, or have lost their order of rows, stay as they are.
+    """
+    field = read_field(camera)
+    for slot in camera.scfpf.surfaces:
+        surface = slot.object
+        if surface is None or surface.type != "MESH" or not surface.data.is_editable:
+            continue
+        keys = surface.data.shape_keys
+        count = len(surface.data.vertices)
+        rows = math.isqrt(count)
+        if keys is None or not {FIRST_KEY, SECOND_KEY} <= set(keys.key_blocks.keys()) or rows**2 != count:
+            continue
+        if WHOLE_KEY not in keys.key_blocks:
+            if field is None:
+                continue
+            points = _points_of(keys.key_blocks[SECOND_KEY])
+            whole = surface.shape_key_add(name=WHOLE_KEY, from_mix=False)
+            whole.mute = True
+            whole.data.foreach_set("co", points.ravel())
+        first, second = (_points_of(keys.key_blocks[name]) for name in (FIRST_KEY, WHOLE_KEY))
+        if field is not None:
+            factors = field.factors(*_image_places(camera, rows), camera.scfpf.fitted_aspect or 1.0)
+            second = first + factors.astype(np.float32)[:, None] * (second - first)
+        keys.key_blocks[SECOND_KEY].data.foreach_set("co", np.ascontiguousarray(second).ravel())
+        surface.data.update()
+
+
+def _points_of(key) -> Array:
+    """The points of a shape key, (N, 3) float32."""
+    points = np.empty(3 * len(key.data), np.float32)
+    key.data.foreach_get("co", points)
+    return points.reshape(-1, 3)
+
+
+def _image_places(camera, rows: int) -> tuple[Array, Array]:
+    """The image positions of the points of a blend camera's grid with so many rows and columns."""
+    u, v = lattice(rows, rows)
+    if camera.scfpf.reparameterisation == "POLAR":
+        return Polar().image_positions(u, v, camera.scfpf.fitted_aspect or 1.0)
+    return u, v
 
 
 def _add_shapes(camera, blend: Blend) -> None:
@@ -99,13 +198,18 @@ def _has_room(camera, blend: Blend) -> bool:
 
 
 def _write_shapes(camera, blend: Blend) -> None:
-    """Write both shapes of each surface of a camera with room for them; keys, drivers and objects stay."""
+    """Write both shapes of each surface of a camera with room for them; keys, drivers and objects stay.
+
+    Call ``write_field`` afterwards.
+    """
     for slot, layer in zip(camera.scfpf.surfaces, blend.layers, strict=True):
         surface = slot.object
         first, second = (shape.reshape(-1, 3).astype(np.float32).ravel() for shape in layer)
         surface.data.vertices.foreach_set("co", first)
-        for name, points in ((FIRST_KEY, first), (SECOND_KEY, second)):
-            surface.data.shape_keys.key_blocks[name].data.foreach_set("co", points)
+        blocks = surface.data.shape_keys.key_blocks
+        for name, points in ((FIRST_KEY, first), (SECOND_KEY, second), (WHOLE_KEY, second)):
+            if name in blocks:
+                blocks[name].data.foreach_set("co", points)
         # The points are in camera space.
         surface.matrix_parent_inverse.identity()
         surface.matrix_basis.identity()

@@ -12,11 +12,11 @@ from ...casting.common.geometry import Geometry
 from ...projection.mappings.stack import seen_through
 from ...projection.volume.reparameterisation import Framed
 from ...projection.volume.viewing_volume import ImageLayer, Projection, ViewingVolume
+from ..blender.image_masks import mask_pixels
 from ..blender.scene_objects import absent_text
 from ..camera.ordinary_camera import FrustumError, frustum_projection
 from ..camera.read_projection import ProjectionError, read_projection
 from ..camera.stereo_views import Eye, eye_place, seen_by
-from ..scene.read_images import mask_pixels
 from ..scene.read_materials import listing
 
 # Layers of one image at most: their numbers are bytes.

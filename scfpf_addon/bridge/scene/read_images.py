@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from ...casting.scene.culling import within_projection
 from ...projection.colors import srgb_from_linear
-from ...projection.typing import Array
 from ...projection.volume.viewing_volume import Projection
 from ...shading.nodes.image import ImageData
 from ...shading.scene.shading_scene import Scene
@@ -199,22 +198,3 @@ def _rgba(pixels: Pixels) -> Pixels:
     if channels == 2:
         rgba[:, :, 3] = pixels[:, :, 1]
     return rgba
-
-
-def mask_pixels(image) -> Array | None:
-    """The first channel of a Blender image, (H, W) in [0, 1] from the bottom up; None if it has no pixels."""
-    across, up = image.size
-    if not (across and up and image.has_data):
-        return None
-    pixels = np.empty(across * up * image.channels, np.float32)
-    image.pixels.foreach_get(pixels)
-    values = pixels.reshape(up, across, -1)[..., 0].astype(np.float64)
-    return np.clip(np.nan_to_num(values), 0.0, 1.0)
-
-
-def values_at(pixels: Array, positions: Array) -> Array:
-    """The pixels (H, W) at image positions (2, N) in [0, 1], (N,)."""
-    up, across = pixels.shape
-    x, y = (np.minimum((p * n).astype(np.int64), n - 1) for p, n in zip(positions, (across, up), strict=True))
-    values: Array = pixels[y, x]
-    return values

@@ -22,6 +22,7 @@ from ..surfaces import surface_object
 from ..surfaces.kinds import KINDS_OR_NONE
 from ..volume import edit_mode
 from .aim_properties import SCFPF_Aim, SCFPF_AimTarget
+from .blend_properties import SCFPF_BlendField
 from .layer_properties import SCFPF_ImageLayer
 from .mapping_properties import SCFPF_ImageMapping
 from .property_options import (
@@ -338,6 +339,9 @@ class SCFPF_CameraSettings(_Display, bpy.types.PropertyGroup):
         step=1,
     )
     blend_ends: pointer("Blend Ends", "The two ends of a blend", SCFPF_BlendEnds)
+    blend_field: pointer(
+        "Blend Map", "Where in the picture the second camera of a blend counts", SCFPF_BlendField
+    )
     aim_targets: CollectionProperty(
         name="Aim Targets",
         description="The views, pins, lines and stays that Solve aims the picture at",

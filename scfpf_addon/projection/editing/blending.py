@@ -24,6 +24,8 @@ FEWEST_PIECES, MOST_PIECES = 12, 36
 # Faces along an axis that are tried until a grid is within GRID_ERROR of the size of what it holds.
 FACES = (1, 8, 16, 32, 64, 128)
 GRID_ERROR = 2e-4
+# Faces of a grid that has to hold a field of factors with smooth borders, or with sharp ones.
+SMOOTH_FACES, SHARP_FACES = 64, FACES[-1]
 # Places that are looked at along each side of a face.
 STEPS = 4
 
@@ -47,14 +49,15 @@ class Blend:
     error: float
 
 
-def blended(first: Projection, second: Projection) -> Blend:
+def blended(first: Projection, second: Projection, least_faces: int = 1) -> Blend:
     """Return two projections as control surfaces of the same number and kind, in their own space.
 
-    Two polar images without mappings give a polar blend. Raises BlendError where one image has holes.
+    least_faces: of the grids along each axis, at most SHARP_FACES. Two polar images without mappings give a
+    polar blend. Raises BlendError where one image has holes.
     """
     polar = all(isinstance(p.reparameterisation, Polar) for p in (first, second))
     basis, matrices, times = _common(first, second)
-    for faces in FACES:
+    for faces in (count for count in FACES if count >= least_faces):
         points = [_points(p, matrices[k], times, faces, polar) for k, p in enumerate((first, second))]
         off = [_bend(p) for p in points]
         if max(off) <= GRID_ERROR:

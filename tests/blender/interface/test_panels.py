@@ -98,7 +98,7 @@ def test_settings_of_the_camera_are_all_drawn(camera):
     hidden = {"name", "rna_type", "enabled", "surfaces", "active_surface", "volume_object"}
     hidden |= {"report", "statistics", "frame_sizes"}
     hidden |= {"pick", "pick_t", "pick_distance", "pick_object", "edit_volume", "found_box", "found_object"}
-    hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends"}
+    hidden |= {"mappings", "active_mapping", "blend_factor", "blend_ends", "blend_field"}
     hidden |= {"aim", "aim_targets", "active_aim", "layers", "active_layer"}
     # An operator switches it, which also looks through the camera.
     hidden |= {"show_live"}

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The properties ``Object.scfpf.blend_field`` of a blend's map: where the second camera counts."""
+
+from __future__ import annotations
+
+import bpy
+
+from ..camera.camera_blend import write_field
+from .property_options import OVERRIDABLE, choice, number, pointer, switch, vector
+
+FIELD_KINDS = (
+    ("NONE", "Whole Picture", "The second camera counts everywhere"),
+    ("LINEAR", "Gradient", "The second camera counts on one side of a line"),
+    ("RADIAL", "Circle", "The second camera counts in a circle"),
+    ("RECTANGLE", "Rectangle", "The second camera counts in a rectangle, which may be turned"),
+    ("IMAGE", "Image", "The second camera counts where an image is white"),
+)
+
+
+def _changed(field, _context) -> None:
+    write_field(field.id_data)
+
+
+# Keyframes would change nothing: the surfaces hold the map.
+_STATIC = {"options": set(), "override": OVERRIDABLE, "update": _changed}
+
+
+class SCFPF_BlendField(bpy.types.PropertyGroup):
+    """Where in the image of a camera made by Blend Cameras the second camera counts."""
+
+    kind: choice("Blend Map", "Where in the picture the second camera counts", FIELD_KINDS, "NONE", **_STATIC)
+    center: vector(
+        "Center",
+        "Place of the map's middle, as shares of the picture's width and height from its lower left",
+        (0.5, 0.5),
+        -2.0,
+        3.0,
+        soft_min=0.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
+        **_STATIC,
+    )
+    size: vector(
+        "Size",
+        "Width and height of the rectangle, as shares of the picture's; the width is the circle's diameter",
+        (0.5, 0.5),
+        0.0,
+        4.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
+        **_STATIC,
+    )
+    angle: number(
+        "Angle",
+        "Direction in which the gradient grows, or the turn of the rectangle, counterclockwise",
+        0.0,
+        -6.283185307179586,
+        6.283185307179586,
+        subtype="ANGLE",
+        **_STATIC,
+    )
+    border: number(
+        "Border",
+        "Width of the transition, as a share of the picture's width; 0 gives a seam one face wide",
+        0.2,
+        0.0,
+        4.0,
+        soft_max=1.0,
+        precision=3,
+        step=1,
+        **_STATIC,
+    )
+    image: pointer(
+        "Image",
+        "An image over the whole picture, whose first channel is the map; press Update Blend after painting",
+        bpy.types.Image,
+        **(_STATIC | {"options": {"ANIMATABLE"}}),
+    )
+    is_inverted: switch("Invert", "Exchange the two cameras", False, **_STATIC)
+
+
+CLASSES = (SCFPF_BlendField,)
+
+
+def register():
+    for cls in CLASSES:
+        bpy.utils.register_class(cls)
+
+
+def unregister():
+    for cls in reversed(CLASSES):
+        bpy.utils.unregister_class(cls)

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fields of factors over an image: where the second of two blended projections counts, and how much.
+
+Distances are shares of the image's width. A border of width w goes from 0 to 1 as the cubic 3p² - 2p³.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ..typing import Array
+
+FieldKind = Literal["LINEAR", "RADIAL", "RECTANGLE", "IMAGE"]
+
+
+@dataclass(frozen=True)
+class BlendField:
+    """A field of factors in [0, 1] over an image.
+
+    kind: LINEAR, 1 beyond a line through the centre; RADIAL, 1 within a circle; RECTANGLE, 1 within a turned
+    rectangle; IMAGE, that of pixels. centre: (2,) shares of the image's width and height, from its lower
+    left. size: (2,) shares of the image's width and height, of the rectangle; the first is the circle's
+    diameter. angle: radians counterclockwise; that of the direction in which a linear field grows, or of the
+    rectangle. border: width of the transition, half of it inside. pixels: (H, W) in [0, 1], row 0 at the
+    bottom. is_inverted: whether 0 and 1 change places.
+    """
+
+    kind: FieldKind
+    centre: tuple[float, float] = (0.5, 0.5)
+    size: tuple[float, float] = (0.5, 0.5)
+    angle: float = 0.0
+    border: float = 0.2
+    pixels: Array | None = None
+    is_inverted: bool = False
+
+    def factors(self, x: Array, y: Array, aspect: float) -> Array:
+        """The factors at image positions x, y in [0, 1], (N,). aspect: width over height of the image."""
+        if self.kind == "IMAGE":
+            found = np.zeros(np.shape(x)) if self.pixels is None else bilinear(self.pixels, x, y)
+        else:
+            found = self._smooth(self._inside(x, y, aspect))
+        return 1.0 - found if self.is_inverted else found
+
+    def _smooth(self, inside: Array) -> Array:
+        if self.border <= 0.0:
+            step: Array = np.heaviside(inside, 0.5)
+            return step
+        share: Array = np.clip(0.5 + inside / self.border, 0.0, 1.0)
+        return share * share * (3.0 - 2.0 * share)
+
+    def _inside(self, x: Array, y: Array, aspect: float) -> Array:
+        """The distances (N,) by which positions are inside."""
+        across, up = x - self.centre[0], (y - self.centre[1]) / aspect
+        cosine, sine = np.cos(self.angle), np.sin(self.angle)
+        along: Array = cosine * across + sine * up
+        beside = cosine * up - sine * across
+        if self.kind == "LINEAR":
+            return along
+        if self.kind == "RADIAL":
+            within: Array = 0.5 * self.size[0] - np.hypot(across, up)
+            return within
+        # The signed distance of a rectangle: the length of what is beyond both sides, or the nearer side's.
+        off = np.stack([np.abs(along) - 0.5 * self.size[0], np.abs(beside) - 0.5 * self.size[1] / aspect])
+        signed: Array = -np.hypot(*np.maximum(off, 0.0)) - np.minimum(off.max(axis=0), 0.0)
+        return signed
+
+
+def bilinear(pixels: Array, x: Array, y: Array) -> Array:
+    """Pixels (H, W) at image positions in [0, 1], (N,): bilinear between their middles, constant beyond."""
+    height, width = pixels.shape
+    column = np.clip(x * width - 0.5, 0.0, width - 1.0)
+    row = np.clip(y * height - 0.5, 0.0, height - 1.0)
+    left, low = np.floor(column).astype(np.int64), np.floor(row).astype(np.int64)
+    right, high = np.minimum(left + 1, width - 1), np.minimum(low + 1, height - 1)
+    a, b = column - left, row - low
+    below = (1.0 - a) * pixels[low, left] + a * pixels[low, right]
+    above = (1.0 - a) * pixels[high, left] + a * pixels[high, right]
+    found: Array = (1.0 - b) * below + b * above
+    return found
