@@ -34,6 +34,26 @@ def _from_screen() -> None:
     bpy.context.scene.camera = bpy.context.object
 
 
+def _own_frustum() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.camera_from_camera())
+
+
+def _blend() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.camera_blend())
+
+
+def _gradient() -> None:
+    import bpy
+
+    done(bpy.ops.scfpf.blend_map(kind="LINEAR"))
+    field = bpy.context.object.scfpf.blend_field
+    field.angle, field.center, field.border = math.radians(90.0), (0.5, 0.55), 0.4
+
+
 # The angle by which the recipe of the best side turns its view, in degrees.
 TURN = -20.0
 SCREEN = (
@@ -76,6 +96,30 @@ RECIPES = (
         (size(1520, 380), *add_as_made("long_pan"), place((0.0, -10.0, 2.0)), render()),
         "Move a 16:9 frame over the picture from left to right: the scene seems to turn by 100°. Pull the "
         "points of the two surfaces (*Edit Volume*, then Tab) to slide or turn elsewhere.",
+    ),
+    Recipe(
+        "rising-street",
+        "A street that rises before you",
+        "A bent background: level in front, and farther away seen from ever higher.",
+        scenes.two_cameras,
+        (
+            size(1120, 560),
+            select("Place two ordinary cameras, one at the height of eyes. Select it.", "Level"),
+            Step("Choose *This Camera's Own Frustum* in the menu *Projection Preset*.", _own_frustum),
+            select("Select the other, which is above the roofs and looks down.", "From Above"),
+            Step("Do the same with it: both show what they did before.", _own_frustum),
+            select("Select the lower camera, then the upper one with Shift.", "Level", "From Above"),
+            Step("Choose *Blend Cameras* in the menu ⌄ of *Control Surfaces*.", _blend),
+            Step(
+                "Choose *Gradient* under *Map*. Set *Angle* to 90°, *Center* to 0.5 and 0.55, *Border* to "
+                "0.4.",
+                _gradient,
+            ),
+            render(),
+        ),
+        "The picture is that of one volume: nothing dissolves. Move the *Center* or make the *Border* "
+        "wider in *Live View*. After a change of either camera press *Update Blend*. [Compose]"
+        "(../compose.md) has more.",
     ),
     Recipe(
         "panorama-map",

@@ -206,32 +206,7 @@ def still_life():
     return scene
 
 
-def bent_street():
-    """A street that rises: level in front, and farther up in the picture seen from ever higher."""
-    import bpy
-
-    from demo import render_demo
-
-    scene = render_demo.build_street()
-    scene.render.resolution_x, scene.render.resolution_y = SIZE
-    level = add_camera(scene, "Level", (0.0, -16.0, 1.8), (0.0, 0.0, 2.6), 24.0)
-    above = add_camera(scene, "From Above", (0.0, -22.0, 34.0), (0.0, 14.0, 0.0), 24.0)
-    cameras = importlib.import_module(f"{render_demo.MODULE}.scfpf_addon.bridge.camera.flexible_camera")
-    for camera in (level, above):
-        cameras.volume_from_camera(camera, scene)
-        camera.select_set(True)
-    bpy.context.view_layer.objects.active = above
-    bpy.context.view_layer.update()
-    bpy.ops.scfpf.camera_blend()
-    blend = bpy.context.object
-    field = blend.scfpf.blend_field
-    field.angle, field.border, field.center = 1.5708, 0.4, (0.5, 0.55)
-    print(bpy.ops.scfpf.blend_map(kind="LINEAR"))
-    scene.camera = blend
-    return scene
-
-
-PICTURES = {"layers-car": both_sides, "layers-still": still_life, "layers-bent": bent_street}
+PICTURES = {"layers-car": both_sides, "layers-still": still_life}
 
 
 def picture(name: str, scratch: Path) -> Path:

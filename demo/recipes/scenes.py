@@ -29,6 +29,25 @@ def street():
     return build_street()
 
 
+def two_cameras():
+    """The street with two ordinary cameras: one at the height of eyes, one above the roofs."""
+    import bpy
+
+    from ..render_demo import Shot, place_camera
+
+    scene = build_street()
+    for name, shot in (
+        ("Level", Shot((0.0, -16.0, 1.8), (0.0, 0.0, 2.6))),
+        ("From Above", Shot((0.0, -22.0, 34.0), (0.0, 14.0, 0.0))),
+    ):
+        camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+        scene.collection.objects.link(camera)
+        camera.data.lens, camera.data.clip_end = 24.0, 200.0
+        place_camera(camera, shot)
+        scene.camera = camera
+    return scene
+
+
 def head():
     """The street with a monkey's head before an ordinary camera, which sees it from its side."""
     import bpy

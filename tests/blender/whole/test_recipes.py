@@ -161,6 +161,20 @@ def test_the_unrolled_street_is_seen_square_on(way):
     assert np.allclose(y, 0, atol=1e-6) and (x > 0.9).all()
 
 
+def test_the_street_rises_between_two_cameras(way):
+    """Below, the lower camera's directions; above, the upper one's; between, ever steeper."""
+    blend = performed("rising-street")
+    for name, y in (("Level", 0.02), ("From Above", 0.98)):
+        own = bpy.data.objects[name]
+        lens, shift = own.data.sensor_width / own.data.lens, np.array([[-0.4], [0.0], [0.4]])[:, 0]
+        wanted = np.stack([shift * lens, np.full(3, (y - 0.5) / 2 * lens), np.full(3, -1.0)])
+        wanted = np.array(own.matrix_world.to_3x3()) @ wanted
+        found = way(blend, 0.5 + shift, y)
+        assert np.allclose(found, wanted / np.linalg.norm(wanted, axis=0), atol=2e-3), name
+    down = -way(blend, 0.5, np.linspace(0.4, 0.7, 7))[2]
+    assert (np.diff(down) > 0).all()
+
+
 def test_any_preset_is_two_clicks_away(way):
     """A mirror ball: what is behind is at the rim."""
     ahead = way(performed("any-preset"), np.array([0.501, 0.501]), np.array([0.5, 0.999]))
