@@ -29,6 +29,19 @@ def test_manifest_is_valid():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_the_page_of_the_extension_has_the_manifests_words():
+    """Blender cuts taglines and reasons off after 64 characters."""
+    page = (ROOT / "docs" / "publishing.md").read_text("utf-8")
+    assert f"    {MANIFEST['tagline']}\n" in page
+    said = [MANIFEST["tagline"], *MANIFEST["permissions"].values()]
+    assert all(len(text) <= 64 and text[-1].isalnum() for text in said)
+    assert (
+        re.search(r"^## (\S+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.M)[1] == MANIFEST["version"]
+    )
+    presets = len(list((ROOT / "presets").glob("*.json")))
+    assert presets == 48 and "Forty-eight projections" in page
+
+
 @pytest.mark.parametrize("old, new", [('"Camera"', '"Camra"'), ('"4.5.0"', '"four"')])
 def test_the_check_can_fail(tmp_path, old, new):
     shutil.copy(ROOT / "__init__.py", tmp_path)
