@@ -123,7 +123,10 @@ def run(driver, scenarios, output):
     print(f"{len(scenarios) - len(failed)} of {len(scenarios)} scenarios passed", flush=True)
     if failed or not scenarios:
         os._exit(1)
-    # Quitting is the last check: a render that runs must not keep Blender alive, nor make it crash.
+    # Quitting is the last check: a render that runs must not keep Blender alive, nor make it crash. The last
+    # scenario may have left a screen without a 3D viewport.
+    bpy.ops.wm.read_homefile(use_factory_startup=False, use_splash=False)
+    yield DRAW
     build_scene()
     driver.add_camera()
     set_slow()
