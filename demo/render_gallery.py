@@ -226,7 +226,7 @@ def render_panel(street, panel, stem: Path, percentage: int) -> list[Path]:
         reach=panel.reach * panel.shot.scale,
         direction=panel.direction,
     )
-    set_up.render.engine = "SCFPF"
+    set_up.render.engine, set_up.scfpf_sampling.world_shadows = "SCFPF", True
     set_up.render.filepath = str(files[1].with_suffix(".png"))
     set_up.render.image_settings.file_format = "PNG"
     set_up.render.resolution_percentage = percentage

@@ -79,6 +79,7 @@ def render_all(scene, paths: list[Path]) -> None:
     """Write the thumbnails of some presets, which show a scene."""
     import bpy
 
+    scene.scfpf_sampling.world_shadows = True
     camera = bpy.data.objects.new("Thumbnail", bpy.data.cameras.new("Thumbnail"))
     scene.collection.objects.link(camera)
     scene.camera = camera
