@@ -78,6 +78,16 @@ def test_pictures_are_shown_and_small():
         assert path.stat().st_size <= most, path.name
 
 
+def test_showpieces_are_shown_and_not_heavy():
+    """Large pictures, of which the README has some."""
+    text = (ROOT / "docs" / "showpieces.md").read_text(encoding="utf-8")
+    found = sorted((ROOT / "docs" / "showpieces").iterdir())
+    assert len(found) >= 3
+    for path in found:
+        most = pictures.LARGEST_MOVING_BYTES if path.suffix == ".webp" else 600_000
+        assert f"showpieces/{path.name}" in text and path.stat().st_size <= most, path.name
+
+
 def test_recipes_are_those_of_the_steps_that_tests_perform():
     """Their pictures come first, and gallery and README lead to them."""
     found = {path.name: path.read_text(encoding="utf-8") for path in recipes.FOLDER.glob("*.md")}

@@ -35,10 +35,10 @@ class Recipe(NamedTuple):
     more: str
 
 
-def perform(recipe: Recipe, percentage: int = 100, samples: int = 4):
-    """Build the scene of a recipe, do its steps, and return its camera.
+def prepare(recipe: Recipe, percentage: int = 100):
+    """Build the scene of a recipe, do its steps but the last one, which renders, and return the scene.
 
-    percentage: of the resolution. samples: per pixel of the image. Raises RuntimeError if a step fails.
+    percentage: of the resolution. Raises RuntimeError if a step fails.
     """
     import bpy
 
@@ -47,12 +47,20 @@ def perform(recipe: Recipe, percentage: int = 100, samples: int = 4):
     scene.scfpf_sampling.world_shadows = True
     for obj in scene.objects:
         obj.select_set(False)
-    *preparing, rendering = recipe.steps
-    for step in preparing:
+    for step in recipe.steps[:-1]:
         step.act()
         bpy.context.view_layer.update()
+    return scene
+
+
+def perform(recipe: Recipe, percentage: int = 100, samples: int = 4):
+    """Build the scene of a recipe, do its steps, and return its camera.
+
+    percentage, errors: as of ``prepare``. samples: per pixel of the image.
+    """
+    scene = prepare(recipe, percentage)
     scene.camera.scfpf.samples = samples
-    rendering.act()
+    recipe.steps[-1].act()
     return scene.camera
 
 

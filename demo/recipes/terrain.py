@@ -61,14 +61,14 @@ def build_landscape(scene, across: int = 700, along: int = 400):
     )
     mesh.shade_smooth()
     colors = mesh.color_attributes.new("Land", "FLOAT_COLOR", "POINT")
-    colors.data.foreach_set("color", np.append(_land_colors(x, y, z), np.ones((z.size, 1)), axis=1).ravel())
+    colors.data.foreach_set("color", np.append(land_colors(x, y, z), np.ones((z.size, 1)), axis=1).ravel())
     mesh.materials.append(_material())
     landscape = bpy.data.objects.new("Landscape", mesh)
     scene.collection.objects.link(landscape)
     return landscape
 
 
-def _land_colors(x: Array, y: Array, z: Array) -> Array:
+def land_colors(x: Array, y: Array, z: Array) -> Array:
     """Colours (n, 3) of a grid of heights, by height, slope and noise."""
     slope = np.hypot(*np.gradient(z, (ALONG[1] - ALONG[0]) / (len(z) - 1)))
     generator = np.random.default_rng(SEED + 1)
@@ -83,6 +83,11 @@ def _land_colors(x: Array, y: Array, z: Array) -> Array:
     colors = over(colors, ROCK, 2 * (z - TREES - 1.2 * ragged) + 2 * np.clip(slope - 1.0, 0, 1))
     colors = over(colors, SNOW, 2 * (z - SNOWS - 1.2 * ragged) - 2.5 * np.clip(slope - 1.1, 0, 1))
     return over(colors, LAKE, (z <= WATER + 1e-6).astype(float))
+
+
+def wooded(colors: Array) -> Array:
+    """Which of ``land_colors`` are those of woods, (n,)."""
+    return np.abs(colors - np.array(WOOD)).max(axis=1) < 0.02
 
 
 def _material():

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Render the showpieces: pictures through Cycles with all of its light, for docs/showpieces.md.
+
+    python demo/showpieces/render.py [PIECE ...] [--percentage N] [--samples N]
+
+`python3 dev.py showpieces` runs it under a Python that has bpy. Pictures go to docs/showpieces/, .blend files
+to demo/output/showpieces/.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from demo.recipes.jobs import RECIPES  # noqa: E402
+from demo.recipes.steps import Recipe, add, place, prepare, render  # noqa: E402
+from demo.render_demo import enable_add_on, open_on, scratch_profile  # noqa: E402
+
+FOLDER, OUTPUT = ROOT / "docs" / "showpieces", ROOT / "demo" / "output" / "showpieces"
+QUALITY = 88
+# The pixel error of the projectors; a smaller one takes more chords without a visible difference.
+PIXEL_ERROR = 0.5
+SAMPLES = 64
+
+
+class Piece(NamedTuple):
+    """A showpiece. recipe: whose steps but the last make it. size: pixels. dress: adds to its scene."""
+
+    recipe: Recipe
+    size: tuple[int, int]
+    dress: Callable[[object], None]
+
+
+def evening(scene) -> None:
+    """Turn the street's day into an evening: a low warm sun, a deep sky, lamps and lit windows."""
+    import bpy
+    import numpy as np
+
+    sun = bpy.data.objects["Sun"]
+    sun.rotation_euler = np.radians((71.0, 0.0, -52.0))
+    sun.data.energy, sun.data.color, sun.data.angle = 7.0, (1.0, 0.55, 0.28), np.radians(1.2)
+    background = scene.world.node_tree.nodes["Background"].inputs
+    background["Color"].default_value, background["Strength"].default_value = (0.14, 0.25, 0.55, 1.0), 0.85
+    glow = bpy.data.lights.new("Evening glow", "POINT")
+    glow.energy, glow.color, glow.shadow_soft_size = 330.0, (1.0, 0.62, 0.28), 0.2
+    for lamp in [obj for obj in scene.objects if obj.name.startswith("Street lamp")]:
+        light = bpy.data.objects.new("Evening glow", glow)
+        light.location = lamp.matrix_world.translation
+        # Below the lantern, which is opaque.
+        light.location.z += 4.0
+        scene.collection.objects.link(light)
+    for name, share, strength in (("Window glass", 0.38, 0.75), ("Shop window", 1.0, 0.6)):
+        _light_windows(bpy.data.materials[name], share, strength)
+    headlight = bpy.data.materials["Headlight"].node_tree.nodes["Principled BSDF"].inputs
+    headlight["Emission Color"].default_value = (1.0, 0.86, 0.6, 1.0)
+    headlight["Emission Strength"].default_value = 6.0
+    scene.view_settings.exposure = 0.55
+
+
+def _light_windows(material, share: float, strength: float) -> None:
+    """Light a share of the windows of a material, by their places."""
+    tree = material.node_tree
+    shader = tree.nodes["Principled BSDF"]
+    place = tree.nodes.new("ShaderNodeNewGeometry")
+    cell = tree.nodes.new("ShaderNodeVectorMath")
+    cell.operation = "SNAP"
+    cell.inputs[1].default_value = (2.3, 2.3, 3.0)
+    chance = tree.nodes.new("ShaderNodeTexWhiteNoise")
+    lit = tree.nodes.new("ShaderNodeMath")
+    lit.operation = "LESS_THAN"
+    lit.inputs[1].default_value = share
+    glow = tree.nodes.new("ShaderNodeMath")
+    glow.operation = "MULTIPLY"
+    glow.inputs[1].default_value = strength
+    for source, target in (
+        (place.outputs["Position"], cell.inputs[0]),
+        (cell.outputs["Vector"], chance.inputs["Vector"]),
+        (chance.outputs["Value"], lit.inputs[0]),
+        (lit.outputs["Value"], glow.inputs[0]),
+        (glow.outputs["Value"], shader.inputs["Emission Strength"]),
+    ):
+        tree.links.new(source, target)
+    shader.inputs["Emission Color"].default_value = (1.0, 0.46, 0.13, 1.0)
+
+
+def mountains(scene) -> None:
+    """Put woods, a village by a lake, and afternoon light into the landscape."""
+    from demo.showpieces.settled_land import settle
+
+    settle(scene)
+
+
+def _recipe(stem: str) -> Recipe:
+    return next(one for one in RECIPES if one.stem == stem)
+
+
+def _nave() -> Recipe:
+    """A nave from floor to vault, in a vertical Panini projection."""
+
+    def build():
+        from demo.showpieces.cathedral import build_nave
+
+        return build_nave()
+
+    steps = (add("panini_vertical"), place((0.0, 2.6, 6.0)), render())
+    return Recipe("nave", "A nave from floor to vault", "", build, steps, "")
+
+
+PIECES = {
+    "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
+    "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
+    "evening-street": Piece(_recipe("rising-street"), (1920, 960), evening),
+}
+
+
+# The film: its size, frames from one end to the other, samples, and milliseconds of each image.
+FILM, FILM_SIZE, FILM_FRAMES, FILM_SAMPLES, FILM_PAUSE = "street-rises", (560, 280), 50, 8, 90
+
+
+def film() -> None:
+    """Render the street as it rises and lies down again, by the engine, as an animated WebP."""
+    import bpy
+    from PIL import Image
+
+    from demo import render_demo
+
+    scene = prepare(_recipe("rising-street"))
+    scene.render.resolution_x, scene.render.resolution_y = FILM_SIZE
+    camera = scene.camera
+    camera.scfpf.samples = FILM_SAMPLES
+    images = []
+    for frame in range(FILM_FRAMES):
+        share = frame / (FILM_FRAMES - 1)
+        camera.scfpf.blend_factor = share * share * (3.0 - 2.0 * share)
+        bpy.context.view_layer.update()
+        raw = OUTPUT / f"{FILM}-{frame:02}.png"
+        render_demo.render(scene, raw)
+        images.append(Image.open(raw).convert("RGB"))
+        raw.unlink()
+    both = [*[images[0]] * 6, *images, *[images[-1]] * 6, *images[-2:0:-1]]
+    path = FOLDER / f"{FILM}.webp"
+    options = {"duration": FILM_PAUSE, "loop": 0, "quality": 55, "method": 4}
+    both[0].save(path, save_all=True, append_images=both[1:], **options)
+    print(f"{FILM}: {len(both) * FILM_PAUSE / 1000:.0f} s, {path.stat().st_size / 1000:.0f} kB", flush=True)
+
+
+def make(name: str, percentage: int, samples: int) -> None:
+    """Build a showpiece, render it with Cycles, and write its picture and its file."""
+    import bpy
+    from PIL import Image
+
+    piece = PIECES[name]
+    scene = prepare(piece.recipe)
+    piece.dress(scene)
+    scene.render.resolution_x, scene.render.resolution_y = piece.size
+    scene.render.resolution_percentage = percentage
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples, scene.cycles.use_denoising, scene.cycles.max_bounces = samples, True, 6
+    camera = scene.camera
+    camera.scfpf.pixel_error = PIXEL_ERROR
+    scene.view_layers[0].objects.active = camera
+    bpy.context.view_layer.update()
+    if bpy.ops.scfpf.cycles_rig() != {"FINISHED"}:
+        sys.exit(f"The Cycles rig of {name} was not made; the lines above say why.")
+    raw = OUTPUT / f"{name}.png"
+    scene.render.filepath, scene.render.image_settings.file_format = str(raw), "PNG"
+    begun = time.process_time()
+    bpy.ops.render.render(write_still=True)
+    seconds = time.process_time() - begun
+    Image.open(raw).convert("RGB").save(FOLDER / f"{name}.jpg", quality=QUALITY, optimize=True)
+    open_on(scene)
+    bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / f"{name}.blend"), compress=True)
+    print(f"{name}: {seconds:.0f} s of the processor", flush=True)
+
+
+def main(arguments: list[str]) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("pieces", nargs="*", metavar="PIECE", help=f"one of {', '.join((*PIECES, FILM))}")
+    parser.add_argument("--percentage", type=int, default=100, metavar="N", help="of the size")
+    parser.add_argument("--samples", type=int, default=SAMPLES, metavar="N", help="a pixel, before denoising")
+    options = parser.parse_args(arguments)
+    if unknown := sorted(set(options.pieces) - {*PIECES, FILM}):
+        parser.error(f"no showpiece is named {', '.join(unknown)}")
+    for folder in (FOLDER, OUTPUT):
+        folder.mkdir(parents=True, exist_ok=True)
+    with scratch_profile() as scratch:
+        enable_add_on(scratch)
+        for name in options.pieces or (*PIECES, FILM):
+            if name == FILM:
+                film()
+            else:
+                make(name, options.percentage, options.samples)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
