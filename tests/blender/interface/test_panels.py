@@ -322,6 +322,32 @@ def test_a_blend_shows_what_it_goes_between_and_how_to_look_again(camera):
     assert any("scfpf.blend_update" in str(entry) for entry in record)
 
 
+def test_a_blend_shows_the_settings_of_its_map(camera):
+    main = getattr(bpy.types, f"SCFPF_PT_data{SECTIONS[0]}")
+    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
+    field = bpy.context.object.scfpf.blend_field
+    wanted = {
+        "NONE": set(),
+        "LINEAR": {"center", "angle", "border", "is_inverted"},
+        "RADIAL": {"center", "size", "border", "is_inverted"},
+        "RECTANGLE": {"center", "size", "angle", "border", "is_inverted"},
+        "IMAGE": {"is_inverted"},
+    }
+    for kind, names in wanted.items():
+        assert bpy.ops.scfpf.blend_map(kind=kind) == {"FINISHED"}
+        record = drawn(main)
+        assert {
+            entry[2] for entry in record if entry[0] == "prop" and entry[1] == "SCFPF_BlendField"
+        } == names
+        assert "makes it finer" not in texts(record), kind
+    field.kind, field.border = "LINEAR", 0.0
+    assert bpy.ops.scfpf.blend_map(kind="NONE") == {"FINISHED"}
+    field.kind = "LINEAR"
+    assert "makes it finer" in texts(drawn(main))
+    assert bpy.ops.scfpf.blend_update() == {"FINISHED"}
+    assert "makes it finer" not in texts(drawn(main))
+
+
 class Column:
     """A layout that records its items: (item, height in rows)."""
 
