@@ -74,6 +74,8 @@ def draw_blend_map(column, camera) -> None:
         column.template_ID(field, "image", new="image.new", open="image.open")
     for name in shown[field.kind]:
         column.prop(field, name)
+    if field.kind in ("RADIAL", "RECTANGLE"):
+        column.operator("scfpf.blend_map_around", icon="PIVOT_BOUNDBOX")
     if field.kind != "NONE":
         column.prop(field, "is_inverted")
     if is_too_coarse(camera):

@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 from bpy.props import EnumProperty
 
-from ...scfpf_addon.bridge.blender.scene_objects import absent_text
+from ...scfpf_addon.bridge.blender.scene_objects import absent_text, object_by_uid
 from ...scfpf_addon.bridge.camera.camera_blend import (
     knows_its_ends,
     least_faces,
@@ -20,8 +20,11 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ...scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
 from ...scfpf_addon.projection.editing.blending import BlendError, blended
 from ...scfpf_addon.projection.volume.folds import find_folds
+from ...scfpf_addon.shading.picking.find import find, points_of
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import Tool, select_only
+from ..image.find import wanted_objects
+from ..image.preparation import poll_no_render, prepared_inputs
 from .presets import preset_choices, preset_items, shipped_preset
 
 
@@ -163,6 +166,56 @@ class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
             raise
 
 
+class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
+    """Put the map's circle or rectangle around the selected objects, as the first camera sees them"""
+
+    bl_idname = "scfpf.blend_map_around"
+    bl_label = "Map around Selection"
+
+    @classmethod
+    def poll(cls, context):
+        if not SCFPF_OT_blend_update.poll.__func__(cls, context) or not poll_no_render(cls, context):
+            return False
+        if not wanted_objects(context):
+            cls.poll_message_set("Select the objects as well, the camera last")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        uid = camera.session_uid
+        first = _end(context, camera, camera.scfpf.blend_ends.first)
+        name = first.name
+        left, low, right, high = _seen_box(context, first)
+        camera = object_by_uid(uid)
+        field = camera.scfpf.blend_field
+        if field.kind not in ("RADIAL", "RECTANGLE"):
+            field.kind = "RADIAL"
+        field.center, field.angle = ((left + right) / 2, (low + high) / 2), 0.0
+        aspect, border = image_aspect(context.scene), field.border
+        # Half of the border is inside.
+        if field.kind == "RECTANGLE":
+            field.size = right - left + border, high - low + border * aspect
+        else:
+            field.size[0] = float(np.hypot(right - left, (high - low) / aspect)) + border
+        _updated(context, camera)
+        return f"The map is around the selection as '{name}' sees it"
+
+
+def _seen_box(context, camera) -> tuple[float, float, float, float]:
+    """The borders of the selected objects in a camera's image. Raises an error of BAD_INPUT."""
+    names = {obj.name for obj in wanted_objects(context)}
+    title = camera.name
+    inputs = prepared_inputs(context, camera)
+    points = points_of(inputs.scene, names)
+    if not points.size:
+        raise BlendError("Renders show no faces of the selected objects: select others")
+    pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
+    found = find(inputs.projection, inputs.scene, points, names, pixel)
+    if found is None:
+        raise BlendError(f"'{title}' does not see the selected objects: select others, or turn it")
+    return found.box
+
+
 def _updated(context, camera) -> str:
     """Make a blend anew from its ends. Returns what there is to say; raises an error of BAD_INPUT."""
     ends, field = camera.scfpf.blend_ends, camera.scfpf.blend_field
@@ -199,5 +252,11 @@ def _end(context, camera, end):
 
 
 register, unregister = bpy.utils.register_classes_factory(
-    (SCFPF_OT_camera_blend, SCFPF_OT_camera_blend_preset, SCFPF_OT_blend_update, SCFPF_OT_blend_map)
+    (
+        SCFPF_OT_camera_blend,
+        SCFPF_OT_camera_blend_preset,
+        SCFPF_OT_blend_update,
+        SCFPF_OT_blend_map,
+        SCFPF_OT_blend_map_around,
+    )
 )

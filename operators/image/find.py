@@ -14,7 +14,7 @@ from .pick import store_pick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
 
-def _wanted(context) -> list:
+def wanted_objects(context) -> list:
     """The selected objects, without cameras, control surfaces and volume objects."""
     own = control_objects()
     return [o for o in context.selected_objects if o.type != "CAMERA" and o.name_full not in own]
@@ -50,13 +50,13 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
     def poll(cls, context):
         if not poll_no_render(cls, context):
             return False
-        if not _wanted(context):
+        if not wanted_objects(context):
             cls.poll_message_set("Select the objects to find in the picture")
             return False
         return True
 
     def execute(self, context):
-        wanted = _wanted(context)
+        wanted = wanted_objects(context)
         names = {obj.name for obj in wanted}
         title = wanted[0].name if len(wanted) == 1 else f"{len(wanted)} objects"
         origins = _origins(wanted)

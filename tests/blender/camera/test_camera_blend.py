@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from mathutils import Vector
 
 ASPECT = 16 / 9
 
@@ -352,3 +353,36 @@ def test_an_image_without_pixels_is_refused_and_the_map_stays(camera):
     with pytest.raises(RuntimeError, match="has no pixels: paint or load it"):
         bpy.ops.scfpf.blend_map(kind="IMAGE")
     assert blend.scfpf.blend_field.kind == "NONE" and blend.scfpf.blend_factor == 0.0
+
+
+@pytest.mark.parametrize("kind", ["RADIAL", "RECTANGLE"])
+def test_a_map_is_put_around_objects_as_the_first_camera_sees_them(camera, kind):
+    """The corners of a cube by Blender's own camera lie where the map is 1; beyond its border it is 0."""
+    from bpy_extras.object_utils import world_to_camera_view
+
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    cube = bpy.context.object
+    cube.matrix_world = camera.matrix_world @ cube.matrix_world
+    cube.location += camera.matrix_world.to_3x3() @ Vector((0.5, 0.3, -8.0))
+    bpy.context.view_layer.objects.active = camera
+    bpy.context.view_layer.update()
+    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
+    places = [
+        world_to_camera_view(bpy.context.scene, camera, cube.matrix_world @ v.co) for v in cube.data.vertices
+    ]
+    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
+    blend = bpy.context.object
+    assert bpy.ops.scfpf.blend_map(kind=kind) == {"FINISHED"}
+    blend.scfpf.blend_field.border = 0.1
+    assert not bpy.ops.scfpf.blend_map_around.poll()
+    cube.select_set(True)
+    assert bpy.ops.scfpf.blend_map_around() == {"FINISHED"}
+    field = blend.scfpf.blend_field
+    x, y = np.array([(p.x, p.y) for p in places]).T
+    middle = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
+    assert np.allclose(field.center, middle, atol=2e-3)
+    wide, high = np.ptp(x), np.ptp(y)
+    if kind == "RECTANGLE":
+        assert np.allclose(field.size, (wide + 0.1, high + 0.1 * ASPECT), atol=4e-3)
+    else:
+        assert field.size[0] == pytest.approx(np.hypot(wide, high / ASPECT) + 0.1, abs=4e-3)
