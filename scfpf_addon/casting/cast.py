@@ -11,6 +11,7 @@ import numpy as np
 from ..projection.typing import Array, BoolArray
 from ..projection.volume.viewing_volume import Projection
 from .common.hits import CastCounts, CastError, Hits
+from .common.space_order import space_keys
 from .curves.bends import bend_groups
 from .curves.chords import cast_chords, complete
 from .curves.projector_batch import ProjectorBatch
@@ -54,7 +55,7 @@ def cast(
     """The first hit of the projectors through image positions x, y.
 
     projection: in cast space, ``projection.transformed(scene.matrix)``. x, y: (N,)
-    float64 in [0, 1]; neighbours in the image should be neighbours here, since they
+    float64 in [0, 1], near to each other in the image, since they
     share their chords. pixel_size: a pixel's width and height in the same units.
     pixel_error: the largest displacement of a silhouette by curved projectors, in pixels, >= 0.
     Chords keep it on sampled projectors of the tile, with a margin. Things thinner than it
@@ -77,9 +78,21 @@ def cast(
         return Hits.empty(0)
     if columns is not None and len(x) % columns:
         raise CastError(f"{len(x)} image positions are not rows of {columns}")
+    tile = _Tile(scene=scene, projection=projection, x=x, y=y, pixel_size=pixel_size, columns=columns)
+    if columns is not None or (pixel_error > 0.0 and projection.volume.spans.is_polyline):
+        return _cast_tile(tile, pixel_error, counts, weighted)
+    order = np.argsort(space_keys(np.stack([x / pixel_size[0], y / pixel_size[1]])), kind="stable")
+    tile = tile._replace(projection=projection.taken(order), x=x[order], y=y[order])
+    hits = Hits.empty(len(x))
+    hits.put(order, _cast_tile(tile, pixel_error, counts, weighted))
+    return hits
+
+
+def _cast_tile(tile: _Tile, pixel_error: float, counts: CastCounts, weighted: bool) -> Hits:
+    """As ``cast``, for positions in an order in which neighbours are near to each other."""
+    scene, projection, x, y, _, columns = tile
     spans = projection.volume.spans
     if pixel_error > 0.0 and not spans.is_polyline:
-        tile = _Tile(scene=scene, projection=projection, x=x, y=y, pixel_size=pixel_size, columns=columns)
         return _cast_curved(tile, max(pixel_error, SMALLEST_ERROR), counts)
     points, mask, farthest = usable_projectors(projection, x, y)
     if pixel_error > 0.0 and spans.is_straight:

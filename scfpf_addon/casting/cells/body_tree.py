@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...projection.typing import Array, BoolArray, Float32Array, IndexArray
+from ..common.space_order import KEY_BITS, space_keys
 from .cut_triangles import cut_triangles
 
 # Children of a node.
@@ -21,9 +22,6 @@ BODIES = 1 << 21
 
 # Points of a triangle.
 TRIANGLE = 3
-
-# Bits of a body's place along each axis, by which bodies are sorted.
-PLACE_BITS = 10
 
 # Bodies are sorted by size first, in classes that differ by this factor: one large triangle among small ones
 # would widen the boxes of all nodes above it.
@@ -151,19 +149,5 @@ def _order(lower: Array, upper: Array) -> IndexArray:
     largest = max(float(size.max()), np.finfo(np.float64).tiny)
     with np.errstate(divide="ignore"):
         kind = np.clip(-np.log(size / largest) / np.log(SIZE_CLASS), 0, SIZE_CLASSES - 1)
-    middle = 0.5 * lower + 0.5 * upper
-    least = middle.min(axis=1, keepdims=True)
-    across = np.maximum((middle - least).max(), np.finfo(np.float64).tiny)
-    place = ((middle - least) / across * (2**PLACE_BITS - 1)).astype(np.int64)
-    key = kind.astype(np.int64) << (3 * PLACE_BITS)
-    for axis in range(3):
-        key |= _spread(place[axis]) << axis
+    key = kind.astype(np.int64) << KEY_BITS | space_keys(0.5 * lower + 0.5 * upper)
     return np.argsort(key, kind="stable")
-
-
-def _spread(bits: IndexArray) -> IndexArray:
-    """Numbers of PLACE_BITS bits with two zeros between their bits (Morton order)."""
-    bits = (bits | bits << 16) & 0x030000FF
-    bits = (bits | bits << 8) & 0x0300F00F
-    bits = (bits | bits << 4) & 0x030C30C3
-    return (bits | bits << 2) & 0x09249249

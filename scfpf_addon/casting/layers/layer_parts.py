@@ -98,11 +98,11 @@ class Hull:
 class LayerPart:
     """The things of one layer, in cast space, with their bounds.
 
-    surroundings: the triangles of layer 0 that are near enough for the layer's halo; None without any.
+    scene: if ``has_surroundings``, also the triangles of layer 0 that may be near enough for the halo.
     """
 
     scene: CastScene
-    surroundings: CastScene | None
+    has_surroundings: bool
     box: Box
     hull: Hull
 
@@ -139,14 +139,15 @@ class LayerParts:
 def _part(
     cast_scene: CastScene, numbers: NDArray[np.uint8], number: int, layer: ImageLayer
 ) -> LayerPart | None:
-    own = numbers == number
-    scene = cast_scene.only(own) if own.any() else None
-    if scene is None:
+    own = (numbers == number) & cast_scene.usable
+    if not own.any():
         return None
-    points = cast_scene.points_of(own & scene.usable)
-    box, around = Box.around(points), None
+    points = cast_scene.points_of(own)
+    box, near = Box.around(points), np.zeros_like(own)
     if layer.halo > 0.0:
         near = (numbers == 0) & cast_scene.within(box.lower - layer.halo, box.upper + layer.halo)
-        around = cast_scene.only(near) if near.any() else None
+    scene = cast_scene.only(own | near)
+    if scene is None:
+        return None
     # Halos are distances from the box.
-    return LayerPart(scene, around, box, Hull.around(points if around is None else box.corners))
+    return LayerPart(scene, bool(near.any()), box, Hull.around(box.corners if near.any() else points))

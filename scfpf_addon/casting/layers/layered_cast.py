@@ -74,7 +74,7 @@ class LayeredCast:
         met = np.zeros(len(x), bool)
         if part is not None:
             shown = np.flatnonzero(layer.shown_at(x, y))
-            around = layer.halo if part.surroundings else 0.0
+            around = layer.halo if part.has_surroundings else 0.0
             met[shown] = part.hull.may_be_met(layer.projection, x[shown], y[shown], around)
         return met
 
@@ -90,24 +90,33 @@ class LayeredCast:
         scene = part.scene if part else self.parts.rest
         if scene is None:
             return cast_at_nothing(projection, x, y)
-        rest = self.pixel_size, self.pixel_error, counts, columns, self.weighted
-        hits = cast(scene, projection, x, y, *rest)
-        if part and part.surroundings:
-            around = cast(part.surroundings, projection, x, y, *rest)
-            tile = TileProjectors(
-                part.surroundings, projection, x, y, around.mask, self.pixel_size, self.pixel_error
-            )
-            # Those beyond the halo are passed.
-            for _ in range(MOST_PASSED):
-                beyond = part.box.distance(around.position) > self.projection.layers[number - 1].halo
-                again = np.flatnonzero(beyond & (around.t < hits.t))
-                if not len(again):
-                    break
-                counts.rays += len(again)
-                around.put(again, tile.next_hits(again, around.t[again], around.triangle[again]))
-            closer = np.flatnonzero(~beyond & (around.t < hits.t))
-            hits.put(closer, around.take(closer))
+        rest = self.pixel_size, self.pixel_error
+        hits = cast(scene, projection, x, y, *rest, counts, columns, self.weighted)
+        if part and part.has_surroundings:
+            tile = TileProjectors(scene, projection, x, y, hits.mask, *rest)
+            self.pass_beyond_halo(number, hits, tile, np.arange(len(x)), counts)
         return hits
+
+    def pass_beyond_halo(
+        self, number: int, hits: Hits, tile: TileProjectors, which: IndexArray, counts: CastCounts
+    ) -> None:
+        """Follow the projectors of a layer, in place, past hits of layer 0 that are beyond the halo.
+
+        hits: (n,) of the projectors ``which`` (n,) of a tile through the layer's scene.
+        """
+        part, halo = self.parts.parts[number - 1], self.projection.layers[number - 1].halo
+        if not part or not part.has_surroundings:
+            return
+        beyond = np.arange(len(which))
+        for _ in range(MOST_PASSED):
+            there, around = hits.triangle[beyond], hits.position[:, beyond]
+            is_beyond = (self.parts.numbers.take(there) != number) & (part.box.distance(around) > halo)
+            beyond = beyond[is_beyond & (there >= 0)]
+            if not len(beyond):
+                return
+            counts.rays += len(beyond)
+            hits.put(beyond, tile.next_hits(which[beyond], hits.t[beyond], hits.triangle[beyond]))
+        hits.t[beyond], hits.triangle[beyond] = np.inf, -1
 
     def keys(self, number: int, hits: Hits) -> Array:
         """The keys (N,) of hits of a layer, infinite for misses."""
@@ -132,7 +141,7 @@ class LayeredProjectors:
     """The projectors of a tile through all volumes of an image; see ``continuation.TileProjectors``.
 
     x, y: (N,) image positions. mask: (N,) whether the image's own projectors exist.
-    A transparent hit in a layer's halo continues as one of layer 0.
+    A transparent hit of layer 0 in another layer's halo continues as one of layer 0.
     """
 
     cast: LayeredCast
@@ -190,7 +199,7 @@ class LayeredProjectors:
         found = cast_at_nothing(tile.projection.taken(which), self.x[which], self.y[which])
         own = np.flatnonzero(layer == number)
         if len(own):
-            found.put(own, tile.next_hits(which[own], t[own], triangle[own]))
+            found.put(own, self._following(number, which[own], t[own], triangle[own]))
         open_ = np.flatnonzero((layer != number) & tile.mask[which])
         if empty or not len(open_):
             return found
@@ -203,5 +212,12 @@ class LayeredProjectors:
             if not len(again):
                 break
             open_, some = open_[again], some.take(again)
-            found.put(open_, tile.next_hits(which[open_], some.t, some.triangle))
+            found.put(open_, self._following(number, which[open_], some.t, some.triangle))
+        return found
+
+    def _following(self, number: int, which: IndexArray, t: Array, triangle: IndexArray) -> Hits:
+        """The next hits (n,) of one layer alone."""
+        found = self._tiles[number].next_hits(which, t, triangle)
+        if number:
+            self.cast.pass_beyond_halo(number, found, self._tiles[number], which, CastCounts())
         return found

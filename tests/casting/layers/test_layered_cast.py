@@ -117,20 +117,20 @@ def test_the_nearest_key_of_all_is_in_front(seed):
         assert (hits.triangle[k], layer[k]) == expected
 
 
+@pytest.mark.parametrize("halo", [0.0, 0.5])
 @pytest.mark.parametrize("seed", range(0, SCENES, 5))
-def test_hits_behind_transparent_ones_come_by_their_keys(seed):
+def test_hits_behind_transparent_ones_come_by_their_keys(seed, halo):
     projection, corners, numbers, layered = random_case(seed)
-    # Without halos, whose surroundings continue as layer 0, and with keys that rise along projectors.
+    # With keys that rise along projectors.
     eye = projection.layers[0].eye
     layers = tuple(
-        replace(layer, halo=0.0, front="ORDER" if k % 2 else "ANCHOR", eye=eye)
+        replace(layer, halo=halo, front="ORDER" if k % 2 else "ANCHOR", eye=eye)
         for k, layer in enumerate(projection.layers)
     )
     projection = replace(projection, layers=layers)
-    inside = projection.transformed(layered.parts.whole.matrix)
-    rest = replace(
-        layered.parts, parts=tuple(p and replace(p, surroundings=None) for p in layered.parts.parts)
-    )
+    scene = layered.parts.whole
+    inside = projection.transformed(scene.matrix)
+    rest = LayerParts.of(numbers, scene, inside.layers)
     layered = replace(layered, projection=inside, parts=rest)
     x, y = pixel_centres(SIDE, SIDE, (0, SIDE))
     hits, _layer = layered.first_hits(x, y, CastCounts(), SIDE)
@@ -141,7 +141,8 @@ def test_hits_behind_transparent_ones_come_by_their_keys(seed):
     compared = 0
     for k, triangle in zip(which, after.triangle, strict=True):
         own = [each for each in lists[k] if each[1] == 0]
-        if any(a[2] > b[2] for a, b in pairwise(own)):
+        # Hits in the halo of another layer continue as those of layer 0.
+        if any(a[2] > b[2] for a, b in pairwise(own)) or (lists[k][0][1] and not numbers[lists[k][0][3]]):
             continue
         expected = lists[k][1][3] if len(lists[k]) > 1 else -1
         compared += 1
