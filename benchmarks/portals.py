@@ -48,7 +48,7 @@ GOALS = {
 }
 # The same for the first sample; seconds of switching on; megabytes of the sheets.
 FIRST_GOAL, ON_GOAL, MEMORY_GOAL = 1.5, 2.0, 100.0
-# Focal lengths of the ordinary camera, in mm: a preset that takes the same picture as one is compared with it.
+# Focal lengths of the ordinary camera, mm: a preset with the picture of one is compared with that one.
 SAME_PICTURE, USUAL_LENS = {"perspective": 50.0}, 24.0
 # Images are this share of their size. Samples of the two renders whose difference counts.
 PERCENTAGE, SAMPLES = 30, (4, 16)

@@ -149,8 +149,8 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
 def _apart(nodes: GeometryBuilder, geometry: Value) -> Value:
     """Instances of the sheets in renders, so that Cycles puts them into a tree of their own.
 
-    A second instance, of no size, is the reason: Cycles merges a mesh with one user into the scene's tree, and
-    then all rays pass the sheets' boxes, shadow rays included.
+    A second instance, of no size, brings that about. Cycles merges a mesh with one user into the scene's,
+    where all rays pass its boxes, shadow rays included.
     """
     nodes.open_frame("Apart from the scene")
     instance = nodes.out("GeometryNodeGeometryToInstance", "Instance", {0: geometry})
