@@ -48,6 +48,8 @@ GOALS = {
 }
 # The same for the first sample; seconds of switching on; megabytes of the sheets.
 FIRST_GOAL, ON_GOAL, MEMORY_GOAL = 1.5, 2.0, 100.0
+# Focal lengths of the ordinary camera, mm: a preset with the picture of one is compared with that one.
+SAME_PICTURE, USUAL_LENS = {"perspective": 50.0}, 24.0
 # Images are this share of their size. Samples of the two renders whose difference counts.
 PERCENTAGE, SAMPLES = 30, (4, 16)
 
@@ -58,7 +60,7 @@ def add_camera(name: str, shot: Shot):
     camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     place_camera(camera, shot)
     scene.collection.objects.link(camera)
-    camera.data.lens = 24.0
+    camera.data.lens = USUAL_LENS
     return camera
 
 
@@ -110,6 +112,7 @@ def measure(stem: str, ordinary, runs: int) -> dict[str, float]:
     rig.update(bpy.context, made)
     settings = made.scfpf_rig
     found |= {"chords": settings.chords, "passed": settings.passed}
+    ordinary.data.lens = SAME_PICTURE.get(stem, USUAL_LENS)
     turns = []
     for _ in range(runs):
         for by in (ordinary, settings.view_camera):

@@ -142,8 +142,22 @@ def portal_group(nodes: GeometryBuilder, given: dict[str, Value]) -> dict:
         is_sheet, screen, nodes.attribute(PLACE, "FLOAT_VECTOR"), "VECTOR", "Sheet or Screen"
     )
     placed = nodes.set_position(geometry, place, "In Place")
-    placed = remove_attributes(nodes, placed, PLACE)
+    placed = _apart(nodes, remove_attributes(nodes, placed, PLACE))
     return {"Geometry": nodes.switch(given["Probe"], placed, probe, "GEOMETRY", "Probe?")}
+
+
+def _apart(nodes: GeometryBuilder, geometry: Value) -> Value:
+    """Instances of the sheets in renders, so that Cycles puts them into a tree of their own.
+
+    A second instance, of no size, brings that about. Cycles merges a mesh with one user into the scene's,
+    where all rays pass its boxes, shadow rays included.
+    """
+    nodes.open_frame("Apart from the scene")
+    instance = nodes.out("GeometryNodeGeometryToInstance", "Instance", {0: geometry})
+    inputs = {"Instances": instance, "Scale": (0.0, 0.0, 0.0)}
+    apart = nodes.join(instance, nodes.out("GeometryNodeScaleInstances", "Of No Size", inputs))
+    is_viewport = nodes.out("GeometryNodeIsViewport", "Viewport", {})
+    return nodes.switch(is_viewport, apart, geometry, "GEOMETRY", "Viewport?")
 
 
 @defines_group(
@@ -263,6 +277,8 @@ def _new_material(name: str):
     if material.node_tree is None:
         material.use_nodes = True  # from 5.0 every material has a tree, and the switch is deprecated
     material.node_tree.nodes.clear()
+    # No shadow ray meets it, but where any shadow may be transparent Cycles looks behind all that cast one.
+    material.use_transparent_shadow = False
     return material, FieldBuilder(material.node_tree)
 
 
