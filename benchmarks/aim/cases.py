@@ -15,7 +15,7 @@ from scfpf_addon.casting.aim.judge import Judgement, judge
 from scfpf_addon.casting.aim.stays import find_stays
 from scfpf_addon.casting.aim.views import sample_view
 from scfpf_addon.casting.scene.cast_scene import CastScene
-from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimResult, AimStays
+from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimResult
 from scfpf_addon.projection.aim.start import projection_of, start_volume
 from scfpf_addon.projection.aim.view_map import ViewMap
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
@@ -140,7 +140,7 @@ def setting(
     halos = np.full(pins.count, halo)
     is_view = bool((pins.views >= 0).any())
     wanted = place.wanted & is_view
-    stays = AimStays() if alone else find_stays(before, place.scene, pins, halos, wanted, WIDTH)
+    stays = () if alone else (find_stays(before, place.scene, pins, halos, wanted, WIDTH),)
     finder = hit_finder(place.scene, wanted)
     problem = AimProblem(start.patches, WIDTH, ASPECT, pins, stays, first_hits=finder)
     return Setting(place, before, problem, halos)

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rounds of solving, each on another way from the old image to the new one, among which the judge chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ...projection.aim.problem import AimProblem, AimResult
+from ...projection.aim.schedule import Schedule
+from ...projection.aim.solver import solve
+from .judge import Judgement
+
+# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background; with
+# less weight, more stages let pins go farther.
+SCHEDULES = (Schedule(), Schedule(stay=2.0), Schedule(stages=16, steps=3))
+
+
+class Round(NamedTuple):
+    """A result and its judgement."""
+
+    result: AimResult
+    judgement: Judgement
+
+
+# From a result to its judgement.
+Judge = Callable[[AimResult], Judgement]
+# Told before each step how much is done, as a share; returns whether to stop.
+Report = Callable[[float], bool]
+
+
+def solve_in_rounds(
+    problem: AimProblem,
+    judged: Judge,
+    old: Judgement,
+    report: Report = lambda share: False,
+    schedules: tuple[Schedule, ...] = SCHEDULES,
+) -> Round | None:
+    """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
+
+    old: the judgement of the image before; a round that is no worse wins over one that is.
+    """
+    best: Round | None = None
+    done, total = 0, sum(schedule.most_steps for schedule in schedules)
+    for schedule in schedules:
+        step = 0
+
+        def is_cancelled(begun: int = done) -> bool:
+            nonlocal step
+            step += 1
+            return report(min(1.0, (begun + step) / total))
+
+        result = solve(problem, is_cancelled, schedule)
+        if result is None:
+            return None
+        done += schedule.most_steps
+        if not all(np.isfinite(patch.points).all() for patch in result.patches):
+            continue
+        found = Round(result, judged(result))
+        if best is None or _rank(found, old) < _rank(best, old):
+            best = found
+        if best.judgement.shortfall == 0.0 and not best.judgement.worse_than(old):
+            break
+    return best
+
+
+def _rank(found: Round, old: Judgement) -> tuple[bool, float]:
+    """The less the better."""
+    return bool(found.judgement.worse_than(old)), found.judgement.shortfall
