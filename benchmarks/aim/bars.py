@@ -34,7 +34,7 @@ from benchmarks.aim.cases import (
     terrain,
     view_setting,
 )
-from scfpf_addon.casting.aim.judge import Judgement
+from scfpf_addon.casting.aim.rounds import Round
 from scfpf_addon.projection.aim.solver import Aim
 
 PLACES = {"street": street, "room": room, "terrain": terrain, "figure": figure}
@@ -45,20 +45,18 @@ SETS = ((20.0, 0.03), (40.0, 0.06))
 DRAG_EVENTS, DRAG_PIXELS = 30, 10.0
 
 
-def solved(case: Setting) -> tuple[Aim, Judgement, float, float]:
-    """The solver, the judgement of its result, and its seconds of the thread and of the clock."""
+def solved(case: Setting) -> tuple[Round, float, float]:
+    """The best round and its seconds of the thread and of the clock, the judge's included."""
     clock, own = perf_counter(), thread_time()
-    aim = Aim(case.problem)
-    result = aim.solve()
-    seconds = thread_time() - own, perf_counter() - clock
-    assert result is not None
-    return aim, case.judged_result(result), *seconds
+    found = case.solved()
+    assert found is not None
+    return found, thread_time() - own, perf_counter() - clock
 
 
 def view_line(title: str, case: Setting) -> str:
     """The figures of a single view, as a row of a table."""
-    aim, found, own, clock = solved(case)
-    pixels = found.pixels
+    round_, own, clock = solved(case)
+    found, pixels = round_.judgement, round_.judgement.pixels
     met = (pixels <= 0.5).mean() >= 0.95 and pixels.max() <= 1.5
     clean = found.mirrored == 0.0 and found.folded == 0.0
     still = found.background_median <= 2.0 and found.background_most <= 25.0
@@ -66,7 +64,7 @@ def view_line(title: str, case: Setting) -> str:
     return (
         f"| {title} | {np.median(pixels):.2f} / {pixels.max():.2f} | {100 * found.mirrored:.2f} % "
         f"| {100 * found.folded:.2f} % | {found.background_median:.1f} / {found.background_most:.1f} "
-        f"| {found.seen.mean():.0%} | {np.nanmedian(found.angles):.1f} | {aim.steps} "
+        f"| {found.seen.mean():.0%} | {np.nanmedian(found.angles):.1f} | {round_.number} "
         f"| {own:.2f} / {clock:.2f} | {marks} |"
     )
 
@@ -94,12 +92,13 @@ def sets_line(place: Place, count: int, degrees: float, shift: float) -> str:
     times = []
     for seed in range(count):
         case = random_setting(place, seed, degrees, shift)
-        _, found, own, _ = solved(case)
+        round_, own, _ = solved(case)
+        found = round_.judgement
         times.append(own)
         good, unmirrored = bool(found.pixels.max() <= 0.5), found.mirrored == 0.0
         met += good
         clean += good and unmirrored
-        refused += bool(found.worse_than(case.judged(case.before)))
+        refused += bool(found.worse_than(case.old))
     return (
         f"{count} sets to {degrees:.0f}° and {shift:.0%}: {met / count:.1%} solved, {clean / count:.1%} "
         f"without mirrored pixels, {refused / count:.1%} not taken, {np.median(times):.2f} s each (thread)"
@@ -114,7 +113,7 @@ def main() -> None:
     parser.add_argument("--degree", type=int, default=DEGREE, help="of the projectors of single views")
     options = parser.parse_args()
     print(
-        "| view | px median / max | mirrored | folds | background 50 / 95 % | seen | ° | steps | s | bars |"
+        "| view | px median / max | mirrored | folds | background 50 / 95 % | seen | ° | rounds | s | bars |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for name, make in PLACES.items():

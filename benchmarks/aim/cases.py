@@ -12,6 +12,7 @@ from benchmarks.hard_scenes import cube, sphere
 from benchmarks.scenes import Mesh, joined, sheet
 from scfpf_addon.casting.aim.aim_scene import AimScene, hit_finder
 from scfpf_addon.casting.aim.judge import Judgement, judge
+from scfpf_addon.casting.aim.rounds import Round, solve_in_rounds
 from scfpf_addon.casting.aim.stays import find_stays
 from scfpf_addon.casting.aim.views import sample_view
 from scfpf_addon.casting.scene.cast_scene import CastScene
@@ -119,6 +120,15 @@ class Setting:
             self.place.wanted & (self.problem.pins.views >= 0).any(),
             WIDTH,
         )
+
+    @cached_property
+    def old(self) -> Judgement:
+        """The judgement of the image before."""
+        return self.judged(self.before)
+
+    def solved(self) -> Round | None:
+        """The best of the rounds."""
+        return solve_in_rounds(self.problem, self.judged_result, self.old)
 
     def judged_result(self, result: AimResult) -> Judgement:
         """The judgement of a result."""

@@ -13,16 +13,22 @@ from ...projection.aim.schedule import Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 
-# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background; with
-# less weight, more stages let pins go farther.
-SCHEDULES = (Schedule(), Schedule(stay=2.0), Schedule(stages=16, steps=3))
+# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background, more
+# steps leave folds, and stays that count less let the barrier win.
+SCHEDULES = (
+    Schedule(),
+    Schedule(stay=2.0, robust=3.0),
+    Schedule(final_steps=60),
+    Schedule(stay=0.55),
+)
 
 
 class Round(NamedTuple):
-    """A result and its judgement."""
+    """A result and its judgement. number: how many rounds were solved until it was the best."""
 
     result: AimResult
     judgement: Judgement
+    number: int
 
 
 # From a result to its judgement.
@@ -44,7 +50,7 @@ def solve_in_rounds(
     """
     best: Round | None = None
     done, total = 0, sum(schedule.most_steps for schedule in schedules)
-    for schedule in schedules:
+    for number, schedule in enumerate(schedules, 1):
         step = 0
 
         def is_cancelled(begun: int = done) -> bool:
@@ -58,7 +64,7 @@ def solve_in_rounds(
         done += schedule.most_steps
         if not all(np.isfinite(patch.points).all() for patch in result.patches):
             continue
-        found = Round(result, judged(result))
+        found = Round(result, judged(result), number)
         if best is None or _rank(found, old) < _rank(best, old):
             best = found
         if best.judgement.shortfall == 0.0 and not best.judgement.worse_than(old):

@@ -151,8 +151,9 @@ class Normal:
 
 @cache
 def _spread(rows: int, free: int) -> IndexArray:
-    """Where each entry of a block stands among the products of ``GridTerms`` and ``pairs`` of rows, (block²,)."""
+    """The numbers (block²,) of a block's entries among the products of ``GridTerms`` × ``pairs`` of rows."""
     row, surface, axis = (numbers.ravel() for numbers in np.indices((rows, free, 3)))
     surfaces, axes, along = (_pair_numbers(n) for n in (free, 3, rows))
     inner = surfaces[surface[:, None], surface] * 6 + axes[axis[:, None], axis]
-    return (inner * (rows * (rows + 1) // 2) + along[row[:, None], row]).ravel()
+    found: IndexArray = (inner * (rows * (rows + 1) // 2) + along[row[:, None], row]).ravel()
+    return found

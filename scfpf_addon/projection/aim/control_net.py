@@ -173,7 +173,10 @@ class Grid:
 
 
 def combined(weights: Array, controls: Array) -> Array:
-    """Σ weight · control over the surfaces, (3, ..., N). weights: (surfaces, ..., N); controls: (surfaces, 3, N)."""
+    """Σ weight · control over the surfaces, (3, ..., N).
+
+    weights: (surfaces, ..., N). controls: (surfaces, 3, N).
+    """
     across = (1,) * (weights.ndim - 2)
     parts = controls.reshape(*controls.shape[:2], *across, controls.shape[2])
     total: Array = weights[0] * parts[0]

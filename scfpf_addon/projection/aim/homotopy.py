@@ -27,7 +27,10 @@ SAMPLES = 97
 
 
 class _Turn(NamedTuple):
-    """The motion of the pins ``which``: ``matrix`` (3, 3) turns old vectors to new ones, about pivots (3, 1)."""
+    """The motion of pins.
+
+    which: (N,), their numbers. matrix: (3, 3), turns old vectors to new ones. old_pivot, pivot: (3, 1).
+    """
 
     which: IndexArray
     matrix: Array
@@ -61,7 +64,7 @@ class Homotopy:
         self.footprint = np.clip(footprint, typical / FOOTPRINT_RANGE, typical * FOOTPRINT_RANGE)
 
     def _found_turns(self, along: Along) -> list[_Turn]:
-        """The turns of the views and of pins by themselves. along: the start at the distances of the pivots."""
+        """The turns of views and of pins by themselves. along: the start at the distances of the pivots."""
         pins, turns = self._pins, []
         tangent = unit(along.dt)
         for view in np.unique(pins.views[pins.views >= 0]):
@@ -82,9 +85,7 @@ class Homotopy:
                 matrix = rotation_between(tangent[:, pin], unit(direction))
             else:
                 matrix = np.eye(3)
-            turns.append(
-                _Turn(np.array([pin]), matrix, along.position[:, [pin]], pins.points[:, [pin]])
-            )
+            turns.append(_Turn(np.array([pin]), matrix, along.position[:, [pin]], pins.points[:, [pin]]))
         return turns
 
     def targets(self, share: float) -> PinTargets:

@@ -11,7 +11,8 @@ class Schedule:
     """A homotopy and the weights that change on it.
 
     stages: of the pins' way, with ``steps`` each. final_steps: the most at its end. fold_growth: the multiple
-    to which the barrier grows by then. stay: a factor of the weight of stays.
+    to which the barrier grows by then. stay, robust: factors of the weight of stays, and of the distance from
+    which they lose their influence.
     """
 
     stages: int = 8
@@ -19,6 +20,7 @@ class Schedule:
     final_steps: int = 24
     fold_growth: float = 12.0
     stay: float = 1.0
+    robust: float = 1.0
 
     @property
     def most_steps(self) -> int:

@@ -48,7 +48,8 @@ class Aim:
 
     def __init__(self, problem: AimProblem, schedule: Schedule | None = None) -> None:
         self.problem, self.schedule = problem, schedule or Schedule()
-        weights = replace(problem.weights, stay=problem.weights.stay * self.schedule.stay)
+        plan, weights = self.schedule, problem.weights
+        weights = replace(weights, stay=weights.stay * plan.stay, robust=weights.robust * plan.robust)
         rows, columns = problem.patches[0].points.shape[:2]
         self.net = Net(columns, rows, len(problem.patches))
         self.start = self.net.gather(problem.patches)

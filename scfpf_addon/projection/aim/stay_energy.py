@@ -77,7 +77,7 @@ class StayEnergy:
         speed = np.maximum(np.sqrt(dot(dt, dt)), 1e-300)
         return t, dt / speed, speed, self.points - position
 
-    def _measure(self, t: Array, tangent: Array, miss: Array) -> tuple[Array, Array, Array]:
+    def _measure(self, t: Array, tangent: Array, miss: Array) -> tuple[Array, BoolArray, Array]:
         """The part of a way that counts, whether its stay is beyond the projector, and 1 / (1 + (r / c)²)."""
         forward = dot(miss, tangent)
         # A projector that ends before its point has to become longer.
@@ -111,7 +111,10 @@ class StayEnergy:
         near = strength / self.footprint**2
         steady = strength * (self.weights.stay_direction * DEGREES) ** 2
         first, second = pairs(degree)
-        straight, bent = value[first] * value[second] * near, slope[first] * slope[second] * (steady / speed**2)
+        straight, bent = (
+            value[first] * value[second] * near,
+            slope[first] * slope[second] * (steady / speed**2),
+        )
         i, j = pairs(3)
         square, same = tangent[i] * tangent[j], (i == j).astype(float)[:, None]
         # Beside a pair of surfaces stand the six pairs of components.

@@ -8,7 +8,7 @@ import pytest
 
 from scfpf_addon.projection.aim.banded import GridTerms, Normal, Rows, pairs
 from scfpf_addon.projection.aim.control_net import Net
-from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimStays, AimWeights
+from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimWeights
 from scfpf_addon.projection.aim.solver import Aim, solve
 from scfpf_addon.projection.aim.start import projection_of, start_volume
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
@@ -113,9 +113,7 @@ def test_residuals_on_a_grid_are_summed_as_rows_are():
         rows = grid.places.rows_of(0, weights, vectors)
         one.add(Rows(grid.places.column, grid.places.row, rows, residuals))
     (a, b), (i, j) = pairs(2), pairs(3)
-    products = sum(
-        (x[1:][a] * x[1:][b])[:, None] * (y[i] * y[j]) for x, y in zip(w, e, strict=True)
-    )
+    products = sum((x[1:][a] * x[1:][b])[:, None] * (y[i] * y[j]) for x, y in zip(w, e, strict=True))
     right = sum(x[1:, None] * (y * z) for x, y, z in zip(w, e, r, strict=True))
     other.add_grid(GridTerms(grid, products.reshape(18, 9, 6), right.reshape(6, 9, 6)))
     np.testing.assert_allclose(full(other), full(one), atol=1e-12)
