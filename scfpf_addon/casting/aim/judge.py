@@ -31,7 +31,7 @@ MOST_MOVED = 25.0
 # The bars of a good image: pixels of nearly all pins and of all, and of half and of nearly all background.
 PIN_BARS, BACKGROUND_BARS, NEARLY_ALL = (0.5, SOLVED), (2.0, 25.0), 95.0
 # A share of mirrored or folded pixels, or of hidden pins, counts as much as doubling a distance.
-DOUBLING = 0.002, 0.002, 0.1
+DOUBLING = 0.002, 0.002, 0.5
 
 
 @dataclass(frozen=True)
@@ -64,17 +64,24 @@ class Judgement:
         return _percentile(self.moved, NEARLY_ALL)
 
     @property
-    def shortfall(self) -> float:
-        """By how much the image misses the bars, in doublings of their distances; 0 if it meets them."""
+    def meets_bars(self) -> bool:
+        """Return whether the pins and the background are where they shall be, and nothing folds."""
+        return self._distances == 0.0 and self.mirrored == 0.0 and self.folded == 0.0
+
+    @property
+    def _distances(self) -> float:
+        """By how much the bars of distances are missed, in doublings."""
         pins = _percentile(self.pixels, NEARLY_ALL), float(self.pixels.max(initial=0.0))
-        background = self.background_median, self.background_most
+        found = (*pins, self.background_median, self.background_most)
         bars = (*PIN_BARS, *BACKGROUND_BARS)
-        short = sum(
-            np.log2(max(min(found, LARGEST) / bar, 1.0))
-            for found, bar in zip((*pins, *background), bars, strict=True)
-        )
-        shares = self.mirrored, self.folded, float((self.hidden_by >= 0).mean()) if len(self.seen) else 0.0
-        return float(short + sum(share / unit for share, unit in zip(shares, DOUBLING, strict=True)))
+        return float(sum(np.log2(max(min(a, LARGEST) / b, 1.0)) for a, b in zip(found, bars, strict=True)))
+
+    @property
+    def shortfall(self) -> float:
+        """By how much the image misses the bars and hides its pins, in doublings of distances."""
+        hidden = float((self.hidden_by >= 0).mean()) if len(self.seen) else 0.0
+        shares = zip((self.mirrored, self.folded, hidden), DOUBLING, strict=True)
+        return self._distances + float(sum(share / unit for share, unit in shares))
 
     def worse_than(self, old: Judgement) -> str:
         """The way the image is worse than ``old``: PINS, MIRRORED, FOLDED or BACKGROUND; else empty."""

@@ -13,14 +13,9 @@ from ...projection.aim.schedule import Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 
-# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background, more
-# steps leave folds, and stays that count less let the barrier win.
-SCHEDULES = (
-    Schedule(),
-    Schedule(stay=2.0, robust=3.0),
-    Schedule(final_steps=60),
-    Schedule(stay=0.55),
-)
+# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background, and
+# more steps leave folds.
+SCHEDULES = (Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60))
 
 
 class Round(NamedTuple):
@@ -67,11 +62,12 @@ def solve_in_rounds(
         found = Round(result, judged(result), number)
         if best is None or _rank(found, old) < _rank(best, old):
             best = found
-        if best.judgement.shortfall == 0.0 and not best.judgement.worse_than(old):
+        if best.judgement.meets_bars and not best.judgement.worse_than(old):
             break
     return best
 
 
-def _rank(found: Round, old: Judgement) -> tuple[bool, float]:
+def _rank(found: Round, old: Judgement) -> tuple[bool, bool, float]:
     """The less the better."""
-    return bool(found.judgement.worse_than(old)), found.judgement.shortfall
+    judgement = found.judgement
+    return bool(judgement.worse_than(old)), not judgement.meets_bars, judgement.shortfall
