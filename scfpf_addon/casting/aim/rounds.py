@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...projection.aim.problem import AimProblem, AimResult
-from ...projection.aim.schedule import Schedule
+from ...projection.aim.problem import AimProblem, AimResult, Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 

@@ -21,8 +21,7 @@ from .fold_barrier import LEAST_JACOBIAN, FoldBarrier
 from .homotopy import Homotopy
 from .line_energy import LineEnergy
 from .pin_energy import PinEnergy, PinTargets
-from .problem import AimPins, AimProblem, AimResult
-from .schedule import Schedule
+from .problem import AimPins, AimProblem, AimResult, Schedule
 from .stay_energy import LAST_T, StayEnergy
 from .thin_plate import ThinPlate
 from .vectors import cross, dot

@@ -51,8 +51,20 @@ def basis(count, places, order=0):
     return BSpline(knots, np.eye(count), 3)(places, nu=order)
 
 
+def bezier(control, t):
+    """Points (N, 3) of quadratic curves (N, 3, 3) at t (N,)."""
+    return sum(comb(2, k) * ((1 - t) ** (2 - k) * t**k)[:, None] * control[:, k] for k in range(3))
+
+
+def tangent_of(control, t):
+    """Their derivatives."""
+    return 2 * (
+        (1 - t)[:, None] * (control[:, 1] - control[:, 0]) + t[:, None] * (control[:, 2] - control[:, 1])
+    )
+
+
 def residuals_of(problem, aim):
-    """The residuals of ``AimWeights``' definitions as a function of a flat vector, without the product's code.
+    """The residuals that ``AimWeights`` defines, as a function of a flat vector, without the product's code.
 
     Unknowns are the moving control points and t of the pin; t of the stays is where projectors are nearest.
     """
@@ -68,14 +80,6 @@ def residuals_of(problem, aim):
 
     at_pin = surfaces(*problem.pins.positions)
     at_stays, along_u = surfaces(stays.x, stays.y), surfaces(stays.x, stays.y, 1)
-
-    def bezier(control, t):
-        return sum(comb(2, k) * ((1 - t) ** (2 - k) * t**k)[:, None] * control[:, k] for k in range(3))
-
-    def tangent_of(control, t):
-        return 2 * (
-            (1 - t)[:, None] * (control[:, 1] - control[:, 0]) + t[:, None] * (control[:, 2] - control[:, 1])
-        )
 
     def nearest(control):
         t = np.full(len(points), 0.6)
