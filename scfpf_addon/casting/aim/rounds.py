@@ -27,6 +27,8 @@ class Round(NamedTuple):
 
 # From a result to its judgement.
 Judge = Callable[[AimResult], Judgement]
+# A round is reported as this share of the work that is left: most solves need one.
+ROUND_SHARE = 0.7
 # Told before each step how much is done, as a share; returns whether to stop.
 Report = Callable[[float], bool]
 
@@ -43,19 +45,13 @@ def solve_in_rounds(
     old: the judgement of the image before; a round that is no worse wins over one that is.
     """
     best: Round | None = None
-    done, total = 0, sum(schedule.most_steps for schedule in schedules)
+    done = 0.0
     for number, schedule in enumerate(schedules, 1):
-        step = 0
-
-        def is_cancelled(begun: int = done) -> bool:
-            nonlocal step
-            step += 1
-            return report(min(1.0, (begun + step) / total))
-
-        result = solve(problem, is_cancelled, schedule)
-        if result is None:
+        part = ROUND_SHARE * (1.0 - done)
+        result = solve(problem, _Steps(report, done, part / schedule.most_steps), schedule)
+        done += part
+        if result is None or report(done):
             return None
-        done += schedule.most_steps
         if not all(np.isfinite(patch.points).all() for patch in result.patches):
             continue
         found = Round(result, judged(result), number)
@@ -64,6 +60,17 @@ def solve_in_rounds(
         if best.judgement.meets_bars and not best.judgement.worse_than(old):
             break
     return best
+
+
+class _Steps:
+    """Reports the steps of a round, each as ``size`` of the work, from ``done`` on."""
+
+    def __init__(self, report: Report, done: float, size: float) -> None:
+        self._report, self._done, self._size = report, done, size
+
+    def __call__(self) -> bool:
+        self._done += self._size
+        return self._report(self._done)
 
 
 def _rank(found: Round, old: Judgement) -> tuple[bool, bool, float]:
