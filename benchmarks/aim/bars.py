@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Aim's bars: single views on the demo's street and three other scenes, random sets of pins, and times.
 
-    python3 dev.py bench --aim [--sets N] [--only PLACE] [--degree D]
+    python3 dev.py bench --aim [--sets N] [--seed S] [--only PLACE] [--degree D]
 
 Single views: at least 95 % of the pins within 0.5 px and all within 1.5 px at 1920 px, no mirrored pixel, no
 fold before a hit, a background that moves by a median of 2 px and a 95th percentile of 25 px outside the
@@ -34,7 +34,7 @@ from benchmarks.aim.cases import (
     terrain,
     view_setting,
 )
-from scfpf_addon.casting.aim.judge import Judgement
+from scfpf_addon.casting.aim.rounds import Round
 from scfpf_addon.projection.aim.solver import Aim
 
 PLACES = {"street": street, "room": room, "terrain": terrain, "figure": figure}
@@ -45,20 +45,18 @@ SETS = ((20.0, 0.03), (40.0, 0.06))
 DRAG_EVENTS, DRAG_PIXELS = 30, 10.0
 
 
-def solved(case: Setting) -> tuple[Aim, Judgement, float, float]:
-    """The solver, the judgement of its result, and its seconds of the thread and of the clock."""
+def solved(case: Setting) -> tuple[Round, float, float]:
+    """The best round and its seconds of the thread and of the clock, the judge's included."""
     clock, own = perf_counter(), thread_time()
-    aim = Aim(case.problem)
-    result = aim.solve()
-    seconds = thread_time() - own, perf_counter() - clock
-    assert result is not None
-    return aim, case.judged_result(result), *seconds
+    found = case.solved()
+    assert found is not None
+    return found, thread_time() - own, perf_counter() - clock
 
 
 def view_line(title: str, case: Setting) -> str:
     """The figures of a single view, as a row of a table."""
-    aim, found, own, clock = solved(case)
-    pixels = found.pixels
+    round_, own, clock = solved(case)
+    found, pixels = round_.judgement, round_.judgement.pixels
     met = (pixels <= 0.5).mean() >= 0.95 and pixels.max() <= 1.5
     clean = found.mirrored == 0.0 and found.folded == 0.0
     still = found.background_median <= 2.0 and found.background_most <= 25.0
@@ -66,7 +64,7 @@ def view_line(title: str, case: Setting) -> str:
     return (
         f"| {title} | {np.median(pixels):.2f} / {pixels.max():.2f} | {100 * found.mirrored:.2f} % "
         f"| {100 * found.folded:.2f} % | {found.background_median:.1f} / {found.background_most:.1f} "
-        f"| {found.seen.mean():.0%} | {np.nanmedian(found.angles):.1f} | {aim.steps} "
+        f"| {found.seen.mean():.0%} | {np.nanmedian(found.angles):.1f} | {round_.number} "
         f"| {own:.2f} / {clock:.2f} | {marks} |"
     )
 
@@ -88,18 +86,20 @@ def drag_line(case: Setting) -> str:
     )
 
 
-def sets_line(place: Place, count: int, degrees: float, shift: float) -> str:
+def sets_line(place: Place, seeds: range, degrees: float, shift: float) -> str:
     """Solve random sets of pins, and count those that are met, clean, and refused as worse."""
     met = clean = refused = 0
+    count = len(seeds)
     times = []
-    for seed in range(count):
+    for seed in seeds:
         case = random_setting(place, seed, degrees, shift)
-        _, found, own, _ = solved(case)
+        round_, own, _ = solved(case)
+        found = round_.judgement
         times.append(own)
         good, unmirrored = bool(found.pixels.max() <= 0.5), found.mirrored == 0.0
         met += good
         clean += good and unmirrored
-        refused += bool(found.worse_than(case.judged(case.before)))
+        refused += bool(found.worse_than(case.old))
     return (
         f"{count} sets to {degrees:.0f}° and {shift:.0%}: {met / count:.1%} solved, {clean / count:.1%} "
         f"without mirrored pixels, {refused / count:.1%} not taken, {np.median(times):.2f} s each (thread)"
@@ -110,11 +110,12 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sets", type=int, default=20, help="random sets of each kind")
+    parser.add_argument("--seed", type=int, default=0, help="of the first set")
     parser.add_argument("--only", choices=PLACES, help="one place")
     parser.add_argument("--degree", type=int, default=DEGREE, help="of the projectors of single views")
     options = parser.parse_args()
     print(
-        "| view | px median / max | mirrored | folds | background 50 / 95 % | seen | ° | steps | s | bars |"
+        "| view | px median / max | mirrored | folds | background 50 / 95 % | seen | ° | rounds | s | bars |"
     )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for name, make in PLACES.items():
@@ -124,8 +125,9 @@ def main() -> None:
                 print(view_line(f"{name}, {title}", view_setting(place, *angles, options.degree)), flush=True)
     place = PLACES[options.only or "figure"]()
     print(drag_line(view_setting(place, *VIEWS["45°"])))
-    for degrees, shift in SETS if options.sets else ():
-        print(sets_line(place, options.sets, degrees, shift), flush=True)
+    seeds = range(options.seed, options.seed + options.sets)
+    for degrees, shift in SETS if seeds else ():
+        print(sets_line(place, seeds, degrees, shift), flush=True)
 
 
 if __name__ == "__main__":

@@ -12,10 +12,11 @@ from benchmarks.hard_scenes import cube, sphere
 from benchmarks.scenes import Mesh, joined, sheet
 from scfpf_addon.casting.aim.aim_scene import AimScene, hit_finder
 from scfpf_addon.casting.aim.judge import Judgement, judge
+from scfpf_addon.casting.aim.rounds import Round, solve_in_rounds
 from scfpf_addon.casting.aim.stays import find_stays
 from scfpf_addon.casting.aim.views import sample_view
 from scfpf_addon.casting.scene.cast_scene import CastScene
-from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimResult, AimStays
+from scfpf_addon.projection.aim.problem import AimPins, AimProblem, AimResult
 from scfpf_addon.projection.aim.start import projection_of, start_volume
 from scfpf_addon.projection.aim.view_map import ViewMap
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
@@ -120,6 +121,15 @@ class Setting:
             WIDTH,
         )
 
+    @cached_property
+    def old(self) -> Judgement:
+        """The judgement of the image before."""
+        return self.judged(self.before)
+
+    def solved(self) -> Round | None:
+        """The best of the rounds."""
+        return solve_in_rounds(self.problem, self.judged_result, self.old)
+
     def judged_result(self, result: AimResult) -> Judgement:
         """The judgement of a result."""
         return self.judged(result.projection(ASPECT))
@@ -140,7 +150,7 @@ def setting(
     halos = np.full(pins.count, halo)
     is_view = bool((pins.views >= 0).any())
     wanted = place.wanted & is_view
-    stays = AimStays() if alone else find_stays(before, place.scene, pins, halos, wanted, WIDTH)
+    stays = () if alone else (find_stays(before, place.scene, pins, halos, wanted, WIDTH),)
     finder = hit_finder(place.scene, wanted)
     problem = AimProblem(start.patches, WIDTH, ASPECT, pins, stays, first_hits=finder)
     return Setting(place, before, problem, halos)

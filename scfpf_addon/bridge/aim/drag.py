@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...projection.aim.energies import nearest_t
 from ...projection.aim.problem import AimPins
 from ...projection.aim.solver import Aim
+from ...projection.aim.vectors import nearest_t
 from ..blender.scene_objects import object_by_uid
 from ..settings.aim_properties import PIN, VIEW
 from .aimed_volume import (
@@ -61,8 +61,8 @@ class AimDrag:
         """Continue from the present control points of the camera."""
         solver, outward = self._solver, np.linalg.inv(self._inputs.inward)
         solver.points = solver.net.gather(moved(present_patches(camera), outward))
-        controls = solver.pin_energy.places.controls(solver.points)
-        solver.t = nearest_t(controls, self._inputs.targets.pins.points.T)
+        controls = solver.pin_energy.places.controls(solver.points)[0]
+        solver.t = nearest_t(controls, self._inputs.targets.pins.points)
 
     def step(self, depsgraph) -> float:
         """Let the volume follow the targets by one step; return the largest residual in pixels."""
@@ -86,7 +86,7 @@ class AimDrag:
         pins = targets.pins
         values = {
             name: getattr(pins, name).copy()
-            for name in ("points", "positions", "directions", "across", "upward")
+            for name in ("points", "positions", "directions", "across", "upward", "pivots")
         }
         listed = camera.scfpf.aim_targets
         for number in np.unique(targets.owners):
@@ -101,7 +101,7 @@ class AimDrag:
                 values["across"][:, own], values["upward"][:, own] = shown.steps(points)
             elif target.kind == PIN:
                 pin = own_pin(target, depsgraph)
-                for name in ("points", "positions", "directions"):
+                for name in ("points", "positions", "directions", "pivots"):
                     values[name][:, own] = getattr(pin, name)
         values["positions"] = np.clip(np.nan_to_num(values["positions"], nan=0.5), 0.0, 1.0)
         return replace(pins, **values)

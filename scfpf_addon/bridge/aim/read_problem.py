@@ -29,8 +29,8 @@ from ..settings.aim_properties import LINE, PIN, STAY, VIEW
 from .aimed_volume import Patches, fits, moved, new_start, start_of
 from .target_views import AimError, target_objects, title_of, view_map
 
-# The weight of a point of a locked region, compared with one of the background.
-LOCKED = 4.0
+# The weight of a point of a locked region, compared with one of the background. They are fewer to the place.
+LOCKED = 12.0
 # Positions across and up the image at which locked regions are looked for.
 LOCKED_GRID = (96, 54)
 # The volume ends at this multiple of the scene's distance.
@@ -90,7 +90,7 @@ class AimInputs:
     targets: Targets
     start: Patches
     present: Projection
-    stays: AimStays
+    stays: tuple[AimStays, ...]
     error: float
     inward: Array
     width: int
@@ -172,13 +172,7 @@ def _view_pins(target, number: int, depsgraph, arrays: SceneArrays, aspect: floa
     inside = ((pins.positions >= 0.0) & (pins.positions <= 1.0)).all(axis=0)
     if not inside.any():
         raise AimError(f"The view '{title_of(target)}' is outside the picture: move its frame into it")
-    return _taken(pins, inside), View(shown, own)
-
-
-def _taken(pins: AimPins, which: BoolArray) -> AimPins:
-    """Some of the pins."""
-    names = ("points", "positions", "directions", "across", "upward", "weights", "views")
-    return AimPins(*(getattr(pins, name)[..., which] for name in names))
+    return pins.take(inside), View(shown, own)
 
 
 def own_pin(target, depsgraph) -> AimPins:
@@ -249,7 +243,9 @@ def _depths(present: Projection, targets: Targets, scene: AimScene) -> tuple[flo
     return subject, min(far, 1.0) if far > 0.0 else 1.0
 
 
-def _stays(camera, before: Projection, arrays: SceneArrays, targets: Targets, width: int) -> AimStays:
+def _stays(
+    camera, before: Projection, arrays: SceneArrays, targets: Targets, width: int
+) -> tuple[AimStays, ...]:
     """The background that stays, and the locked regions."""
     pins, halos, wanted = targets.pins, targets.halos, targets.wanted
     parts = [] if targets.alone else [find_stays(before, arrays.scene, pins, halos, wanted, width)]
@@ -266,13 +262,10 @@ def _stays(camera, before: Projection, arrays: SceneArrays, targets: Targets, wi
         found = find_stays(before, arrays.scene, pins, np.zeros(pins.count), free, width, LOCKED_GRID)
         weights = found.weights * LOCKED * target.weight
         if target.mask is not None:
-            weights = weights * _mask_values(target.mask, found.positions)
-        parts.append(AimStays(found.points, found.positions, weights))
-    if not parts:
-        return AimStays()
-    joined = [np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in ("points", "positions")]
-    weights = np.concatenate([part.weights for part in parts])
-    return AimStays(*(values[:, weights > 0.0] for values in joined), weights[weights > 0.0])
+            places = np.stack(np.meshgrid(found.x, found.y, indexing="ij")).reshape(2, -1)
+            weights = weights * _mask_values(target.mask, places).reshape(weights.shape)
+        parts.append(replace(found, weights=weights))
+    return tuple(part for part in parts if (part.weights > 0.0).any())
 
 
 def _mask_values(image, positions: Array) -> Array:

@@ -6,11 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
-import numpy as np
-
 from ...casting.aim.judge import COLUMNS, Judgement, judge
+from ...casting.aim.rounds import solve_in_rounds
 from ...projection.aim.problem import AimResult
-from ...projection.aim.solver import FINAL_STEPS, STAGES, STEPS, solve
 from ...projection.aim.start import projection_of
 from ...projection.volume.viewing_volume import Projection
 from ..blender.scene_objects import object_by_uid
@@ -20,9 +18,8 @@ from .solve_work import Progress, Steps, Work, require_wanted
 from .target_views import AimError
 from .verdict import require_better, store_verdict
 
-# Shares of the time of a solve: the judgement of the old image, and what precedes that of the new one.
-JUDGED_OLD, SOLVED = 0.1, 0.75
-MOST_STEPS = (STAGES - 1) * STEPS + FINAL_STEPS
+# The share of the time of a solve that the judgement of the old image takes.
+JUDGED_OLD = 0.1
 
 
 @dataclass(frozen=True)
@@ -40,17 +37,18 @@ def solution_of(inputs: AimInputs, progress: Progress) -> Solution:
     old = judged(inputs, inputs.before)
     progress.share = JUDGED_OLD
 
-    def is_cancelled() -> bool:
-        progress.share = min(progress.share + (SOLVED - JUDGED_OLD) / MOST_STEPS, SOLVED)
+    def report(share: float) -> bool:
+        progress.share = JUDGED_OLD + (1.0 - JUDGED_OLD) * share
         return progress.is_set()
 
-    result = solve(inputs.problem(), is_cancelled)
+    def look(result: AimResult) -> Judgement:
+        return judged(inputs, projection_of(result.patches, inputs.present.aspect))
+
+    found = solve_in_rounds(inputs.problem(), look, old, report)
     require_wanted(progress)
-    if result is None or not all(np.isfinite(patch.points).all() for patch in result.patches):
+    if found is None:
         raise AimError("Not taken, because no volume was found: bring the targets nearer to their places")
-    progress.share = SOLVED
-    found = judged(inputs, projection_of(result.patches, inputs.present.aspect))
-    return Solution(inputs, result, found, old)
+    return Solution(inputs, found.result, found.judgement, old)
 
 
 def judged(inputs: AimInputs, after: Projection, columns: int = COLUMNS) -> Judgement:

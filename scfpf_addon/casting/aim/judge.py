@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...projection.aim.energies import nearest_t
 from ...projection.aim.problem import AimPins
+from ...projection.aim.vectors import nearest_t
 from ...projection.typing import Array, BoolArray, IndexArray
 from ...projection.volume.inverse import Inverse, find_in_image, follow
 from ...projection.volume.viewing_volume import Projection, VolumeSample, determinant
@@ -28,6 +28,10 @@ MORE_MIRRORED, MORE_FOLDED = 0.005, 0.02
 SOLVED, LARGEST = 1.5, 200.0
 # The background of a better image moves by a median of at most so many pixels.
 MOST_MOVED = 25.0
+# The bars of a good image: pixels of nearly all pins and of all, and of half and of nearly all background.
+PIN_BARS, BACKGROUND_BARS, NEARLY_ALL = (0.5, SOLVED), (2.0, 25.0), 95.0
+# A share of mirrored or folded pixels, or of hidden pins, counts as much as doubling a distance.
+DOUBLING = 0.002, 0.002, 0.5
 
 
 @dataclass(frozen=True)
@@ -52,12 +56,32 @@ class Judgement:
     @property
     def background_median(self) -> float:
         """The median of ``moved``, 0 without a background."""
-        return float(np.percentile(self.moved, 50, method="lower")) if len(self.moved) else 0.0
+        return _percentile(self.moved, 50.0)
 
     @property
     def background_most(self) -> float:
         """The 95th percentile of ``moved``, 0 without a background."""
-        return float(np.percentile(self.moved, 95, method="lower")) if len(self.moved) else 0.0
+        return _percentile(self.moved, NEARLY_ALL)
+
+    @property
+    def meets_bars(self) -> bool:
+        """Return whether the pins and the background are where they shall be, and nothing folds."""
+        return self._distances == 0.0 and self.mirrored == 0.0 and self.folded == 0.0
+
+    @property
+    def _distances(self) -> float:
+        """By how much the bars of distances are missed, in doublings."""
+        pins = _percentile(self.pixels, NEARLY_ALL), float(self.pixels.max(initial=0.0))
+        found = (*pins, self.background_median, self.background_most)
+        bars = (*PIN_BARS, *BACKGROUND_BARS)
+        return float(sum(np.log2(max(min(a, LARGEST) / b, 1.0)) for a, b in zip(found, bars, strict=True)))
+
+    @property
+    def shortfall(self) -> float:
+        """By how much the image misses the bars and hides its pins, in doublings of distances."""
+        hidden = float((self.hidden_by >= 0).mean()) if len(self.seen) else 0.0
+        shares = zip((self.mirrored, self.folded, hidden), DOUBLING, strict=True)
+        return self._distances + float(sum(share / unit for share, unit in shares))
 
     def worse_than(self, old: Judgement) -> str:
         """The way the image is worse than ``old``: PINS, MIRRORED, FOLDED or BACKGROUND; else empty."""
@@ -70,6 +94,11 @@ class Judgement:
         if self.background_median > max(MOST_MOVED, old.background_median):
             return "BACKGROUND"
         return ""
+
+
+def _percentile(values: Array, share: float) -> float:
+    """The value below which a share in percent of values lies, 0 without values."""
+    return float(np.percentile(values, share, method="lower")) if len(values) else 0.0
 
 
 def judge(
@@ -120,8 +149,7 @@ def _places(projection: Projection, pins: AimPins) -> Inverse:
 def _follow(projection: Projection, points: Array, positions: Array) -> Inverse:
     """Newton's method from the nearest points of the projectors at image positions (2, N)."""
     controls = projection.volume.controls(*positions)
-    stacked = np.stack([controls.points, controls.du, controls.dv]).transpose(0, 3, 1, 2)
-    t = nearest_t(stacked, points.T)
+    t = nearest_t(controls.points, points)
     return follow(projection.volume, points, np.stack([*positions, t]))
 
 

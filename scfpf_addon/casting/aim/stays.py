@@ -11,7 +11,7 @@ from ...projection.volume.viewing_volume import Projection
 from .aim_scene import AimScene
 
 # Positions along x and y of the image.
-GRID = (32, 16)
+GRID = (64, 32)
 
 
 def halo_weights(points: Array, pins: AimPins, halos: Array) -> Array:
@@ -41,11 +41,10 @@ def find_stays(
     projection: of the start, in world space. halos: (P,), see ``halo_weights``. wanted: (T,), the
     triangles of these things. width: of the image in pixels.
     """
-    axes = [np.linspace(0.0, 1.0, count) for count in grid]
-    x, y = (a.ravel() for a in np.meshgrid(*axes, indexing="ij"))
-    hits = scene.hits(projection, x, y, width)
+    x, y = (np.linspace(0.0, 1.0, count) for count in grid)
+    hits = scene.hits(projection, np.repeat(x, len(y)), np.tile(y, len(x)), width)
     kept = np.flatnonzero((hits.triangle >= 0) & ~wanted[hits.triangle])
-    points = scene.world(hits.position[:, kept])
-    weights = halo_weights(points, pins, halos)
-    far = weights > 0.0
-    return AimStays(points[:, far], np.stack([x[kept], y[kept]])[:, far], weights[far])
+    points, weights = np.zeros((3, len(x) * len(y))), np.zeros(len(x) * len(y))
+    points[:, kept] = scene.world(hits.position[:, kept])
+    weights[kept] = halo_weights(points[:, kept], pins, halos)
+    return AimStays(x, y, points.reshape(3, *grid), weights.reshape(grid))

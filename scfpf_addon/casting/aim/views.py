@@ -49,6 +49,7 @@ def sample_view(
         upward=upward,
         weights=np.full(len(chosen), WEIGHT),
         views=np.full(len(chosen), number),
+        pivots=np.repeat(view.centre[:, None], len(chosen), axis=1),
     )
 
 

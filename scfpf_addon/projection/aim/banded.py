@@ -8,19 +8,20 @@ Matrix Computations, 4.3.5 and 4.5).
 
 from __future__ import annotations
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 
 from ..arrays import inverse_triangle, product
 from ..typing import Array, IndexArray
-from .control_net import ACTING, Net, Places
+from .control_net import ACTING, Grid, Net, Places
 
 
 class Rows(NamedTuple):
     """Linearised residuals: coefficients · step ≈ residuals.
 
-    column, row: (R,), the first acting column and row of the net. coefficients: (R, 16 · free surfaces · 3).
+    column, row: (R,), the first acting column and row of the net. coefficients: (16 · free surfaces · 3, R).
     residuals: (R,), what the step shall make up for.
     """
 
@@ -31,22 +32,52 @@ class Rows(NamedTuple):
 
     @classmethod
     def of(cls, places: Places, coefficients: Array, residuals: Array) -> Rows:
-        """Rows of N places with E residuals each. coefficients: (N, E, C). residuals: (N, E)."""
-        each = residuals.shape[1]
+        """Rows of N places with E residuals each. coefficients: (C, E, N). residuals: (E, N)."""
+        each = len(residuals)
         return cls(
-            np.repeat(places.column, each),
-            np.repeat(places.row, each),
-            coefficients.reshape(len(residuals) * each, coefficients.shape[2]),
+            np.tile(places.column, each),
+            np.tile(places.row, each),
+            coefficients.reshape(len(coefficients), each * len(places.column)),
             residuals.reshape(-1),
         )
 
 
-class Normal:
-    """Normal equations H · step = g, (columns, block) unknowns. The upper triangle of H counts."""
+class GridTerms(NamedTuple):
+    """The quadratic form of residuals of Q and Qt at the places of a grid, as far as t and direction go.
 
-    def __init__(self, net: Net, matrix: Array, right: Array) -> None:
+    products: (pairs of free surfaces · 6, U, V), by ``pairs``: Σ w wᵀ ⊗ Σ e eᵀ of the weights w of the
+    surfaces and the vectors e of the residuals. right: (free surfaces · 3, U, V), Σ w ⊗ e · residual.
+    """
+
+    grid: Grid
+    products: Array
+    right: Array
+
+
+@cache
+def pairs(count: int) -> tuple[IndexArray, IndexArray]:
+    """The rows and columns of the upper triangle of a symmetric (count, count) matrix."""
+    return np.triu_indices(count)
+
+
+@cache
+def _pair_numbers(count: int) -> IndexArray:
+    """The place in ``pairs`` of each entry of a symmetric matrix, (count, count)."""
+    numbers = np.zeros((count, count), np.int64)
+    first, second = pairs(count)
+    numbers[first, second] = numbers[second, first] = np.arange(len(first))
+    return numbers
+
+
+class Normal:
+    """Normal equations H · step = g, (columns, block) unknowns.
+
+    band: (4, columns, block, block); [d, k] is the block of column k + d, row-wise, and column k.
+    """
+
+    def __init__(self, net: Net, band: Array, right: Array) -> None:
         self.net, self.cell = net, net.block // net.rows
-        self.matrix = matrix.reshape(net.columns, net.block, net.columns, net.block)
+        self.band = band
         self.right = right.reshape(net.columns, net.block)
 
     def add(self, rows: Rows) -> None:
@@ -54,15 +85,39 @@ class Normal:
         key = rows.column * self.net.rows + rows.row
         order = np.argsort(key, kind="stable")
         keys, starts = np.unique(key[order], return_index=True)
-        shape = (ACTING, ACTING * self.cell)
-        coefficients, residuals = rows.coefficients[order], rows.residuals[order]
+        width = ACTING * self.cell
+        coefficients, residuals = rows.coefficients[:, order], rows.residuals[order]
         for number, start, end in zip(keys, starts, np.append(starts, len(order))[1:], strict=True):
             column, row = divmod(int(number), self.net.rows)
-            across = slice(column, column + ACTING)
-            up = slice(row * self.cell, (row + ACTING) * self.cell)
-            part = coefficients[start:end]
-            self.matrix[across, up, across, up] += product(part.T, part).reshape(*shape, *shape)
-            self.right[across, up] += np.einsum("r,rc->c", residuals[start:end], part).reshape(shape)
+            up = slice(row * self.cell, row * self.cell + width)
+            part = coefficients[:, start:end]
+            square = product(part, part.T).reshape(ACTING, width, ACTING, width)
+            for apart in range(ACTING):
+                across = slice(column, column + ACTING - apart)
+                diagonal = np.einsum("kikj->kij", square[apart:, :, : ACTING - apart])
+                self.band[apart, across, up, up] += diagonal
+            self.right[column : column + ACTING, up] += (part @ residuals[start:end]).reshape(ACTING, width)
+
+    def add_grid(self, terms: GridTerms) -> None:
+        """Add residuals at a grid, one axis after the other.
+
+        H is Σ (Nᵤ Nᵤᵀ) ⊗ (Nᵥ Nᵥᵀ) ⊗ (w wᵀ) ⊗ (e eᵀ), a sum of Kronecker products: each factor is summed
+        for itself (sum factorisation, Orszag 1980).
+        """
+        net, grid, cell = self.net, terms.grid, self.cell
+        a, b = grid.along_u[0], grid.along_v[0]
+        first, second = pairs(net.rows)
+        size, counts = len(terms.products), (len(grid.u), len(grid.v))
+        flat = terms.products.swapaxes(0, 1).reshape(counts[0] * size, counts[1])
+        summed = product(flat, b[:, first] * b[:, second]).reshape(counts[0], -1)
+        across = np.zeros((ACTING, net.columns, counts[0]))
+        for apart in range(ACTING):
+            across[apart, : net.columns - apart] = (a[:, : net.columns - apart] * a[:, apart:]).T
+        total = product(across.reshape(-1, counts[0]), summed)
+        self.band += total[:, _spread(net.rows, cell // 3)].reshape(self.band.shape)
+        right = product(terms.right.swapaxes(0, 1).reshape(-1, counts[1]), b).reshape(counts[0], -1)
+        pulled = product(np.ascontiguousarray(a.T), right).reshape(net.columns, cell, net.rows)
+        self.right += pulled.swapaxes(1, 2).reshape(self.right.shape)
 
     def solve(self, damping: float) -> Array:
         """The step (unknowns,) of H with its diagonal multiplied by 1 + damping.
@@ -70,38 +125,35 @@ class Normal:
         Raises LinAlgError if H is not positive definite.
         """
         columns, block = self.right.shape
-        reach = ACTING - 1
-        window = np.zeros((ACTING * block, ACTING * block))
-        solution = self.right.copy()
+        left, solution = self.band.copy(), self.right.copy()
+        left[0, :, range(block), range(block)] *= 1.0 + damping
         inverses, below = [], []
         for k in range(columns):
-            window[:-block, :-block] = window[block:, block:]
-            window[-block:], window[:, -block:] = 0.0, 0.0
-            for place in range(0 if k == 0 else reach, min(ACTING, columns - k)):
-                self._enter(window, k, place, damping)
-            inverse = inverse_triangle(np.linalg.cholesky(window[:block, :block]))
-            side = product(window[block:, :block], inverse.T)
-            window[block:, block:] -= product(side, side.T)
+            inverse = inverse_triangle(np.linalg.cholesky(left[0, k]))
+            size = min(ACTING - 1, columns - 1 - k)
+            side = product(left[1 : 1 + size, k].reshape(-1, block), inverse.T)
+            for own in range(size):
+                part = side[own * block : (own + 1) * block]
+                # The lower triangle of blocks suffices.
+                square = product(part, side[: (own + 1) * block].T).reshape(block, own + 1, block)
+                for other in range(own + 1):
+                    left[own - other, k + 1 + other] -= square[:, other]
             inverses.append(inverse)
             below.append(side)
             solution[k] = inverse @ solution[k]
-            size = min(reach, columns - 1 - k)
-            solution[k + 1 : k + 1 + size] -= (side[: size * block] @ solution[k]).reshape(size, block)
+            solution[k + 1 : k + 1 + size] -= (side @ solution[k]).reshape(size, block)
         for k in reversed(range(columns)):
-            size = min(reach, columns - 1 - k)
-            rest = solution[k] - solution[k + 1 : k + 1 + size].ravel() @ below[k][: size * block]
+            size = min(ACTING - 1, columns - 1 - k)
+            rest = solution[k] - solution[k + 1 : k + 1 + size].ravel() @ below[k]
             solution[k] = rest @ inverses[k]
         return solution.reshape(-1)
 
-    def _enter(self, window: Array, first: int, place: int, damping: float) -> None:
-        """Copy the blocks of column ``first + place`` into the window, symmetrically."""
-        block = self.net.block
-        own = slice(place * block, (place + 1) * block)
-        for other in range(place + 1):
-            there = slice(other * block, (other + 1) * block)
-            part = self.matrix[first + other, :, first + place]
-            window[there, own] += part
-            if other < place:
-                window[own, there] += part.T
-        diagonal = window[own, own]
-        diagonal[np.diag_indices(block)] += damping * self.matrix[first + place, :, first + place].diagonal()
+
+@cache
+def _spread(rows: int, free: int) -> IndexArray:
+    """The numbers (block²,) of a block's entries among the products of ``GridTerms`` × ``pairs`` of rows."""
+    row, surface, axis = (numbers.ravel() for numbers in np.indices((rows, free, 3)))
+    surfaces, axes, along = (_pair_numbers(n) for n in (free, 3, rows))
+    inner = surfaces[surface[:, None], surface] * 6 + axes[axis[:, None], axis]
+    found: IndexArray = (inner * (rows * (rows + 1) // 2) + along[row[:, None], row]).ravel()
+    return found

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ..arrays import product
 from ..surfaces.nurbs import Basis, NurbsAxis, NurbsPatch
 from ..typing import Array, IndexArray
 from ..volume.bezier import bernstein, bernstein_derivative, bernstein_second_derivative
@@ -61,24 +62,37 @@ class Net:
         result[:, 1:] += step.reshape(self.points, self.surfaces - 1, 3)
         return result
 
+    def axis(self, count: int, parameter: Array) -> tuple[IndexArray, Array, Array]:
+        """The first acting functions of an axis at parameters (N,), and their values and slopes, (4, N)."""
+        basis = Basis(NurbsAxis(), count)
+        acting = basis.acting(basis.at(parameter)[0])
+        return acting.point[0], acting.value, acting.slope * (basis.ends[1] - basis.ends[0])
+
     def at(self, u: Array, v: Array) -> Places:
         """The basis functions at parameters (N,)."""
-        parts = []
-        for count, parameter in ((self.columns, u), (self.rows, v)):
-            basis = Basis(NurbsAxis(), count)
-            acting = basis.acting(basis.at(parameter)[0])
-            scale = basis.ends[1] - basis.ends[0]
-            parts.append((acting.point[0], acting.value.T, acting.slope.T * scale))
-        (column, a, da), (row, b, db) = parts
-        local = np.stack([x[:, :, None] * y[:, None, :] for x, y in ((a, b), (da, b), (a, db))])
-        return Places(self, column, row, local.reshape(3, len(u), ACTING**2))
+        column, a, da = self.axis(self.columns, u)
+        row, b, db = self.axis(self.rows, v)
+        local = np.stack([x[:, None] * y[None] for x, y in ((a, b), (da, b), (a, db))])
+        return Places(self, column, row, local.reshape(3, ACTING**2, len(u)))
+
+    def grid(self, u: Array, v: Array) -> Grid:
+        """The basis functions at all pairs of parameters (U,) and (V,)."""
+        return Grid(self, u, v, *(self._dense(*part) for part in ((self.columns, u), (self.rows, v))))
+
+    def _dense(self, count: int, parameter: Array) -> Array:
+        """Values and slopes of all functions of an axis at parameters (N,), (2, N, count)."""
+        first, *found = self.axis(count, parameter)
+        full = np.zeros((2, len(parameter), count))
+        for kind, part in enumerate(found):
+            full[kind, np.arange(len(parameter))[:, None], first[:, None] + np.arange(ACTING)] = part.T
+        return full
 
 
 @dataclass(frozen=True)
 class Places:
     """Basis functions at N parameters (u, v).
 
-    column, row: (N,), the first acting column and row. local: (3, N, 16), values and derivatives by u and v
+    column, row: (N,), the first acting column and row. local: (3, 16, N), values and derivatives by u and v
     of the acting functions, column by column.
     """
 
@@ -89,41 +103,91 @@ class Places:
 
     @cached_property
     def acting(self) -> IndexArray:
-        """The numbers of the acting points, (N, 16)."""
+        """The numbers of the acting points, (16, N)."""
         around = np.arange(ACTING)
-        column, row = self.column[:, None, None] + around[:, None], self.row[:, None, None] + around
-        return (column * self.net.rows + row).reshape(len(self.column), ACTING**2)
+        column, row = self.column + around[:, None, None], self.row + around[:, None]
+        return (column * self.net.rows + row).reshape(ACTING**2, len(self.column))
 
     def dense(self) -> Array:
         """The values over all points of the net, (N, points)."""
         full = np.zeros((len(self.column), self.net.points))
-        full[np.arange(len(full))[:, None], self.acting] = self.local[0]
+        full[np.arange(len(full)), self.acting] = self.local[0]
         return full
 
     def controls(self, points: Array) -> Array:
-        """Control points of the projectors and their derivatives by u and v, (3, N, surfaces, 3)."""
-        nets = points.reshape(len(points), -1)[self.acting]
-        found = np.ascontiguousarray(np.matmul(self.local.swapaxes(0, 1), nets).swapaxes(0, 1))
-        return found.reshape(3, len(self.column), *points.shape[1:])
+        """Control points of the projectors and their derivatives by u and v, (3, surfaces, 3, N)."""
+        nets = points.reshape(len(points), -1).T[:, self.acting]
+        found: Array = np.einsum("kan,can->kcn", self.local, nets)
+        return found.reshape(3, *points.shape[1:], len(self.column))
 
     def take(self, which: IndexArray) -> Places:
         """The places of these numbers; a number may come several times."""
-        return Places(self.net, self.column[which], self.row[which], self.local[:, which])
+        return Places(self.net, self.column[which], self.row[which], self.local[:, :, which])
 
     def rows_of(self, kind: int, weights: Array, vectors: Array) -> Array:
-        """Coefficients of vector · Σ weight · P over the acting points, (N, 16 · free surfaces · 3).
+        """Coefficients of vector · Σ weight · P over the acting points, (16 · free surfaces · 3, N).
 
-        kind: 0 for Q and Qt, 1 for Qu, 2 for Qv. weights: (N, surfaces) functions of t. vectors: (N, 3).
+        kind: 0 for Q and Qt, 1 for Qu, 2 for Qv. weights: (surfaces, N) functions of t. vectors: (3, N).
         """
-        along = weights[:, 1:, None] * vectors[:, None, :]
-        count, width = len(along), 3 * (self.net.surfaces - 1)
-        rows: Array = self.local[kind][:, :, None] * along.reshape(count, 1, width)
-        return rows.reshape(count, ACTING**2 * width)
+        count, width = vectors.shape[1], 3 * (self.net.surfaces - 1)
+        along = (weights[1:, None] * vectors).reshape(width, count)
+        rows: Array = self.local[kind][:, None] * along
+        return rows.reshape(ACTING**2 * width, count)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Basis functions at U × V places, numbered u · V + v: products of those of both axes.
+
+    u, v: (U,) and (V,). along_u: (2, U, columns), along_v: (2, V, rows), values and slopes.
+    """
+
+    net: Net
+    u: Array
+    v: Array
+    along_u: Array
+    along_v: Array
+
+    @cached_property
+    def places(self) -> Places:
+        """The same places one by one."""
+        return self.net.at(np.repeat(self.u, len(self.v)), np.tile(self.v, len(self.u)))
+
+    def take(self, which: IndexArray) -> Places:
+        """As ``Places.take``."""
+        return self.places.take(which)
+
+    def controls(self, points: Array) -> Array:
+        """As ``Places.controls``, (3, surfaces, 3, U · V)."""
+        net = self.net
+        nets = points.reshape(net.columns, net.rows, -1).transpose(2, 0, 1).reshape(-1, net.rows)
+        size = nets.shape[0] // net.columns
+        found = np.empty((3, size, len(self.u), len(self.v)))
+        for kinds, slope in (((0, 1), 0), ((2,), 1)):
+            part = product(nets, self.along_v[slope].T).reshape(size, net.columns, len(self.v))
+            flat = np.ascontiguousarray(part.transpose(1, 0, 2)).reshape(net.columns, -1)
+            for kind in kinds:
+                both = product(self.along_u[kind % 2], flat)
+                found[kind] = both.reshape(len(self.u), size, len(self.v)).transpose(1, 0, 2)
+        return found.reshape(3, *points.shape[1:], len(self.u) * len(self.v))
+
+
+def combined(weights: Array, controls: Array) -> Array:
+    """Σ weight · control over the surfaces, (3, ..., N).
+
+    weights: (surfaces, ..., N). controls: (surfaces, 3, N).
+    """
+    across = (1,) * (weights.ndim - 2)
+    parts = controls.reshape(*controls.shape[:2], *across, controls.shape[2])
+    total: Array = weights[0] * parts[0]
+    for weight, part in zip(weights[1:], parts[1:], strict=True):
+        total += weight * part
+    return total
 
 
 @dataclass(frozen=True)
 class Along:
-    """Q and its derivatives at N places, (N, 3) each; with the functions of t, (N, surfaces)."""
+    """Q and its derivatives at N places, (3, ..., N) each; with the functions of t, (surfaces, ..., N)."""
 
     position: Array
     du: Array
@@ -134,15 +198,19 @@ class Along:
 
     @classmethod
     def of(cls, controls: Array, t: Array) -> Along:
-        """Evaluate projectors (``Places.controls``) at t (N,)."""
-        degree = controls.shape[2] - 1
-        value, slope = bernstein(degree, t).T, bernstein_derivative(degree, t).T
-        position, du, dv = np.matmul(value[:, None], controls)[:, :, 0]
-        dt = np.matmul(slope[:, None], controls[0])[:, 0]
-        return cls(position, du, dv, dt, value, slope)
+        """Evaluate projectors (``Places.controls``) at t (N,), or at several t of each, (K, N)."""
+        degree = controls.shape[1] - 1
+        value, slope = bernstein(degree, t), bernstein_derivative(degree, t)
+        position, du, dv = (combined(value, part) for part in controls)
+        return cls(position, du, dv, combined(slope, controls[0]), value, slope)
 
-    def bend(self, controls: Array, t: Array) -> Array:
-        """The second derivative by t, (N, 3)."""
-        weights = bernstein_second_derivative(controls.shape[2] - 1, t).T
-        found: Array = np.matmul(weights[:, None], controls[0])[:, 0]
-        return found
+
+def position_and_tangent(controls: Array, t: Array) -> tuple[Array, Array]:
+    """Q and Qt at t (..., N) on projectors (surfaces, 3, N), (3, ..., N) each."""
+    degree = len(controls) - 1
+    return combined(bernstein(degree, t), controls), combined(bernstein_derivative(degree, t), controls)
+
+
+def bend(controls: Array, t: Array) -> Array:
+    """The second derivative by t at t (N,) on projectors (surfaces, 3, N), (3, N)."""
+    return combined(bernstein_second_derivative(len(controls) - 1, t), controls)

@@ -8,7 +8,7 @@ parameterised by the image itself: u = x and v = y (``start.start_volume``).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -29,7 +29,8 @@ class AimPins:
     points: (3, P). positions: (2, P). directions: (3, P), the unit direction in which the point is seen, NaN
     where free. across, upward: (3, P), the world vectors that a step of 1 along x and y of the image shall
     cover at the point, perpendicular to the direction, NaN where free. weights: (P,). views: (P,), the number
-    of the view that a pin belongs to, -1 for a pin by itself. Omitted arrays are free, 1 and -1.
+    of the view that a pin belongs to, -1 for a pin by itself. pivots: (3, P), the middle of a view's thing,
+    about which it turns. Omitted arrays are free, 1, -1 and the points.
     """
 
     points: Array
@@ -39,6 +40,7 @@ class AimPins:
     upward: Array = field(default_factory=_no_points(3))
     weights: Array = field(default_factory=lambda: np.zeros(0))
     views: IndexArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    pivots: Array = field(default_factory=_no_points(3))
 
     def __post_init__(self) -> None:
         count = self.count
@@ -49,6 +51,8 @@ class AimPins:
             object.__setattr__(self, "weights", np.ones(count))
         if len(self.views) != count:
             object.__setattr__(self, "views", np.full(count, -1))
+        if self.pivots.shape[1] != count:
+            object.__setattr__(self, "pivots", self.points)
 
     @property
     def count(self) -> int:
@@ -60,21 +64,25 @@ class AimPins:
         """The pins of all parts, in order; without parts no pins."""
         if not parts:
             return cls(np.zeros((3, 0)), np.zeros((2, 0)))
-        names = ("points", "positions", "directions", "across", "upward", "weights", "views")
-        return cls(*(np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in names))
+        return cls(*(np.concatenate(values, axis=-1) for values in zip(*map(astuple, parts), strict=True)))
+
+    def take(self, which: IndexArray | BoolArray) -> AimPins:
+        """Some of the pins."""
+        return AimPins(*(values[..., which] for values in astuple(self)))
 
 
 @dataclass(frozen=True)
 class AimStays:
-    """Points that shall stay where the image shows them.
+    """Points that shall stay where the image shows them, at a grid of its positions.
 
-    points: (3, S). positions: (2, S). weights: (S,), 0 to 1 for those found in the old image, more for locked
-    regions.
+    x: (U,), y: (V,), ascending. points: (3, U, V). weights: (U, V), 0 to 1 for what the old image shows, more
+    for locked regions, 0 where nothing shall stay.
     """
 
-    points: Array = field(default_factory=_no_points(3))
-    positions: Array = field(default_factory=_no_points(2))
-    weights: Array = field(default_factory=lambda: np.zeros(0))
+    x: Array
+    y: Array
+    points: Array
+    weights: Array
 
 
 @dataclass(frozen=True)
@@ -133,10 +141,32 @@ class AimProblem:
     width: int
     aspect: float
     pins: AimPins
-    stays: AimStays = field(default_factory=AimStays)
+    stays: tuple[AimStays, ...] = ()
     lines: AimLines = field(default_factory=AimLines)
     weights: AimWeights = field(default_factory=AimWeights)
     first_hits: FindHits | None = None
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A way from the old image to the wanted one: a homotopy, and the weights that change on it.
+
+    stages: of the pins' way, with ``steps`` each. final_steps: the most at its end. fold_growth: the multiple
+    to which the barrier grows by then. stay, robust: factors of the weight of stays, and of the distance from
+    which they lose their influence.
+    """
+
+    stages: int = 8
+    steps: int = 2
+    final_steps: int = 24
+    fold_growth: float = 12.0
+    stay: float = 1.0
+    robust: float = 1.0
+
+    @property
+    def most_steps(self) -> int:
+        """Steps at most."""
+        return (self.stages - 1) * self.steps + self.final_steps
 
 
 @dataclass(frozen=True)

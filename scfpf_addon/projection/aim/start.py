@@ -13,7 +13,7 @@ from ..typing import Array, BoolArray
 from ..volume.bezier import bernstein
 from ..volume.viewing_volume import Projection, ViewingVolume
 from .control_net import Along, Net
-from .energies import across_of, dot, unit
+from .vectors import across_of, dot, unit
 
 # Samples along x and y for each span of the net, and along t.
 SAMPLES_A_SPAN, SAMPLES_ALONG = 4, 17
@@ -120,16 +120,16 @@ def _errors(projection: Projection, net: Net, points: Array, width: int) -> Arra
     old, mask = projection.projectors(x, y)
     t = np.linspace(0.0, 1.0, SAMPLES_ALONG)
     weights, slopes = projection.volume.spans.weights(np.linspace(0.0, 1.0, 8 * SAMPLES_ALONG))
-    curve = np.einsum("kt,kcn->ntc", weights, old)[mask]
-    tangent = unit(np.einsum("kt,kcn->ntc", slopes, old)[mask])
-    controls = net.at(x, y).controls(points)[:, mask]
-    worst = np.zeros(len(curve))
+    curve = np.einsum("kt,kcn->ctn", weights, old[..., mask])
+    tangent = unit(np.einsum("kt,kcn->ctn", slopes, old[..., mask]))
+    controls = net.at(x, y).controls(points)[..., mask]
+    count = controls.shape[3]
+    worst, every = np.zeros(count), np.arange(count)
     for at in t[1:]:
-        along = Along.of(controls, np.full(len(curve), at))
+        along = Along.of(controls, np.full(count, at))
         miss = along.position[:, None] - curve
-        nearest = dot(miss, miss).argmin(axis=1)
-        row = np.arange(len(curve))
-        off = across_of(miss[row, nearest], tangent[row, nearest])
+        nearest = dot(miss, miss).argmin(axis=0)
+        off = across_of(miss[:, nearest, every], tangent[:, nearest, every])
         across = across_of(along.du, unit(along.dt))
         worst = np.maximum(worst, np.sqrt(dot(off, off) / np.maximum(dot(across, across), 1e-300)) * width)
     return worst

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..typing import Array
 from ..volume.viewing_volume import Projection, image_derivatives
+from .vectors import rotation
 
 # The cosine between an eye's axis and the vertical from which its own up is the axis of turns.
 UPRIGHT = 0.999
@@ -151,16 +152,8 @@ def orbit(eye: Array, centre: Array, left: float, up: float) -> Array:
     axis = np.array([0.0, 0.0, -1.0 if eye[2, 1] < 0.0 else 1.0])
     if abs(back @ axis) > UPRIGHT:
         axis = eye[:3, 1] / np.linalg.norm(eye[:3, 1])
-    turn = _rotation(axis, -left) @ _rotation(right, -up)
+    turn = rotation(axis, -left) @ rotation(right, -up)
     matrix = np.eye(4)
     matrix[:3, :3] = turn
     matrix[:3, 3] = centre - turn @ centre
     return matrix
-
-
-def _rotation(axis: Array, angle: float) -> Array:
-    """The rotation (3, 3) about a unit axis, by Rodrigues' formula."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    result: Array = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * (cross @ cross)
-    return result

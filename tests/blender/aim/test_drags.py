@@ -192,8 +192,8 @@ def world_points(camera):
 def test_live_aim_solves_once_when_nothing_moves(solved, addon, monkeypatch):
     live, targets = addon("bridge.aim.live_aim"), addon("bridge.aim.solve_targets")
     monkeypatch.setattr(live, "REST", 0.0)
-    solves, right = [], targets.solve
-    monkeypatch.setattr(targets, "solve", lambda *a: solves.append(1) or right(*a))
+    solves, right = [], targets.solve_in_rounds
+    monkeypatch.setattr(targets, "solve_in_rounds", lambda *a: solves.append(1) or right(*a))
     solved.scfpf.aim.live = True
     bpy.context.view_layer.update()
     eye = solved.scfpf.aim_targets[0].eye

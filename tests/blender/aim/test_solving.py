@@ -94,15 +94,15 @@ def test_a_solution_that_is_worse_is_not_taken(scene, addon, monkeypatch):
     camera = turned_view(scene)
     solve(camera)
     before = points_of(camera)
-    solving = addon("bridge.aim.solve_targets")
-    right = solving.solve
+    rounds = addon("casting.aim.rounds")
+    right = rounds.solve
 
-    def bad(problem, is_cancelled):
-        result = right(problem, is_cancelled)
+    def bad(problem, is_cancelled, schedule):
+        result = right(problem, is_cancelled, schedule)
         patches = tuple(type(p)(p.points[:, ::-1] + 5.0) for p in result.patches)
         return type(result)(patches, result.t, result.residuals, result.steps)
 
-    monkeypatch.setattr(solving, "solve", bad)
+    monkeypatch.setattr(rounds, "solve", bad)
     with pytest.raises(RuntimeError, match="Not taken, because"):
         solve(camera)
     assert np.array_equal(points_of(camera), before)

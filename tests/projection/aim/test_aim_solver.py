@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scfpf_addon.projection.aim.banded import Normal, Rows
+from scfpf_addon.projection.aim.banded import GridTerms, Normal, Rows, pairs
 from scfpf_addon.projection.aim.control_net import Net
-from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimStays, AimWeights
-from scfpf_addon.projection.aim.solver import Aim, solve, turn_between
+from scfpf_addon.projection.aim.problem import AimLines, AimPins, AimProblem, AimWeights
+from scfpf_addon.projection.aim.solver import Aim, solve
 from scfpf_addon.projection.aim.start import projection_of, start_volume
 from scfpf_addon.projection.surfaces.nurbs import NurbsAxis, NurbsPatch
 from scfpf_addon.projection.volume.inverse import follow
@@ -34,9 +34,9 @@ def at(positions, depth):
     return np.stack([(2 * x - 1) * HALF * depth, (2 * y - 1) * HALF / ASPECT * depth, -depth + 0 * x])
 
 
-def problem(pins, degree=3, stays=None, **weights):
+def problem(pins, degree=3, stays=(), **weights):
     start = start_volume(PERSPECTIVE, WIDTH, (12, 8), degree, subject=10 / 60)
-    return AimProblem(start.patches, WIDTH, ASPECT, pins, stays or AimStays(), weights=AimWeights(**weights))
+    return AimProblem(start.patches, WIDTH, ASPECT, pins, stays, weights=AimWeights(**weights))
 
 
 def in_image(result, points, positions):
@@ -73,17 +73,60 @@ def test_without_a_wish_nothing_moves():
         assert np.abs(old.points - new.points).max() < 0.02
 
 
+def plain(net):
+    """Normal equations with H = 1 and random right sides."""
+    band = np.zeros((4, net.columns, net.block, net.block))
+    band[0] = np.eye(net.block)
+    return Normal(net, band, np.random.default_rng(2).normal(size=net.unknowns))
+
+
+def full(normal):
+    """H of normal equations as a whole."""
+    columns, block = normal.right.shape
+    matrix = np.zeros((columns, block, columns, block))
+    for apart in range(4):
+        for k in range(columns - apart):
+            matrix[k + apart, :, k] = normal.band[apart, k]
+            matrix[k, :, k + apart] = normal.band[apart, k].T
+    return matrix.reshape(columns * block, columns * block)
+
+
 def test_equations_are_solved_as_by_linalg():
     net = Net(7, 5, 3)
     random = np.random.default_rng(3)
-    normal = Normal(net, np.eye(net.unknowns), random.normal(size=net.unknowns))
+    normal = plain(net)
     places = net.at(random.random(60), random.random(60))
-    rows = random.normal(size=(60, 2, 16 * 6))
-    residuals = random.normal(size=(60, 2))
-    normal.add(Rows.of(places, rows, residuals))
-    full = normal.matrix.reshape(net.unknowns, net.unknowns)
-    expected = np.linalg.solve(full + 0.25 * np.diag(full.diagonal()), normal.right.reshape(-1))
+    normal.add(Rows.of(places, random.normal(size=(16 * 6, 2, 60)), random.normal(size=(2, 60))))
+    matrix = full(normal)
+    expected = np.linalg.solve(matrix + 0.25 * np.diag(matrix.diagonal()), normal.right.reshape(-1))
     np.testing.assert_allclose(normal.solve(0.25), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_residuals_on_a_grid_are_summed_as_rows_are():
+    net = Net(7, 5, 3)
+    random = np.random.default_rng(4)
+    grid = net.grid(np.sort(random.random(9)), np.sort(random.random(6)))
+    # Two residuals at each place, along vectors e, with weights w of the surfaces: the near one is fixed.
+    w, e, r = random.normal(size=(2, 3, 54)), random.normal(size=(2, 3, 54)), random.normal(size=(2, 54))
+    one, other = plain(net), plain(net)
+    for weights, vectors, residuals in zip(w, e, r, strict=True):
+        rows = grid.places.rows_of(0, weights, vectors)
+        one.add(Rows(grid.places.column, grid.places.row, rows, residuals))
+    (a, b), (i, j) = pairs(2), pairs(3)
+    products = sum((x[1:][a] * x[1:][b])[:, None] * (y[i] * y[j]) for x, y in zip(w, e, strict=True))
+    right = sum(x[1:, None] * (y * z) for x, y, z in zip(w, e, r, strict=True))
+    other.add_grid(GridTerms(grid, products.reshape(18, 9, 6), right.reshape(6, 9, 6)))
+    np.testing.assert_allclose(full(other), full(one), atol=1e-12)
+    np.testing.assert_allclose(other.right, one.right, atol=1e-12)
+
+
+def test_a_grid_has_the_projectors_of_its_places():
+    start = start_volume(PERSPECTIVE, WIDTH, (12, 8), 3, subject=0.2)
+    net = Net(12, 8, 4)
+    points = net.gather(start.patches)
+    points = points + np.random.default_rng(6).normal(size=points.shape)
+    grid = net.grid(np.linspace(0.0, 1.0, 11), np.linspace(0.0, 1.0, 5))
+    np.testing.assert_allclose(grid.controls(points), grid.places.controls(points), atol=1e-9)
 
 
 def test_the_start_shows_the_same():
@@ -95,14 +138,6 @@ def test_the_start_shows_the_same():
     curve = projection_of(start.patches, ASPECT).volume.evaluate(x, y, np.full(50, 0.6))
     expected = at(positions, -curve.position[2])
     np.testing.assert_allclose(curve.position, expected, atol=1e-6)
-
-
-def test_turning_follows_great_circles():
-    start, end = np.array([[0.0, 0.0, -1.0]]), np.array([[1.0, 0.0, 0.0]])
-    half = turn_between(start, end, 0.5)
-    np.testing.assert_allclose(half, [[np.sqrt(0.5), 0.0, -np.sqrt(0.5)]], atol=1e-12)
-    opposite = turn_between(start, -start, 0.5)
-    assert abs(opposite @ start[0]) < 1e-12 and np.isclose(np.linalg.norm(opposite), 1.0)
 
 
 def test_a_line_between_two_pins_is_straight():

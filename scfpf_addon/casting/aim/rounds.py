@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rounds of solving, each on another way from the old image to the new one, among which the judge chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ...projection.aim.problem import AimProblem, AimResult, Schedule
+from ...projection.aim.solver import solve
+from .judge import Judgement
+
+# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background, and
+# more steps leave folds.
+SCHEDULES = (Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60))
+
+
+class Round(NamedTuple):
+    """A result and its judgement. number: how many rounds were solved until it was the best."""
+
+    result: AimResult
+    judgement: Judgement
+    number: int
+
+
+# From a result to its judgement.
+Judge = Callable[[AimResult], Judgement]
+# A round is reported as this share of the work that is left: most solves need one.
+ROUND_SHARE = 0.7
+# Told before each step how much is done, as a share; returns whether to stop.
+Report = Callable[[float], bool]
+
+
+def solve_in_rounds(
+    problem: AimProblem,
+    judged: Judge,
+    old: Judgement,
+    report: Report = lambda share: False,
+    schedules: tuple[Schedule, ...] = SCHEDULES,
+) -> Round | None:
+    """The best of the rounds, by the judge; None if stopped or if no round has a finite volume.
+
+    old: the judgement of the image before; a round that is no worse wins over one that is.
+    """
+    best: Round | None = None
+    done = 0.0
+    for number, schedule in enumerate(schedules, 1):
+        part = ROUND_SHARE * (1.0 - done)
+        result = solve(problem, _Steps(report, done, part / schedule.most_steps), schedule)
+        done += part
+        if result is None or report(done):
+            return None
+        if not all(np.isfinite(patch.points).all() for patch in result.patches):
+            continue
+        found = Round(result, judged(result), number)
+        if best is None or _rank(found, old) < _rank(best, old):
+            best = found
+        if best.judgement.meets_bars and not best.judgement.worse_than(old):
+            break
+    return best
+
+
+class _Steps:
+    """Reports the steps of a round, each as ``size`` of the work, from ``done`` on."""
+
+    def __init__(self, report: Report, done: float, size: float) -> None:
+        self._report, self._done, self._size = report, done, size
+
+    def __call__(self) -> bool:
+        self._done += self._size
+        return self._report(self._done)
+
+
+def _rank(found: Round, old: Judgement) -> tuple[bool, bool, float]:
+    """The less the better."""
+    judgement = found.judgement
+    return bool(judgement.worse_than(old)), not judgement.meets_bars, judgement.shortfall

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The barrier that keeps projectors from turning inside out before their first hit.
+
+The scaled Jacobian g = det / (|Qu| |Qv| |Qt|) is that of mesh quality (Knupp 2000); below LEAST_JACOBIAN a
+hinge acts. Like the regularised barrier of Garanzha et al. (Foldover-free maps in 50 lines of code, 2021) it
+is finite in folds, so that the solver can leave them, and its strength grows as they go.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..typing import Array
+from ..volume.bezier import bernstein, bernstein_derivative
+from .banded import Rows
+from .control_net import Grid, Places, combined
+from .vectors import cross, dot
+
+# The scaled Jacobian is kept above this; it is 1 for a right-angled frame.
+LEAST_JACOBIAN = 0.15
+# Shares of the way to the first hit at which folds are tested. A little more than 1: the hit itself counts.
+SHARES = np.array([0.12, 0.3, 0.5, 0.7, 0.85, 0.95, 1.01])
+
+
+class FoldBarrier:
+    """The barrier at N projectors. orientation: the sign of the determinant where nothing folds.
+
+    t: (7, N), where they are tested.
+    """
+
+    def __init__(self, places: Grid | Places, orientation: float, count: int) -> None:
+        self.places, self.orientation = places, orientation
+        self.look(np.ones(count))
+
+    def look(self, hits_t: Array) -> None:
+        """Test up to the first hits (N,)."""
+        self.t = np.clip(SHARES[:, None] * np.minimum(hits_t, 1.0), 0.0, 1.0)
+
+    def worst(self, points: Array) -> Array:
+        """The least scaled Jacobian of each projector, (N,)."""
+        least: Array = self._jacobians(points)[0].min(axis=0)
+        return least
+
+    def _jacobians(self, points: Array) -> tuple[Array, tuple[Array, Array, Array]]:
+        """The scaled Jacobians (7, N), and Qu, Qv and Qt."""
+        controls = self.places.controls(points)
+        degree = controls.shape[1] - 1
+        value = bernstein(degree, self.t)
+        du, dv = combined(value, controls[1]), combined(value, controls[2])
+        dt = combined(bernstein_derivative(degree, self.t), controls[0])
+        lengths = np.sqrt(dot(du, du) * dot(dv, dv) * dot(dt, dt))
+        found = self.orientation * dot(cross(du, dv), dt) / np.maximum(lengths, 1e-300)
+        return found, (du, dv, dt)
+
+    def value(self, points: Array, strength: float) -> float:
+        """The energy."""
+        short = np.maximum(LEAST_JACOBIAN - self._jacobians(points)[0], 0.0)
+        return float((short * short).sum()) * strength**2
+
+    def linearise(self, points: Array, strength: float) -> Rows:
+        """The rows of the samples below LEAST_JACOBIAN."""
+        g, derivatives = self._jacobians(points)
+        share, place = np.nonzero(g < LEAST_JACOBIAN)
+        du, dv, dt = (part[:, share, place] for part in derivatives)
+        short, t = g[share, place], self.t[share, place]
+        squares = [dot(d, d) for d in (du, dv, dt)]
+        scale = self.orientation / np.maximum(np.sqrt(squares[0] * squares[1] * squares[2]), 1e-300)
+        places = self.places.take(place)
+        degree = places.net.surfaces - 1
+        value, slope = bernstein(degree, t), bernstein_derivative(degree, t)
+        rows = np.zeros((48 * degree, len(t)))
+        parts = (
+            (1, value, cross(dv, dt), du),
+            (2, value, cross(dt, du), dv),
+            (0, slope, cross(du, dv), dt),
+        )
+        for (kind, weights, cofactor, own), square in zip(parts, squares, strict=True):
+            gradient = cofactor * scale - own * (short / np.maximum(square, 1e-300))
+            rows += places.rows_of(kind, weights, gradient * strength)
+        return Rows(places.column, places.row, rows, (LEAST_JACOBIAN - short) * strength)
