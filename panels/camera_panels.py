@@ -12,11 +12,20 @@ from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.render.render_errors import RenderError
 from ..scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
 from ..scfpf_addon.bridge.sync.handlers import sharers
-from .base import DataTab, Sidebar, Subsection, draw_lines, section_panels
+from .base import DataTab, Sidebar, Subsection, draw_lines, draw_text, section_panels
 from .mapping_stack import draw_stack
 from .render_button import draw_render, draw_report
 from .surface_list import draw_surfaces
 from .ways import draw_ways
+
+# For a volume that is as the camera's own view.
+NEXT = "Straight so far. To bend it, choose a preset, or add a surface with + and move it (G)"
+
+
+def is_plain(settings) -> bool:
+    """Return whether a volume is like a new one: two planes, and no image mappings."""
+    kinds = [slot.object and slot.object.scfpf_surface.kind for slot in settings.surfaces]
+    return kinds == ["PLANE", "PLANE"] and not len(settings.mappings)
 
 
 def draw_fit(layout, scene, camera) -> None:
@@ -127,11 +136,13 @@ class _MainSection:
             draw_shared(layout, camera)
             draw_blend(layout, camera)
             layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
+            if is_plain(camera.scfpf):
+                draw_text(layout, NEXT, "INFO")
             return
         column = layout.column(align=True)
         column.operator("scfpf.camera_toggle", text="Make This Camera Flexible", icon="OUTLINER_OB_CAMERA")
         column.menu("SCFPF_MT_presets", text="Start from a Preset", icon="PRESET")
-        column.operator("scfpf.aim_view_add", icon="VIEW_CAMERA")
+        column.operator("scfpf.aim_view_add", text="Turn the Selected: Add View", icon="VIEW_CAMERA")
 
 
 class _StatisticsSection(Subsection):

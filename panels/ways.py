@@ -42,12 +42,13 @@ def draw_ways(layout, context, camera) -> None:
     else:
         column.label(text="With F12")
     row = column.row(align=True)
-    row.operator("scfpf.engine_use", text="SCFPF Engine", depress=scene.render.engine == ENGINE)
-    row.operator("scfpf.cycles_use", text="Cycles", depress=renders_by_cycles(scene, camera))
     shown = rendered_camera(scene)
+    by_engine = scene.render.engine == ENGINE and shown == camera.name
+    row.operator("scfpf.engine_use", text="SCFPF Engine", depress=by_engine)
+    row.operator("scfpf.cycles_use", text="Cycles", depress=renders_by_cycles(scene, camera))
     if shown != camera.name:
         text = f"F12 shows {shown}" if shown else "The scene has no camera for F12"
-        draw_text(layout, text, "INFO")
+        draw_text(layout, f"{text}: a button above changes that", "INFO")
 
 
 def draw_preview(layout, context, source) -> None:
