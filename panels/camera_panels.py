@@ -5,6 +5,7 @@ import bpy
 
 from ..operators.camera.presets import preset_items
 from ..operators.common.target import camera_of, flexible_camera_of
+from ..operators.common.words import worded
 from ..operators.image.pick import pick_readout
 from ..scfpf_addon.bridge.camera.camera_blend import is_blend, is_too_coarse, knows_its_ends
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
@@ -42,9 +43,9 @@ def draw_shared(layout, camera) -> None:
     """Draw a line and a button if another camera, such as a duplicate, uses surfaces of this one."""
     others = sharers(camera)
     if others:
-        with_whom = f"'{others[0]}'" if len(others) == 1 else f"{len(others)} cameras"
+        with_whom = f"'{others[0]}'" if len(others) == 1 else worded("{0} cameras", len(others))
         column = layout.column(align=True)
-        column.label(text=f"Surfaces shared with {with_whom}", icon="INFO")
+        column.label(text=worded("Surfaces shared with {0}", with_whom), icon="INFO")
         column.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 
@@ -61,7 +62,7 @@ def draw_blend(layout, camera) -> None:
     column.prop(ends, "first", text="", icon="CAMERA_DATA")
     if ends.second is None:
         names = {stem: name for stem, name, _text in preset_items()}
-        column.label(text=f"To the preset {names.get(ends.preset, ends.preset)}, or to:")
+        column.label(text=worded("To the preset {0}, or to:", names.get(ends.preset, ends.preset)))
     column.prop(ends, "second", text="", icon="CAMERA_DATA")
     column.operator("scfpf.blend_update", icon="FILE_REFRESH")
     draw_blend_map(layout.column(align=True), camera)
@@ -71,7 +72,7 @@ def draw_blend_map(column, camera) -> None:
     """Draw where in the image the second camera of a blend counts."""
     field = camera.scfpf.blend_field
     title = next(name for kind, name, _text in FIELD_KINDS if kind == field.kind)
-    column.operator_menu_enum("scfpf.blend_map", "kind", text=f"Map: {title}", icon="IMAGE_ALPHA")
+    column.operator_menu_enum("scfpf.blend_map", "kind", text=worded("Map: {0}", title), icon="IMAGE_ALPHA")
     shown = {
         "NONE": (),
         "LINEAR": ("center", "angle", "border"),
@@ -177,7 +178,7 @@ class _ProjectorsSection(Subsection):
         layout.prop(settings, "reparameterisation", text="Mapping")
         for axis in "uv":
             column = layout.column(align=True)
-            column.prop(settings, f"{axis}_range", index=0, text=f"{axis.upper()} Start")
+            column.prop(settings, f"{axis}_range", index=0, text=worded("{0} Start", axis.upper()))
             column.prop(settings, f"{axis}_range", index=1, text="End")
         column = layout.column(align=True)
         column.prop(settings, "fit")

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..operators.common.words import worded
 from ..scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS
 
 # Blender's menus with the commands that duplicate objects.
@@ -52,7 +53,9 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.volume_fit", icon="SHADING_BBOX")
         self.layout.operator("scfpf.volume_swap", icon="ARROW_LEFTRIGHT")
         for axis in "UV":
-            self.layout.operator("scfpf.volume_mirror", text=f"Mirror {axis}", icon="MOD_MIRROR").axis = axis
+            self.layout.operator(
+                "scfpf.volume_mirror", text=worded("Mirror {0}", axis), icon="MOD_MIRROR"
+            ).axis = axis
         self.layout.operator("scfpf.volume_to_lattice", icon="MOD_LATTICE")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
         self.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")

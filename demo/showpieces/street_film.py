@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A film in which one volume goes through perspective, twist and unrolling: shape keys of its three surfaces."""
+"""A film: one volume goes through perspective, twist and unrolling, by shape keys of its three surfaces."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LIFT = 0.09
 TWIST = (0.0, 0.0, 150.0)
 # The unrolled street: y of its left and right end, z of its lower and upper one, and x of the three surfaces.
 LEFT, RIGHT, LOW, HIGH, ACROSS = 46.0, -14.0, -3.0, 23.0, (0.0, 20.0, 70.0)
-# How much lower the fronts are seen than they are, a metre of distance: the pavement before them is seen from above.
+# How far its projectors fall on each metre, and x of the fronts: the pavement is seen from above.
 DOWN, FRONT = 0.3, 14.0
 # Frames at which the shapes Twist and Unrolled are fully there or gone: (frame, twist, unrolled).
 KEYS = ((1, 0, 0), (6, 0, 0), (33, 1, 0), (38, 1, 0), (66, 0, 1), (72, 0, 1), (100, 0, 0))

@@ -16,6 +16,7 @@ from ...scfpf_addon.bridge.volume.edit_mode import set_edit_volume
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_slot
 from ..common.tool import STEPS, Action, Tool, select_only
+from ..common.words import say
 from .surface_placement import surface_place
 
 
@@ -159,7 +160,9 @@ class SCFPF_OT_surface_select(Action, bpy.types.Operator):
                 "This control surface has no object in the view layer: remove it from the list"
             )
         if not surface.visible_get():
-            raise FlexibleCameraError(f"{surface.name} is hidden: show it in the Outliner to select it")
+            raise FlexibleCameraError(
+                say("{0} is hidden: show it in the Outliner to select it", surface.name)
+            )
         if surface.hide_select:
             set_edit_volume(camera, True)
         context.view_layer.update()

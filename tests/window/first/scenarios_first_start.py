@@ -80,4 +80,30 @@ def own_scene(driver):
     assert camera.scfpf.report and colors.std(axis=0).max() > 0.05, "the picture is empty"
 
 
-SCENARIOS = (own_scene,)
+def german(driver):
+    """The language switched to German and back: panels and operators follow, and English is as it was."""
+    view, translations = bpy.context.preferences.view, bpy.app.translations
+    driver.add_camera()
+    yield from driver.show_sidebar()
+    english = driver.region_pixels("VIEW_3D", "UI")
+    codes = {item.identifier for item in view.bl_rna.properties["language"].enum_items}
+    try:
+        view.language = next(
+            code for code in ("de_DE", "de") if code in codes or code in translations.locales
+        )
+        view.use_translate_interface = view.use_translate_tooltips = view.use_translate_reports = True
+        yield 2 * DRAW
+        driver.shot("panel")
+        assert differing(english, driver.region_pixels("VIEW_3D", "UI")) > MANY / 2, "the panel is English"
+        assert translations.pgettext_iface("Control Surfaces") == "Steuerflächen"
+        assert translations.pgettext_iface("Edit Volume", "Operator") == "Sehvolumen bearbeiten"
+        assert translations.pgettext_tip("Render through a viewing volume modeled with control surfaces") == (
+            "Durch ein Sehvolumen rendern, das mit Steuerflächen modelliert ist"
+        )
+    finally:
+        view.language = "en_US"
+    yield 2 * DRAW
+    assert differing(english, driver.region_pixels("VIEW_3D", "UI")) < MANY / 50
+
+
+SCENARIOS = (own_scene, german)
