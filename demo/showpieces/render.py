@@ -114,15 +114,27 @@ def _nave() -> Recipe:
     return Recipe("nave", "A nave from floor to vault", "", build, steps, "")
 
 
+def _impossible() -> Recipe:
+    """A street that turns about its own axis."""
+
+    def build():
+        from demo.showpieces.street_film import impossible_street
+
+        return impossible_street()
+
+    return Recipe("impossible-street", "An impossible street", "", build, (render(),), "")
+
+
 PIECES = {
+    "impossible-street": Piece(_impossible(), (1280, 640), evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
     "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
     "evening-street": Piece(_recipe("rising-street"), (1920, 960), evening),
 }
 
 
-# The films' size, samples, milliseconds of each image, and the quality of their compression.
-FILM_SIZE, FILM_SAMPLES, FILM_PAUSE, FILM_QUALITY = (560, 280), 8, 90, 55
+# The films' size, and the quality of their compression.
+FILM_SIZE, FILM_QUALITY = (560, 280), 55
 # Frames from one end to the other of the street that rises.
 RISING_FRAMES = 50
 
@@ -150,7 +162,8 @@ def one_volume() -> tuple[object, list[Callable[[], None]]]:
     return scene, [functools.partial(scene.frame_set, frame) for frame in frames]
 
 
-FILMS = {"street-rises": street_rises, "one-volume": one_volume}
+# The samples of each film, and the milliseconds of its images.
+FILMS = {"street-rises": (street_rises, 8, 90), "one-volume": (one_volume, 4, 100)}
 
 
 def film(name: str) -> None:
@@ -160,9 +173,10 @@ def film(name: str) -> None:
 
     from demo import render_demo
 
-    scene, settings = FILMS[name]()
+    build, samples, pause = FILMS[name]
+    scene, settings = build()
     scene.render.resolution_x, scene.render.resolution_y = FILM_SIZE
-    scene.camera.scfpf.samples = FILM_SAMPLES
+    scene.camera.scfpf.samples = samples
     seen: dict[bytes, Image.Image] = {}
     images = []
     for number, setting in enumerate(settings):
@@ -176,10 +190,10 @@ def film(name: str) -> None:
             raw.unlink()
         images.append(seen[state])
     path = FOLDER / f"{name}.webp"
-    options = {"duration": FILM_PAUSE, "loop": 0, "quality": FILM_QUALITY, "method": 4}
+    options = {"duration": pause, "loop": 0, "quality": FILM_QUALITY, "method": 4}
     images[0].save(path, save_all=True, append_images=images[1:], **options)
     bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / f"{name}.blend"), compress=True)
-    print(f"{name}: {len(images) * FILM_PAUSE / 1000:.0f} s, {path.stat().st_size / 1000:.0f} kB", flush=True)
+    print(f"{name}: {len(images) * pause / 1000:.0f} s, {path.stat().st_size / 1000:.0f} kB", flush=True)
 
 
 def _state(camera) -> bytes:

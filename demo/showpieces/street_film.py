@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A film: one volume goes through perspective, twist and unrolling, by shape keys of its three surfaces."""
+"""Twisted streets: a film of one volume by shape keys of its three surfaces, and an impossible street."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ TWIST = (0.0, 0.0, 150.0)
 LEFT, RIGHT, LOW, HIGH, ACROSS = 46.0, -14.0, -3.0, 23.0, (0.0, 20.0, 70.0)
 # How far its projectors fall on each metre, and x of the fronts: the pavement is seen from above.
 DOWN, FRONT = 0.3, 14.0
+# The impossible street: its eye, how far it looks up at distance 1, and the turns of its surfaces in degrees.
+HIGH_EYE, HIGH_LIFT, IMPOSSIBLE = np.array([0.0, -22.0, 8.0]), -0.1, (0.0, 20.0, 120.0)
 # Frames at which the shapes Twist and Unrolled are fully there or gone: (frame, twist, unrolled).
 KEYS = ((1, 0, 0), (6, 0, 0), (33, 1, 0), (38, 1, 0), (66, 0, 1), (72, 0, 1), (100, 0, 0))
 LENGTH = KEYS[-1][0]
@@ -33,13 +35,13 @@ def image_points() -> tuple[Array, Array]:
     return x, y
 
 
-def perspective(number: int, degrees: float = 0.0) -> Array:
+def perspective(number: int, degrees: float = 0.0, eye: Array = EYE, lift: float = LIFT) -> Array:
     """Points (ROWS, COLUMNS, 3) of a surface of the frustum, turned about the line of sight."""
     x, y = image_points()
     turn, reach = np.radians(degrees), DEPTHS[number]
     x, y = x * HALF_WIDTH, y * HALF_WIDTH / ASPECT
     x, y = x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)
-    return EYE + reach * np.stack([x, np.ones_like(x), y + LIFT], axis=-1)
+    return eye + reach * np.stack([x, np.ones_like(x), y + lift], axis=-1)
 
 
 def unrolled(number: int) -> Array:
@@ -50,24 +52,40 @@ def unrolled(number: int) -> Array:
     return np.stack([np.full_like(x, ACROSS[number]), along, up], axis=-1)
 
 
-def add_camera(scene, module: str):
-    """Add the flexible camera of the film to the street. module: the extension's package."""
+def camera_of(scene, module: str, surfaces: list[Array]):
+    """Add a flexible camera with three grids, and make it the scene's. module: the extension's package."""
     import bpy
 
     flexible = importlib.import_module(f"{module}.scfpf_addon.bridge.camera.flexible_camera")
-    camera = bpy.data.objects.new("Film", bpy.data.cameras.new("Film"))
+    camera = bpy.data.objects.new("Twisted", bpy.data.cameras.new("Twisted"))
     scene.collection.objects.link(camera)
     bpy.context.view_layer.update()
     made = [
-        flexible.NewSurface(name, "GRID", np.eye(4), points=perspective(number))
-        for number, name in enumerate(("Near", "Middle", "Far"))
+        flexible.NewSurface(name, "GRID", np.eye(4), points=points)
+        for name, points in zip(("Near", "Middle", "Far"), surfaces, strict=True)
     ]
     flexible.replace_surfaces(camera, made)
     flexible.make_flexible(camera)
+    scene.camera = camera
+    return camera
+
+
+def impossible_street():
+    """The street through a volume that turns as it goes: the far end hangs head down. Returns the scene."""
+    from .. import render_demo
+
+    scene = render_demo.build_street()
+    surfaces = [perspective(number, turn, HIGH_EYE, HIGH_LIFT) for number, turn in enumerate(IMPOSSIBLE)]
+    camera_of(scene, render_demo.MODULE, surfaces)
+    return scene
+
+
+def add_camera(scene, module: str):
+    """Add the flexible camera of the film to the street. module: the extension's package."""
+    camera = camera_of(scene, module, [perspective(number) for number in range(3)])
     for number, slot in enumerate(camera.scfpf.surfaces):
         for name, points in (("Twist", perspective(number, TWIST[number])), ("Unrolled", unrolled(number))):
             _add_shape(slot.object, name, points - perspective(number))
-    scene.camera = camera
     scene.frame_start, scene.frame_end = KEYS[0][0], LENGTH
     return camera
 

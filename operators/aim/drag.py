@@ -23,6 +23,7 @@ from ..common.tool import ARROWS
 from ..common.words import say
 from .watched import Watched
 
+NO_PLACE = "'{0}' has no view or pin at place {1}: choose one in the list"
 # Seconds between two steps while the mouse rests, and how many there are until the volume has settled.
 TICK, RESTING_STEPS = 0.05, 4
 PARTS = {"G": BODY, "S": SIZE, "R": TURN}
@@ -168,8 +169,7 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         index = self.index if self.index >= 0 else settings.active_aim
         kinds = [target.kind for target in settings.aim_targets]
         if index >= len(kinds) or kinds[index] not in (VIEW, PIN):
-            text = "'{0}' has no view or pin at place {1}: choose one in the list"
-            raise AimError(say(text, camera.name, index + 1))
+            raise AimError(say(NO_PLACE, camera.name, index + 1))
         self.index, self._camera = index, camera.session_uid
         settings.active_aim = index
         target = self._target()

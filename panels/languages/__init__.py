@@ -11,8 +11,8 @@ import pathlib
 import bpy
 
 FOLDER = pathlib.Path(__file__).resolve().parent
-# Blender's context of texts without one.
-ANY = "*"
+# Blender's contexts of texts without one, and of the texts of operators' buttons.
+ANY, OPERATOR = "*", "Operator"
 Messages = dict[tuple[str, str], str]
 
 
@@ -40,8 +40,12 @@ def languages() -> dict[str, Messages]:
 
 
 def as_blender_has_them(messages: Messages) -> Messages:
-    """The translations with the line breaks that Blender keeps of the operators' docstrings, too."""
-    made = dict(messages)
+    """The translations in all forms in which Blender looks for them.
+
+    Labels may be on operators' buttons, and Blender keeps the line breaks of operators' docstrings.
+    """
+    made = {(OPERATOR, text): translated for (_context, text), translated in messages.items()}
+    made |= messages
     for operator in bpy.types.Operator.__subclasses__():
         text = operator.__doc__ or ""
         plain = ANY, " ".join(text.split())
