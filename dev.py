@@ -59,6 +59,11 @@ def command_showpieces(options, rest):
     environments.run([environments.first().python, "demo/showpieces/render.py", *rest])
 
 
+def command_messages(options, rest):
+    """Write the catalogue of the interface's texts, from which translations are made."""
+    environments.run([environments.first().python, "devtools/catalogue.py", *rest])
+
+
 def command_gallery(options, rest):
     """Render the pictures of docs/gallery.md: every figure of the paper, and what lies beyond."""
     environment = environments.first()
@@ -177,7 +182,7 @@ def parser():
     """The command line."""
     top = argparse.ArgumentParser(prog="dev.py", description=__doc__.splitlines()[0])
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    commanded = (command_demo, command_gallery, command_recipes, command_showpieces)
+    commanded = (command_demo, command_gallery, command_recipes, command_showpieces, command_messages)
     commanded += (command_thumbnails, command_pictures)
     for run in (*commanded, command_test, command_build, command_lint, command_bench):
         summary = run.__doc__.strip().splitlines()[0]

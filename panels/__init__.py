@@ -6,6 +6,7 @@ from . import (
     camera_panels,
     cycles,
     engine_panels,
+    languages,
     layers,
     mapping_stack,
     menus,
@@ -28,6 +29,7 @@ MODULES = (
     cycles,
     engine_panels,
     stylised,
+    languages,
 )
 
 

@@ -4,6 +4,7 @@
 import bpy
 
 from ..operators.common.target import flexible_camera_of
+from ..operators.common.words import worded
 from ..scfpf_addon.bridge.settings.aim_properties import LINE, PIN, STAY, VIEW
 from .base import Subsection, draw_lines, draw_text, section_panels
 
@@ -45,7 +46,7 @@ class SCFPF_UL_aim(bpy.types.UIList):
 
 def residual_text(target) -> str:
     """The largest distance of a target's points from their places; empty before Solve."""
-    return f"{target.residual_max:.1f} px" if target.residual_max >= 0.0 else ""
+    return worded("{0:.1f} px", target.residual_max) if target.residual_max >= 0.0 else ""
 
 
 class SCFPF_MT_aim_add(bpy.types.Menu):
@@ -144,11 +145,13 @@ def outcome_lines(aim) -> list[str]:
     """The effect of the last solve on the rest of the picture; empty before Solve."""
     lines = []
     if aim.background_median >= 0.0:
-        lines.append(f"Rest moved {aim.background_median:.1f} px, 95 % at most {aim.background_95:.0f} px")
+        lines.append(
+            worded("Rest moved {0:.1f} px, 95 % at most {1:.0f} px", aim.background_median, aim.background_95)
+        )
     if aim.is_solved:
-        lines.append(f"Mirrored {aim.mirrored:.2%}, folded {aim.folds:.2%}".replace("%", " %"))
+        lines.append(worded("Mirrored {0:.2%}, folded {1:.2%}", aim.mirrored, aim.folds).replace("%", " %"))
     if aim.between >= 0.0:
-        lines.append(f"Between keyframes at most {aim.between:.1f} px off")
+        lines.append(worded("Between keyframes at most {0:.1f} px off", aim.between))
     return lines
 
 

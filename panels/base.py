@@ -4,6 +4,7 @@
 import textwrap
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
 from ..operators.common.target import flexible_camera_of
 
@@ -66,8 +67,8 @@ def section_panels(section: type, name: str) -> tuple[type[bpy.types.Panel], ...
 def draw_text(layout, text: str, icon: str) -> None:
     """Draw a text in as many lines of the sidebar as it needs, with an icon before the first."""
     column = layout.column(align=True)
-    for number, line in enumerate(textwrap.wrap(text, LINE)):
-        column.label(text=line, icon="BLANK1" if number else icon)
+    for number, line in enumerate(textwrap.wrap(pgettext_iface(text), LINE)):
+        column.label(text=line, icon="BLANK1" if number else icon, translate=False)
 
 
 def draw_lines(layout, lines, height: float = 0.8) -> None:

@@ -5,6 +5,7 @@ import bpy
 
 from ..operators.camera.presets import preset_items
 from ..operators.common.target import camera_of, flexible_camera_of
+from ..operators.common.words import worded
 from ..operators.image.pick import pick_readout
 from ..scfpf_addon.bridge.camera.camera_blend import is_blend, is_too_coarse, knows_its_ends
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
@@ -12,11 +13,20 @@ from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.render.render_errors import RenderError
 from ..scfpf_addon.bridge.settings.blend_properties import FIELD_KINDS
 from ..scfpf_addon.bridge.sync.handlers import sharers
-from .base import DataTab, Sidebar, Subsection, draw_lines, section_panels
+from .base import DataTab, Sidebar, Subsection, draw_lines, draw_text, section_panels
 from .mapping_stack import draw_stack
 from .render_button import draw_render, draw_report
 from .surface_list import draw_surfaces
 from .ways import draw_ways
+
+# For a volume that is as the camera's own view.
+NEXT = "Straight so far. To bend it, choose a preset, or add a surface with + and move it (G)"
+
+
+def is_plain(settings) -> bool:
+    """Return whether a volume is like a new one: two planes, and no image mappings."""
+    kinds = [slot.object and slot.object.scfpf_surface.kind for slot in settings.surfaces]
+    return kinds == ["PLANE", "PLANE"] and not len(settings.mappings)
 
 
 def draw_fit(layout, scene, camera) -> None:
@@ -33,9 +43,9 @@ def draw_shared(layout, camera) -> None:
     """Draw a line and a button if another camera, such as a duplicate, uses surfaces of this one."""
     others = sharers(camera)
     if others:
-        with_whom = f"'{others[0]}'" if len(others) == 1 else f"{len(others)} cameras"
+        with_whom = f"'{others[0]}'" if len(others) == 1 else worded("{0} cameras", len(others))
         column = layout.column(align=True)
-        column.label(text=f"Surfaces shared with {with_whom}", icon="INFO")
+        column.label(text=worded("Surfaces shared with {0}", with_whom), icon="INFO")
         column.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
 
 
@@ -52,7 +62,7 @@ def draw_blend(layout, camera) -> None:
     column.prop(ends, "first", text="", icon="CAMERA_DATA")
     if ends.second is None:
         names = {stem: name for stem, name, _text in preset_items()}
-        column.label(text=f"To the preset {names.get(ends.preset, ends.preset)}, or to:")
+        column.label(text=worded("To the preset {0}, or to:", names.get(ends.preset, ends.preset)))
     column.prop(ends, "second", text="", icon="CAMERA_DATA")
     column.operator("scfpf.blend_update", icon="FILE_REFRESH")
     draw_blend_map(layout.column(align=True), camera)
@@ -62,7 +72,7 @@ def draw_blend_map(column, camera) -> None:
     """Draw where in the image the second camera of a blend counts."""
     field = camera.scfpf.blend_field
     title = next(name for kind, name, _text in FIELD_KINDS if kind == field.kind)
-    column.operator_menu_enum("scfpf.blend_map", "kind", text=f"Map: {title}", icon="IMAGE_ALPHA")
+    column.operator_menu_enum("scfpf.blend_map", "kind", text=worded("Map: {0}", title), icon="IMAGE_ALPHA")
     shown = {
         "NONE": (),
         "LINEAR": ("center", "angle", "border"),
@@ -127,11 +137,13 @@ class _MainSection:
             draw_shared(layout, camera)
             draw_blend(layout, camera)
             layout.menu("SCFPF_MT_presets", text="Projection Preset", icon="PRESET")
+            if is_plain(camera.scfpf):
+                draw_text(layout, NEXT, "INFO")
             return
         column = layout.column(align=True)
         column.operator("scfpf.camera_toggle", text="Make This Camera Flexible", icon="OUTLINER_OB_CAMERA")
         column.menu("SCFPF_MT_presets", text="Start from a Preset", icon="PRESET")
-        column.operator("scfpf.aim_view_add", icon="VIEW_CAMERA")
+        column.operator("scfpf.aim_view_add", text="Turn the Selected: Add View", icon="VIEW_CAMERA")
 
 
 class _StatisticsSection(Subsection):
@@ -166,7 +178,7 @@ class _ProjectorsSection(Subsection):
         layout.prop(settings, "reparameterisation", text="Mapping")
         for axis in "uv":
             column = layout.column(align=True)
-            column.prop(settings, f"{axis}_range", index=0, text=f"{axis.upper()} Start")
+            column.prop(settings, f"{axis}_range", index=0, text=worded("{0} Start", axis.upper()))
             column.prop(settings, f"{axis}_range", index=1, text="End")
         column = layout.column(align=True)
         column.prop(settings, "fit")

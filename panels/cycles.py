@@ -5,6 +5,7 @@ import textwrap
 
 import bpy
 
+from ..operators.common.words import worded
 from ..scfpf_addon.cycles.cautions import cautions
 from ..scfpf_addon.cycles.chord_planning import Price, price_of_rig
 from ..scfpf_addon.cycles.prices import price
@@ -17,13 +18,13 @@ ALL_CHORDS = "Rays pass empty chords, too"
 
 def facts(price: Price) -> list[str]:
     """The price of a rig, one fact a line."""
-    portals = f"about {price.passed:.1f}" if price.passed else f"up to {price.portals}"
-    count = f"{price.chords} chord{'s' * (price.chords != 1)}"
+    portals = worded("about {0:.1f}", price.passed) if price.passed else worded("up to {0}", price.portals)
+    count = worded("{0} chord" if price.chords == 1 else "{0} chords", price.chords)
     return [
-        f"{count}, off by {price.error:.2g} px",
-        f"A ray passes {portals} portals",
-        f"{price.vertices:,} vertices, about {price.memory / 1e6:,.0f} MB",
-        f"About {price.cost:.1f} × an ordinary camera",
+        worded("{0}, off by {1:.2g} px", count, price.error),
+        worded("A ray passes {0} portals", portals),
+        worded("{0:,} vertices, about {1:,.0f} MB", price.vertices, price.memory / 1e6),
+        worded("About {0:.1f} × an ordinary camera", price.cost),
     ]
 
 

@@ -58,7 +58,7 @@ def draw_layer(layout, layer) -> None:
         column.prop(layer, name)
     lack = lacking(layer)
     if lack:
-        draw_text(layout, f"Left out: {lack}", "ERROR")
+        draw_text(layout, worded("Left out: {0}", lack), "ERROR")
     elif layer.is_on and layer.message:
         draw_text(layout, layer.message, "ERROR")
 

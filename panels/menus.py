@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The menus of control surfaces, and the extension's entries in Blender's menus."""
+"""The menus of control surfaces, and the extension's entries in Blender's menus and Preferences."""
 
 import bpy
 
+from ..operators.common.words import worded
 from ..scfpf_addon.bridge.surfaces.kinds import BLENDER_KINDS
 
 # Blender's menus with the commands that duplicate objects.
 OBJECT_MENUS = ("VIEW3D_MT_object", "VIEW3D_MT_object_context_menu")
+# Where to begin, each with its icon.
+BEGINNINGS = (
+    ("OUTLINER_OB_CAMERA", "Add > Camera > Flexible Camera adds a camera with the viewport's view."),
+    ("CAMERA_DATA", "A camera of yours: its Data tab has the panel Flexible Projection."),
+    ("PRESET", "Projection Preset, in the panel, bends the picture at once. Live View shows it."),
+    ("WINDOW", "In a 3D viewport press N: the panel is in the tab Flexible, too."),
+    ("SCENE_DATA", "Add > Camera > Flexible Camera Tutorial Scene is a town to try it with."),
+)
 
 
 class SCFPF_MT_surface_add(bpy.types.Menu):
@@ -16,7 +25,9 @@ class SCFPF_MT_surface_add(bpy.types.Menu):
 
     def draw(self, _context):
         for key, kind in BLENDER_KINDS.items():
-            self.layout.operator("scfpf.surface_add", text=kind.title, icon=kind.icon).kind = key
+            entry = self.layout.operator("scfpf.surface_add", text=kind.title, icon=kind.icon)
+            # As Blender's Add does: G then moves what was added.
+            entry.kind, entry.select = key, True
 
 
 class SCFPF_MT_surface_specials(bpy.types.Menu):
@@ -42,7 +53,9 @@ class SCFPF_MT_surface_specials(bpy.types.Menu):
         self.layout.operator("scfpf.volume_fit", icon="SHADING_BBOX")
         self.layout.operator("scfpf.volume_swap", icon="ARROW_LEFTRIGHT")
         for axis in "UV":
-            self.layout.operator("scfpf.volume_mirror", text=f"Mirror {axis}", icon="MOD_MIRROR").axis = axis
+            self.layout.operator(
+                "scfpf.volume_mirror", text=worded("Mirror {0}", axis), icon="MOD_MIRROR"
+            ).axis = axis
         self.layout.operator("scfpf.volume_to_lattice", icon="MOD_LATTICE")
         self.layout.operator("scfpf.volume_single_user", icon="LIBRARY_DATA_DIRECT")
         self.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
@@ -71,8 +84,21 @@ def _duplicate_entry(menu, context):
         menu.layout.operator("scfpf.camera_duplicate", icon="DUPLICATE")
 
 
+class SCFPF_Preferences(bpy.types.AddonPreferences):
+    """Where to begin"""
+
+    # Blender finds the entry by the name of the extension's package.
+    bl_idname = __package__.rpartition(".")[0]
+
+    def draw(self, _context):
+        column = self.layout.column(align=True)
+        for icon, text in BEGINNINGS:
+            column.label(text=text, icon=icon)
+
+
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(
     (
+        SCFPF_Preferences,
         SCFPF_MT_surface_add,
         SCFPF_MT_surface_specials,
     )

@@ -3,6 +3,7 @@
 
 import bpy
 
+from ..operators.common.words import worded
 from ..scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ..scfpf_addon.bridge.blender.scene_objects import absence, is_absent
 from ..scfpf_addon.bridge.camera.surface_scale import is_scaled, whole_scale, world_sizes
@@ -102,7 +103,7 @@ def _draw_world_sizes(layout, scene, surface) -> None:
         return  # The panel shows this error instead of the sizes.
     except EditingError:
         factors = " × ".join(f"{factor:.4g}" for factor in whole_scale(surface))
-        layout.label(text=f"In the World: Scaled {factors}", icon="INFO")
+        layout.label(text=worded("In the World: Scaled {0}", factors), icon="INFO")
     else:
         for number, (label, length) in enumerate(sizes):
             text = f"{length:.4g}"
@@ -110,7 +111,9 @@ def _draw_world_sizes(layout, scene, surface) -> None:
                 text = bpy.utils.units.to_string(
                     units.system, "LENGTH", length * units.scale_length, precision=4, split_unit=False
                 )
-            layout.label(text=f"{label} in the World: {text}", icon="BLANK1" if number else "INFO")
+            layout.label(
+                text=worded("{0} in the World: {1}", label, text), icon="BLANK1" if number else "INFO"
+            )
     layout.operator("scfpf.surface_apply_scale", icon="CON_SIZELIKE")
 
 

@@ -3,6 +3,7 @@
 
 from ..operators.camera.preview import FLAT
 from ..operators.camera.ways import is_any, is_live, is_rendered, rendered_camera
+from ..operators.common.words import worded
 from ..scfpf_addon.bridge.layers.read_image_layers import not_here
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.cycles.engine_choice import ignored_camera, renders_by_cycles
@@ -42,12 +43,13 @@ def draw_ways(layout, context, camera) -> None:
     else:
         column.label(text="With F12")
     row = column.row(align=True)
-    row.operator("scfpf.engine_use", text="SCFPF Engine", depress=scene.render.engine == ENGINE)
-    row.operator("scfpf.cycles_use", text="Cycles", depress=renders_by_cycles(scene, camera))
     shown = rendered_camera(scene)
+    by_engine = scene.render.engine == ENGINE and shown == camera.name
+    row.operator("scfpf.engine_use", text="SCFPF Engine", depress=by_engine)
+    row.operator("scfpf.cycles_use", text="Cycles", depress=renders_by_cycles(scene, camera))
     if shown != camera.name:
-        text = f"F12 shows {shown}" if shown else "The scene has no camera for F12"
-        draw_text(layout, text, "INFO")
+        text = worded("F12 shows {0}", shown) if shown else "The scene has no camera for F12"
+        draw_text(layout, worded("{0}: a button above changes that", text), "INFO")
 
 
 def draw_preview(layout, context, source) -> None:

@@ -228,7 +228,18 @@ def test_help_needs_nothing_but_a_python(tmp_path):
         cwd=tmp_path,
     )
     assert done.returncode == 0, done.stderr
-    commands = ["demo", "gallery", "recipes", "showpieces", "thumbnails", "pictures", "test", "build", "lint"]
+    commands = [
+        "demo",
+        "gallery",
+        "recipes",
+        "showpieces",
+        "messages",
+        "thumbnails",
+        "pictures",
+        "test",
+        "build",
+        "lint",
+    ]
     commands += ["bench"]
     assert re.findall(r"^    (\w+)(?: |$)", done.stdout, re.MULTILINE) == commands
 

@@ -121,6 +121,8 @@ def strings():
                     yield "".join(parts)
                 elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                     yield node.value
+                    # A template of ``say`` or ``worded``.
+                    yield re.sub(r"\{\d[^{}]*\}", "…", node.value)
 
 
 def interface_strings():

@@ -9,22 +9,25 @@ from . import scenes
 from .steps import Recipe, Step, add, add_as_made, done, place, render, scale, select, size
 
 
-def _add_view() -> None:
+def _add_layer() -> None:
     import bpy
 
-    done(bpy.ops.scfpf.aim_view_add())
+    done(bpy.ops.scfpf.layer_add())
 
 
-def _turn() -> None:
+def _cursor_to_selected() -> None:
     import bpy
 
-    done(bpy.ops.scfpf.aim_turn(left=math.radians(TURN)))
+    bpy.context.scene.cursor.location = bpy.context.object.location
 
 
-def _solve() -> None:
+def _turn_about_cursor() -> None:
     import bpy
+    from mathutils import Matrix
 
-    done(bpy.ops.scfpf.aim_solve())
+    eye, pivot = bpy.context.scene.camera.scfpf.layers[0].camera, bpy.context.scene.cursor.location
+    turn = Matrix.Rotation(math.radians(TURN), 4, "Z")
+    eye.matrix_world = Matrix.Translation(pivot) @ turn @ Matrix.Translation(-pivot) @ eye.matrix_world
 
 
 def _from_screen() -> None:
@@ -54,8 +57,8 @@ def _gradient() -> None:
     field.angle, field.center, field.border = math.radians(90.0), (0.5, 0.55), 0.4
 
 
-# The angle by which the recipe of the best side turns its view, in degrees.
-TURN = -20.0
+# The angle by which the recipe of the best side turns the layer's camera, in degrees.
+TURN = 50.0
 SCREEN = (
     select(
         "Model the screen where it stands, and unwrap it as its pixels lie. Put an empty at the viewer's "
@@ -80,13 +83,21 @@ RECIPES = (
         (
             size(960, 540),
             select("Select the character. The scene has an ordinary camera.", "Head"),
-            Step("Press *Add View* in the panel *Aim* (press N, tab *Flexible*).", _add_view),
-            Step("Choose *Turn View* (F3) and enter *Left* -20°.", _turn),
-            Step("Press *Solve*.", _solve),
+            Step("Press *Add Layer* in the panel *Layers* (press N, tab *Flexible*).", _add_layer),
+            Step(
+                "Put the 3D cursor on the character: *Shift-S*, *Cursor to Selected*. Choose *3D Cursor* as "
+                "*Pivot Point* in the viewport's header.",
+                _cursor_to_selected,
+            ),
+            Step(
+                "Select the layer's camera, *Head Layer*, and turn it about the cursor: *R Z 50 Enter*.",
+                _turn_about_cursor,
+            ),
             render(),
         ),
-        "Turn in steps of 10° to 30°: what is close behind bends with the character. [Aim](../aim.md) has "
-        "more.",
+        "Only the character turns: every other pixel stays. *Live View* shows it while you turn, and *Size* "
+        "in the panel makes it larger. Light and shadow are those of the scene. [Compose](../compose.md) has "
+        "more; [Aim](../aim.md) turns things by one bent volume, without borders.",
     ),
     Recipe(
         "long-pan",

@@ -10,6 +10,7 @@ to demo/output/showpieces/.
 from __future__ import annotations
 
 import argparse
+import functools
 import sys
 import time
 from collections.abc import Callable
@@ -113,42 +114,93 @@ def _nave() -> Recipe:
     return Recipe("nave", "A nave from floor to vault", "", build, steps, "")
 
 
+def _impossible() -> Recipe:
+    """A street that turns about its own axis."""
+
+    def build():
+        from demo.showpieces.street_film import impossible_street
+
+        return impossible_street()
+
+    return Recipe("impossible-street", "An impossible street", "", build, (render(),), "")
+
+
 PIECES = {
+    "impossible-street": Piece(_impossible(), (1280, 640), evening),
     "panorama-map": Piece(_recipe("panorama-map"), (1920, 1080), mountains),
     "nave": Piece(_nave(), (1200, 1920), lambda scene: None),
     "evening-street": Piece(_recipe("rising-street"), (1920, 960), evening),
 }
 
 
-# The film: its size, frames from one end to the other, samples, and milliseconds of each image.
-FILM, FILM_SIZE, FILM_FRAMES, FILM_SAMPLES, FILM_PAUSE = "street-rises", (560, 280), 50, 8, 90
+# The films' size, and the quality of their compression.
+FILM_SIZE, FILM_QUALITY = (560, 280), 55
+# Frames from one end to the other of the street that rises.
+RISING_FRAMES = 50
 
 
-def film() -> None:
-    """Render the street as it rises and lies down again, by the engine, as an animated WebP."""
+def street_rises() -> tuple[object, list[Callable[[], None]]]:
+    """The scene of the street as it rises and lies down again, and what sets each of its frames."""
+    scene = prepare(_recipe("rising-street"))
+
+    def blend(frame: int) -> None:
+        share = frame / (RISING_FRAMES - 1)
+        scene.camera.scfpf.blend_factor = share * share * (3.0 - 2.0 * share)
+
+    up = [*[0] * 6, *range(RISING_FRAMES), *[RISING_FRAMES - 1] * 6, *range(RISING_FRAMES - 2, 0, -1)]
+    return scene, [functools.partial(blend, frame) for frame in up]
+
+
+def one_volume() -> tuple[object, list[Callable[[], None]]]:
+    """The scene of the volume that is twisted and unrolled, and what sets each of its frames."""
+    from demo import render_demo
+    from demo.showpieces import street_film
+
+    scene = render_demo.build_street()
+    street_film.add_camera(scene, render_demo.MODULE)
+    frames = range(scene.frame_start, scene.frame_end)
+    return scene, [functools.partial(scene.frame_set, frame) for frame in frames]
+
+
+# The samples of each film, and the milliseconds of its images.
+FILMS = {"street-rises": (street_rises, 8, 90), "one-volume": (one_volume, 4, 100)}
+
+
+def film(name: str) -> None:
+    """Render a film by the engine, as an animated WebP."""
     import bpy
     from PIL import Image
 
     from demo import render_demo
 
-    scene = prepare(_recipe("rising-street"))
+    build, samples, pause = FILMS[name]
+    scene, settings = build()
     scene.render.resolution_x, scene.render.resolution_y = FILM_SIZE
-    camera = scene.camera
-    camera.scfpf.samples = FILM_SAMPLES
+    scene.camera.scfpf.samples = samples
+    seen: dict[bytes, Image.Image] = {}
     images = []
-    for frame in range(FILM_FRAMES):
-        share = frame / (FILM_FRAMES - 1)
-        camera.scfpf.blend_factor = share * share * (3.0 - 2.0 * share)
+    for number, setting in enumerate(settings):
+        setting()
         bpy.context.view_layer.update()
-        raw = OUTPUT / f"{FILM}-{frame:02}.png"
-        render_demo.render(scene, raw)
-        images.append(Image.open(raw).convert("RGB"))
-        raw.unlink()
-    both = [*[images[0]] * 6, *images, *[images[-1]] * 6, *images[-2:0:-1]]
-    path = FOLDER / f"{FILM}.webp"
-    options = {"duration": FILM_PAUSE, "loop": 0, "quality": 55, "method": 4}
-    both[0].save(path, save_all=True, append_images=both[1:], **options)
-    print(f"{FILM}: {len(both) * FILM_PAUSE / 1000:.0f} s, {path.stat().st_size / 1000:.0f} kB", flush=True)
+        state = _state(scene.camera)
+        if state not in seen:
+            raw = OUTPUT / f"{name}-{number:03}.png"
+            render_demo.render(scene, raw)
+            seen[state] = Image.open(raw).convert("RGB")
+            raw.unlink()
+        images.append(seen[state])
+    path = FOLDER / f"{name}.webp"
+    options = {"duration": pause, "loop": 0, "quality": FILM_QUALITY, "method": 4}
+    images[0].save(path, save_all=True, append_images=images[1:], **options)
+    bpy.ops.wm.save_as_mainfile(filepath=str(OUTPUT / f"{name}.blend"), compress=True)
+    print(f"{name}: {len(images) * pause / 1000:.0f} s, {path.stat().st_size / 1000:.0f} kB", flush=True)
+
+
+def _state(camera) -> bytes:
+    """The values of all shape keys of a camera's surfaces, by which its frames differ."""
+    meshes = [slot.object.data for slot in camera.scfpf.surfaces]
+    values = [key.value for mesh in meshes for key in mesh.shape_keys.key_blocks]
+    return repr(values).encode()
 
 
 def make(name: str, percentage: int, samples: int) -> None:
@@ -182,19 +234,19 @@ def make(name: str, percentage: int, samples: int) -> None:
 
 def main(arguments: list[str]) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("pieces", nargs="*", metavar="PIECE", help=f"one of {', '.join((*PIECES, FILM))}")
+    parser.add_argument("pieces", nargs="*", metavar="PIECE", help=f"one of {', '.join((*PIECES, *FILMS))}")
     parser.add_argument("--percentage", type=int, default=100, metavar="N", help="of the size")
     parser.add_argument("--samples", type=int, default=SAMPLES, metavar="N", help="a pixel, before denoising")
     options = parser.parse_args(arguments)
-    if unknown := sorted(set(options.pieces) - {*PIECES, FILM}):
+    if unknown := sorted(set(options.pieces) - {*PIECES, *FILMS}):
         parser.error(f"no showpiece is named {', '.join(unknown)}")
     for folder in (FOLDER, OUTPUT):
         folder.mkdir(parents=True, exist_ok=True)
     with scratch_profile() as scratch:
         enable_add_on(scratch)
-        for name in options.pieces or (*PIECES, FILM):
-            if name == FILM:
-                film()
+        for name in options.pieces or (*PIECES, *FILMS):
+            if name in FILMS:
+                film(name)
             else:
                 make(name, options.percentage, options.samples)
 

@@ -17,6 +17,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.errors import BAD_INPUT
 from ..common.target import camera_of, poll_object_mode, take_up_edits
 from ..common.tool import Action
+from ..common.words import say
 
 
 def camera_name():
@@ -62,7 +63,7 @@ def chosen(collection, name: str, what: str):
         return None
     found = collection.get(name)
     if found is None:
-        raise AimError(f"There is no {what} '{name}': choose another one")
+        raise AimError(say("There is no {0} '{1}': choose another one", what, name))
     return found
 
 
@@ -72,7 +73,7 @@ def target_at(camera, index: int):
     index = camera.scfpf.active_aim if index < 0 else index
     if index >= len(targets):
         raise AimError(
-            f"'{camera.name}' has no target at place {index + 1}: add one with Add View or Add Pin"
+            say("'{0}' has no target at place {1}: add one with Add View or Add Pin", camera.name, index + 1)
         )
     return targets[index], index
 
@@ -106,7 +107,7 @@ class AimAction(Action):
             raise AimError("There is no camera to aim: select one")
         if not camera.is_editable:
             raise AimError(
-                f"'{camera.name}' is linked from another file: make a library override of it first"
+                say("'{0}' is linked from another file: make a library override of it first", camera.name)
             )
         take_up_edits(context)
         self._was_ordinary = False

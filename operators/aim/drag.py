@@ -20,8 +20,10 @@ from ...scfpf_addon.shading.picking.frame_handles import BODY, SIZE, TURN, Frame
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import ARROWS
+from ..common.words import say
 from .watched import Watched
 
+NO_PLACE = "'{0}' has no view or pin at place {1}: choose one in the list"
 # Seconds between two steps while the mouse rests, and how many there are until the volume has settled.
 TICK, RESTING_STEPS = 0.05, 4
 PARTS = {"G": BODY, "S": SIZE, "R": TURN}
@@ -167,9 +169,9 @@ class SCFPF_OT_aim_drag(Watched, bpy.types.Operator):
         index = self.index if self.index >= 0 else settings.active_aim
         kinds = [target.kind for target in settings.aim_targets]
         if index >= len(kinds) or kinds[index] not in (VIEW, PIN):
-            raise AimError(f"'{camera.name}' has no view or pin at place {index + 1}: choose one in the list")
-        self.index = settings.active_aim = index
-        self._camera = camera.session_uid
+            raise AimError(say(NO_PLACE, camera.name, index + 1))
+        self.index, self._camera = index, camera.session_uid
+        settings.active_aim = index
         target = self._target()
         self._is_pin = target.kind == PIN
         self._before = tuple(target.position), target.width, target.turn

@@ -14,6 +14,7 @@ from ...scfpf_addon.bridge.aim.keyed_targets import solving_animation
 from ...scfpf_addon.bridge.aim.solve_work import run_through
 from ...scfpf_addon.bridge.aim.target_views import AimError
 from ..common.errors import BAD_INPUT, refused
+from ..common.words import say
 from .aim_camera import AimAction, camera_name, target_at, target_index
 from .watched import Watched, in_window, stop_all
 
@@ -45,7 +46,7 @@ class SCFPF_OT_aim_turn(AimAction, bpy.types.Operator):
     def edit(self, context, camera):
         target, _ = target_at(camera, self.index)
         if target.kind != "VIEW":
-            raise AimError(f"'{target.name}' is not a view: choose one")
+            raise AimError(say("'{0}' is not a view: choose one", target.name))
         left, up = target.free_turn if self.to_free else (self.left, self.up)
         new_targets.turn_eye(target, context.evaluated_depsgraph_get(), left, up)
 
@@ -63,9 +64,11 @@ class SCFPF_OT_aim_solve(Watched, AimAction, bpy.types.Operator):
         camera = super().prepared(context)
         if not camera.scfpf.enabled:
             raise AimError(
-                f"Switch on Flexible Projection for '{camera.name}' first"
+                say("Switch on Flexible Projection for '{0}' first", camera.name)
                 if len(camera.scfpf.aim_targets)
-                else f"'{camera.name}' has no view and no pin to aim at: add one with Add View or Add Pin"
+                else say(
+                    "'{0}' has no view and no pin to aim at: add one with Add View or Add Pin", camera.name
+                )
             )
         return camera
 

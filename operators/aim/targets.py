@@ -17,6 +17,7 @@ from ...scfpf_addon.projection.volume.inverse import find_in_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..camera.camera_placement import camera_like_view
 from ..common.tool import STEPS
+from ..common.words import say
 from ..image.preparation import prepared_inputs
 from .aim_camera import AimAction, camera_name, chosen, own_projection, target_at, target_index, thing_name
 
@@ -88,7 +89,7 @@ class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
         obj = chosen(bpy.data.objects, self.object, "object")
         eye = chosen(bpy.data.objects, self.eye, "object")
         if eye is not None and (eye.type not in {"CAMERA", "EMPTY"} or eye == camera):
-            raise AimError(f"'{eye.name}' cannot be looked from: choose another camera or an empty")
+            raise AimError(say("'{0}' cannot be looked from: choose another camera or an empty", eye.name))
         projection = own_projection(context, camera)
         if collection is None and obj is None:
             collection, obj = _thing(context)
@@ -98,7 +99,7 @@ class SCFPF_OT_aim_view_add(AimAction, bpy.types.Operator):
         target = new_targets.add_view(camera, depsgraph, projection, collection, obj, eye)
         if self.properties.is_property_set("position"):
             target.position = self.position
-        return f"Turn '{target.eye.name}' or move the view's frame, then press Solve"
+        return say("Turn '{0}' or move the view's frame, then press Solve", target.eye.name)
 
 
 def _viewport_eye(context, camera):

@@ -7,6 +7,7 @@ import bpy
 
 from ...scfpf_addon.bridge.aim.solve_work import Steps, WatchedSolve
 from ..common.errors import BAD_INPUT, refused
+from ..common.words import say
 from ..image.preparation import redraw_interface
 
 # Seconds between two looks at the thread.
@@ -61,7 +62,7 @@ class Watched:
 
     def _tell(self, context) -> None:
         if context.workspace is not None:
-            context.workspace.status_text_set(f"Aim: solving, {self._solve.share:.0%}    Esc: cancel")
+            context.workspace.status_text_set(say("Aim: solving, {0:.0%}    Esc: cancel", self._solve.share))
 
     def _leave(self, context) -> None:
         _running.remove(self._solve)

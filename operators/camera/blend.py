@@ -23,6 +23,7 @@ from ...scfpf_addon.projection.volume.folds import find_folds
 from ...scfpf_addon.shading.picking.find import find, points_of
 from ..common.target import flexible_camera_of, poll_flexible_camera
 from ..common.tool import Tool, select_only
+from ..common.words import say
 from ..image.find import wanted_objects
 from ..image.preparation import poll_no_render, prepared_inputs
 from .presets import preset_choices, preset_items, shipped_preset
@@ -64,7 +65,7 @@ def _preset_before(context, camera, preset):
 
 
 def _done(camera) -> str:
-    return f"'{camera.name}' is the scene camera: its Blend goes from one picture to the other"
+    return say("'{0}' is the scene camera: its Blend goes from one picture to the other", camera.name)
 
 
 class SCFPF_OT_camera_blend(Tool, bpy.types.Operator):
@@ -198,7 +199,7 @@ class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
         else:
             field.size[0] = float(np.hypot(right - left, (high - low) / aspect)) + border
         _updated(context, camera)
-        return f"The map is around the selection as '{name}' sees it"
+        return say("The map is around the selection as '{0}' sees it", name)
 
 
 def _seen_box(context, camera) -> tuple[float, float, float, float]:
@@ -212,7 +213,7 @@ def _seen_box(context, camera) -> tuple[float, float, float, float]:
     pixel = 1 / inputs.settings.width, 1 / inputs.settings.height
     found = find(inputs.projection, inputs.scene, points, names, pixel)
     if found is None:
-        raise BlendError(f"'{title}' does not see the selected objects: select others, or turn it")
+        raise BlendError(say("'{0}' does not see the selected objects: select others, or turn it", title))
     return found.box
 
 
@@ -220,7 +221,7 @@ def _updated(context, camera) -> str:
     """Make a blend anew from its ends. Returns what there is to say; raises an error of BAD_INPUT."""
     ends, field = camera.scfpf.blend_ends, camera.scfpf.blend_field
     if field.kind == "IMAGE" and field.image is not None and read_field(camera) is None:
-        raise BlendError(f"The image '{field.image.name}' has no pixels: paint or load it")
+        raise BlendError(say("The image '{0}' has no pixels: paint or load it", field.image.name))
     first = _end(context, camera, ends.first)
     if ends.second is not None:
         other = _end(context, camera, ends.second)
@@ -229,7 +230,9 @@ def _updated(context, camera) -> str:
         name = other.name
     else:
         if ends.preset not in (stem for stem, _name, _text in preset_items()):
-            raise BlendError(f"There is no preset '{ends.preset}': choose a camera at which the blend ends")
+            raise BlendError(
+                say("There is no preset '{0}': choose a camera at which the blend ends", ends.preset)
+            )
         preset = shipped_preset(ends.preset)
         second, name = _preset_before(context, first, preset), preset.name
     own, blend = _blend(context, first, second, camera)
@@ -238,8 +241,10 @@ def _updated(context, camera) -> str:
     context.view_layer.update()
     made = read_projection(camera, context.evaluated_depsgraph_get(), image_aspect(context.scene))
     folds = find_folds(made)
-    folded = f"; {folds.share:.1%} of it folds".replace("%", " %") if folds else ""
-    return f"The blend '{camera.name}' is updated: it goes from '{first.name}' to '{name}'{folded}"
+    folded = say("; {0:.1%} of it folds", folds.share).replace("%", " %") if folds else ""
+    return say(
+        "The blend '{0}' is updated: it goes from '{1}' to '{2}'{3}", camera.name, first.name, name, folded
+    )
 
 
 def _end(context, camera, end):
@@ -247,7 +252,7 @@ def _end(context, camera, end):
     if lost := absent_text(end, context.scene, "choose another camera"):
         raise BlendError(lost)
     if end == camera or end.type != "CAMERA" or not end.scfpf.enabled:
-        raise BlendError(f"'{end.name}' is not a flexible camera: choose another one")
+        raise BlendError(say("'{0}' is not a flexible camera: choose another one", end.name))
     return end
 
 

@@ -19,7 +19,8 @@ INSIDE_SHARE = 0.5
 LEAST_SHARE = 0.01
 # A preset whose far surface is more than this many times farther off than the scene's end is scaled down.
 OVERSIZE = 10.0
-# Its far diagonal keeps at least this multiple of the scene's: parallel projectors see no more.
+# Its far diagonal keeps at least this multiple of the scene's: parallel projectors see no more. Inside the
+# scene it does not, as the near surface would lie behind everything.
 ACROSS = 2.0
 # Without a viewport the camera looks from here, as Blender's default view does.
 DEFAULT_DIRECTION = Vector((0.8, -1.0, 0.55)).normalized()
@@ -107,7 +108,7 @@ def reaching_scale(volume, matrix, box: Box) -> float:
     """The scale of a preset's volume (camera space) that puts its far surface behind the box.
 
     It is 1 for a volume that reaches farther. Only a box tiny beside the volume, whose near surface might lie
-    behind it, gives less; the far surface then stays larger than the box.
+    behind it, gives less; the far surface then stays larger than a box that is seen from outside.
     """
     ends = np.array([0.0, 0.5, 1.0])
     u, v = (grid.ravel() for grid in np.meshgrid(ends, ends))
@@ -121,4 +122,6 @@ def reaching_scale(volume, matrix, box: Box) -> float:
         return max(wanted, 1.0)
     extent = float(np.linalg.norm(np.ptp(far, axis=1)))
     across = ACROSS * float(np.linalg.norm(box.size)) / extent if extent > 0 else 1.0
-    return min(max(wanted, across), 1.0)
+    eye = np.array(matrix.translation, np.float64)
+    is_inside = bool(((box.low <= eye) & (eye <= box.high)).all())
+    return min(wanted if is_inside else max(wanted, across), 1.0)

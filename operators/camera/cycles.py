@@ -10,6 +10,7 @@ from ...scfpf_addon.cycles.rig_data import rig_of
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import camera_of, poll_flexible_camera
 from ..common.tool import Action
+from ..common.words import say
 
 SET_UP_FIRST = "Press Set Up Cycles in the camera's properties first"
 # Seconds between two steps, in which Blender shows the progress and handles the Esc key.
@@ -82,7 +83,7 @@ class _Planned:
 
     def _show_progress(self, context) -> None:
         context.window_manager.progress_update(self._planning.progress)
-        context.workspace.status_text_set(f"{self.bl_label}: {self._planning.text}    Esc: cancel")
+        context.workspace.status_text_set(say("{0}: {1}    Esc: cancel", self.bl_label, self._planning.text))
 
     def _leave(self, context) -> None:
         context.window_manager.progress_end()

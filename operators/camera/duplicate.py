@@ -6,6 +6,7 @@ import bpy
 from ...scfpf_addon.bridge.camera.flexible_camera import FlexibleCameraError
 from ...scfpf_addon.bridge.camera.volume_edits import make_single_user
 from ..common.tool import Tool
+from ..common.words import say
 
 
 class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
@@ -24,7 +25,7 @@ class SCFPF_OT_camera_duplicate(Tool, bpy.types.Operator):
     def edit(self, context, camera):
         originals = [camera, *(slot.object for slot in camera.scfpf.surfaces if slot.object is not None)]
         if not camera.visible_get():
-            raise FlexibleCameraError(f"'{camera.name}' is hidden: show it in the Outliner first")
+            raise FlexibleCameraError(say("'{0}' is hidden: show it in the Outliner first", camera.name))
         for obj in context.selected_objects:
             obj.select_set(False)
         for obj in originals:

@@ -7,9 +7,10 @@ from collections import deque
 import bpy
 from bpy.app.handlers import persistent
 
+from ...scfpf_addon.bridge.blender.rig_mark import camera_behind
 from ...scfpf_addon.bridge.render.render_engine import ENGINE
 from ...scfpf_addon.cycles.engine_choice import f12_warning
-from ..common.target import poll_scene
+from ..common.target import flexible_camera_of, poll_scene
 
 # Seconds between two checks of the queue, and until a warning is reported.
 LOOK = 0.5
@@ -20,7 +21,8 @@ _waiting: deque[str] = deque()
 
 
 class SCFPF_OT_engine_use(bpy.types.Operator):
-    """Choose SCFPF as the scene's render engine, so that F12 and animations show the flexible camera"""
+    """Choose SCFPF as the scene's render engine and this camera as the scene's, so that F12 and animations
+    show the flexible camera"""
 
     bl_idname = "scfpf.engine_use"
     bl_label = "Use SCFPF for F12"
@@ -29,7 +31,10 @@ class SCFPF_OT_engine_use(bpy.types.Operator):
     poll = classmethod(poll_scene)
 
     def execute(self, context):
-        context.scene.render.engine = ENGINE
+        scene, camera = context.scene, flexible_camera_of(context)
+        scene.render.engine = ENGINE
+        if camera is not None and camera_behind(scene.camera) != camera and camera.name in scene.objects:
+            scene.camera = camera
         self.report({"INFO"}, "F12 renders through the flexible camera with SCFPF")
         return {"FINISHED"}
 

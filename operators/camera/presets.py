@@ -13,6 +13,7 @@ from ...scfpf_addon.projection.presets.preset import PresetError, read_preset
 from ..common.scene_box import scene_box
 from ..common.target import camera_of, poll_camera
 from ..common.tool import Action, tooltip_of
+from ..common.words import say
 from .camera_placement import around_subject, reaching_scale
 
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "presets"
@@ -90,7 +91,7 @@ class PresetOperator(Action):
     def act(self, context):
         preset = self.read()
         use_preset(context, camera_of(context), preset, self.fit)
-        return f"The camera has the volume of the preset {preset.name}"
+        return say("The camera has the volume of the preset {0}", preset.name)
 
 
 class ReadsPresetFile:

@@ -14,6 +14,7 @@ from ...scfpf_addon.scanline.preview.preview_viewports import viewports_of
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import camera_of, poll_flexible_camera_in_any_mode
 from ..common.tool import Action, plain
+from ..common.words import say
 
 FLAT = (
     "The nodes preview cannot show this volume, which is flat: all its projectors lie in one surface. "
@@ -78,7 +79,9 @@ class SCFPF_OT_preview_toggle(bpy.types.Operator):
     def _show_progress(self, context) -> None:
         context.window_manager.progress_update(self._building.progress)
         done = round(100 * self._building.progress)
-        context.workspace.status_text_set(f"{self.bl_label}: {done} % of the node groups    Esc: cancel")
+        context.workspace.status_text_set(
+            say("{0}: {1} % of the node groups    Esc: cancel", self.bl_label, done)
+        )
 
     def _leave(self, context) -> None:
         context.window_manager.progress_end()

@@ -12,6 +12,7 @@ from ..common.errors import BAD_INPUT
 from ..common.scene_box import scene_box
 from ..common.target import poll_object_mode, poll_scene
 from ..common.tool import Action, select_only, show_in_local_view
+from ..common.words import say
 
 
 class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
@@ -59,7 +60,7 @@ class SCFPF_OT_camera_from_screen(Action, bpy.types.Operator):
         if scene.camera is None:
             scene.camera = camera
         at = "the 3D cursor" if eye is None else f"'{eye.name}'"
-        return f"'{camera.name}' fills the UV map of '{screen.name}', seen from {at}"
+        return say("'{0}' fills the UV map of '{1}', seen from {2}", camera.name, screen.name, at)
 
 
 register, unregister = bpy.utils.register_classes_factory((SCFPF_OT_camera_from_screen,))

@@ -5,6 +5,7 @@ import bpy
 
 from ...scfpf_addon.bridge.render.tutorial_scene import BLOCK_SIZE, BLOCKS, new_tutorial_scene
 from ..common.target import poll_object_mode
+from ..common.words import say
 
 
 class SCFPF_OT_tutorial_scene(bpy.types.Operator):
@@ -27,7 +28,7 @@ class SCFPF_OT_tutorial_scene(bpy.types.Operator):
         if context.window is not None:
             context.window.scene = scene
         self.report(
-            {"INFO"}, f"The scene '{scene.name}' is new: add a flexible camera to it with Add > Camera"
+            {"INFO"}, say("The scene '{0}' is new: add a flexible camera to it with Add > Camera", scene.name)
         )
         return {"FINISHED"}
 

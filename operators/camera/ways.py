@@ -20,6 +20,7 @@ from ..common.target import (
     poll_flexible_camera_in_any_mode,
 )
 from ..common.tool import plain
+from ..common.words import say
 from ..image.preparation import redraw_interface
 
 NO_VIEWPORT = "This window has no 3D viewport to show the picture in: open one"
@@ -199,8 +200,8 @@ def price_text(context, camera) -> str:
         return found
     # Before the rig is made nobody knows how many portals its rays skip.
     bound = "about" if found.passed else "up to"
-    memory = f"{found.memory / 1e6:,.0f} MB"
-    return f"Price: {bound} {found.cost:.1f} times the time of an ordinary camera, and {memory}"
+    memory = say("{0:,.0f} MB", found.memory / 1e6)
+    return say("Price: {0} {1:.1f} times the time of an ordinary camera, and {2}", bound, found.cost, memory)
 
 
 # How each 3D viewport was drawn last, by the address of its region.

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The errors that mean bad input, which operators report in one line. Other errors are bugs and propagate."""
 
+from bpy.app.translations import pgettext_rpt
+
 from ...scfpf_addon.bridge.aim.target_views import AimError
 from ...scfpf_addon.bridge.blender.mesh_grid import SurfaceError
 from ...scfpf_addon.bridge.blender.slot_animation import SlotError
@@ -36,5 +38,5 @@ BAD_INPUT = (
 
 def refused(operator, error) -> set[str]:
     """Report one of BAD_INPUT, and return what a cancelled operator returns."""
-    operator.report({"ERROR"}, reason(error))
+    operator.report({"ERROR"}, pgettext_rpt(reason(error)))
     return {"CANCELLED"}

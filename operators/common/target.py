@@ -8,6 +8,7 @@ from ...scfpf_addon.bridge.blender.scene_objects import missing_text
 from ...scfpf_addon.bridge.camera.read_projection import is_lattice_volume
 from ...scfpf_addon.bridge.render.render_errors import RenderError
 from ...scfpf_addon.bridge.sync.handlers import camera_objects
+from .words import say
 
 NO_CAMERA = (
     "There is no flexible camera to render: add one with Add > Camera > Flexible Camera, or select one"
@@ -164,10 +165,12 @@ def chosen_camera(context, name: str):
     camera = bpy.data.objects.get(name) if name else render_camera(context)
     if camera is None:
         if name:
-            raise RenderError(f'There is no object "{name}" to look through: choose a flexible camera')
+            raise RenderError(say('There is no object "{0}" to look through: choose a flexible camera', name))
         raise RenderError(missing_text(context.scene.camera) or NO_CAMERA)
     if camera.type != "CAMERA" or not camera.scfpf.enabled:
-        raise RenderError(f"{camera.name} is not a flexible camera: switch on Flexible Projection for it")
+        raise RenderError(
+            say("{0} is not a flexible camera: switch on Flexible Projection for it", camera.name)
+        )
     return camera
 
 
@@ -175,7 +178,7 @@ def editable_camera(context, name: str):
     """``chosen_camera`` if it is editable, so that results can be stored on it. Raises RenderError."""
     camera = chosen_camera(context, name)
     if not camera.is_editable:
-        raise RenderError(f"{camera.name} is linked from another file: make a library override of it")
+        raise RenderError(say("{0} is linked from another file: make a library override of it", camera.name))
     return camera
 
 

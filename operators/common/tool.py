@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Base classes of operators, and the selection and local view of the objects that operators make."""
 
+from bpy.app.translations import pgettext_rpt
+
 from .errors import BAD_INPUT, refused
 from .target import flexible_camera_of, poll_flexible_camera
 
@@ -24,7 +26,7 @@ class Action:
         except BAD_INPUT as error:
             return refused(self, error)
         if message:
-            self.report({"INFO"}, message)
+            self.report({"INFO"}, pgettext_rpt(message))
         return {"FINISHED"}
 
 

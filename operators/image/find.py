@@ -10,6 +10,7 @@ from ...scfpf_addon.shading.picking.find import find, points_of
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import editable_camera
+from ..common.words import say
 from .pick import store_pick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
@@ -28,13 +29,13 @@ def _origins(objects):
 def _description(title: str, found) -> str:
     """The found object and its visibility, in a few short parts."""
     left, low, right, high = found.box
-    parts = [title, f"{right - left:.1%} × {high - low:.1%} of the picture".replace("%", " %")]
+    parts = [title, say("{0:.1%} × {1:.1%} of the picture", right - left, high - low).replace("%", " %")]
     if found.shown < 1:
         parts.append("Partly outside the picture")
     if found.hidden == 1:
-        parts.append(f"Hidden from the camera behind {found.hider}")
+        parts.append(say("Hidden from the camera behind {0}", found.hider))
     elif found.hidden > 0:
-        parts.append(f"Partly hidden behind {found.hider}")
+        parts.append(say("Partly hidden behind {0}", found.hider))
     return " · ".join(parts)
 
 
@@ -58,7 +59,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
     def execute(self, context):
         wanted = wanted_objects(context)
         names = {obj.name for obj in wanted}
-        title = wanted[0].name if len(wanted) == 1 else f"{len(wanted)} objects"
+        title = wanted[0].name if len(wanted) == 1 else say("{0} objects", len(wanted))
         origins = _origins(wanted)
         try:
             camera = editable_camera(context, "")
@@ -74,7 +75,7 @@ class SCFPF_OT_find_in_image(bpy.types.Operator):
         settings = object_by_uid(uid).scfpf
         settings.show_found = found is not None
         if found is None:
-            self.report({"WARNING"}, f"{title} is outside the picture")
+            self.report({"WARNING"}, say("{0} is outside the picture", title))
         else:
             settings.found_box, settings.found_object = found.box, _description(title, found)
             if centre is not None:

@@ -9,19 +9,20 @@ from ...scfpf_addon.bridge.render.result_image import result_image
 from ...scfpf_addon.shading.picking.pick import pick
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import editable_camera
+from ..common.words import say
 from .image_click import ImageClick
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
 
 def pick_readout(settings) -> list[str]:
     """The hit of a camera's picked projector, in a few short lines."""
-    lines = [f"At x {settings.pick[0]:.4f}, y {settings.pick[1]:.4f} of the picture"]
+    lines = [say("At x {0:.4f}, y {1:.4f} of the picture", settings.pick[0], settings.pick[1])]
     if settings.pick_t < 0:
         return [*lines, "It meets nothing"]
     return [
         *lines,
-        f"Meets {settings.pick_object}",
-        f"At t {settings.pick_t:.5f}, distance {settings.pick_distance:.5g}",
+        say("Meets {0}", settings.pick_object),
+        say("At t {0:.5f}, distance {1:.5g}", settings.pick_t, settings.pick_distance),
     ]
 
 

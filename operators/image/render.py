@@ -18,6 +18,7 @@ from ...scfpf_addon.bridge.render.result_image import (
 )
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import chosen_camera
+from ..common.words import say
 from .image_editors import image_editors, open_image_editor
 from .preparation import poll_no_render, prepared_inputs, redraw_interface
 
@@ -145,7 +146,7 @@ class SCFPF_OT_render(bpy.types.Operator):
             editors[0].image = result_image()
             self.report({"INFO"}, outcome)
         else:
-            self.report({"INFO"}, f"{outcome}. Show Picture, the icon beside Render, opens it")
+            self.report({"INFO"}, say("{0}. Show Picture, the icon beside Render, opens it", outcome))
         # The operator has no UNDO option, whose redo panel would render again at every change.
         if bpy.ops.ed.undo_push.poll():
             bpy.ops.ed.undo_push(message="SCFPF Render")
@@ -153,7 +154,7 @@ class SCFPF_OT_render(bpy.types.Operator):
 
     def _show_progress(self, context):
         percent = int(100 * self._job.progress)
-        text = f"SCFPF: rendering, {percent} %    Esc: cancel"
+        text = say("SCFPF: rendering, {0} %    Esc: cancel", percent)
         if self._job.building:
             text = "SCFPF: building the acceleration structure, which cannot be canceled"
         elif self._job.cancelled:

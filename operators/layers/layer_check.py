@@ -10,6 +10,7 @@ from ...scfpf_addon.bridge.layers.read_image_layers import lacking
 from ...scfpf_addon.shading.picking.layer_shares import layer_shares
 from ..aim.aim_camera import AimAction, camera_name
 from ..common.target import poll_flexible_camera
+from ..common.words import say
 from ..image.preparation import poll_no_render, prepared_inputs, redraw_interface
 
 UNSEEN = "Its camera sees none of it: point the camera at the collection"
@@ -38,7 +39,7 @@ class SCFPF_OT_layer_check(AimAction, bpy.types.Operator):
             lack = lacking(layer)
             layer.share, layer.message = -1.0, ""
             if not layer.is_on or lack:
-                layer.message = f"Left out: {lack}" if lack else ""
+                layer.message = say("Left out: {0}", lack) if lack else ""
                 continue
             number += 1
             layer.share = float(shares.seen[number])

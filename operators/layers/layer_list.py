@@ -13,6 +13,7 @@ from ...scfpf_addon.bridge.settings.layer_properties import FRONTS
 from ..aim.aim_camera import AimAction, camera_name, chosen, thing_name
 from ..aim.targets import collection_of, selected_things
 from ..common.tool import STEPS
+from ..common.words import say
 
 
 def layer_index():
@@ -30,7 +31,7 @@ def _place(camera, index: int) -> int:
     """The place of a camera's layer. index: -1 for the active one. Raises AimError."""
     index = camera.scfpf.active_layer if index < 0 else index
     if index >= len(camera.scfpf.layers):
-        raise AimError(f"'{camera.name}' has no layer at place {index + 1}: add one with Add Layer")
+        raise AimError(say("'{0}' has no layer at place {1}: add one with Add Layer", camera.name, index + 1))
     return index
 
 
@@ -62,13 +63,13 @@ class SCFPF_OT_layer_add(AimAction, bpy.types.Operator):
             cameras = [obj for obj in context.selected_objects if obj.type == "CAMERA" and obj != camera]
             eye = cameras[0] if len(cameras) == 1 else None
         elif eye.type != "CAMERA" or eye == camera:
-            raise AimError(f"'{eye.name}' cannot see a layer: choose another camera")
+            raise AimError(say("'{0}' cannot see a layer: choose another camera", eye.name))
         objects = selected_things(context)
         if collection is None and not objects:
             raise AimError("Select the objects that the layer is to show")
         layer = add_layer(camera, collection or collection_of(context, objects), eye)
         layer.front = self.front
-        return f"Move '{layer.camera.name}' to where the layer is to be seen from"
+        return say("Move '{0}' to where the layer is to be seen from", layer.camera.name)
 
 
 class SCFPF_OT_layer_remove(AimAction, bpy.types.Operator):

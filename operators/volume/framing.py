@@ -12,6 +12,7 @@ from ...scfpf_addon.bridge.camera.volume_fit import move_volume
 from ...scfpf_addon.projection.editing.volume_edits import framing
 from ..common.target import flexible_camera_of, poll_slot
 from ..common.tool import ARROWS, Action
+from ..common.words import say
 
 # The effect of a drag across the region: radians, the logarithm of a factor, a share of the volume's depth.
 TURN, ZOOM, DOLLY = math.radians(60), 2.0, 1.0
@@ -147,9 +148,13 @@ class SCFPF_OT_volume_frame(Action, bpy.types.Operator):
                 slot.object.matrix_parent_inverse = Matrix(self._before[slot.object.session_uid])
 
     def _say(self, context):
-        amounts = (
-            f"Pan {math.degrees(self.pan):.1f}°  Tilt {math.degrees(self.tilt):.1f}°  "
-            f"Roll {math.degrees(self.roll):.1f}°  Dolly {self.dolly:.3g}  Zoom {self.zoom:.3f}"
+        amounts = say(
+            "Pan {0:.1f}°  Tilt {1:.1f}°  Roll {2:.1f}°  Dolly {3:.3g}  Zoom {4:.3f}",
+            math.degrees(self.pan),
+            math.degrees(self.tilt),
+            math.degrees(self.roll),
+            self.dolly,
+            self.zoom,
         )
         if context.area is not None:
             context.area.header_text_set(amounts + ("    Rolling" if self._rolling else ""))

@@ -2,7 +2,7 @@
 """The list of control surfaces: add, attach, remove, reorder and select them, and the mode Edit Volume."""
 
 import bpy
-from bpy.props import EnumProperty, IntProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.camera.flexible_camera import (
     FlexibleCameraError,
@@ -16,6 +16,7 @@ from ...scfpf_addon.bridge.volume.edit_mode import set_edit_volume
 from ..common.errors import BAD_INPUT, refused
 from ..common.target import flexible_camera_of, poll_flexible_camera, poll_slot
 from ..common.tool import STEPS, Action, Tool, select_only
+from ..common.words import say
 from .surface_placement import surface_place
 
 
@@ -28,6 +29,11 @@ class SCFPF_OT_surface_add(Tool, bpy.types.Operator):
     kind: EnumProperty(
         name="Kind", description="The shape of the new control surface", items=KIND_ITEMS, default="PLANE"
     )
+    select: BoolProperty(
+        name="Select",
+        description="Enter the Edit Volume mode and select the new surface, ready to be moved",
+        default=False,
+    )
 
     @classmethod
     def description(cls, _context, properties):
@@ -39,8 +45,18 @@ class SCFPF_OT_surface_add(Tool, bpy.types.Operator):
         matrix, parameters, points = surface_place(
             camera, context.evaluated_depsgraph_get(), self.kind, index
         )
-        add_surface(camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index)
+        surface = add_surface(
+            camera, self.kind, matrix=matrix, parameters=parameters, points=points, index=index
+        )
         settings.active_surface = index
+        if self.select:
+            set_edit_volume(camera, True)
+            context.view_layer.update()
+            if surface.name in context.view_layer.objects:
+                select_only(context, surface)
+                if context.area is not None and context.area.type == "PROPERTIES":
+                    # The Data tab goes on showing the camera's panel, and G moves what is selected.
+                    context.view_layer.objects.active = camera
 
 
 class SCFPF_OT_surface_attach(bpy.types.Operator):
@@ -144,7 +160,9 @@ class SCFPF_OT_surface_select(Action, bpy.types.Operator):
                 "This control surface has no object in the view layer: remove it from the list"
             )
         if not surface.visible_get():
-            raise FlexibleCameraError(f"{surface.name} is hidden: show it in the Outliner to select it")
+            raise FlexibleCameraError(
+                say("{0} is hidden: show it in the Outliner to select it", surface.name)
+            )
         if surface.hide_select:
             set_edit_volume(camera, True)
         context.view_layer.update()

@@ -12,6 +12,7 @@ from ...scfpf_addon.bridge.render.image_size import image_aspect
 from ..common.scene_box import SHAPES, scene_box
 from ..common.target import active_slot, flexible_camera_of, poll_slot, poll_volume
 from ..common.tool import Tool
+from ..common.words import say
 
 
 class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
@@ -41,9 +42,8 @@ class SCFPF_OT_surface_insert(Tool, bpy.types.Operator):
         )
         if exact:
             return None
-        return (
-            f"Its neighbors are of different kinds: the new surface is a grid of {self.resolution} × "
-            f"{self.resolution}"
+        return say(
+            "Its neighbors are of different kinds: the new surface is a grid of {0} × {0}", self.resolution
         )
 
 
@@ -158,7 +158,7 @@ class SCFPF_OT_volume_single_user(Tool, bpy.types.Operator):
 
     def edit(self, context, camera):
         copied = volume_edits.make_single_user(camera)
-        return f"{copied} copied" if copied else "No control surface was shared"
+        return say("{0} copied", copied) if copied else "No control surface was shared"
 
 
 class SCFPF_OT_volume_fit(Tool, bpy.types.Operator):

@@ -141,6 +141,22 @@ def test_presets_in_a_scene_hold_its_middle(addon, size):
             assert invert(volume, corners).found.all()
 
 
+def test_presets_scale_with_a_tiny_scene_around_the_camera(addon):
+    """Volumes are proportional to the scene, and reach a little beyond it."""
+    placement = addon("operators.camera.camera_placement")
+    preset_module = addon("operators.camera.presets")
+    for identifier in ("cavalier", "three_quarter", "linear_twist", "pushbroom", "orthographic"):
+        volume = preset_module.shipped_preset(identifier).fitted(16 / 9).volume()
+        ratios = []
+        for size in (0.02, 0.5):
+            box = placement.Box(np.full(3, -size), np.full(3, size))
+            matrix = Matrix.Translation((0.3 * size, -0.2 * size, 0.1 * size))
+            ratios.append(placement.reaching_scale(volume, matrix, box) / size)
+        assert ratios[0] == pytest.approx(ratios[1], rel=1e-6), identifier
+        far = np.linalg.norm(volume.surfaces[-1].evaluate(0.5, 0.5).position) * ratios[0]
+        assert 1.25 < far < 6, (identifier, far)
+
+
 def test_new_camera_through_a_camera_view_takes_its_lens():
     add_cube()
     bpy.ops.object.camera_add(location=(3, -8, 2), rotation=(1.3, 0, 0.3))

@@ -172,12 +172,28 @@ def test_progress_replaces_the_button_while_a_render_runs(addon, camera):
 def test_what_is_missing_is_said(camera):
     main = bpy.types.SCFPF_PT_view
     bpy.context.scene.render.engine = "SCFPF"
+    assert texts(drawn(main)).startswith(f"{camera.name} In Viewports With F12 Straight so far.")
+    bpy.ops.scfpf.surface_add(kind="PLANE")
     assert texts(drawn(main)) == f"{camera.name} In Viewports With F12"
+    bpy.ops.scfpf.surface_remove()
+    camera.scfpf.active_surface = 0
     bpy.data.objects.remove(camera.scfpf.surfaces[0].object)
     assert "deleted" in texts(drawn(main))
     assert "Remove it" in texts(drawn(bpy.types.SCFPF_PT_view_surfaces))
     bpy.ops.scfpf.surface_remove()
     assert "two control surfaces" in texts(drawn(main))
+
+
+def test_preferences_say_where_to_begin(addon):
+    """The labels name menus, panels and tabs that are there."""
+    entry = addon("panels.menus").SCFPF_Preferences
+    text = texts(drawn(entry))
+    for operator in ("camera_add", "tutorial_scene"):
+        assert getattr(bpy.ops.scfpf, operator).get_rna_type().name.removeprefix("Add ") in text
+    for panel in (bpy.types.SCFPF_PT_view, bpy.types.SCFPF_PT_data):
+        assert panel.bl_label in text
+    assert f"tab {bpy.types.SCFPF_PT_view.bl_category}" in text
+    assert entry.bl_idname in bpy.context.preferences.addons
 
 
 def test_surfaces_of_another_scene_are_not_said_to_be_deleted(camera):

@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 import pytest
 from operator_steps import add_camera, add_cube, poll_message, projection_of, surface_names
+from recorded_layout import drawn
 
 KINDS = (
     "POINT",
@@ -38,6 +39,18 @@ def test_surface_of_every_kind_goes_between_its_neighbours(addon, kind):
     depth = -middle.evaluate(u, v).position[2]
     assert depth.min() >= -near.location.z - 1e-4
     assert depth.max() <= -far.location.z + 1e-4
+
+
+def test_surface_that_a_menu_adds_is_selected_as_blenders_add_does(addon):
+    add_cube()
+    camera = add_camera()
+    record = drawn(bpy.types.SCFPF_MT_surface_add)
+    assert len([entry for entry in record if entry == ("operator", "scfpf.surface_add")]) > 10
+    assert bpy.ops.scfpf.surface_add(kind="PLANE", select=True) == {"FINISHED"}
+    added = camera.scfpf.surfaces[1].object
+    assert bpy.context.object == added and bpy.context.selected_objects == [added]
+    assert camera.scfpf.edit_volume and not added.hide_select
+    assert addon("operators.common.target").camera_of(bpy.context) == camera
 
 
 def test_plane_between_two_planes_of_a_frustum_leaves_the_projectors_straight(addon):

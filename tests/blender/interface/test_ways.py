@@ -79,6 +79,17 @@ def test_a_second_camera_is_looked_through_beside_the_scenes(addon, camera, spac
     assert shown(addon, camera) == (True, False) and bpy.context.scene.camera == camera
 
 
+def test_the_engines_button_makes_the_panels_camera_that_of_f12(camera):
+    """The scene's camera of before gives way, as with the button Cycles."""
+    second = add_camera()
+    assert bpy.context.scene.camera == camera
+    assert bpy.ops.scfpf.engine_use() == {"FINISHED"}
+    assert bpy.context.scene.camera == second and "F12 shows" not in texts(drawn(bpy.types.SCFPF_PT_view))
+    bpy.ops.object.camera_add()
+    assert bpy.ops.scfpf.engine_use() == {"FINISHED"}
+    assert bpy.context.scene.camera == second, "the active camera is an ordinary one"
+
+
 def test_rendered_needs_the_engine_and_says_so(addon, camera, space):
     with there():
         assert "choose SCFPF Engine first" in poll_message(bpy.ops.scfpf.view_rendered)

@@ -1,0 +1,18 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Messages and labels with values in them, in the language of the interface.
+
+Blender translates texts that never change by itself. A text with values is translated as a template, and the
+values are put in afterwards: a catalogue cannot hold all of them.
+"""
+
+from bpy.app.translations import pgettext_iface, pgettext_rpt
+
+
+def say(template: str, *values: object) -> str:
+    """A message with values in the places {0}, {1}, … of its translated template."""
+    return pgettext_rpt(template).format(*values)
+
+
+def worded(template: str, *values: object) -> str:
+    """A label with values in the places {0}, {1}, … of its translated template."""
+    return pgettext_iface(template).format(*values)
