@@ -12,9 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...projection.typing import Array
+from ...projection.typing import Array, BoolArray
 from ...projection.volume.viewing_volume import ImageLayer
-from .layer_parts import Box
 
 # Places across and up a pixel at which a frame and a mask are looked at.
 COVER_SIDE = 4
@@ -70,31 +69,12 @@ def cover(layer: ImageLayer, size: tuple[int, int], window: tuple[int, int, int,
     return total / COVER_SIDE**2
 
 
-def halo_share(box: Box, position: NDArray[np.float32], halo: float, alpha: NDArray[np.float32]) -> Array:
-    """The share (H, W) of each pixel of an image of a layer with its surroundings that its halo shows.
+def halo_share(is_seen: BoolArray, is_near: BoolArray) -> Array:
+    """The share (H, W) of what is beside and before a layer's things in each pixel that its halo shows.
 
-    position: (H, W, 3) of what each pixel shows, 0 where that is nothing. alpha: (H, W) of the image of the
-    layer's things alone, which is shown elsewhere. At the border of the halo the share follows from the
-    change of the distance from pixel to pixel.
+    is_seen: (S, H, W), whether the surroundings of the things are seen at S places of each pixel. is_near:
+    (S, H, W), whether those in the halo are.
     """
-    is_hit = position.any(axis=2)
-    distance = box.distance(position.reshape(-1, 3).T.astype(np.float64)).reshape(is_hit.shape)
-    inside = np.where(is_hit, halo - distance, -np.inf)
-    step = np.maximum(*(_steps(distance, axis) for axis in (0, 1)))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(step > 0.0, 0.5 + inside / step, inside >= 0.0)
-    share = np.where(is_hit, np.clip(share, 0.0, 1.0), 0.0)
-    # At the outline of a thing before what is beyond the halo, only the thing's own image lacks that.
-    padded = np.pad(inside, 1, constant_values=np.inf)
-    rows, columns = inside.shape
-    least = np.min([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
-    result: Array = np.where((least < 0.0) & (alpha > 0.0), 0.0, share)
-    return result
-
-
-def _steps(values: Array, axis: int) -> Array:
-    """The larger of the changes (H, W) from a pixel to the two beside it along an axis."""
-    steps = np.abs(np.diff(values, axis=axis))
-    none = np.zeros_like(np.take(values, [0], axis=axis))
-    larger: Array = np.maximum(*(np.concatenate(pair, axis=axis) for pair in ((none, steps), (steps, none))))
-    return larger
+    seen, near = is_seen.mean(axis=0), is_near.mean(axis=0)
+    share: Array = np.divide(near, seen, out=np.zeros_like(near), where=seen > 0.0)
+    return share

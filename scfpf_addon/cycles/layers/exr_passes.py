@@ -33,11 +33,11 @@ class _Part(NamedTuple):
     bottom: int
 
 
-def read_passes(path: str, names: tuple[str, ...]) -> dict[str, NDArray[np.float32]]:
-    """Read passes of one view layer by name, (H, W, channels), row 0 at the bottom.
+def read_passes(path: str, name: str) -> NDArray[np.float32]:
+    """Read a pass of a file's only view layer, (H, W, channels), row 0 at the bottom.
 
-    path: of an uncompressed float32 file. names: of passes, without that of the view layer. Channels are in
-    the order in which Blender names them: R, G, B, A or X, Y, Z. Raises PassesError, or OSError.
+    path: of an uncompressed float32 file. Channels are in the order in which Blender names them: R, G, B, A
+    or X, Y, Z. Raises PassesError, or OSError.
     """
     data = np.fromfile(path, np.uint8)
     raw = data.tobytes() if len(data) < 8 else bytes(data[:8])
@@ -57,10 +57,10 @@ def read_passes(path: str, names: tuple[str, ...]) -> dict[str, NDArray[np.float
             raise PassesError(f"'{path}' is incomplete, part {number + 1}")
         lines = lines.reshape(height, stride)[:, stride - line :]
         values = np.ascontiguousarray(lines).view("<f4").reshape(height, len(part.channels), width)
-        for channel, name in enumerate(part.channels):
-            rows_of[name] = values[::-1, channel]
+        for channel, title in enumerate(part.channels):
+            rows_of[title] = values[::-1, channel]
         at += height * stride
-    return {name: _pass(path, rows_of, name) for name in names}
+    return _pass(path, rows_of, name)
 
 
 def _pass(path: str, rows_of: dict[str, NDArray[np.float32]], name: str) -> NDArray[np.float32]:

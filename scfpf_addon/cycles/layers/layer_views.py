@@ -23,6 +23,7 @@ from ...shading.settings.frame_settings import Border
 from .layer_eyes import View
 from .layer_things import FoundThings, find_things
 from .passing_scene import PassingScene
+from .shown_pixels import within
 
 # Pixels around a layer's own that its things may colour besides the filter's.
 MARGIN = 1
@@ -48,6 +49,12 @@ class ReadViews:
         things = self.things.by_layer.get(number)
         return None if things is None else things.bounds
 
+    def box(self, number: int) -> Box:
+        """The box around the things of a layer that has some."""
+        found = self.bounds(number)
+        assert found is not None
+        return found[0]
+
     def window(self, number: int) -> Border | None:
         """The pixels in which a layer from 1 on, or its halo, may be seen; None if there are none."""
         found = self.bounds(number)
@@ -70,15 +77,15 @@ class ReadViews:
             return met
 
         met = np.concatenate(parallel_map(seen, chunks(width * height))).reshape(height, width)
-        rows, columns = np.flatnonzero(met.any(axis=1)), np.flatnonzero(met.any(axis=0))
-        if not len(rows):
+        window = within(met, Border(0, 0, width, height))
+        if window is None:
             return None
         more = MARGIN + int(np.ceil(self.filter_width / 2))
         return Border(
-            max(int(columns[0]) - more, 0),
-            max(int(rows[0]) - more, 0),
-            min(int(columns[-1]) + 1 + more, width),
-            min(int(rows[-1]) + 1 + more, height),
+            max(window.left - more, 0),
+            max(window.bottom - more, 0),
+            min(window.right + more, width),
+            min(window.top + more, height),
         )
 
     def beyond(self, number: int) -> frozenset[int]:

@@ -13,16 +13,14 @@ import numpy as np
 
 from ...casting.layers.join_images import cover, halo_share
 from ...casting.layers.layer_keys import layer_keys
-from ...projection.typing import Array
+from ...projection.typing import Array, BoolArray
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
 from .exr_passes import read_passes
 from .layer_eyes import seen_through
 from .layer_views import ReadViews, read_views
 from .passing_scene import KEY_SIDE, PassingScene
-from .shown_pixels import ShownPixels, around, join_into
-
-PASSES = ("Combined", "Position")
+from .shown_pixels import ShownPixels, around, join_into, slices, within
 
 
 class LayeredRender:
@@ -49,7 +47,7 @@ class LayeredRender:
         found = {number: read.window(number) for number in range(1, len(read.views))}
         windows = {number: window for number, window in found.items() if window is not None}
         compared = [w for number, w in windows.items() if read.layers.layers[number - 1].front != "ORDER"]
-        renders = [(1 + (layer.front == "DEPTH")) * (1 + (layer.halo > 0.0)) for layer in read.layers.layers]
+        renders = [3 if layer.halo > 0.0 else 1 + (layer.front == "DEPTH") for layer in read.layers.layers]
         self.total = 1 + bool(compared) + sum(renders[number - 1] for number in windows)
         self._passing.show((0,))
         with seen_through(self._passing, read.views[0]) as cautions:
@@ -73,55 +71,63 @@ class LayeredRender:
     def _rest(self, read: ReadViews, compared: Border | None) -> Generator[str, None, ShownPixels]:
         """Render what is in no layer. compared: the pixels in which its keys matter, None without any."""
         whole = Border(0, 0, *read.size)
-        color, _ = yield from self._colors("the picture", whole, read, is_layer=False)
+        color = yield from self._colors("the picture", whole, read, is_layer=False)
         keys = np.full((1, 1, 1), np.inf)
         if compared is not None:
-            keys = yield from self._keys("the picture", compared, read, 0)
+            keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read)))
         return ShownPixels(whole, color, compared or Border(0, 0, 1, 1), keys)
 
     def _layer(self, read: ReadViews, number: int, window: Border) -> Generator[str, None, ShownPixels]:
         """Render a layer. window: the pixels in which it may be seen."""
         layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}'"
-        (box, _), layers = read.bounds(number), read.layers.layers
+        box, keys = read.box(number), None
         self._passing.show((number,))
-        color, _ = yield from self._colors(name, window, read, is_layer=True)
+        color = yield from self._colors(name, window, read, is_layer=True)
         if layer.front == "DEPTH":
-            keys = yield from self._keys(name, window, read, number)
+            keys = self._keys(read, number, *(yield from self._places(name, window, read)))
         if layer.halo > 0.0:
-            self._passing.show((0, number), read.beyond(number))
-            near, there = yield from self._colors(f"{name}, its halo", window, read, is_layer=True)
-            share = halo_share(box, there, layer.halo, color[..., 3])
-            color = color + (near - color) * share[..., None]
-            if layer.front == "DEPTH":
-                ground = yield from self._keys(f"{name}, its halo", window, read, number)
-                keys = np.where(share > 0.0, ground, keys)
-        is_shown = (color[..., 3] > 0.0).ravel()
-        nearest = layer_keys(layers, number, box.middle[:, None], is_shown, box.middle)
-        nearest = nearest.reshape(1, *color.shape[:2])
-        if layer.front == "DEPTH":
-            # Where no place meets anything opaque the middle of the things has to do.
-            keys = np.where(np.isfinite(keys).any(axis=0), keys, nearest)
-        else:
-            keys = nearest
+            name = f"{name}, its halo"
+            self._passing.show((0, number), read.beyond(number), held_out=number)
+            place, is_seen = yield from self._places(name, window, read)
+            distance = box.distance(place.reshape(3, -1)).reshape(is_seen.shape)
+            is_near = is_seen & (distance <= layer.halo)
+            share = halo_share(is_seen, is_near)
+            if keys is not None:
+                keys = np.where(is_near, self._keys(read, number, place, is_near), keys)
+            if (part := within(share > 0.0, window)) is not None:
+                self._passing.show((0, number), read.beyond(number))
+                near = yield from self._colors(name, part, read, is_layer=True)
+                own = slices(part, window)
+                color[own] += (near - color[own]) * share[own][..., None]
+        # Where no place meets anything opaque the middle of the things has to do.
+        middle = np.broadcast_to(box.middle[:, None, None, None], (3, 1, *color.shape[:2]))
+        nearest = self._keys(read, number, middle, color[None, ..., 3] > 0.0)
+        keys = nearest if keys is None else np.where(np.isfinite(keys).any(axis=0), keys, nearest)
         return ShownPixels(window, color * cover(layer, read.size, window)[..., None], window, keys)
 
     def _colors(
         self, name: str, window: Border, read: ReadViews, is_layer: bool
-    ) -> Generator[str, None, tuple[Single, Single]]:
-        """Render colours (H, W, 4) and positions (H, W, 3) of what is met last in each pixel."""
+    ) -> Generator[str, None, Single]:
+        """Render colours (H, W, 4)."""
         with self._passing.colored(window, read.size, is_layer):
             yield name
-            found = read_passes(self._passing.path, PASSES)
-        return found["Combined"], found["Position"]
+            return read_passes(self._passing.path, "Combined")
 
-    def _keys(self, name: str, window: Border, read: ReadViews, number: int) -> Generator[str, None, Array]:
-        """Render positions, and return their keys (S, H, W)."""
+    def _places(
+        self, name: str, window: Border, read: ReadViews
+    ) -> Generator[str, None, tuple[Array, BoolArray]]:
+        """Render positions (3, S, H, W) at S places of each pixel, and whether anything is there."""
         with self._passing.located(window, read.size):
             yield f"{name}, distances"
-            place = read_passes(self._passing.path, PASSES[1:])["Position"].astype(np.float64)
+            place = read_passes(self._passing.path, "Position").astype(np.float64)
+            alpha = read_passes(self._passing.path, "Combined")[..., 3:]
         height, width = window.top - window.bottom, window.right - window.left
-        place = place.reshape(height, KEY_SIDE, width, KEY_SIDE, 3).transpose(4, 1, 3, 0, 2).reshape(3, -1)
-        bounds = read.bounds(number) if number else None
-        middle = bounds[0].middle if bounds else None
-        keys = layer_keys(read.layers.layers, number, place, place.any(axis=0), middle)
-        return keys.reshape(-1, height, width)
+        both = np.concatenate([place, alpha], axis=2).reshape(height, KEY_SIDE, width, KEY_SIDE, 4)
+        both = both.transpose(4, 1, 3, 0, 2).reshape(4, -1, height, width)
+        return both[:3], (both[3] > 0.0) & both[:3].any(axis=0)
+
+    def _keys(self, read: ReadViews, number: int, place: Array, is_hit: BoolArray) -> Array:
+        """The keys (S, H, W) of positions (3, S, H, W). is_hit: (S, H, W)."""
+        middle = read.box(number).middle if number else None
+        keys = layer_keys(read.layers.layers, number, place.reshape(3, -1), is_hit.ravel(), middle)
+        return keys.reshape(is_hit.shape)

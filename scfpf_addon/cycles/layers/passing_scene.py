@@ -100,8 +100,11 @@ class PassingScene:
             group.objects.link(obj)
         return group.name
 
-    def show(self, numbers: Collection[int], but: Collection[int] = ()) -> None:
-        """Let camera rays meet only the objects of some layers. but: session ids of objects that they miss."""
+    def show(self, numbers: Collection[int], but: Collection[int] = (), held_out: int = -1) -> None:
+        """Let camera rays meet only objects of some layers.
+
+        but: session ids of objects that they miss. held_out: the layer whose objects leave holes.
+        """
         layer, hidden = self.scene.view_layers[0], frozenset(but)
         if hidden and hidden not in self._beyond:
             objects = [obj for obj in rendered_objects(layer) if obj.session_uid in hidden]
@@ -109,7 +112,9 @@ class PassingScene:
         shown = {self._groups[number] for number in numbers}
         shown |= {name for group, name in self._beyond.items() if group != hidden}
         for name in self._made:
-            layer.layer_collection.children[name].indirect_only = name not in shown
+            child = layer.layer_collection.children[name]
+            child.indirect_only = name not in shown
+            child.holdout = held_out >= 0 and name == self._groups[held_out]
 
     @contextmanager
     def shaped(self, ratio: float):
@@ -139,7 +144,9 @@ class PassingScene:
         """Render the positions at KEY_SIDE × KEY_SIDE places of some pixels of an image of a size."""
         scene = self.scene
         places = ((scene.render, name) for name in ("resolution_x", "resolution_y", "resolution_percentage"))
-        with self._kept(*places, *((scene.cycles, name) for name in QUICK)):
+        film = (scene.render, "film_transparent")
+        with self._kept(film, *places, *((scene.cycles, name) for name in QUICK)):
+            scene.render.film_transparent = True
             scene.render.resolution_percentage = 100
             scene.render.resolution_x, scene.render.resolution_y = (n * KEY_SIDE for n in size)
             for name, value in QUICK.items():

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...casting.layers.join_images import joined
-from ...projection.typing import Array
+from ...projection.typing import Array, BoolArray
 from ...shading.settings.frame_settings import Border
 from ...shading.typing import Single
 
@@ -57,6 +57,19 @@ def around(windows: Sequence[Border]) -> Border:
     """The least window that has all pixels of some."""
     left, bottom, right, top = zip(*windows, strict=True)
     return Border(min(left), min(bottom), max(right), max(top))
+
+
+def within(is_wanted: BoolArray, window: Border) -> Border | None:
+    """The least window with all wanted pixels (H, W) of another one, None without any."""
+    rows, columns = np.flatnonzero(is_wanted.any(axis=1)), np.flatnonzero(is_wanted.any(axis=0))
+    if not len(rows):
+        return None
+    return Border(
+        window.left + int(columns[0]),
+        window.bottom + int(rows[0]),
+        window.left + int(columns[-1]) + 1,
+        window.bottom + int(rows[-1]) + 1,
+    )
 
 
 def slices(window: Border, within: Border) -> tuple[slice, slice]:
