@@ -3,7 +3,7 @@
 
 from ..operators.camera.preview import FLAT
 from ..operators.camera.ways import is_any, is_live, is_rendered, rendered_camera
-from ..scfpf_addon.bridge.layers.read_image_layers import not_here
+from ..scfpf_addon.bridge.layers.read_image_layers import NOT_BY_F12, not_here, shown_layers
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.cycles.engine_choice import ignored_camera, renders_by_cycles
 from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
@@ -34,7 +34,7 @@ def draw_ways(layout, context, camera) -> None:
     row.operator("scfpf.view_rendered", text="Rendered", depress=is_any(context, camera, is_rendered))
     if source is not None:
         draw_preview(layout, context, source)
-    if text := not_here(camera):
+    if source is not None and (text := not_here(camera)):
         draw_text(layout, text, "INFO")
     column = layout.column(align=True)
     if ignored_camera(scene) == camera:
@@ -44,6 +44,8 @@ def draw_ways(layout, context, camera) -> None:
     row = column.row(align=True)
     row.operator("scfpf.engine_use", text="SCFPF Engine", depress=scene.render.engine == ENGINE)
     row.operator("scfpf.cycles_use", text="Cycles", depress=renders_by_cycles(scene, camera))
+    if renders_by_cycles(scene, camera) and shown_layers(camera):
+        draw_text(layout, NOT_BY_F12, "INFO")
     shown = rendered_camera(scene)
     if shown != camera.name:
         text = f"F12 shows {shown}" if shown else "The scene has no camera for F12"

@@ -21,7 +21,8 @@ from ..scene.read_materials import listing
 
 # Layers of one image at most: their numbers are bytes.
 MOST_LAYERS = 64
-NOT_HERE = "Neither the nodes preview nor Cycles shows layers: {}"
+NOT_HERE = "The nodes preview does not show layers: {}"
+NOT_BY_F12 = "F12 by Cycles does not show layers: press Render Layers with Cycles"
 SHARP = "Depth of field is left out in layers: only the rest of the picture is blurred"
 TWICE = "In the layers '{}' and '{}', of which the first alone shows them: {}"
 EMPTY = "Layers that show nothing, as renders show none of their objects: "
@@ -141,6 +142,6 @@ def shown_layers(camera) -> list[str]:
 
 
 def not_here(camera) -> str:
-    """The sentence for a view that does not show layers; empty if the camera has none."""
+    """The sentence for the nodes preview, which does not show layers; empty if the camera has none."""
     names = shown_layers(camera)
     return NOT_HERE.format(listing(names)) if names else ""

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import bpy
 
 from ...bridge.blender.scene_objects import object_by_uid
+from ...bridge.render.command_line import CYCLES_RENDERS
 from ...bridge.render.image_file import ResultError, frame_file, require_place, save_result
 from ...bridge.render.render_errors import RENDER_ERRORS
 from ...bridge.render.result_image import keep_result, result_image, show_progress
@@ -134,6 +135,20 @@ class LayersJob:
 
     def _file(self, frame: int) -> str:
         return frame_file(self._path, bpy.data.scenes[self._scene], frame, self._is_animation)
+
+
+def render_for_command(camera, frames: Sequence[int], path: str) -> tuple[list[str], str]:
+    """Render files for the command line; return warnings and what was rendered. Raises LAYERS_ERRORS."""
+    job = render_layers(bpy.context, camera, frames, path)
+    return job.warnings, job.outcome
+
+
+def register():
+    CYCLES_RENDERS.append(render_for_command)
+
+
+def unregister():
+    CYCLES_RENDERS.clear()
 
 
 def render_layers(context, camera, frames: Sequence[int] = (), path: str = "") -> LayersJob:
