@@ -211,7 +211,7 @@ def still_life():
 
 PICTURES = {"layers-car": both_sides, "layers-car-cycles": both_sides, "layers-still": still_life}
 # Width and height of a picture by Cycles, and its samples, which are denoised.
-CYCLES_SIZE, CYCLES_SAMPLES = (800, 400), 32
+CYCLES_SIZE, CYCLES_SAMPLES = (640, 320), 32
 
 
 def picture(name: str, scratch: Path) -> Path:

@@ -73,8 +73,18 @@ def halo_share(is_seen: BoolArray, is_near: BoolArray) -> Array:
     """The share (H, W) of what is beside and before a layer's things in each pixel that its halo shows.
 
     is_seen: (S, H, W), whether the surroundings of the things are seen at S places of each pixel. is_near:
-    (S, H, W), whether those in the halo are.
+    (S, H, W), whether those in the halo are. A pixel in which no place sees them has its neighbours' share,
+    as the filter of a render reaches into those.
     """
-    seen, near = is_seen.mean(axis=0), is_near.mean(axis=0)
+    seen, near = is_seen.sum(axis=0).astype(np.float64), is_near.sum(axis=0).astype(np.float64)
+    is_alone = seen == 0.0
+    seen, near = (np.where(is_alone, _of_neighbours(each), each) for each in (seen, near))
     share: Array = np.divide(near, seen, out=np.zeros_like(near), where=seen > 0.0)
     return share
+
+
+def _of_neighbours(values: Array) -> Array:
+    """The sums (H, W) of a pixel's values and those of the eight around it."""
+    padded, (rows, columns) = np.pad(values, 1), values.shape
+    total: Array = np.sum([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
+    return total
