@@ -44,6 +44,7 @@ class LayersJob:
         self._frames = [*frames] or [scene.frame_current]
         self._passing: PassingScene | None = None
         self._render: LayeredRender | None = None
+        self._frame_before, self._moved = (scene.frame_current, scene.frame_subframe), False
         self._begun, self._count = time.monotonic(), len(self._frames)
         self._done, self._text = 0, ""
         self.warnings: list[str] = []
@@ -87,7 +88,14 @@ class LayersJob:
         return f"{frame}{self._text} ({self._done} of {total})"
 
     def close(self) -> None:
-        """Remove everything that was made for the renders."""
+        """Remove everything that was made for the renders, and return to the artist's frame."""
+        self._end_picture()
+        scene = bpy.data.scenes.get((self._scene, None))
+        if self._moved and scene is not None:
+            scene.frame_set(self._frame_before[0], subframe=self._frame_before[1])
+        self._moved = False
+
+    def _end_picture(self) -> None:
         passing, self._passing = self._passing, None
         try:
             if self._render is not None:
@@ -107,10 +115,11 @@ class LayersJob:
             is_there = self._path and self._is_animation and os.path.exists(self._file(frame))
             if is_there and not scene.render.use_overwrite:
                 continue
-            self._passing = PassingScene(scene, scene.view_layers[self._layer])
             if self._is_animation:
-                copy = self._passing.scene
-                copy.frame_current, copy.frame_subframe = frame, 0.0
+                # Renders of a copy show objects as the artist's scene has evaluated them.
+                self._moved = True
+                scene.frame_set(frame)
+            self._passing = PassingScene(scene, scene.view_layers[self._layer])
             self._frame, self._done = frame, 0
             self._render = LayeredRender(self._passing)
             self._steps = self._render.steps(camera)
@@ -122,7 +131,7 @@ class LayersJob:
         assert self._render is not None and self._render.pixels is not None
         pixels, scene = self._render.pixels, bpy.data.scenes[self._scene]
         self.warnings += [text for text in self._render.warnings if text not in self.warnings]
-        self.close()
+        self._end_picture()
         height, width = pixels.shape[:2]
         show_progress(pixels)
         del pixels

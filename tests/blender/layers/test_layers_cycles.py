@@ -334,8 +334,10 @@ def test_the_scene_is_as_before(scene, addon, end, monkeypatch):
 
 def test_an_animation_writes_frames(scene, tmp_path):
     side = new_camera("Side", looking((-6, -5, 5), (-0.5, 0, 0)))
-    for frame, height in ((1, 5.0), (2, 6.5)):
-        side.location.z = height
+    thing = bpy.data.objects["Thing"]
+    for frame, height in ((1, 0.0), (2, 1.5)):
+        thing.location.z = height
+        thing.keyframe_insert("location", index=2, frame=frame)
         side.keyframe_insert("location", index=2, frame=frame)
     add("ORDER")
     scene.frame_set(1)
@@ -347,6 +349,9 @@ def test_an_animation_writes_frames(scene, tmp_path):
     assert sorted(path.name for path in folder.iterdir()) == ["at_01.exr", "at_02.exr"]
     np.testing.assert_allclose(load_pixels(folder / "at_01.exr"), first, atol=1e-6)
     np.testing.assert_allclose(load_pixels(folder / "at_02.exr"), last, atol=1e-6)
-    assert np.abs(first - last).max() > 0.1 and scene.frame_current == 1
+    assert scene.frame_current == 1 and thing.location.z == 0.0
+    scene.frame_set(2)
+    np.testing.assert_array_equal(layered(), last)
+    assert np.abs(first - last).max() > 0.1
     with pytest.raises(RuntimeError, match="there is no folder"):
         layered(filepath=str(tmp_path / "nowhere" / "a.png"))

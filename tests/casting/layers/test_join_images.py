@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Joined images against lists that are sorted pixel by pixel, and shares of halos and masks in closed form."""
+"""Joined images against lists sorted pixel by pixel; shares of halos and masks in closed form."""
 
 import numpy as np
 
