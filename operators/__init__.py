@@ -18,7 +18,7 @@ from .camera import (
     ways,
 )
 from .image import find, pick, render
-from .layers import layer_check, layer_list
+from .layers import layer_check, layer_list, layer_render
 from .volume import framing, mappings, surface_tools, surfaces, volume_tools
 
 # Registered in this order, unregistered in the reverse.
@@ -50,6 +50,7 @@ MODULES = (
     drag,
     layer_list,
     layer_check,
+    layer_render,
 )
 
 

@@ -30,7 +30,7 @@ class _LayersSection(Subsection):
     bl_order = 0
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw_settings(self, _context, _camera, settings):
+    def draw_settings(self, _context, camera, settings):
         layout = self.layout
         if not len(settings.layers):
             layout.operator("scfpf.layer_add", icon="RENDERLAYERS")
@@ -46,6 +46,10 @@ class _LayersSection(Subsection):
         column.operator("scfpf.layer_move", text="", icon="TRIA_UP").direction = "UP"
         column.operator("scfpf.layer_move", text="", icon="TRIA_DOWN").direction = "DOWN"
         layout.operator("scfpf.layer_check", icon="VIEWZOOM")
+        row = layout.row(align=True)
+        row.operator("scfpf.layers_render", icon="SHADING_RENDERED").camera = camera.name
+        animation = row.operator("scfpf.layers_render", text="", icon="RENDER_ANIMATION")
+        animation.camera, animation.animation = camera.name, True
         if settings.active_layer < len(settings.layers):
             draw_layer(layout, settings.layers[settings.active_layer])
 

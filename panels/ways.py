@@ -4,7 +4,7 @@
 from ..operators.camera.preview import FLAT
 from ..operators.camera.ways import is_any, is_live, is_rendered, rendered_camera
 from ..operators.common.words import worded
-from ..scfpf_addon.bridge.layers.read_image_layers import not_here
+from ..scfpf_addon.bridge.layers.read_image_layers import NOT_BY_F12, not_here, shown_layers
 from ..scfpf_addon.bridge.render.render_engine import ENGINE
 from ..scfpf_addon.cycles.engine_choice import ignored_camera, renders_by_cycles
 from ..scfpf_addon.scanline.preview.preview_data import is_flat, left_out, preview_of
@@ -35,7 +35,7 @@ def draw_ways(layout, context, camera) -> None:
     row.operator("scfpf.view_rendered", text="Rendered", depress=is_any(context, camera, is_rendered))
     if source is not None:
         draw_preview(layout, context, source)
-    if text := not_here(camera):
+    if source is not None and (text := not_here(camera)):
         draw_text(layout, text, "INFO")
     column = layout.column(align=True)
     if ignored_camera(scene) == camera:
@@ -47,6 +47,8 @@ def draw_ways(layout, context, camera) -> None:
     by_engine = scene.render.engine == ENGINE and shown == camera.name
     row.operator("scfpf.engine_use", text="SCFPF Engine", depress=by_engine)
     row.operator("scfpf.cycles_use", text="Cycles", depress=renders_by_cycles(scene, camera))
+    if renders_by_cycles(scene, camera) and shown_layers(camera):
+        draw_text(layout, NOT_BY_F12, "INFO")
     if shown != camera.name:
         text = worded("F12 shows {0}", shown) if shown else "The scene has no camera for F12"
         draw_text(layout, worded("{0}: a button above changes that", text), "INFO")

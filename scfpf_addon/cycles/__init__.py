@@ -14,11 +14,15 @@ def types():
 
 def register():
     from . import rig
+    from .layers import layers_job
 
     rig.register()
+    layers_job.register()
 
 
 def unregister():
     from . import rig
+    from .layers import layers_job
 
+    layers_job.unregister()
     rig.unregister()

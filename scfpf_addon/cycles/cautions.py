@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from ..bridge.blender.slot_animation import curve_collections
-from ..bridge.layers.read_image_layers import not_here
+from ..bridge.layers.read_image_layers import NOT_BY_F12, shown_layers
 from . import hidden_surfaces
 from .chords.chord_plan import SMALLEST_ERROR
 from .engine_choice import ALIKE
@@ -42,7 +42,7 @@ def _about_scene(scene, view_layer, settings) -> list[str]:
 
 
 def _about_volume(scene, settings) -> list[str]:
-    found = [text] if (text := not_here(settings.camera)) else []
+    found = [NOT_BY_F12] if shown_layers(settings.camera) and not settings.passing else []
     if settings.camera.data.dof.use_dof and settings.chords > 1:
         found.append("No depth of field, as the projectors are bent: switch it off, or make them straight")
     if settings.smoke:

@@ -151,6 +151,8 @@ def sync(scene, depsgraph, may_remove: bool = True) -> None:
     may_remove: False while Blender goes to another frame or another scene, where removal would crash.
     """
     for rig in rigs():
+        if rig.scfpf_rig.passing:
+            continue
         if may_remove:
             adopt(rig)
         if not is_whole(rig):

@@ -41,6 +41,8 @@ from .portals.sheets import Portals, portals, sheet_shape
 MODIFIER = "SCFPF Portals"
 # The camera's custom property that points to the rig's table; the nodes preview has a table of its own.
 RIG_TABLE_KEY = "scfpf_rig_table"
+# That for a rig of one render, which leaves the camera's other rig alone.
+PASSING_TABLE_KEY = "scfpf_passing_table"
 # Ray visibilities that are off: by the object, not by its material, at no cost.
 UNSEEN_BY = tuple(ray for ray in HIDDEN_RAYS if ray != "visible_camera")
 # Transparent bounces in addition to the chords: the screen, the far sheet, and one to spare.
@@ -120,8 +122,11 @@ def remove_groups(names: list[str]) -> None:
     remove_unused_groups([group for group in groups if group is not None])
 
 
-def make_rig(scene, camera, chords: ChordPlan):
-    """Make all datablocks of a camera's rig; return its collection. The scene then renders through it."""
+def make_rig(scene, camera, chords: ChordPlan, passing: bool = False):
+    """Make all datablocks of a camera's rig; return its collection. The scene then renders through it.
+
+    passing: whether the rig is made for one render: it does not follow the camera.
+    """
     sync_volume_object(camera)
     rig = bpy.data.collections.new(f"{camera.name} Cycles Rig")
     width = _own_width()
@@ -135,7 +140,7 @@ def make_rig(scene, camera, chords: ChordPlan):
     rig.hide_viewport = rig.hide_select = True
     rig.color_tag = "COLOR_05"
     settings = rig.scfpf_rig
-    settings.is_rig = True
+    settings.is_rig, settings.passing = True, passing
     settings.camera, settings.scene = camera, scene
     settings.portals, settings.view_camera = portal_object, view_camera
     update_nodes(rig)
@@ -278,7 +283,7 @@ def update_nodes(rig) -> None:
     """Bring the table and the modifier in step with the camera's surfaces and settings. Raises RigError."""
     settings = rig.scfpf_rig
     check_surfaces(settings.camera)
-    of_rig = {"key": RIG_TABLE_KEY, "label": "Cycles Table", "scene": settings.scene}
+    of_rig = {"key": table_key(settings), "label": "Cycles Table", "scene": settings.scene}
     settings.table = table_object(settings.camera, **of_rig, with_inverse=False)
     settings.table[RIG_KEY] = settings.camera
     _place(settings.view_camera)
@@ -300,6 +305,11 @@ def update_nodes(rig) -> None:
     settings.portals.update_tag()
 
 
+def table_key(settings) -> str:
+    """The camera's custom property that points to a rig's table."""
+    return PASSING_TABLE_KEY if settings.passing else RIG_TABLE_KEY
+
+
 def release_pointers(rig) -> int:
     """Clear the pointers that handlers set, as is necessary before undo and redo; see ``table_object``.
 
@@ -310,9 +320,9 @@ def release_pointers(rig) -> int:
     if table is not None:
         release_table_pointers(table)
         # A handler may have made it: see ``adopt``.
-        if camera is not None and camera.is_editable and camera.get(RIG_TABLE_KEY) == table:
+        if camera is not None and camera.is_editable and camera.get(table_key(settings)) == table:
             taken = table.session_uid
-            del camera[RIG_TABLE_KEY]
+            del camera[table_key(settings)]
             settings.table = None
     modifier = None if settings.portals is None else settings.portals.modifiers.get(MODIFIER)
     if modifier is not None and modifier.node_group is not None:
@@ -333,8 +343,8 @@ def restore_pointers(rig, table: int) -> None:
         return
     if settings.table is None:
         settings.table = next((obj for obj in bpy.data.objects if obj.session_uid == table), None)
-    if settings.table is not None and camera.get(RIG_TABLE_KEY) is None:
-        camera[RIG_TABLE_KEY] = settings.table
+    if settings.table is not None and camera.get(table_key(settings)) is None:
+        camera[table_key(settings)] = settings.table
 
 
 def write_sheets(rig, chords: ChordPlan, faces: Faces | None = None) -> None:
@@ -417,4 +427,4 @@ def remove_rig(rig) -> None:
     parts = [p for p in (settings.portals, settings.view_camera, settings.table) if p is not None]
     meshes = {part.data for part in parts if part.type == "MESH"}
     materials = {material for mesh in meshes for material in mesh.materials} - {None}
-    remove_generated(settings, rig, parts, RIG_TABLE_KEY, materials)
+    remove_generated(settings, rig, parts, table_key(settings), materials)

@@ -18,6 +18,12 @@ class SCFPF_Rig(bpy.types.PropertyGroup):
         "The objects in this collection let Cycles follow the projectors of a flexible camera",
         default=False,
     )
+    passing: tracked(
+        BoolProperty,
+        "Passing",
+        "The rig is made for one render, and does not follow the camera",
+        default=False,
+    )
     camera: camera_pointer("Flexible Camera", "The flexible camera whose projectors Cycles follows")
     scene: pointer("Scene", "The scene that Cycles renders this way", bpy.types.Scene)
     view_camera: camera_pointer("Rig Camera", "The camera that looks at the rig's screen")

@@ -64,10 +64,10 @@ def new_orthographic_camera(name: str, width: float):
     return bpy.data.objects.new(name, lens)
 
 
-def follow_image_size(modifier, names: Iterable[str], scene) -> None:
-    """Drive inputs of a modifier, "Aspect" and "Picture Width", by the size of a scene's image."""
+def follow_image_size(modifier, names: Iterable[str], scene, factor: float = 1.0) -> None:
+    """Drive inputs of a modifier, "Aspect" and "Picture Width", by ``factor`` times a scene's image's."""
     for name in names:
-        expression = _FOLLOWING[name]
+        expression = _FOLLOWING[name] if factor == 1.0 else f"{_FOLLOWING[name]} * {factor!r}"
         driver = new_driver(*input_property(modifier, name), expression)
         for variable, path in _SIZE.items():
             if variable in expression:

@@ -198,4 +198,53 @@ def farm_render(blend):
     return subprocess.Popen(command)
 
 
-SCENARIOS = (price, rig, moving)
+def layers(driver):
+    """Render Layers with Cycles: render by render, the picture in an editor, then Esc; nothing is left."""
+    build_scene(percentage=8)
+    driver.add_camera("perspective")
+    scene = bpy.context.scene
+    scene.cycles.samples, scene.cycles.use_denoising = 2, False
+    bpy.context.preferences.view.render_display_type = "AREA"
+    camera = scene.camera
+    thing = next(obj for obj in scene.objects if obj.type == "MESH" and not obj.hide_render)
+    group = bpy.data.collections.new("Thing")
+    scene.collection.children.link(group)
+    group.objects.link(thing)
+    with driver.override():
+        assert bpy.ops.scfpf.layer_add(camera=camera.name, collection="Thing") == {"FINISHED"}
+    driver.open_image_editor()
+    yield DRAW
+    before = counts()
+    result = module(".bridge.render.result_image").result_image
+
+    def ended():
+        end = time.monotonic() + PATIENCE
+        while len(bpy.data.scenes) > before["scenes"] or bpy.app.is_job_running("RENDER"):
+            assert time.monotonic() < end, "the render does not end"
+            yield 0.1
+        yield DRAW
+
+    with driver.override():
+        assert bpy.ops.scfpf.layers_render("INVOKE_DEFAULT", camera=camera.name) == {"RUNNING_MODAL"}
+    yield 0.5
+    driver.shot("progress")
+    yield from ended()
+    driver.shot("done")
+    assert result() is not None and driver.pixels().reshape(-1, 4)[:, :3].std() > 0.02, "no picture"
+    assert counts() == before, (before, counts())
+    kept = driver.pixels().copy()
+    scene.world.color = (0.9, 0.1, 0.1)
+    scene.cycles.samples = 3
+    # Blender itself sees Esc while it renders, but no simulated one: its handler stands for that.
+    for cancel in (lambda: driver.key("ESC", "IMAGE_EDITOR"), module(".layers.layer_render")._note_cancel):
+        with driver.override("IMAGE_EDITOR"):
+            assert bpy.ops.scfpf.layers_render("INVOKE_DEFAULT", camera=camera.name) == {"RUNNING_MODAL"}
+        cancel()
+        yield from ended()
+        yield 1.0
+        yield from ended()
+    assert counts() == before, (before, counts())
+    assert np.array_equal(driver.pixels(), kept), "Esc has changed the picture"
+
+
+SCENARIOS = (price, rig, moving, layers)

@@ -7,6 +7,8 @@ import bpy
 
 # The custom property of a rig's objects that points to the flexible camera.
 RIG_KEY = "scfpf_rig_of"
+# The custom property of the scene copies that rigs of one render are made in.
+PASSING_KEY = "scfpf_passing"
 
 # The least width of a rig's screen, which is the ortho scale of its camera; no other camera has such a scale.
 WIDTH = 200_000.0

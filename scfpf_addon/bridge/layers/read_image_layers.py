@@ -21,7 +21,8 @@ from ..scene.read_materials import listing
 
 # Layers of one image at most: their numbers are bytes.
 MOST_LAYERS = 64
-NOT_HERE = "Neither the nodes preview nor Cycles shows layers: {}"
+NOT_HERE = "The nodes preview does not show layers: {}"
+NOT_BY_F12 = "F12 by Cycles does not show layers: press Render Layers with Cycles"
 SHARP = "Depth of field is left out in layers: only the rest of the picture is blurred"
 TWICE = "In the layers '{}' and '{}', of which the first alone shows them: {}"
 EMPTY = "Layers that show nothing, as renders show none of their objects: "
@@ -31,12 +32,15 @@ EMPTY = "Layers that show nothing, as renders show none of their objects: "
 class ReadLayers:
     """The layers of an image, as evaluated.
 
-    layers, names: by number, from 1 on. members: the number of the layer by the session id of each object
+    layers, names, cameras, frames: by number, from 1 on; session ids of the cameras, and the frames of their
+    pictures in the image. members: the number of the layer by the session id of each object
     that a layer shows. warnings: about layers that are left out or show less than asked.
     """
 
     layers: tuple[ImageLayer, ...] = ()
     names: tuple[str, ...] = ()
+    cameras: tuple[int, ...] = ()
+    frames: tuple[Framed, ...] = ()
     members: Mapping[int, int] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
@@ -59,7 +63,7 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
     """
     evaluated = camera.evaluated_get(depsgraph)
     place = np.array(eye_place(evaluated, eye)[:3, 3], np.float64) if evaluated.scfpf.layers else None
-    layers, names, collections, warnings = [], [], [], []
+    layers, names, shown, collections, warnings = [], [], [], [], []
     for own, state in zip(camera.original.scfpf.layers, evaluated.scfpf.layers, strict=True):
         if not state.is_on or not camera.original.scfpf.enabled:
             continue
@@ -68,10 +72,9 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
             reason = lack or f"an image has at most {MOST_LAYERS} layers"
             warnings.append(f"Layer '{own.name}' is left out: {reason}")
             continue
+        frame = Framed(*map(tuple, (state.position, state.size)))
         try:
-            projection = _view(
-                own.camera, Framed(*map(tuple, (state.position, state.size))), depsgraph, aspect, eye
-            )
+            projection = _view(own.camera, frame, depsgraph, aspect, eye)
         except (ProjectionError, FrustumError) as error:
             raise type(error)(f"Layer '{own.name}': {error}") from error
         mask = None if own.mask is None else mask_pixels(own.mask)
@@ -81,9 +84,11 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
             )
         layers.append(ImageLayer(projection, state.front, place, mask, state.halo))
         names.append(own.name)
+        shown.append((own.camera.session_uid, frame))
         collections.append(own.collection)
     members, twice = _members(names, collections)
-    return ReadLayers(tuple(layers), tuple(names), members, (*warnings, *twice))
+    cameras, frames = tuple(zip(*shown, strict=True)) if shown else ((), ())
+    return ReadLayers(tuple(layers), tuple(names), cameras, frames, members, (*warnings, *twice))
 
 
 def lacking(layer) -> str:
@@ -137,6 +142,6 @@ def shown_layers(camera) -> list[str]:
 
 
 def not_here(camera) -> str:
-    """The sentence for a view that does not show layers; empty if the camera has none."""
+    """The sentence for the nodes preview, which does not show layers; empty if the camera has none."""
     names = shown_layers(camera)
     return NOT_HERE.format(listing(names)) if names else ""

@@ -7,6 +7,7 @@ import argparse
 import math
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -21,6 +22,10 @@ from .result_image import write_result
 
 # Blender's own limit, positive and negative.
 LAST_FRAME = 1_048_574
+
+
+# The function that renders by Cycles, which is in a layer above: (camera, frames, path) to warnings, outcome.
+CYCLES_RENDERS: list[Callable[..., tuple[list[str], str]]] = []
 
 
 class CommandError(ValueError):
@@ -72,9 +77,21 @@ def parser() -> argparse.ArgumentParser:
         required=True,
         help="the picture to write; its ending names the format",
     )
+    render.add_argument(
+        "--cycles",
+        action="store_true",
+        help="path-trace the picture and its layers by Cycles, with the file's settings of that",
+    )
     render.add_argument("--camera", metavar="NAME", help="the flexible camera (default: the scene's camera)")
     render.add_argument(
         "--frame", metavar="N", type=_frame, help="the frame (default: the file's current one)"
+    )
+    render.add_argument(
+        "--frames",
+        metavar=("FIRST", "LAST"),
+        nargs=2,
+        type=_frame,
+        help="the frames of an animation, with --cycles; # in OUT stands for their digits",
     )
     render.add_argument(
         "--pixel-error",
@@ -115,6 +132,8 @@ def _render(options) -> None:
         why = str(error).removeprefix("Error: ").split(" in file ")[0]
         raise CommandError(f"cannot open {options.file}: {why}") from error
     scene = bpy.context.scene
+    if options.frames and not options.cycles:
+        raise CommandError("--frames needs --cycles: for SCFPF's own engine use blender -b FILE -E SCFPF -a")
     # A path that cannot be written is reported before the render.
     output = with_ending(str(options.output.absolute()), scene)
     require_place(output)
@@ -125,6 +144,9 @@ def _render(options) -> None:
     elif options.style:
         apply_style(scene, options.style.upper())
     camera = _camera(scene, options.camera)
+    if options.cycles:
+        _render_by_cycles(camera, options, output)
+        return
     inputs = prepare(scene, bpy.context.view_layer, camera, options.pixel_error)
     for warning in inputs.scene.warnings:
         print(f"scfpf: warning: {warning}", file=sys.stderr)
@@ -133,6 +155,18 @@ def _render(options) -> None:
     frame = job.result()
     path = save_result(write_result(frame.pixels), output, scene)
     print(f"scfpf: {path}: {frame.report.summary()}")
+
+
+def _render_by_cycles(camera, options, output: str) -> None:
+    """Render one frame or several by Cycles, layers included."""
+    first, last = options.frames or (0, -1)
+    try:
+        warnings, outcome = CYCLES_RENDERS[0](camera, range(first, last + 1), output)
+    except ValueError as error:
+        raise CommandError(reason(error)) from error
+    for warning in warnings:
+        print(f"scfpf: warning: {warning}", file=sys.stderr)
+    print(f"scfpf: {output}: {outcome}")
 
 
 def _camera(scene, name: str | None):

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import re
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -42,6 +43,20 @@ def with_ending(path: str, scene) -> str:
     if os.path.splitext(path)[1].lower() not in FILE_FORMATS:
         raise ResultError(f"Cannot write '{path}': use one of {', '.join(FILE_FORMATS)}")
     return path
+
+
+def frame_file(path: str, scene, frame: int, is_animation: bool) -> str:
+    """The file of a frame, absolute and with its ending.
+
+    path: its digits # stand for the frame; without any an animation's come at the end, as in Blender. Raises
+    ResultError for an unknown ending.
+    """
+    folder, name = os.path.split(bpy.path.abspath(path))
+    stem, ending = os.path.splitext(name)
+    if is_animation and "#" not in stem:
+        stem += "####"
+    stem = re.sub("#+", lambda found: f"{frame:0{len(found.group())}d}", stem, count=1)
+    return with_ending(os.path.join(folder, stem + ending), scene)
 
 
 def require_place(path: str) -> None:

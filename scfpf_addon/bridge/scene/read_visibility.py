@@ -77,7 +77,9 @@ class ShownInRenders:
     def __init__(self, depsgraph) -> None:
         self._view_layer = depsgraph.view_layer
         self.left_out = control_objects()
-        self._rendered = None if depsgraph.mode == "RENDER" else _rendered_objects(depsgraph.view_layer)
+        self._rendered: set[str] | None = None
+        if depsgraph.mode != "RENDER":
+            self._rendered = {obj.name_full for obj in rendered_objects(depsgraph.view_layer)}
 
     def rays(self, obj, parent) -> int:
         """The ray visibility of an object, as ``visible_rays``; 0 if it is not rendered."""
@@ -100,17 +102,17 @@ class ShownInRenders:
         return not own.hide_render or top.instance_type != "COLLECTION"
 
 
-def _rendered_objects(view_layer) -> set[str]:
-    """Full names of the objects in collections that are neither excluded nor hidden in renders."""
-    names: set[str] = set()
+def rendered_objects(view_layer) -> set:
+    """The objects in collections that are neither excluded nor hidden in renders."""
+    objects: set = set()
     pending = [view_layer.layer_collection]
     while pending:
         layer = pending.pop()
         if not layer.collection.hide_render:
             if not layer.exclude:
-                names.update(one.name_full for one in layer.collection.objects)
+                objects.update(layer.collection.objects)
             pending.extend(layer.children)
-    return names
+    return objects
 
 
 class LightLinks:

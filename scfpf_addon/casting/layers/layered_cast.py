@@ -19,6 +19,7 @@ from ...projection.volume.viewing_volume import Projection
 from ..cast import cast, cast_at_nothing
 from ..common.hits import CastCounts, Hits
 from ..continuation import TileProjectors
+from .layer_keys import layer_keys
 from .layer_parts import LayerParts
 
 # Hits of one volume that are passed at most to find the first one in a halo or behind a transparent hit.
@@ -120,20 +121,9 @@ class LayeredCast:
 
     def keys(self, number: int, hits: Hits) -> Array:
         """The keys (N,) of hits of a layer, infinite for misses."""
-        layers = self.projection.layers
-        position, front, eye = hits.position, "DEPTH", layers[0].eye[:, None]
         part = self.parts.parts[number - 1] if number else None
-        if part:
-            front, eye = layers[number - 1].front, layers[number - 1].eye[:, None]
-            if front == "ANCHOR":
-                position = part.box.middle[:, None]
-        if front == "ORDER":
-            # Distances are not negative.
-            key = np.array(float(number - len(layers) - 1))
-        else:
-            key = np.sqrt(((position - eye) ** 2).sum(axis=0))
-        keys: Array = np.where(hits.triangle >= 0, key, np.inf)
-        return keys
+        middle = part.box.middle if part else None
+        return layer_keys(self.projection.layers, number, hits.position, hits.triangle >= 0, middle)
 
 
 @dataclass(frozen=True)

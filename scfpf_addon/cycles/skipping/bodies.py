@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...bridge.blender.rig_mark import has_other_animation, is_rig_part
+from ...bridge.blender.rig_mark import PASSING_KEY, has_other_animation, is_rig_part
 from ...bridge.scene.mesh_arrays import corner_vertices, foreach, of_mesh, triangle_corners
 from ...projection.typing import Array, IndexArray
 from .reasons import links
@@ -85,8 +85,11 @@ def seen_parts(depsgraph, wanted: Callable[..., bool] | None = None) -> Iterator
     """
     meshes: dict[int, list[Part]] = {}
     override = depsgraph.view_layer_eval.material_override
+    passing = depsgraph.view_layer if PASSING_KEY in depsgraph.scene else None
     for instance in depsgraph.object_instances:
         obj = instance.object
+        if passing is not None and _is_indirect(instance, passing):
+            continue
         if obj.type in UNSEEN or _is_hidden(obj) or (wanted is not None and not wanted(instance)):
             continue
         matrix = np.array(instance.matrix_world, np.float64)
@@ -146,6 +149,12 @@ def _is_hidden(obj) -> bool:
     """Return whether camera rays of the rig never meet an evaluated object."""
     own = obj.original
     return is_rig_part(own) or (not obj.visible_camera and not has_other_animation(own))
+
+
+def _is_indirect(instance, view_layer) -> bool:
+    """Return whether a collection hides an instance from camera rays, which only a passing scene may."""
+    top = instance.parent if instance.is_instance else instance.object
+    return top.original.indirect_only_get(view_layer=view_layer)
 
 
 def _triangles(mesh) -> tuple[Array, Array]:

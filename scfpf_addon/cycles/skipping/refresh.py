@@ -61,11 +61,12 @@ def write_skipping(rig, chords: ChordPlan, animation: bool = False) -> None:
     """Write a plan's sheets, whose rays skip what is certainly empty.
 
     In a scene that moves it is empty at all frames of the scene, if these do not take too long; else at the
-    present one. If the volume moves, only an animation that is to be rendered is worth that; and the passes,
-    to which the mesh adds the lengths of chords, need one frame. Raises RigError without Cycles.
+    present one, as for a rig of one render. If the volume moves, only an animation that is to be rendered is
+    worth that; and the passes, to which the mesh adds the lengths of chords, need one frame. Raises RigError
+    without Cycles.
     """
     settings, frames = rig.scfpf_rig, present_frames(rig)
-    if frames and (not moves(rig) or (animation and not settings.passes)):
+    if frames and not settings.passing and (not moves(rig) or (animation and not settings.passes)):
         ends = settings.scene.frame_start, settings.scene.frame_end
         every = tuple(float(frame) for frame in range(ends[0], ends[1] + 1))
         if _write(rig, chords, Look(every, PATIENCE_OF_ANIMATION if animation else PATIENCE)):

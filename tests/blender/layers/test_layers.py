@@ -289,12 +289,12 @@ def test_layers_that_cannot_be_shown_are_told(scene, addon):
 
 def test_other_ways_to_see_the_volume_say_that_layers_are_missing(scene, addon):
     add("ORDER")
-    text = addon("bridge.layers.read_image_layers").not_here(scene.camera)
-    assert text.endswith("Things")
+    layers = addon("bridge.layers.read_image_layers")
+    assert layers.not_here(scene.camera).endswith("Things")
     bpy.context.view_layer.objects.active = scene.camera
     bpy.ops.scfpf.cycles_rig()
     rig = addon("cycles.rig_data").rig_of(scene)
-    assert text in addon("cycles.cautions").cautions(scene, bpy.context.view_layer, rig)
+    assert layers.NOT_BY_F12 in addon("cycles.cautions").cautions(scene, bpy.context.view_layer, rig)
 
 
 @pytest.mark.parametrize("halo", [0.0, 1.5])

@@ -13,6 +13,7 @@ def blend(tmp_path):
     """A file with a flexible camera, an ordinary one and an object that moves."""
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y = 32, 18
+    scene.cycles.samples, scene.cycles.use_denoising = 1, False
     bpy.ops.mesh.primitive_cube_add()
     cube = bpy.context.object
     for frame, x in ((1, -1.5), (11, 1.5)):
@@ -60,6 +61,16 @@ def test_frame_camera_and_pixel_error_are_obeyed(run, blend, tmp_path):
         pictures.append(picture(output))
     assert not np.array_equal(*pictures)
     assert run("render", blend, "-o", tmp_path / "exact.png", "--pixel-error", 0) == 0
+
+
+def test_cycles_writes_frames(run, blend, tmp_path, capsys):
+    assert run("render", blend, "--cycles", "--frames", 6, 7, "-o", tmp_path / "at_##.png") == 0
+    captured = capsys.readouterr()
+    assert "32×18 by Cycles" in captured.out and captured.err == ""
+    first, last = (picture(tmp_path / name) for name in ("at_06.png", "at_07.png"))
+    assert (first.reshape(-1, 4)[:, :3] > 0).any() and (first != last).any()
+    assert run("render", blend, "--frames", 1, 2, "-o", tmp_path / "a.png") == 1
+    assert "--frames needs --cycles" in capsys.readouterr().err
 
 
 def test_blend_file_itself_is_left_alone(run, blend, tmp_path):

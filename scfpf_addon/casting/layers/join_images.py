@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""One image joined from an image of each layer, each pixel's in the order of their keys.
+
+Samples of different layers mix in a pixel by alpha: whatever is in front covers its share of the pixel, and
+what is behind shows in the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...projection.typing import Array, BoolArray
+from ...projection.volume.viewing_volume import ImageLayer
+
+# Places across and up a pixel at which a frame and a mask are looked at.
+COVER_SIDE = 4
+
+
+def joined(colors: Sequence[NDArray[np.float32]], keys: Sequence[Array]) -> NDArray[np.float32]:
+    """The colours (N, 4) of pixels, premultiplied.
+
+    colors: (N, 4) of each source, premultiplied; the first is the rest of the image. keys: (S, N) of each
+    source, at S places of each pixel, see ``layer_keys``. Of equal keys the earlier source is in front. A
+    source whose keys are all infinite is behind the others; pixels in which it is transparent keep the values
+    of the rest.
+    """
+    stack, depth = np.stack(colors), np.stack([_filled(each) for each in keys])
+    result = np.zeros(stack.shape[1:], np.float64)
+    places = depth.shape[1]
+    for place in range(places):
+        order = np.argsort(depth[:, place], axis=0, kind="stable")
+        shows = np.ones(stack.shape[1])
+        for rank in order:
+            color = stack[rank, np.arange(len(rank))]
+            result += shows[:, None] * color
+            shows = shows * (1.0 - np.clip(color[:, 3], 0.0, 1.0))
+    seen = (stack[1:, :, 3] > 0.0).any(axis=0)
+    pixels: NDArray[np.float32] = np.where(seen[:, None], result / places, stack[0]).astype(np.float32)
+    return pixels
+
+
+def _filled(keys: Array) -> Array:
+    """Keys (S, N) with the nearest one of a pixel where it has others; its alpha tells how much it covers."""
+    filled: Array = np.where(np.isfinite(keys), keys, keys.min(axis=0))
+    return filled
+
+
+def cover(layer: ImageLayer, size: tuple[int, int], window: tuple[int, int, int, int]) -> Array:
+    """The share (H, W) of each pixel of a window in which the frame and the mask of a layer show it.
+
+    size: of the whole image in pixels. window: left, bottom, right and top, in pixels.
+    """
+    left, bottom, right, top = window
+    total = np.zeros((top - bottom, right - left))
+    steps = (np.arange(COVER_SIDE) + 0.5) / COVER_SIDE
+    for step_x in steps:
+        for step_y in steps:
+            x = (np.arange(left, right) + step_x) / size[0]
+            y = (np.arange(bottom, top) + step_y) / size[1]
+            x, y = (axis.ravel() for axis in np.meshgrid(x, y))
+            shown = (
+                layer.shown_at(x, y)
+                & layer.projection.reparameterisation.points(x, y, layer.projection.aspect).mask
+            )
+            total += shown.reshape(total.shape)
+    return total / COVER_SIDE**2
+
+
+def halo_share(is_seen: BoolArray, is_near: BoolArray) -> Array:
+    """The share (H, W) of what is beside and before a layer's things in each pixel that its halo shows.
+
+    is_seen: (S, H, W), whether the surroundings of the things are seen at S places of each pixel. is_near:
+    (S, H, W), whether those in the halo are. A pixel in which no place sees them has its neighbours' share,
+    as the filter of a render reaches into those.
+    """
+    seen, near = is_seen.sum(axis=0).astype(np.float64), is_near.sum(axis=0).astype(np.float64)
+    is_alone = seen == 0.0
+    seen, near = (np.where(is_alone, _of_neighbours(each), each) for each in (seen, near))
+    share: Array = np.divide(near, seen, out=np.zeros_like(near), where=seen > 0.0)
+    return share
+
+
+def _of_neighbours(values: Array) -> Array:
+    """The sums (H, W) of a pixel's values and those of the eight around it."""
+    padded, (rows, columns) = np.pad(values, 1), values.shape
+    total: Array = np.sum([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
+    return total

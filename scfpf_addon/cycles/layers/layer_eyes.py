@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The cameras that see the layers in a passing scene: a rig for a flexible one, a copy of an ordinary one.
+
+All of them make the whole image, in which the picture of a layer has its place and size: their pixels are
+those of the image.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from ...bridge.blender.modifier_inputs import set_inputs
+from ...bridge.blender.scene_objects import delete_with_data, object_by_uid
+from ...bridge.render.image_size import image_aspect, image_size
+from ...projection.mappings.stack import Stack
+from ...projection.surfaces.surface import Plane
+from ...projection.typing import Array
+from ...projection.volume.reparameterisation import Framed
+from ...projection.volume.viewing_volume import Projection
+from ...scanline.generated_collection import follow_image_size
+from ...scanline.table.table_object import grid_cells
+from .. import hidden_surfaces
+from ..cautions import cautions
+from ..chords.chord_plan import ChordPlan, PlanError, plan_chords
+from ..rig_data import MODIFIER, RigError, check, check_surfaces, make_rig, remove_rig, rigs
+from ..skipping.refresh import write_skipping
+from .passing_scene import PassingScene
+
+GONE = "A camera or the scene was deleted meanwhile: render again"
+
+
+class View(NamedTuple):
+    """A view of an image with layers: that of the image itself, or of a layer.
+
+    camera: its session id. frame: the place of its picture in the image. projection: what the image shows
+    through it, world space. place: (4, 4) of an ordinary camera, without scale; None for a flexible one.
+    """
+
+    camera: int
+    frame: Framed
+    projection: Projection
+    place: Array | None
+
+    @property
+    def own(self) -> Projection:
+        """The projection of its own picture."""
+        image = self.projection.reparameterisation
+        if self.frame == Framed() or not isinstance(image, Stack):
+            return self.projection
+        return replace(self.projection, reparameterisation=image.base)
+
+
+@contextmanager
+def seen_through(passing: PassingScene, view: View) -> Iterator[list[str]]:
+    """Let the passing scene be rendered through a view's camera; yields cautions. Raises RigError."""
+    camera = object_by_uid(view.camera)
+    if camera is None or passing.scene is None:
+        raise RigError(GONE)
+    kind = _rigged if camera.scfpf.enabled else _copied
+    with kind(passing, camera, view) as found:
+        yield found
+
+
+@contextmanager
+def _rigged(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
+    made = None
+    try:
+        with passing.shaped(view.frame.size[0] / view.frame.size[1]):
+            rig = _new_rig(passing.scene, camera, view)
+            made = rig.session_uid
+            write_skipping(rig, _plan(passing.scene, camera, view))
+        _place(rig, view.frame)
+        yield cautions(passing.scene, passing.scene.view_layers[0], rig)
+    finally:
+        # Undo may have removed it.
+        for rig in [each for each in rigs() if each.session_uid == made]:
+            remove_rig(rig)
+        hidden_surfaces.forget()
+        hidden_surfaces.hide_surfaces(bool(rigs()))
+
+
+def _plan(scene, camera, view: View) -> ChordPlan:
+    size = tuple(
+        max(1, round(n * share)) for n, share in zip(image_size(scene), view.frame.size, strict=True)
+    )
+    lines = grid_cells([slot.object for slot in camera.scfpf.surfaces])
+    try:
+        return plan_chords([view.own], (size[0], size[1]), camera.scfpf.pixel_error, lines)
+    except PlanError as error:
+        raise RigError(str(error)) from error
+
+
+def _new_rig(scene, camera, view: View):
+    check(scene, camera)
+    check_surfaces(camera)
+    chords = _plan(scene, camera, view)
+    rig = make_rig(scene, camera, chords, passing=True)
+    hidden_surfaces.forget()
+    hidden_surfaces.hide_surfaces(True)
+    return rig
+
+
+def _place(rig, frame: Framed) -> None:
+    """Put a rig's screen where the frame is in what the rig's camera sees."""
+    settings, (across, up) = rig.scfpf_rig, frame.size
+    modifier, lens = settings.portals.modifiers[MODIFIER], settings.view_camera.data
+    if across != up:
+        follow_image_size(modifier, ("Aspect",), settings.scene, across / up)
+    set_inputs(modifier, {"Width": lens.ortho_scale * across})
+    aspect = image_aspect(settings.scene)
+    lens.shift_x, lens.shift_y = 0.5 - frame.centre[0], (0.5 - frame.centre[1]) / aspect
+
+
+@contextmanager
+def _copied(passing: PassingScene, camera, view: View) -> Iterator[list[str]]:
+    eye, before = camera.copy(), passing.scene.camera
+    eye.data = lens = camera.data.copy()
+    made, kept = eye.session_uid, None if before is None else before.session_uid
+    try:
+        lens.animation_data_clear()
+        passing.scene.collection.objects.link(eye)
+        _aim_lens(lens, view)
+        passing.scene.camera = eye
+        del eye, lens, before, camera
+        yield []
+    finally:
+        if passing.scene is not None:
+            passing.scene.camera = object_by_uid(kept or 0)
+        if (copy := object_by_uid(made)) is not None:
+            delete_with_data(copy)
+
+
+def _aim_lens(lens, view: View) -> None:
+    """Let an ordinary camera see the whole image, of which its own picture is the frame."""
+    near = view.own.volume.surfaces[0]
+    assert isinstance(near, Plane) and view.place is not None
+    there = np.linalg.inv(view.place) @ near.matrix
+    depth = -there[2, 3] if lens.type == "PERSP" else 1.0
+    width = near.width / depth / view.frame.size[0]
+    height = near.height / depth / view.frame.size[1]
+    middle = (there[:2, 3] / depth) + (0.5 - np.array(view.frame.centre)) * (width, height)
+    lens.sensor_fit = "HORIZONTAL"
+    if lens.type == "PERSP":
+        lens.sensor_width = width * lens.lens
+    else:
+        lens.ortho_scale = width
+    lens.shift_x, lens.shift_y = middle / width

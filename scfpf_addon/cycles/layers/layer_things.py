@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The things of an image's layers as a render evaluates them: their bounds, and the objects of each layer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...bridge.blender import versions
+from ...bridge.scene.mesh_arrays import LARGEST_COORDINATE, of_mesh, read_mesh
+from ...bridge.scene.read_visibility import ShownInRenders, has_hair
+from ...casting.common.ray_visibility import CAMERA
+from ...casting.layers.layer_parts import DIRECTIONS, Box, Hull
+from ...projection.typing import Array
+from ..skipping.reasons import links
+
+
+@dataclass
+class Things:
+    """The things of one layer.
+
+    points: (3, N) blocks, world space, with the bounds of the things. is_open: whether Cycles may show them
+    beyond these.
+    """
+
+    points: list[Array] = field(default_factory=list)
+    is_open: bool = False
+
+    @property
+    def bounds(self) -> tuple[Box, Hull] | None:
+        """The box and the hull around the points, None without any."""
+        if not self.points:
+            return None
+        points = np.concatenate(self.points, axis=1)
+        return Box.around(points), Hull.around(points)
+
+
+@dataclass
+class FoundThings:
+    """What renders show, by layer.
+
+    by_layer: the things of each layer that has some. boxes: around the objects of layer 0, by session id of
+    the object or of its instancer.
+    """
+
+    by_layer: dict[int, Things] = field(default_factory=dict)
+    boxes: dict[int, list[Array]] = field(default_factory=dict)
+
+
+# Types of objects that are no things.
+NO_THINGS = {"LIGHT", "CAMERA", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
+
+
+def find_things(depsgraph, members: Mapping[int, int], with_rest: bool) -> FoundThings:
+    """Find the things of layers from 1 on. members: as of ``ReadLayers``. with_rest: boxes of layer 0."""
+    renders, found = ShownInRenders(depsgraph), FoundThings()
+    known: dict[int, Array] = {}
+    scene = depsgraph.scene_eval
+    for instance in depsgraph.object_instances:
+        obj, parent = instance.object, instance.parent
+        if obj.type in NO_THINGS:
+            continue
+        top = (parent or obj).original
+        number = members.get(top.session_uid, 0)
+        if not number and not with_rest:
+            continue
+        if not renders.rays(obj, parent) & CAMERA:
+            continue
+        matrix = np.array(instance.matrix_world, np.float64)
+        if not (np.abs(matrix) <= LARGEST_COORDINATE).all():
+            continue
+        points = _own_points(obj, known) if number else np.array(obj.bound_box, np.float64).T
+        if not points.shape[1]:
+            continue
+        placed = matrix[:3, :3] @ points + matrix[:3, 3:]
+        if number:
+            things = found.by_layer.setdefault(number, Things())
+            things.points.append(_extremes(placed))
+            things.is_open = things.is_open or _is_open(obj, scene)
+        else:
+            found.boxes.setdefault(top.session_uid, []).append(placed)
+    return found
+
+
+def _own_points(obj, known: dict[int, Array]) -> Array:
+    """Points (3, N) of an evaluated object with its whole extent, own space. known: those of meshes."""
+    if obj.type != "MESH":
+        return np.array(obj.bound_box, np.float64).T
+    key = obj.data.as_pointer()
+    if key not in known:
+        arrays = of_mesh(obj, read_mesh)
+        known[key] = arrays.vertices[np.unique(arrays.triangles)].astype(np.float64).T
+    return known[key]
+
+
+def _extremes(points: Array) -> Array:
+    """Those of points (3, N), N > 0, that reach farthest in one of DIRECTIONS."""
+    heights = [direction @ points for direction in DIRECTIONS]
+    ends = {int(end) for each in heights for end in (each.argmin(), each.argmax())}
+    return points[:, sorted(ends)]
+
+
+def _is_open(obj, scene) -> bool:
+    """Return whether Cycles may show an object beyond its mesh: hair, points, volumes, displacement."""
+    if obj.type != "MESH" or has_hair(obj):
+        return True
+    subdivided = (each for each in obj.modifiers if each.type == "SUBSURF" and each.show_render)
+    if any(versions.is_subdivided_adaptively(each, obj, scene) for each in subdivided):
+        return True
+    return any(
+        slot.material is not None
+        and slot.material.displacement_method != "BUMP"
+        and links(slot.material, "OUTPUT_MATERIAL", "Displacement")
+        for slot in obj.material_slots
+    )

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An image with layers through Cycles: renders of each view, in steps that Blender takes, and their join.
+
+Of a view there is a render of its colours and, where its distances decide what is in front, one of positions
+at several places of each pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+
+import numpy as np
+
+from ...casting.layers.join_images import cover, halo_share
+from ...casting.layers.layer_keys import layer_keys
+from ...projection.typing import Array, BoolArray
+from ...shading.settings.frame_settings import Border
+from ...shading.typing import Single
+from .exr_passes import read_passes
+from .layer_eyes import seen_through
+from .layer_views import ReadViews, read_views
+from .passing_scene import KEY_SIDE, PassingScene
+from .shown_pixels import ShownPixels, around, join_into, slices, within
+
+
+class LayeredRender:
+    """One image with layers: ``pixels`` after the last of its ``steps``, (H, W, 4), row 0 at the bottom.
+
+    warnings: what the image does not show as asked. total: the number of its renders, once that is known.
+    """
+
+    def __init__(self, passing: PassingScene) -> None:
+        self._passing = passing
+        self.warnings: list[str] = []
+        self.pixels: Single | None = None
+        self.total = 0
+
+    def steps(self, camera) -> Iterator[str]:
+        """Yield the name of what is to be rendered: the caller has Blender render the passing scene.
+
+        Close the iterator to end early. Raises RigError, PassesError and RENDER_ERRORS.
+        """
+        read = read_views(self._passing, camera)
+        del camera
+        self.warnings += read.layers.warnings
+        self._passing.add_groups(read.layers.members, len(read.views))
+        found = {number: read.window(number) for number in range(1, len(read.views))}
+        windows = {number: window for number, window in found.items() if window is not None}
+        compared = [w for number, w in windows.items() if read.layers.layers[number - 1].front != "ORDER"]
+        renders = [3 if layer.halo > 0.0 else 1 + (layer.front == "DEPTH") for layer in read.layers.layers]
+        self.total = 1 + bool(compared) + sum(renders[number - 1] for number in windows)
+        self._passing.show((0,))
+        with seen_through(self._passing, read.views[0]) as cautions:
+            self._caution(cautions)
+            rest = yield from self._rest(read, around(compared) if compared else None)
+        shown = []
+        for number, window in windows.items():
+            # Rays skip chords in which nothing is that any of the layer's renders shows.
+            has_halo = read.layers.layers[number - 1].halo > 0.0
+            self._passing.show(*(((0, number), read.beyond(number)) if has_halo else ((number,),)))
+            with seen_through(self._passing, read.views[number]) as cautions:
+                self._caution(cautions)
+                shown.append((yield from self._layer(read, number, window)))
+        if shown:
+            join_into(rest, shown)
+        self.pixels = rest.color
+
+    def _caution(self, texts: list[str]) -> None:
+        self.warnings += [text for text in texts if text not in self.warnings]
+
+    def _rest(self, read: ReadViews, compared: Border | None) -> Generator[str, None, ShownPixels]:
+        """Render what is in no layer. compared: the pixels in which its keys matter, None without any."""
+        whole = Border(0, 0, *read.size)
+        color = yield from self._colors("the picture", whole, read, is_layer=False)
+        keys = np.full((1, 1, 1), np.inf)
+        if compared is not None:
+            keys = self._keys(read, 0, *(yield from self._places("the picture", compared, read)))
+        return ShownPixels(whole, color, compared or Border(0, 0, 1, 1), keys)
+
+    def _layer(self, read: ReadViews, number: int, window: Border) -> Generator[str, None, ShownPixels]:
+        """Render a layer. window: the pixels in which it may be seen."""
+        layer, name = read.layers.layers[number - 1], f"'{read.layers.names[number - 1]}'"
+        box, keys = read.box(number), None
+        self._passing.show((number,))
+        color = yield from self._colors(name, window, read, is_layer=True)
+        if layer.front == "DEPTH":
+            keys = self._keys(read, number, *(yield from self._places(name, window, read)))
+        if layer.halo > 0.0:
+            name = f"{name}, its halo"
+            self._passing.show((0, number), read.beyond(number), held_out=number)
+            place, is_seen = yield from self._places(name, window, read)
+            distance = box.distance(place.reshape(3, -1)).reshape(is_seen.shape)
+            is_near = is_seen & (distance <= layer.halo)
+            share = halo_share(is_seen, is_near)
+            if keys is not None:
+                keys = np.where(is_near, self._keys(read, number, place, is_near), keys)
+            if (part := within(share > 0.0, window)) is not None:
+                self._passing.show((0, number), read.beyond(number))
+                near = yield from self._colors(name, part, read, is_layer=True)
+                own = slices(part, window)
+                color[own] += (near - color[own]) * share[own][..., None]
+        # Where no place meets anything opaque the middle of the things has to do.
+        middle = np.broadcast_to(box.middle[:, None, None, None], (3, 1, *color.shape[:2]))
+        nearest = self._keys(read, number, middle, color[None, ..., 3] > 0.0)
+        keys = nearest if keys is None else np.where(np.isfinite(keys).any(axis=0), keys, nearest)
+        return ShownPixels(window, color * cover(layer, read.size, window)[..., None], window, keys)
+
+    def _colors(
+        self, name: str, window: Border, read: ReadViews, is_layer: bool
+    ) -> Generator[str, None, Single]:
+        """Render colours (H, W, 4)."""
+        with self._passing.colored(window, read.size, is_layer):
+            yield name
+            return read_passes(self._passing.path, "Combined")
+
+    def _places(
+        self, name: str, window: Border, read: ReadViews
+    ) -> Generator[str, None, tuple[Array, BoolArray]]:
+        """Render positions (3, S, H, W) at S places of each pixel, and whether anything is there."""
+        with self._passing.located(window, read.size):
+            yield f"{name}, distances"
+            place = read_passes(self._passing.path, "Position").astype(np.float64)
+            alpha = read_passes(self._passing.path, "Combined")[..., 3:]
+        height, width = window.top - window.bottom, window.right - window.left
+        both = np.concatenate([place, alpha], axis=2).reshape(height, KEY_SIDE, width, KEY_SIDE, 4)
+        both = both.transpose(4, 1, 3, 0, 2).reshape(4, -1, height, width)
+        return both[:3], (both[3] > 0.0) & both[:3].any(axis=0)
+
+    def _keys(self, read: ReadViews, number: int, place: Array, is_hit: BoolArray) -> Array:
+        """The keys (S, H, W) of positions (3, S, H, W). is_hit: (S, H, W)."""
+        middle = read.box(number).middle if number else None
+        keys = layer_keys(read.layers.layers, number, place.reshape(3, -1), is_hit.ravel(), middle)
+        return keys.reshape(is_hit.shape)

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures with layers by Cycles, render by render: Blender's jobs in a window, at once without one."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+
+import bpy
+
+from ...bridge.blender.scene_objects import object_by_uid
+from ...bridge.render.command_line import CYCLES_RENDERS
+from ...bridge.render.image_file import ResultError, frame_file, require_place, save_result
+from ...bridge.render.render_errors import RENDER_ERRORS
+from ...bridge.render.result_image import keep_result, result_image, show_progress
+from ..rig_data import RigError, require_cycles
+from .exr_passes import PassesError
+from .layered_render import LayeredRender
+from .passing_scene import PassingScene
+
+NOT_RENDERED = "Cycles has written no picture: look at the system console for its reason"
+LOST = "The scene or the camera was deleted meanwhile: render again"
+# Bad input raises one of these; other errors are bugs.
+LAYERS_ERRORS = (RigError, ResultError, *RENDER_ERRORS)
+
+
+class LayersJob:
+    """Pictures with layers, one a frame. Call ``close`` in any case: the artist's scene is as before then.
+
+    Between two steps it keeps names and numbers only. warnings: what the pictures do not show as asked.
+    written: the files. outcome: what was rendered, and in what time.
+    """
+
+    def __init__(self, context, camera, frames: Sequence[int] = (), path: str = "") -> None:
+        """frames: of an animation, none for the scene's present frame. path: of files, see ``frame_file``.
+
+        Raises LAYERS_ERRORS.
+        """
+        scene = context.scene
+        require_cycles(scene)
+        self._scene, self._layer, self._camera = scene.name, context.view_layer.name, camera.session_uid
+        self._is_animation, self._path = bool(frames), path
+        self._frames = [*frames] or [scene.frame_current]
+        self._passing: PassingScene | None = None
+        self._render: LayeredRender | None = None
+        self._frame_before, self._moved = (scene.frame_current, scene.frame_subframe), False
+        self._begun, self._count = time.monotonic(), len(self._frames)
+        self._done, self._text = 0, ""
+        self.warnings: list[str] = []
+        self.written: list[str] = []
+        self.outcome = ""
+        if path:
+            require_place(self._file(self._frames[0]))
+
+    def step(self) -> bool:
+        """Take what Blender has rendered, and prepare its next render; False after the last picture.
+
+        Raises LAYERS_ERRORS.
+        """
+        while self._render is not None or self._begin():
+            assert self._render is not None
+            try:
+                self._text = next(self._steps)
+                self._done += 1
+                return True
+            except StopIteration:
+                self._deliver()
+            except (PassesError, FileNotFoundError) as error:
+                raise RigError(NOT_RENDERED) from error
+        return False
+
+    def render(self, in_window: bool) -> None:
+        """Have Blender render: in a job of its own in a window, else at once. Raises RigError."""
+        assert self._passing is not None
+        call = ("INVOKE_DEFAULT",) if in_window else ()
+        try:
+            bpy.ops.render.render(*call, write_still=True, use_viewport=False, scene=self._passing.name)
+        except RuntimeError as error:
+            reason = str(error).removeprefix("Error: ").strip()
+            raise RigError(f"Blender does not render: {reason}") from error
+
+    @property
+    def progress(self) -> str:
+        """What is rendered, as a text for the status bar."""
+        total = self._render.total if self._render is not None else 0
+        frame = f"frame {self._count - len(self._frames)} of {self._count}, " if self._count > 1 else ""
+        return f"{frame}{self._text} ({self._done} of {total})"
+
+    def close(self) -> None:
+        """Remove everything that was made for the renders, and return to the artist's frame."""
+        self._end_picture()
+        scene = bpy.data.scenes.get((self._scene, None))
+        if self._moved and scene is not None:
+            scene.frame_set(self._frame_before[0], subframe=self._frame_before[1])
+        self._moved = False
+
+    def _end_picture(self) -> None:
+        passing, self._passing = self._passing, None
+        try:
+            if self._render is not None:
+                self._steps.close()
+        finally:
+            self._render = None
+            if passing is not None:
+                passing.remove()
+
+    def _begin(self) -> bool:
+        """Begin the next picture that is to be made; False if there is none."""
+        while self._frames:
+            scene, camera = bpy.data.scenes.get((self._scene, None)), object_by_uid(self._camera)
+            if scene is None or camera is None:
+                raise RigError(LOST)
+            frame = self._frames.pop(0)
+            is_there = self._path and self._is_animation and os.path.exists(self._file(frame))
+            if is_there and not scene.render.use_overwrite:
+                continue
+            if self._is_animation:
+                # Renders of a copy show objects as the artist's scene has evaluated them.
+                self._moved = True
+                scene.frame_set(frame)
+            self._passing = PassingScene(scene, scene.view_layers[self._layer])
+            self._frame, self._done = frame, 0
+            self._render = LayeredRender(self._passing)
+            self._steps = self._render.steps(camera)
+            return True
+        return False
+
+    def _deliver(self) -> None:
+        """Keep the finished picture, and write its file."""
+        assert self._render is not None and self._render.pixels is not None
+        pixels, scene = self._render.pixels, bpy.data.scenes[self._scene]
+        self.warnings += [text for text in self._render.warnings if text not in self.warnings]
+        self._end_picture()
+        height, width = pixels.shape[:2]
+        show_progress(pixels)
+        del pixels
+        if not self._frames and (warning := keep_result()):
+            self.warnings.append(warning)
+        if self._path:
+            self.written.append(save_result(result_image(), self._file(self._frame), scene))
+        made = f"{len(self.written)} pictures, " if self._is_animation else ""
+        self.outcome = f"{made}{width}×{height} by Cycles in {time.monotonic() - self._begun:.1f} s"
+
+    def _file(self, frame: int) -> str:
+        return frame_file(self._path, bpy.data.scenes[self._scene], frame, self._is_animation)
+
+
+def render_for_command(camera, frames: Sequence[int], path: str) -> tuple[list[str], str]:
+    """Render files for the command line; return warnings and what was rendered. Raises LAYERS_ERRORS."""
+    job = render_layers(bpy.context, camera, frames, path)
+    return job.warnings, job.outcome
+
+
+def register():
+    CYCLES_RENDERS.append(render_for_command)
+
+
+def unregister():
+    CYCLES_RENDERS.clear()
+
+
+def render_layers(context, camera, frames: Sequence[int] = (), path: str = "") -> LayersJob:
+    """Do all of a ``LayersJob`` at once, and return it. Raises LAYERS_ERRORS; earlier files stay then."""
+    job = LayersJob(context, camera, frames, path)
+    try:
+        while job.step():
+            job.render(in_window=False)
+    finally:
+        job.close()
+    return job

@@ -1,0 +1,357 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image layers through Cycles, compared with Blender's own renders of the same things."""
+
+import bpy
+import numpy as np
+import pytest
+from engine_images import f12, load_pixels
+from mathutils import Matrix, Vector
+from rig_scenes import keep_groups
+
+WIDTH, HEIGHT = 48, 32
+
+
+def looking(place, at=(0, 0, 0)):
+    way = Vector(at) - Vector(place)
+    return Matrix.Translation(place) @ way.to_track_quat("-Z", "Y").to_matrix().to_4x4()
+
+
+def new_camera(name, matrix):
+    camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+    bpy.context.scene.collection.objects.link(camera)
+    camera.matrix_world, camera.data.clip_end = matrix, 60.0
+    return camera
+
+
+def flexible(camera, preset="perspective"):
+    master = bpy.context.scene.camera
+    bpy.context.view_layer.objects.active = camera
+    assert bpy.ops.scfpf.preset_apply(preset=preset) == {"FINISHED"}
+    bpy.context.scene.camera = master
+
+
+def collected(name, *objects):
+    made = bpy.data.collections.new(name)
+    bpy.context.scene.collection.children.link(made)
+    for each in objects:
+        made.objects.link(bpy.data.objects[each])
+
+
+def glowing(name, color):
+    """An object that shines in one colour, and so has no noise."""
+    material = bpy.data.materials.new(name)
+    if material.node_tree is None:
+        material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    emission, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputMaterial")
+    emission.inputs["Color"].default_value = (*color, 1)
+    tree.links.new(emission.outputs[0], output.inputs[0])
+    bpy.data.objects[name].data.materials.append(material)
+
+
+@pytest.fixture
+def scene(engine_scene):
+    """A cube on a floor before a second one, seen by a flexible camera."""
+    bpy.data.objects["Cube"].name = "Thing"
+    collected("Things", "Thing")
+    bpy.ops.mesh.primitive_cube_add(location=(1.5, 3.0, 0.5), size=3.0)
+    bpy.context.object.name = "Wall"
+    bpy.ops.mesh.primitive_plane_add(location=(0, 0, -1), size=30)
+    bpy.context.object.name = "Floor"
+    engine_scene.render.resolution_x, engine_scene.render.resolution_y = WIDTH, HEIGHT
+    camera = engine_scene.camera
+    camera.name = "Master"
+    flexible(camera)
+    camera.matrix_world = looking((0, -9, 2))
+    cycles = engine_scene.cycles
+    cycles.samples, cycles.use_denoising, cycles.use_adaptive_sampling, cycles.seed = 16, False, False, 7
+    keep_groups()
+    return engine_scene
+
+
+def add(front="DEPTH", collection="Things", seen_by="Side"):
+    bpy.context.view_layer.objects.active = bpy.data.objects["Master"]
+    given = {"camera": "Master", "collection": collection, "seen_by": seen_by, "front": front}
+    assert bpy.ops.scfpf.layer_add(**given) == {"FINISHED"}
+    return bpy.data.objects["Master"].scfpf.layers[-1]
+
+
+def result():
+    image = bpy.data.images["SCFPF Render"]
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], 4)
+
+
+def layered(**options):
+    """The picture of the button, (H, W, 4)."""
+    assert bpy.ops.scfpf.layers_render(camera="Master", **options) == {"FINISHED"}
+    return result()
+
+
+def things(scene):
+    return [obj for obj in scene.objects if obj.type == "MESH" and obj.scfpf_surface.kind == "NONE"]
+
+
+def alone(scene, names, camera="Master", transparent=False):
+    """The image by Blender's F12 and Cycles of some objects; others are not seen, but cast shadows."""
+    return passes_alone(scene, names, camera, transparent)["ViewLayer.Combined"]
+
+
+def passes_alone(scene, names, camera, transparent):
+    """The passes of ``alone``."""
+    seer, before = bpy.data.objects[camera], (scene.camera, scene.render.engine)
+    bpy.context.view_layer.objects.active = seer
+    for obj in things(scene):
+        obj.visible_camera = obj.name in names
+    if seer.scfpf.enabled:
+        assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
+    else:
+        scene.camera, scene.render.engine = seer, "CYCLES"
+    scene.render.film_transparent = transparent
+    image = f12(scene)
+    scene.render.film_transparent = False
+    if seer.scfpf.enabled:
+        assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
+    scene.camera, scene.render.engine = before
+    for obj in things(scene):
+        obj.visible_camera = True
+    return image
+
+
+def test_a_layer_seen_by_the_cameras_own_twin_is_the_plain_render(scene):
+    # Not on the floor: what a thing stands on and hides mixes with it at its outline.
+    bpy.data.objects["Thing"].location.z = 0.6
+    whole = alone(scene, {"Thing", "Wall", "Floor"})
+    rest = alone(scene, {"Wall", "Floor"})
+    own = alone(scene, {"Thing"}, transparent=True)[..., 3]
+    flexible(new_camera("Side", bpy.data.objects["Master"].matrix_world))
+    add("DEPTH")
+    image = layered()
+    off = np.abs(image - whole).max(axis=2)
+    assert 0.05 < (own > 0).mean() < 0.5
+    # The samples are the same, so that the noise is, too.
+    np.testing.assert_array_equal(image[own == 0], rest[own == 0])
+    assert (np.abs(rest - whole).max(axis=2) > 0.02)[own == 1].mean() > 0.3
+    assert off[own == 1].max() < 1e-4
+    assert off.mean() < 2e-3
+
+
+@pytest.mark.parametrize("kind", ["ordinary", "orthographic", "flexible"])
+def test_the_picture_of_a_layers_camera_has_its_place(scene, kind):
+    size, position = (0.75, 0.5), (0.625, 0.75)
+    side = new_camera("Side", looking((-6, -5, 5), (-0.5, 0, 0)))
+    side.data.shift_x = 0.1
+    if kind == "orthographic":
+        side.data.type, side.data.ortho_scale = "ORTHO", 6.0
+    render = scene.render
+    render.resolution_x, render.resolution_y = round(WIDTH * size[0]), round(HEIGHT * size[1])
+    if kind == "flexible":
+        flexible(side, "curved_convergence")
+    side.data.sensor_fit = "HORIZONTAL"
+    glowing("Thing", (1, 0.5, 0.25))
+    own = alone(scene, {"Thing"}, "Side", transparent=True)
+    render.resolution_x, render.resolution_y = WIDTH, HEIGHT
+    rest = alone(scene, {"Wall", "Floor"})
+    layer = add("ORDER")
+    layer.size, layer.position = size, position
+    image = layered()
+    left, bottom = (round(n * (p - s / 2)) for n, p, s in zip((WIDTH, HEIGHT), position, size, strict=True))
+    expected = rest.copy()
+    part = expected[bottom : bottom + own.shape[0], left : left + own.shape[1]]
+    part[:] = own + part * (1 - own[..., 3:])
+    covered = np.zeros(rest.shape[:2], bool)
+    covered[bottom : bottom + own.shape[0], left : left + own.shape[1]] = own[..., 3] > 0
+    assert 0.02 < covered.mean() < 0.6
+    # The filter draws other places in the pixels of images of another size.
+    around = np.pad(covered, 1)
+    around = np.any([np.roll(around, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)], axis=0)
+    apart = ~around[1:-1, 1:-1]
+    np.testing.assert_array_equal(image[apart], rest[apart])
+    off = np.abs(image - expected).max(axis=2)
+    assert off[covered].mean() < 0.03
+    assert np.median(off[covered]) < 1e-5
+
+
+@pytest.mark.parametrize("fronts", [("DEPTH", "DEPTH"), ("ORDER", "ANCHOR")])
+def test_who_is_in_front_follows_a_list_of_keys(scene, fronts):
+    collected("Walls", "Wall")
+    for name, color in (("Thing", (1, 0, 0)), ("Wall", (0, 1, 0)), ("Floor", (0, 0, 1))):
+        glowing(name, color)
+    bpy.ops.mesh.primitive_cube_add(location=(0, -3, 0))
+    bpy.context.object.name = "Post"
+    bpy.context.object.scale = 0.15, 0.15, 3.0
+    glowing("Post", (1, 1, 0))
+    new_camera("Side", looking((-3, -8, 4), (0.2, 0, 0)))
+    new_camera("Above", looking((2, -6, 5), (1.5, 3, 0)))
+    bpy.context.view_layer.use_pass_position = True
+    scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BLACKMAN_HARRIS", 0.01
+    scene.cycles.samples = 1
+    eye = np.array(bpy.data.objects["Master"].matrix_world.translation)
+    sources, keys = [], []
+    views = (("Floor", "Post"), "Master"), (("Thing",), "Side"), (("Wall",), "Above")
+    for number, (names, camera) in enumerate(views):
+        found = passes_alone(scene, names, camera, transparent=number > 0)
+        place, color = found["ViewLayer.Position"], found["ViewLayer.Combined"]
+        middle = np.array(bpy.data.objects[names[0]].matrix_world.translation)
+        front = fronts[number - 1] if number else "DEPTH"
+        key = np.linalg.norm((0.0 * place + middle if front == "ANCHOR" else place) - eye, axis=2)
+        key = np.full_like(key, number - 3) if front == "ORDER" else key
+        sources.append(color)
+        keys.append(np.where(place.any(axis=2), key, np.inf))
+    winner = np.argmin(keys, axis=0)
+    expected = np.take_along_axis(np.stack(sources), winner[None, ..., None], axis=0)[0]
+    assert np.bincount(winner.ravel()).min() > 20
+    add(fronts[0])
+    add(fronts[1], "Walls", "Above")
+    image = layered()
+    # A pixel that more than one of its places decides is a mix.
+    mixed = np.abs(image - expected).max(axis=2) > 1e-5
+    edges = np.zeros_like(mixed)
+    for other in (sources, [winner[..., None]]):
+        for each in other:
+            for axis in (0, 1):
+                step = np.abs(np.diff(each, axis=axis)).max(axis=2) > 1e-5
+                pad = [(1, 0) if axis == 0 else (0, 0), (0, 0) if axis == 0 else (1, 0)]
+                edges |= np.pad(step, pad) | np.pad(step, [side[::-1] for side in pad])
+    assert edges.mean() < 0.5
+    assert not (mixed & ~edges).any()
+
+
+def test_a_halo_shows_the_ground_around_as_the_layers_camera_does(scene):
+    side = new_camera("Side", looking((-5, -6, 5), (-0.8, 0, 0)))
+    layer = add("ORDER")
+    layer.halo = 1.0
+    image = layered()
+    rest = alone(scene, {"Wall", "Floor"})
+    bpy.context.view_layer.use_pass_position = True
+    both = passes_alone(scene, {"Thing", "Wall", "Floor"}, side.name, transparent=True)
+    place, color = both["ViewLayer.Position"].astype(float), both["ViewLayer.Combined"]
+    away = np.linalg.norm(np.maximum(np.abs(place) - 1.0, 0.0), axis=2)
+    # The thing's shadow is on the ground beside it.
+    inside, outside = away < 0.8, away > 1.2
+    ground = inside & (np.abs(place[..., 2] + 1.0) < 1e-3)
+    assert ground.mean() > 0.02 and np.ptp(color[ground][:, 0]) > 0.2
+    own = alone(scene, {"Thing"}, side.name, transparent=True)[..., 3]
+    assert np.abs(image - color)[inside & ((own == 1) | (own == 0))].max() < 1e-4
+    np.testing.assert_array_equal(image[outside & (own == 0)], rest[outside & (own == 0)])
+    layer.mask = bpy.data.images.new("Mask", 2, 1)
+    layer.mask.pixels[:] = (1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+    masked = layered()
+    np.testing.assert_array_equal(masked[:, WIDTH // 2 :], rest[:, WIDTH // 2 :])
+    np.testing.assert_allclose(masked[:, : WIDTH // 2], image[:, : WIDTH // 2], atol=1e-6)
+
+
+def test_shadows_of_a_layers_things_fall_on_the_rest(scene):
+    new_camera("Side", looking((-6, -5, 5), (40, 0, 0)))
+    add("ORDER")
+    # The layer's camera looks away, so that only the shadow is left.
+    image = layered()
+    np.testing.assert_array_equal(image, alone(scene, {"Wall", "Floor"}))
+    bpy.data.objects["Thing"].visible_shadow = False
+    assert (layered() - image).max() > 0.2
+
+
+def state(scene):
+    """The RNA properties of a scene and its objects, what is in the file, and where objects are linked."""
+
+    def values(owner, depth=0):
+        found = {}
+        for prop in owner.bl_rna.properties:
+            name = prop.identifier
+            if name in ("rna_type", "report", "bl_rna") or (prop.is_readonly and prop.type != "POINTER"):
+                continue
+            value = getattr(owner, name)
+            if prop.type == "POINTER":
+                is_own = value is not None and not isinstance(value, bpy.types.ID)
+                if not is_own:
+                    found[name] = repr(value)
+                elif depth < 2:
+                    found[name] = values(value, depth + 1)
+            elif prop.type != "COLLECTION":
+                found[name] = tuple(value) if getattr(prop, "is_array", False) else value
+        return found
+
+    def layers(layer):
+        return values(layer), [layers(child) for child in layer.children]
+
+    return {
+        "data": {
+            prop.identifier: sorted(each.name_full for each in getattr(bpy.data, prop.identifier))
+            for prop in bpy.data.bl_rna.properties
+            if prop.type == "COLLECTION" and prop.identifier not in ("all_ids", "images", "node_groups")
+        },
+        "render": values(scene.render),
+        "cycles": values(scene.cycles),
+        "scene": [repr(scene.camera), scene.frame_current, repr(scene.world), [*scene.keys()]],
+        "layers": [(values(each), layers(each.layer_collection)) for each in scene.view_layers],
+        "objects": {
+            obj.name: (values(obj), sorted(obj.keys()), [c.name for c in obj.users_collection])
+            for obj in bpy.data.objects
+        },
+        "drivers": {obj.name: obj.animation_data is None for obj in bpy.data.objects},
+    }
+
+
+@pytest.mark.parametrize("end", ["all", "Esc", "error"])
+def test_the_scene_is_as_before(scene, addon, end, monkeypatch):
+    side = new_camera("Side", looking((-6, -5, 5), (-0.5, 0, 0)))
+    if end != "Esc":
+        flexible(side)
+    add("DEPTH").size = 0.8, 0.7
+    if end == "all":
+        # A rig of the artist's own stays, and goes on skipping.
+        bpy.context.view_layer.objects.active = bpy.data.objects["Master"]
+        assert bpy.ops.scfpf.cycles_rig() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    before = state(scene)
+    jobs = addon("cycles.layers.layers_job")
+    if end == "all":
+        layered()
+    elif end == "Esc":
+        job = jobs.LayersJob(bpy.context, bpy.data.objects["Master"])
+        for _ in range(3):
+            assert job.step()
+            job.render(in_window=False)
+        job.close()
+    else:
+        render = jobs.LayersJob.render
+
+        def fail(job, in_window):
+            if "Things" not in job.progress:
+                return render(job, in_window)
+            raise addon("cycles.rig_data").RigError("No more")
+
+        monkeypatch.setattr(jobs.LayersJob, "render", fail)
+        with pytest.raises(RuntimeError, match="No more"):
+            layered()
+    bpy.context.view_layer.update()
+    after = state(scene)
+    for name, values in before.items():
+        assert after[name] == values, name
+
+
+def test_an_animation_writes_frames(scene, tmp_path):
+    side = new_camera("Side", looking((-6, -5, 5), (-0.5, 0, 0)))
+    thing = bpy.data.objects["Thing"]
+    for frame, height in ((1, 0.0), (2, 1.5)):
+        thing.location.z = height
+        thing.keyframe_insert("location", index=2, frame=frame)
+        side.keyframe_insert("location", index=2, frame=frame)
+    add("ORDER")
+    scene.frame_set(1)
+    scene.frame_start, scene.frame_end = 1, 2
+    first = layered()
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    last = layered(animation=True, filepath=f"{folder}/at_##.exr")
+    assert sorted(path.name for path in folder.iterdir()) == ["at_01.exr", "at_02.exr"]
+    np.testing.assert_allclose(load_pixels(folder / "at_01.exr"), first, atol=1e-6)
+    np.testing.assert_allclose(load_pixels(folder / "at_02.exr"), last, atol=1e-6)
+    assert scene.frame_current == 1 and thing.location.z == 0.0
+    scene.frame_set(2)
+    np.testing.assert_array_equal(layered(), last)
+    assert np.abs(first - last).max() > 0.1
+    with pytest.raises(RuntimeError, match="there is no folder"):
+        layered(filepath=str(tmp_path / "nowhere" / "a.png"))
