@@ -22,8 +22,10 @@ FOOT = "0 0 360 0 360 60 320 110 330 150 240 190 "
 PROFILES = {
     "Pawn": FOOT + "150 260 120 480 220 520 220 550 130 570 190 660 200 740 150 830 60 870 0 875",
     "Rook": FOOT + "190 280 170 720 260 760 260 960 180 960 180 880 0 880",
-    "Bishop": FOOT + "160 280 110 720 220 760 220 790 130 810 200 900 210 1000 120 1130 50 1190 70 1230 0 1270",
-    "Queen": FOOT + "180 300 120 880 240 930 240 960 140 990 210 1260 190 1290 120 1270 90 1330 70 1390 0 1400",
+    "Bishop": FOOT
+    + "160 280 110 720 220 760 220 790 130 810 200 900 210 1000 120 1130 50 1190 70 1230 0 1270",
+    "Queen": FOOT
+    + "180 300 120 880 240 930 240 960 140 990 210 1260 190 1290 120 1270 90 1330 70 1390 0 1400",
     "King": FOOT + "190 300 130 960 250 1010 250 1040 150 1070 210 1330 190 1370 90 1400 0 1410",
     "Knight": FOOT + "270 240 270 270 0 270",
 }
@@ -39,7 +41,14 @@ MEN = """
     Rook b 2 7
 """
 # From how high and from how far to the right each kind is best seen, degrees.
-SIDES = {"Pawn": (9, 0), "Rook": (24, 20), "Bishop": (4, 35), "Queen": (16, 0), "King": (2, 0), "Knight": (4, 90)}
+SIDES = {
+    "Pawn": (9, 0),
+    "Rook": (24, 20),
+    "Bishop": (4, 35),
+    "Queen": (16, 0),
+    "King": (2, 0),
+    "Knight": (4, 90),
+}
 
 
 def build():
@@ -72,7 +81,12 @@ def _board(scene) -> None:
             name = "Maple" if (file + rank) % 2 else "Walnut"
             builder.box((file - 4, rank - 4, -0.1), (file - 3, rank - 3, 0.0), name)
     builder.box((-4.6, -4.6, -0.3), (4.6, 4.6, -0.1), "Frame")
-    for low, high in (((-4.6, -4.6), (4.6, -4.02)), ((-4.6, 4.02), (4.6, 4.6)), ((-4.6, -4.1), (-4.02, 4.1)), ((4.02, -4.1), (4.6, 4.1))):
+    for low, high in (
+        ((-4.6, -4.6), (4.6, -4.02)),
+        ((-4.6, 4.02), (4.6, 4.6)),
+        ((-4.6, -4.1), (-4.02, 4.1)),
+        ((4.02, -4.1), (4.6, 4.1)),
+    ):
         builder.box((*low, -0.1), (*high, 0.04), "Frame")
     builder.box((-30, -30, -0.9), (30, 30, -0.3), "Table")
     palette = {
@@ -103,7 +117,9 @@ def _man(scene, words):
     if kind == "Rook":
         for angle in np.arange(0, 360, 60):
             turn = np.radians(angle + np.array([-20.0, 20.0]))
-            ring = [(r * np.cos(a), r * np.sin(a), z) for z in (0.94, 1.07) for r in (0.17, 0.26) for a in turn]
+            ring = [
+                (r * np.cos(a), r * np.sin(a), z) for z in (0.94, 1.07) for r in (0.17, 0.26) for a in turn
+            ]
             more.hexahedron(np.array(ring), own)
     elif kind == "King":
         more.box((-0.04, -0.03, 1.38), (0.04, 0.03, 1.72), own)
@@ -126,8 +142,15 @@ def _man(scene, words):
     foot = Vector((file - 3.5, rank - 3.5, 0.0))
     turn = 0.0 if colour == "w" else np.pi
     place(name, parts[0], collection, foot, turn, LARGE)
-    if more._faces:  # noqa: SLF001
-        detail = place(f"{name} detail", more.mesh(f"{name} detail", {own: paint}, outward=True), collection, foot, turn, LARGE)
+    if more._faces:
+        detail = place(
+            f"{name} detail",
+            more.mesh(f"{name} detail", {own: paint}, outward=True),
+            collection,
+            foot,
+            turn,
+            LARGE,
+        )
         if kind == "Knight":
             bevel = detail.modifiers.new("Bevel", "BEVEL")
             bevel.width, bevel.segments, bevel.angle_limit = 0.05, 4, np.radians(50)

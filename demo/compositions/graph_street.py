@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import town
-from .parts import Array, Tile, add_camera, frame_rays, new_scene, tiled
+from .parts import Tile, add_camera, frame_rays, new_scene, tiled
 
 SIZE = (1240, 500)
 LENS, EYE = 21.5, np.array([0.0, 0.0, 2.9])
@@ -17,7 +17,7 @@ LENS, EYE = 21.5, np.array([0.0, 0.0, 2.9])
 HALF = 7.0
 SIDES = ((9.5, 20.0), (24.0, 56.0))
 END, REACH = 98.0, 62.0
-# How far in front of a side street's mouth its own eye is, in widths of the mouth; how far the image looks up.
+# How far before a side street's mouth its own eye is, in widths of the mouth; how far the image looks up.
 BACK, RISE = 0.8, 0.13
 NEAR, FAR = 0.2, 160.0
 COLUMNS, ROWS = 48, 12
@@ -27,7 +27,7 @@ def build():
     """A street along y with two crossings, and its camera."""
     scene = new_scene(*SIZE)
     _build_town(scene)
-    camera = scene.camera = add_camera(scene, "Graph Camera", EYE, EYE + (0.0, 1.0, 0.0), LENS)
+    camera = scene.camera = add_camera(scene, "Graph Camera", EYE, EYE + np.array([0.0, 1.0, 0.0]), LENS)
     tiled(camera, _tiles(), ("Eye", "Mouths", "Far"))
     return scene
 
@@ -51,7 +51,7 @@ def _tiles() -> list[Tile]:
     for low, high, number in _edges():
         x, y = np.meshgrid(np.linspace(low, high, COLUMNS + 1), np.linspace(0, 1, ROWS + 1))
         places = np.stack([x, y], axis=-1)
-        rays = frame_rays(places + (0.0, RISE), LENS, aspect)
+        rays = frame_rays(places + np.array([0.0, RISE]), LENS, aspect)
         if number == 0:
             tiles.append(Tile(places, [NEAR * rays, 0.5 * FAR * rays, FAR * rays]))
             continue
@@ -68,10 +68,12 @@ def _build_town(scene) -> None:
     plots, trees, lamps = [], [], []
     runs = [(-14.0, SIDES[0][0]), (SIDES[0][1], SIDES[1][0]), (SIDES[1][1], END)]
     storeys = iter([3, 2, 3, 4, 3, 2, 3, 3, 2, 4, 3, 3, 2, 3, 4, 2] * 20)
-    for side, front, back in ((-1, "E", "W"), (1, "W", "E")):
+    for side, front in ((-1, "E"), (1, "W")):
         for low, high in runs:
             count = max(1, round((high - low) / 9.0))
-            for y0, y1 in zip(*(np.linspace(low, high, count + 1)[k : k + count] for k in (0, 1)), strict=True):
+            for y0, y1 in zip(
+                *(np.linspace(low, high, count + 1)[k : k + count] for k in (0, 1)), strict=True
+            ):
                 walls = front + ("S" if y0 == low else "") + ("N" if y1 == high else "")
                 xs = sorted((side * HALF, side * (HALF + 10.0)))
                 plots.append(((xs[0], y0), (xs[1], y1), walls, next(storeys)))

@@ -13,7 +13,17 @@ from numpy.typing import ArrayLike, NDArray
 from .. import render_demo
 from ..recipes.layer_pictures import add_camera, add_layer
 
-__all__ = ["Tile", "add_camera", "add_layer", "blended", "frame_rays", "module", "new_scene", "pinned", "tiled"]
+__all__ = [
+    "Tile",
+    "add_camera",
+    "add_layer",
+    "blended",
+    "frame_rays",
+    "module",
+    "new_scene",
+    "pinned",
+    "tiled",
+]
 
 Array = NDArray[np.float64]
 

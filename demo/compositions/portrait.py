@@ -36,10 +36,14 @@ HEAD = (
     ((0.0, 0.10, -1.3), (0.36, 0.36, 0.75)),
     ((0.0, 0.14, -1.95), (1.25, 0.50, 0.42)),
 )
-NOSE = tuple(
-    ((0.0, -0.84 - 0.40 * s**1.3, 0.20 - 0.58 * s), (0.085 + 0.06 * s, 0.13 + 0.02 * s, 0.12))
-    for s in np.linspace(0, 1, 12)
-) + (((0.12, -1.05, -0.40), (0.10, 0.14, 0.08)), ((-0.12, -1.05, -0.40), (0.10, 0.14, 0.08)))
+NOSE = (
+    *(
+        ((0.0, -0.84 - 0.40 * s**1.3, 0.20 - 0.58 * s), (0.085 + 0.06 * s, 0.13 + 0.02 * s, 0.12))
+        for s in np.linspace(0, 1, 12)
+    ),
+    ((0.12, -1.05, -0.40), (0.10, 0.14, 0.08)),
+    ((-0.12, -1.05, -0.40), (0.10, 0.14, 0.08)),
+)
 
 
 def build():
@@ -54,11 +58,11 @@ def compose(scene):
     """Blend six cameras by maps without borders, and return the last blend."""
     made = add_camera(scene, "Left Half Profile", (-3.6, -6.6, 0.2), (0.0, -0.1, -0.42), 70.0)
     parts = (
-        ("Profile", (7.4, -1.6, -0.1), (0.0, -1.0, -0.12), (0.60, 0.55), 78.0, (0.30, 0.30), 6.0),
-        ("Eye", (0.5, -7.4, 0.2), (0.37, -0.82, 0.02), (0.36, 0.66), 105.0, (0.33, 0.15), -7.0),
-        ("Far Eye", (3.2, -6.6, 0.6), (-0.37, -0.82, 0.02), (0.66, 0.70), 105.0, (0.30, 0.14), 9.0),
-        ("Mouth", (-1.0, -7.2, -0.9), (0.0, -0.86, -0.64), (0.52, 0.37), 100.0, (0.36, 0.14), 5.0),
-        ("Ear", (-7.4, 0.6, 0.0), (-0.88, 0.1, -0.06), (0.17, 0.55), 88.0, (0.22, 0.24), 8.0),
+        ("Eye", (0.5, -7.4, 0.2), (0.37, -0.82, 0.04), (0.36, 0.66), 105.0, (0.33, 0.15), -7.0),
+        ("Far Eye", (3.2, -6.6, 0.6), (-0.37, -0.82, 0.04), (0.70, 0.635), 105.0, (0.33, 0.165), 9.0),
+        ("Mouth", (-1.0, -7.2, -0.9), (0.0, -0.86, -0.64), (0.56, 0.385), 100.0, (0.43, 0.14), 5.0),
+        ("Ear", (-7.4, -0.4, 0.0), (-0.9, 0.12, -0.10), (0.19, 0.54), 92.0, (0.24, 0.22), 8.0),
+        ("Profile", (-7.4, -1.9, -0.2), (0.0, -1.0, -0.14), (0.575, 0.52), 84.0, (0.19, 0.27), -5.0),
     )
     for name, eye, feature, at, lens, size, turn in parts:
         seen = pinned(scene, name, eye, feature, at, lens)
@@ -87,7 +91,7 @@ def _bust(scene) -> None:
     _melted(scene, "Head", (*HEAD, *NOSE, *_ears()), palette["Skin"], 0.035)
     hair = [((0.0, 0.30, 0.42), (0.96, 1.00, 0.92)), ((0.0, 0.95, 0.30), (0.45, 0.42, 0.42))]
     for side in (-1, 1):
-        for s in np.linspace(0, 1, 8):
+        for s in np.linspace(0, 0.72, 7):
             hair.append(((side * (0.28 + 0.60 * s), -0.62 + 0.75 * s, 0.86 - 0.75 * s), (0.26, 0.26, 0.24)))
     _melted(scene, "Hair", hair, palette["Hair"], 0.04)
     builder = MeshBuilder()
@@ -99,27 +103,44 @@ def _bust(scene) -> None:
         for s in np.linspace(-1, 1, 25):
             wide = 0.045 * (1.1 - 0.5 * abs(s))
             builder.ball(
-                (side * (0.39 + 0.27 * s), -0.93 + 0.14 * s * s, 0.32 - 0.09 * s * s), (0.03, 0.04, wide), "Hair", segments=12
+                (side * (0.39 + 0.27 * s), -0.93 + 0.14 * s * s, 0.32 - 0.09 * s * s),
+                (0.03, 0.04, wide),
+                "Hair",
+                segments=12,
             )
             for up in (-1, 1):
-                lid = eye + (0.22 * s * side, -0.17 + 0.10 * s * s, up * 0.135 * (1 - s * s) ** 0.6)
+                lid = eye + np.array([0.22 * s * side, -0.17 + 0.10 * s * s, up * 0.135 * (1 - s * s) ** 0.6])
                 builder.ball(lid, (0.035, 0.045, 0.026), "Lids", segments=12)
         for s in np.linspace(0, 1, 15):
             builder.ball(
-                (side * 0.27 * s, -0.84 + 0.14 * s * s, -0.575 - 0.02 * abs(s - 0.3)), (0.05, 0.075, 0.055 * (1 - 0.6 * s)), "Lips", segments=16
+                (side * 0.27 * s, -0.84 + 0.14 * s * s, -0.575 - 0.02 * abs(s - 0.3)),
+                (0.05, 0.075, 0.055 * (1 - 0.6 * s)),
+                "Lips",
+                segments=16,
             )
             builder.ball(
-                (side * 0.25 * s, -0.83 + 0.14 * s * s, -0.665 + 0.05 * s), (0.05, 0.085, 0.065 * (1 - 0.6 * s)), "Lips", segments=16
+                (side * 0.25 * s, -0.83 + 0.14 * s * s, -0.665 + 0.05 * s),
+                (0.05, 0.085, 0.065 * (1 - 0.6 * s)),
+                "Lips",
+                segments=16,
             )
         builder.ball((side * 0.93, -0.02, -0.46), (0.06, 0.06, 0.09), "Band", segments=24)
     for s in np.radians(np.arange(0, 360, 12)):
-        builder.ball((0.44 * np.cos(s), 0.08 + 0.44 * np.sin(s), -1.50 + 0.06 * np.sin(s)), (0.075, 0.075, 0.075), "Band", segments=20)
+        builder.ball(
+            (0.44 * np.cos(s), 0.08 + 0.44 * np.sin(s), -1.50 + 0.06 * np.sin(s)),
+            (0.075, 0.075, 0.075),
+            "Band",
+            segments=20,
+        )
     builder.lathe([(0.75, -1.95), (1.22, -2.2), (1.35, -2.8), (0.0, -2.8)], 64, "Z", (0, 0.1, 0), "Dress")
     palette["Lids"] = palette["Skin"]
     place("Features", builder.mesh("Features", palette, outward=True), group(scene, "Features"))
     wall = MeshBuilder()
-    wall.box((-14, 14.0, -9), (14, 14.2, 9), "Wall")
-    place("Wall", wall.mesh("Wall", {"Wall": material("Wall", (0.30, 0.34, 0.30), 0.9)}), group(scene, "Wall"))
+    wall.lathe([(15.0, -14.0), (15.0, 14.0)], 64, "Z", (0, 0, 0), "Wall")
+    paint = material("Wall", (0.30, 0.34, 0.30), 0.9, emission=0.6)
+    backdrop = place("Wall", wall.mesh("Wall", {"Wall": paint}), group(scene, "Wall"))
+    # The light of sun and sky comes through it.
+    backdrop.visible_shadow = False
     daylight(scene, group(scene, "Lights"), (56.0, 0.0, -38.0))
     scene.view_settings.exposure = -0.35
 
@@ -129,7 +150,9 @@ def _ears():
     ears = []
     for side in (-1, 1):
         for s in np.radians(np.arange(-60, 215, 12)):
-            ears.append(((side * 0.90, 0.12 + 0.17 * np.sin(s) * 0.9, -0.06 + 0.25 * np.cos(s)), (0.07, 0.06, 0.06)))
+            ears.append(
+                ((side * 0.90, 0.12 + 0.17 * np.sin(s) * 0.9, -0.06 + 0.25 * np.cos(s)), (0.07, 0.06, 0.06))
+            )
         ears.append(((side * 0.84, 0.08, -0.08), (0.08, 0.15, 0.22)))
         ears.append(((side * 0.90, -0.01, -0.30), (0.06, 0.07, 0.08)))
     return ears

@@ -41,8 +41,12 @@ def build():
     table = add_camera(scene, "Table", (1.0, -2.6, 3.1), (0.7, 0.9, 0.6), 22.0)
     wall.rotation_euler.rotate_axis("Z", np.radians(-14.0))
     table.rotation_euler.rotate_axis("Z", np.radians(9.0))
-    made = blended(boss, ceiling, "LINEAR", "Boss and Ceiling", center=(0.5, 0.80), angle=np.pi / 2, border=0.34)
-    made = blended(made, wall, "LINEAR", "Boss and Wall", center=(0.24, 0.5), angle=np.radians(172.0), border=0.42)
+    made = blended(
+        boss, ceiling, "LINEAR", "Boss and Ceiling", center=(0.5, 0.80), angle=np.pi / 2, border=0.34
+    )
+    made = blended(
+        made, wall, "LINEAR", "Boss and Wall", center=(0.24, 0.5), angle=np.radians(172.0), border=0.42
+    )
     made = blended(made, table, "RADIAL", "Room", center=(0.66, 0.20), size=(0.46, 0.5), border=0.34)
     scene.camera = made
     return scene
@@ -90,7 +94,9 @@ def _walls(builder: MeshBuilder) -> None:
 
 
 def _table(builder: MeshBuilder, x: float, y: float) -> None:
-    builder.lathe([(0.0, 0.70), (0.56, 0.70), (0.58, 0.72), (0.58, 0.74), (0.0, 0.745)], 40, "Z", (x, y, 0), "Red")
+    builder.lathe(
+        [(0.0, 0.70), (0.56, 0.70), (0.58, 0.72), (0.58, 0.74), (0.0, 0.745)], 40, "Z", (x, y, 0), "Red"
+    )
     builder.lathe([(0.28, 0.0), (0.28, 0.03), (0.05, 0.06), (0.05, 0.70)], 24, "Z", (x, y, 0), "Steel")
     for angle in np.radians((20, 140, 260)):
         sx, sy = x + 0.92 * np.cos(angle), y + 0.92 * np.sin(angle)
@@ -111,8 +117,12 @@ def _furniture(builder: MeshBuilder) -> None:
         builder.lathe(profile, 16, "Z", (x, 4.86, 1.75), name)
         builder.lathe([(0.05, 0.0), (0.06, 0.14), (0.0, 0.14)], 16, "Z", (x, 4.86, 2.25), name)
     for x, y in ((0.9, 0.3), (-2.2, -0.6), (-1.7, 2.6)):
-        builder.lathe([(0.0, 0.75), (0.13, 0.75), (0.14, 0.765), (0.0, 0.76)], 24, "Z", (x - 0.15, y - 0.22, 0), "Cup")
-        builder.lathe([(0.04, 0.76), (0.065, 0.85), (0.055, 0.85), (0.0, 0.79)], 24, "Z", (x - 0.15, y - 0.22, 0), "Cup")
+        builder.lathe(
+            [(0.0, 0.75), (0.13, 0.75), (0.14, 0.765), (0.0, 0.76)], 24, "Z", (x - 0.15, y - 0.22, 0), "Cup"
+        )
+        builder.lathe(
+            [(0.04, 0.76), (0.065, 0.85), (0.055, 0.85), (0.0, 0.79)], 24, "Z", (x - 0.15, y - 0.22, 0), "Cup"
+        )
     for x in (-2.0, 0.9):
         for y in (-1.6, 1.0, 3.2)[x > 0 :]:
             builder.lathe([(0.015, 2.55), (0.015, HIGH)], 8, "Z", (x, y, 0), "Steel")
@@ -127,7 +137,13 @@ def _guest(builder: MeshBuilder) -> None:
     builder.lathe(torso, 32, "Z", (x, y, 0), "Coat")
     builder.ball((x - 0.04, y - 0.01, 1.44), (0.12, 0.105, 0.155), "Skin", segments=32)
     builder.ball((x - 0.16, y - 0.03, 1.43), (0.035, 0.025, 0.03), "Skin")
-    builder.lathe([(0.19, 1.53), (0.2, 1.545), (0.125, 1.555), (0.12, 1.66), (0.0, 1.68)], 32, "Z", (x - 0.02, y, 0), "Dark tile")
+    builder.lathe(
+        [(0.19, 1.53), (0.2, 1.545), (0.125, 1.555), (0.12, 1.66), (0.0, 1.68)],
+        32,
+        "Z",
+        (x - 0.02, y, 0),
+        "Dark tile",
+    )
     for side in (-1, 1):
         shoulder, elbow = np.array([x, y + 0.24 * side, 1.06]), np.array([x - 0.22, y + 0.3 * side, 0.80])
         hand = np.array([x - 0.56, y + 0.12 * side, 0.78])
@@ -156,7 +172,13 @@ def _lights(scene) -> None:
         scene.collection.objects.link(lamp)
     for number, y in enumerate((-2.2, 0.4, 3.0)):
         data = bpy.data.lights.new(f"Window {number}", "AREA")
-        data.energy, data.color, data.shape, data.size, data.size_y = 70.0, (0.72, 0.86, 1.0), "RECTANGLE", 1.4, 1.4
+        data.energy, data.color, data.shape, data.size, data.size_y = (
+            70.0,
+            (0.72, 0.86, 1.0),
+            "RECTANGLE",
+            1.4,
+            1.4,
+        )
         lamp = bpy.data.objects.new(data.name, data)
         lamp.location, lamp.rotation_euler = (-WIDE + 0.12, y, 2.0), (0.0, -np.pi / 2, 0.0)
         scene.collection.objects.link(lamp)

@@ -27,10 +27,18 @@ def behind():
     first = add_camera(scene, "Eye Level", (0.0, -31.0, 1.9), (0.0, 10.0, 5.0), 26.0)
     seen = _seen(scene, first, MONUMENT)
     second = pinned(scene, "Over the Roof", (0.0, -10.0, 30.0), MONUMENT, seen, 26.0)
-    second.data.lens *= (Vector(MONUMENT) - second.location).length / (Vector(MONUMENT) - first.location).length
+    second.data.lens *= (Vector(MONUMENT) - second.location).length / (
+        Vector(MONUMENT) - first.location
+    ).length
     second = _again(scene, second, seen)
     scene.camera = blended(
-        first, second, "RADIAL", "Behind the Palace", center=(seen[0], seen[1] + 0.03), size=(0.44, 0.5), border=0.2
+        first,
+        second,
+        "RADIAL",
+        "Behind the Palace",
+        center=(seen[0], seen[1] + 0.03),
+        size=(0.44, 0.5),
+        border=0.2,
     )
     return scene
 
@@ -63,13 +71,34 @@ def _square(scene) -> None:
         plots.append(((low, 54.0), (low + 12.0, 66.0), "S", 4 - int(low / 12) % 2))
     town.houses(scene, plots)
     town.ground(
-        scene, 140.0, [(-15.0, -2.0, 15.0, 13.0), (-38.0, -16.0, -21.5, 70.0), (21.5, -16.0, 38.0, 70.0), (-13.0, 18.0, 13.0, 44.0)]
+        scene,
+        140.0,
+        [
+            (-15.0, -2.0, 15.0, 13.0),
+            (-38.0, -16.0, -21.5, 70.0),
+            (21.5, -16.0, 38.0, 70.0),
+            (-13.0, 18.0, 13.0, 44.0),
+        ],
     )
     builder = MeshBuilder()
-    steps = [(4.2, 0.0), (4.2, 0.35), (3.5, 0.35), (3.5, 0.7), (2.8, 0.7), (2.8, 1.05), (1.1, 1.1), (0.9, 1.5)]
-    builder.lathe([*steps, (0.75, 4.6), (1.15, 4.9), (1.15, 5.2), (0, 5.2)], 40, "Z", (0, MONUMENT[1], 0.15), "Stone")
+    steps = [
+        (4.2, 0.0),
+        (4.2, 0.35),
+        (3.5, 0.35),
+        (3.5, 0.7),
+        (2.8, 0.7),
+        (2.8, 1.05),
+        (1.1, 1.1),
+        (0.9, 1.5),
+    ]
+    builder.lathe(
+        [*steps, (0.75, 4.6), (1.15, 4.9), (1.15, 5.2), (0, 5.2)], 40, "Z", (0, MONUMENT[1], 0.15), "Stone"
+    )
     builder.ball((0, MONUMENT[1], 6.5), (1.3, 1.3, 1.3), "Gold", segments=48)
-    palette = {"Stone": material("Pale marble", (0.66, 0.63, 0.58), 0.6), "Gold": material("Gold", (0.80, 0.42, 0.05), 0.35, 0.6)}
+    palette = {
+        "Stone": material("Pale marble", (0.66, 0.63, 0.58), 0.6),
+        "Gold": material("Gold", (0.80, 0.42, 0.05), 0.35, 0.6),
+    }
     place("Monument", builder.mesh("Monument", palette, outward=True), town.group(scene, "Monument"))
     ring = [(10.5 * np.cos(a), MONUMENT[1] + 10.5 * np.sin(a)) for a in np.radians(np.arange(0, 360, 45))]
     rows = [(side * 19.0, y) for side in (-1, 1) for y in np.arange(-20.0, 46.0, 11.0)]

@@ -42,7 +42,9 @@ def houses(scene, plots: Sequence[tuple[tuple[float, float], tuple[float, float]
 def ground(scene, half: float, pavements: Sequence[tuple[float, float, float, float]]) -> None:
     """Asphalt as far as ``half``, and raised pavements: low x, low y, high x, high y."""
     builder = MeshBuilder()
-    builder.add([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [(0, 1, 2, 3)], "Asphalt")
+    builder.add(
+        [(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [(0, 1, 2, 3)], "Asphalt"
+    )
     for x0, y0, x1, y1 in pavements:
         builder.box((x0, y0, 0.0), (x1, y1, 0.14), "Kerb")
         builder.box((x0 + 0.2, y0 + 0.2, 0.14), (x1 - 0.2, y1 - 0.2, 0.15), "Paving")
@@ -55,7 +57,14 @@ def furnish(scene, trees: Sequence[tuple[float, float]], lamps: Sequence[tuple[f
     shapes = [build_tree(seed).mesh(f"Tree {seed}", palette, sharp=np.pi) for seed in (1, 2, 3)]
     lamp = build_lamp().mesh("Street lamp", palette, outward=True)
     for number, (x, y) in enumerate(trees):
-        place(f"Tree {number:02}", shapes[number % 3], collection, (x, y, 0.14), 1.7 * number, 0.85 + 0.1 * (number % 3))
+        place(
+            f"Tree {number:02}",
+            shapes[number % 3],
+            collection,
+            (x, y, 0.14),
+            1.7 * number,
+            0.85 + 0.1 * (number % 3),
+        )
     for number, (x, y) in enumerate(lamps):
         place(f"Street lamp {number:02}", lamp, collection, (x, y, 0.14))
 

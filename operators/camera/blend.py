@@ -11,6 +11,7 @@ from ...scfpf_addon.bridge.camera.camera_blend import (
     least_faces,
     new_blend_camera,
     read_field,
+    seams_of,
     set_blend,
 )
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible
@@ -54,7 +55,8 @@ def _blend(context, first, second, camera):
     inward = world_to_camera(camera)
     own = read_projection(first, context.evaluated_depsgraph_get(), image_aspect(context.scene))
     own = own.transformed(inward)
-    return own, blended(own, second.transformed(inward), least_faces(camera))
+    seams, aspect = seams_of(camera), image_aspect(context.scene)
+    return own, blended(own, second.transformed(inward), least_faces(camera), seams, aspect)
 
 
 def _preset_before(context, camera, preset):

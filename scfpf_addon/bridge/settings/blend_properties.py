@@ -63,7 +63,7 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
     )
     border: number(
         "Border",
-        "Width of the transition, as a share of the picture's width; 0 gives a seam one face wide",
+        "Width of the transition, as a share of the picture's width; 0 gives a sharp seam",
         0.2,
         0.0,
         4.0,

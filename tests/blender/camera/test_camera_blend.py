@@ -386,3 +386,52 @@ def test_a_map_is_put_around_objects_as_the_first_camera_sees_them(camera, kind)
         assert np.allclose(field.size, (wide + 0.1, high + 0.1 * ASPECT), atol=4e-3)
     else:
         assert field.size[0] == pytest.approx(np.hypot(wide, high / ASPECT) + 0.1, abs=4e-3)
+
+
+def test_sharp_seams_of_nested_blends_are_exact(camera, seen, addon, tmp_path):
+    """Three cameras, two turned rectangles without borders: each point is one camera's. Files keep it."""
+    ends = []
+    for preset in ("orthographic", "curved_convergence", "perspective"):
+        assert bpy.ops.scfpf.preset_apply(preset=preset, fit=False) == {"FINISHED"}
+        end, mask = seen(camera)
+        ends.append(end)
+    x, y, _ = np.random.default_rng(5).uniform(0.02, 0.98, size=(3, 400))
+    boxes, off = [], []
+    for preset, center, angle in (
+        ("orthographic", (0.4, 0.5), 0.3),
+        ("curved_convergence", (0.6, 0.6), -0.5),
+    ):
+        assert bpy.ops.scfpf.camera_blend_preset(preset=preset) == {"FINISHED"}
+        field = bpy.context.object.scfpf.blend_field
+        field.center, field.angle, field.border, field.size = center, angle, 0.0, (0.5, 0.4)
+        assert bpy.ops.scfpf.blend_map(kind="RECTANGLE") == {"FINISHED"}
+        # A turn by complex numbers.
+        place = (x - center[0] + 1j * (y - center[1]) / ASPECT) * np.exp(-1j * angle)
+        sides = np.stack([0.25 - np.abs(place.real), 0.2 / ASPECT - np.abs(place.imag)])
+        boxes.append(sides.min(axis=0) > 0)
+        off.append(np.abs(sides).min(axis=0))
+    blend = bpy.context.object
+    away = mask & (np.min(off, axis=0) > 1e-4)
+    assert away.sum() > 350 and boxes[0].sum() > 50 and boxes[1].sum() > 50
+    wanted = np.where(boxes[1], ends[1], np.where(boxes[0], ends[0], ends[2]))
+    assert is_near(seen(blend)[0], wanted, away, 1e-3)
+    assert not addon("bridge.camera.camera_blend").is_too_coarse(blend)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "seams.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "seams.blend"))
+    blend = bpy.context.scene.camera
+    assert is_near(seen(blend)[0], wanted, away, 1e-3)
+    # Half way between the cameras within, the first one beyond.
+    below = np.where(boxes[0], ends[0], ends[2])
+    assert is_near(seen(at(blend, 0.5))[0], 0.5 * (wanted + below), away, 1e-3)
+    bpy.context.view_layer.objects.active = at(blend, 1.0)
+    blend.scfpf.blend_field.is_inverted = True
+    bpy.context.view_layer.update()
+    assert is_near(seen(blend)[0], np.where(boxes[1], below, ends[1]), away, 1e-3)
+    # Another place needs other cuts: the panel says so, and Update Blend makes them.
+    blend.scfpf.blend_field.is_inverted, blend.scfpf.blend_field.center = False, (0.55, 0.6)
+    assert addon("bridge.camera.camera_blend").is_too_coarse(blend)
+    assert bpy.ops.scfpf.blend_update() == {"FINISHED"}
+    assert not addon("bridge.camera.camera_blend").is_too_coarse(blend)
+    blend.scfpf.blend_field.border = 0.3
+    assert bpy.ops.scfpf.blend_update() == {"FINISHED"}
+    assert not addon("bridge.camera.camera_blend").is_too_coarse(blend)
