@@ -102,14 +102,14 @@ def _parted(places: Array, triangles: IndexArray, fields: Sequence[BlendField], 
     sides = np.reshape(within, (len(fields), len(triangles)))
     _, part = np.unique(sides, axis=1, return_inverse=True)
     pairs = np.stack([triangles.ravel(), np.repeat(part.reshape(-1), 3)], axis=1)
+    # Each vertex looks towards the middle of the largest triangle about it.
+    across, up = np.moveaxis(places[triangles] - places[triangles[:, :1]], 1, 0)[1:]
+    largest = np.argsort(-np.abs(across[:, 0] * up[:, 1] - across[:, 1] * up[:, 0]), kind="stable")
+    pairs = pairs.reshape(-1, 3, 2)[largest].reshape(-1, 2)
     owned, first, corners = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
-    corners = corners.reshape(-1, 3)
+    corners, first = corners.reshape(-1, 3), largest[first // 3]
     own = places[owned[:, 0]]
-    # Towards the middle of the triangles about each vertex.
-    toward = np.stack(
-        [np.bincount(corners.ravel(), np.repeat(centres[:, k], 3), len(own)) for k in (0, 1)], axis=1
-    )
-    away = toward / np.bincount(corners.ravel(), minlength=len(own))[:, None] - own
+    away = centres[first] - own
     length = np.linalg.norm(away, axis=1, keepdims=True)
     inner = own + away * np.minimum(0.5, INSIDE / np.maximum(length, INSIDE))
-    return SeamMesh(own, inner, corners, sides[:, first // 3])
+    return SeamMesh(own, inner, corners, sides[:, first])
