@@ -32,7 +32,7 @@ def build():
     return scene
 
 
-def _edges() -> list[tuple[float, float, int]]:
+def edges() -> list[tuple[float, float, int]]:
     """Parts of the image from left to right: their borders, and the side street: ±1, ±2, 0 for none."""
     places = {
         -number: tuple(0.5 - HALF / y * LENS / 36.0 for y in mouth) for number, mouth in enumerate(SIDES, 1)
@@ -48,7 +48,7 @@ def _edges() -> list[tuple[float, float, int]]:
 def _tiles() -> list[Tile]:
     """Straight parts, and parts whose projectors bend in the mouth of a side street."""
     tiles, aspect = [], SIZE[0] / SIZE[1]
-    for low, high, number in _edges():
+    for low, high, number in edges():
         x, y = np.meshgrid(np.linspace(low, high, COLUMNS + 1), np.linspace(0, 1, ROWS + 1))
         places = np.stack([x, y], axis=-1)
         rays = frame_rays(places + np.array([0.0, RISE]), LENS, aspect)

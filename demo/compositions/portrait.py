@@ -41,6 +41,7 @@ NOSE = (
         ((0.0, -0.84 - 0.40 * s**1.3, 0.20 - 0.58 * s), (0.085 + 0.06 * s, 0.13 + 0.02 * s, 0.12))
         for s in np.linspace(0, 1, 12)
     ),
+    ((0.0, -0.84, -0.26), (0.17, 0.26, 0.28)),
     ((0.12, -1.05, -0.40), (0.10, 0.14, 0.08)),
     ((-0.12, -1.05, -0.40), (0.10, 0.14, 0.08)),
 )
@@ -88,7 +89,7 @@ def _melted(scene, name: str, balls, paint, size: float):
 
 def _bust(scene) -> None:
     palette = {name: material(name, paint, 0.5) for name, paint in PAINTS.items()}
-    _melted(scene, "Head", (*HEAD, *NOSE, *_ears()), palette["Skin"], 0.035)
+    _melted(scene, "Head", (*HEAD, *NOSE), palette["Skin"], 0.035)
     hair = [((0.0, 0.30, 0.42), (0.96, 1.00, 0.92)), ((0.0, 0.95, 0.30), (0.45, 0.42, 0.42))]
     for side in (-1, 1):
         for s in np.linspace(0, 0.72, 7):
@@ -124,7 +125,9 @@ def _bust(scene) -> None:
                 "Lips",
                 segments=16,
             )
-        builder.ball((side * 0.93, -0.02, -0.46), (0.06, 0.06, 0.09), "Band", segments=24)
+        builder.ball((side * 0.95, -0.02, -0.50), (0.06, 0.06, 0.09), "Band", segments=24)
+    for middle, radii in _ears():
+        builder.ball(middle, radii, "Lids", segments=20)
     for s in np.radians(np.arange(0, 360, 12)):
         builder.ball(
             (0.44 * np.cos(s), 0.08 + 0.44 * np.sin(s), -1.50 + 0.06 * np.sin(s)),
@@ -146,13 +149,16 @@ def _bust(scene) -> None:
 
 
 def _ears():
-    """Balls of both ears."""
+    """Balls of both ears: rims that are bent tubes, shells and lobes."""
     ears = []
     for side in (-1, 1):
-        for s in np.radians(np.arange(-60, 215, 12)):
-            ears.append(
-                ((side * 0.90, 0.12 + 0.17 * np.sin(s) * 0.9, -0.06 + 0.25 * np.cos(s)), (0.07, 0.06, 0.06))
-            )
-        ears.append(((side * 0.84, 0.08, -0.08), (0.08, 0.15, 0.22)))
-        ears.append(((side * 0.90, -0.01, -0.30), (0.06, 0.07, 0.08)))
+        for s in np.radians(np.arange(-75, 225, 4)):
+            middle = (side * (0.95 + 0.03 * np.sin(s)), 0.12 + 0.19 * np.sin(s), -0.08 + 0.27 * np.cos(s))
+            ears.append((middle, (0.055, 0.055, 0.055)))
+        for s in np.radians(np.arange(-20, 180, 5)):
+            middle = (side * 0.94, 0.10 + 0.11 * np.sin(s), -0.10 + 0.17 * np.cos(s))
+            ears.append((middle, (0.04, 0.035, 0.035)))
+        ears.append(((side * 0.86, 0.10, -0.08), (0.09, 0.18, 0.26)))
+        ears.append(((side * 0.93, -0.02, -0.34), (0.06, 0.08, 0.09)))
+        ears.append(((side * 0.93, -0.08, -0.10), (0.05, 0.05, 0.08)))
     return ears

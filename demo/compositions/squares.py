@@ -25,7 +25,7 @@ def behind():
     scene = new_scene(*HIDDEN_SIZE)
     _square(scene)
     first = add_camera(scene, "Eye Level", (0.0, -31.0, 1.9), (0.0, 10.0, 5.0), 26.0)
-    seen = _seen(scene, first, MONUMENT)
+    seen = seen_at(scene, first, MONUMENT)
     second = pinned(scene, "Over the Roof", (0.0, -10.0, 30.0), MONUMENT, seen, 26.0)
     second.data.lens *= (Vector(MONUMENT) - second.location).length / (
         Vector(MONUMENT) - first.location
@@ -52,7 +52,7 @@ def _again(scene, camera, at):
     return pinned(scene, name, place_, MONUMENT, at, lens)
 
 
-def _seen(scene, camera, point) -> tuple[float, float]:
+def seen_at(scene, camera, point) -> tuple[float, float]:
     """Where a camera's image has a point, as shares of its width and height."""
     import bpy
 
@@ -135,10 +135,10 @@ def tour():
     made = add_camera(scene, "Overview", (-13.0, -76.0, 39.0), (1.0, 16.0, 7.0), 36.0)
     overview = made
     for name, thing, eye, lens, wide in VISITS:
-        at = _seen(scene, overview, thing)
+        at = seen_at(scene, overview, thing)
         visit = pinned(scene, f"{name} Visit", eye, thing, at, lens)
         made = blended(
-            made, visit, "RADIAL", f"Overview and {name}", center=at, size=(wide, 0.5), border=0.55 * wide
+            made, visit, "RADIAL", f"Overview and {name}", center=at, size=(wide, 0.5), border=0.7 * wide
         )
     scene.camera = made
     return scene
