@@ -14,9 +14,10 @@ from .parts import add_camera, add_layer, new_scene
 from .town import group
 
 SIZE = (960, 720)
-LENS, MASTER = 61.0, (0.0, -12.2, 12.6)
+LENS, MASTER = 57.0, (0.0, -12.2, 12.6)
 # How much larger the men are than the numbers below.
 LARGE = 1.18
+RADIUS = 0.36 * LARGE
 # Radii and heights of the men in thousandths of a square, from the foot.
 FOOT = "0 0 360 0 360 60 320 110 330 150 240 190 "
 PROFILES = {
@@ -62,15 +63,19 @@ def build():
     men = sorted((_man(scene, text.split()) for text in MEN.split(",")), key=lambda man: man[1].y)
     daylight(scene, group(scene, "Lights"), (40.0, 0.0, 42.0))
     scene.view_settings.exposure = -0.1
-    master = scene.camera = add_camera(scene, "Board", MASTER, (0.0, 0.05, 0.0), LENS)
+    master = scene.camera = add_camera(scene, "Board", MASTER, (0.0, 0.35, 0.0), LENS)
     bpy.context.view_layer.update()
     for name, foot, (up, right) in men:
         reach = (master.matrix_world.translation - foot).length
         up, right = np.radians((up, right))
         away = Vector((np.sin(right) * np.cos(up), -np.cos(right) * np.cos(up), np.sin(up)))
         eye = add_camera(scene, f"{name} View", foot + reach * away, foot, LENS)
-        seen = world_to_camera_view(scene, master, foot)
-        add_layer(master, name, eye, front="ORDER", position=(seen.x, seen.y))
+        bpy.context.view_layer.update()
+        # The front of its foot stands where the master sees it.
+        front = Vector((away.x, away.y, 0.0)).normalized() * RADIUS
+        seen = world_to_camera_view(scene, master, foot - Vector((0.0, RADIUS, 0.0)))
+        own = world_to_camera_view(scene, eye, foot + front)
+        add_layer(master, name, eye, front="ORDER", position=(seen.x, seen.y + 0.5 - own.y))
     return scene
 
 

@@ -9,7 +9,7 @@ from ..mesh import MeshBuilder, material, place
 from ..render_demo import build_street
 from .parts import Array, Tile, add_camera, frame_rays, sized, tiled
 
-SIZE = (1080, 720)
+SIZE = (930, 620)
 LENS, DISTANCE = 26.0, 10.0
 COLUMNS, ROWS = 8, 6
 # A print's width and height in widths of the image, and the white border of it.

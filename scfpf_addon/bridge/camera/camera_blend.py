@@ -24,6 +24,7 @@ from ...projection.typing import Array
 from ...projection.volume.reparameterisation import Polar
 from ..blender.image_masks import mask_pixels
 from ..blender.scene_objects import link_beside
+from ..blender.slot_animation import curve_collections
 from .flexible_camera import NewSurface, replace_surfaces
 
 # Range of the factor: 0 is the first camera, 1 the second one.
@@ -33,6 +34,8 @@ WHOLE_KEY = "Second Camera, Everywhere"
 # The attribute of vertices within the field along whose border a mesh is cut, and the custom property with
 # that field's numbers.
 WITHIN, SEAM = "SCFPF Within", "scfpf_seam"
+# The first words of the shapes that Bake Map makes, and the path of what it bakes.
+BAKED, FIELD_PATH = "Baked Map", "scfpf.blend_field."
 FACTOR_PATH = "scfpf.blend_factor"
 
 
@@ -96,7 +99,7 @@ def least_faces(camera) -> int:
     settings = camera.scfpf.blend_field
     if settings.kind == "NONE":
         return 1
-    if settings.border <= 0.0 and settings.kind != "IMAGE":
+    if settings.border <= 0.0 and settings.kind != "IMAGE" and not is_map_animated(camera):
         # Straight seams need none, a circle is a polygon.
         return SMOOTH_FACES if settings.kind == "RADIAL" else 1
     is_smooth = settings.kind != "IMAGE" and settings.border >= 2.0 / SMOOTH_FACES
@@ -112,9 +115,45 @@ def seams_of(camera) -> list[BlendField]:
             continue
         seen.append(own)
         field = read_field(own)
-        if field is not None and field.has_seam:
+        if field is not None and field.has_seam and not is_map_animated(own):
             found.append(field)
         left += [own.scfpf.blend_ends.first, own.scfpf.blend_ends.second]
+    return found
+
+
+def is_map_animated(camera) -> bool:
+    """Return whether keyframes or drivers move a blend camera's map, which then has no sharp seams."""
+    return any(
+        curve.data_path.startswith(FIELD_PATH) for curves in curve_collections(camera) for curve in curves
+    )
+
+
+def is_baked(camera) -> bool:
+    """Return whether a blend camera's surfaces have the shapes of Bake Map."""
+    return any(
+        key.name.startswith(BAKED)
+        for surface in blend_surfaces(camera)
+        for key in surface.data.shape_keys.key_blocks
+    )
+
+
+def unbaked(camera) -> str:
+    """The warning about keyframes of a blend's map that pictures do not follow; empty without any."""
+    if not blend_surfaces(camera) or not is_map_animated(camera) or is_baked(camera):
+        return ""
+    return f"Pictures do not follow the keyframes of the map of '{camera.name}': press Bake Map"
+
+
+def blend_surfaces(camera) -> list:
+    """The surfaces of a camera that are a blend's own and can be edited."""
+    found = []
+    for slot in camera.scfpf.surfaces:
+        surface = slot.object
+        if surface is None or surface.type != "MESH" or not surface.data.is_editable:
+            continue
+        keys = surface.data.shape_keys
+        if keys is not None and {FIRST_KEY, SECOND_KEY} <= set(keys.key_blocks.keys()):
+            found.append(surface)
     return found
 
 
@@ -123,7 +162,8 @@ def is_too_coarse(camera) -> bool:
     wanted = least_faces(camera)
     slots = camera.scfpf.surfaces
     field = read_field(camera)
-    if field is not None and field.has_seam and camera.scfpf.reparameterisation != "POLAR":
+    is_polar = camera.scfpf.reparameterisation == "POLAR"
+    if field is not None and field.has_seam and not is_polar and not is_map_animated(camera):
         return any(
             slot.object is not None
             and slot.object.type == "MESH"
@@ -163,34 +203,31 @@ def read_field(camera) -> BlendField | None:
 def write_field(camera) -> None:
     """Write the second shape of a blend camera's surfaces: the second camera's as far as the field says.
 
-    Surfaces that are not the blend's own, or have lost their order of rows, stay as they are.
+    Surfaces that are not the blend's own, or have lost their order of rows, stay as they are. Baked shapes,
+    which hold an earlier map, are removed.
     """
     field = read_field(camera)
-    for slot in camera.scfpf.surfaces:
-        surface = slot.object
-        if surface is None or surface.type != "MESH" or not surface.data.is_editable:
-            continue
+    for surface in blend_surfaces(camera):
         keys = surface.data.shape_keys
-        if keys is None or not {FIRST_KEY, SECOND_KEY} <= set(keys.key_blocks.keys()):
-            continue
-        factors = None if field is None else _factors(camera, surface, field)
+        _drop_baked(surface)
+        factors = None if field is None else field_factors(camera, surface, field)
         if field is not None and factors is None:
             continue
         if WHOLE_KEY not in keys.key_blocks:
             if field is None:
                 continue
-            points = _points_of(keys.key_blocks[SECOND_KEY])
+            points = points_of(keys.key_blocks[SECOND_KEY])
             whole = surface.shape_key_add(name=WHOLE_KEY, from_mix=False)
             whole.mute = True
             whole.data.foreach_set("co", points.ravel())
-        first, second = (_points_of(keys.key_blocks[name]) for name in (FIRST_KEY, WHOLE_KEY))
+        first, second = (points_of(keys.key_blocks[name]) for name in (FIRST_KEY, WHOLE_KEY))
         if factors is not None:
             second = first + factors.astype(np.float32)[:, None] * (second - first)
         keys.key_blocks[SECOND_KEY].data.foreach_set("co", np.ascontiguousarray(second).ravel())
         surface.data.update()
 
 
-def _factors(camera, surface, field: BlendField) -> Array | None:
+def field_factors(camera, surface, field: BlendField) -> Array | None:
     """The factors of a field at the vertices of a surface, (N,); None for a grid out of order."""
     mesh, aspect = surface.data, camera.scfpf.fitted_aspect or 1.0
     if surface.scfpf_surface.kind == "UV_MESH":
@@ -247,7 +284,18 @@ def _note_seam(camera, mesh: SeamMesh) -> None:
         data[SEAM] = _seam_numbers(field, camera.scfpf.fitted_aspect)
 
 
-def _points_of(key) -> Array:
+def _drop_baked(surface) -> None:
+    """Remove the shapes of Bake Map, and mix the second shape again."""
+    blocks = surface.data.shape_keys.key_blocks
+    baked = [key for key in blocks if key.name.startswith(BAKED)]
+    for key in baked:
+        key.driver_remove("value")
+        surface.shape_key_remove(key)
+    if baked:
+        blocks[SECOND_KEY].mute = False
+
+
+def points_of(key) -> Array:
     """The points of a shape key, (N, 3) float32."""
     points = np.empty(3 * len(key.data), np.float32)
     key.data.foreach_get("co", points)
@@ -267,9 +315,7 @@ def _add_shapes(camera, blend: Blend) -> None:
     for slot in camera.scfpf.surfaces:
         surface = slot.object
         surface.shape_key_add(name=FIRST_KEY, from_mix=False)
-        key = surface.shape_key_add(name=SECOND_KEY, from_mix=False)
-        key.slider_min, key.slider_max = SMALLEST_BLEND, LARGEST_BLEND
-        _drive(key, camera)
+        drive(surface.shape_key_add(name=SECOND_KEY, from_mix=False), camera)
     _write_shapes(camera, blend)
 
 
@@ -317,15 +363,21 @@ def _write_shapes(camera, blend: Blend) -> None:
         surface.data.update()
 
 
-def _drive(key, camera) -> None:
-    """Drive the value of a second shape by the camera's factor."""
+def drive(key, camera, expression: str = "") -> None:
+    """Drive the value of a shape by the camera's factor.
+
+    expression: of the variable ``factor``, simple enough for Blender without Python; empty for the factor.
+    """
+    key.slider_min, key.slider_max = SMALLEST_BLEND, LARGEST_BLEND
     driver = key.driver_add("value").driver
-    driver.type = "AVERAGE"
+    driver.type = "SCRIPTED" if expression else "AVERAGE"
     variable = driver.variables.new()
-    variable.type = "SINGLE_PROP"
+    variable.name, variable.type = "factor", "SINGLE_PROP"
     target = variable.targets[0]
     target.id = camera
     target.data_path = FACTOR_PATH
     # Without the add-on the file has no such property.
     target.use_fallback_value = True
     target.fallback_value = 0.5
+    if expression:
+        driver.expression = expression

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The compositions of docs/compositions.md: what the page says of each holds, and almost nothing is mirrored."""
+"""The compositions of docs/compositions.md: what the page says holds, and almost nothing is mirrored."""
 
 from itertools import pairwise
 
