@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The compositions of docs/compositions.md: what the page says holds, and almost nothing is mirrored."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import bpy
 import numpy as np
 import pytest
+from engine_images import f12, write_multilayer
 
 from demo.compositions import graph_street, joiner, make, squares
+from demo.compositions.parts import sized
+from demo.recipes import layer_pictures
 
 # Of the images of these tests, and the most of their pixels that may be mirrored.
 WIDTH, MIRRORED = 96, 0.002
@@ -16,8 +20,8 @@ WIDTH, MIRRORED = 96, 0.002
 class Image:
     """A composition's scene and its hits, pixel by pixel, row 0 at the bottom."""
 
-    def __init__(self, addon, name):
-        self.scene = make.build(name)
+    def __init__(self, addon, name, scene=None):
+        self.scene = scene or make.build(name)
         depsgraph, render = bpy.context.evaluated_depsgraph_get(), self.scene.render
         self.aspect = render.resolution_x / render.resolution_y
         self.read = addon("bridge.camera.read_projection").read_projection
@@ -134,6 +138,34 @@ def test_chessmen_are_layers_that_are_all_seen(addon):
     # Feet stay on their squares: nearer men are lower in the picture, and earlier in the list.
     heights = [layer.position[1] for layer in layers]
     assert all(low <= high + 1e-6 for low, high in pairwise(heights))
+
+
+def test_the_background_of_the_car_is_identical_and_next_to_nothing_is_mirrored(addon, tmp_path):
+    """Hidden by a black mask, the layer leaves every pixel as it is that does not show the car."""
+    image = Image(addon, "car", layer_pictures.both_sides())
+    scene = sized(image.scene, WIDTH, image.high)
+    write_multilayer(scene, tmp_path / "car")
+    layer = scene.camera.scfpf.layers[0]
+    layer.halo, scene.camera.scfpf.samples = 0.0, 1
+    scene.render.filter_size, bpy.context.view_layer.use_pass_object_index = 0.0, True
+    for obj in bpy.data.collections["Car"].all_objects:
+        obj.pass_index = 7
+    shown = f12(scene)
+    layer.mask = bpy.data.images.new("Black", 1, 1)
+    hidden = f12(scene)["ViewLayer.Combined"]
+    index = shown["ViewLayer.Object Index" if bpy.app.version >= (5, 0, 0) else "ViewLayer.IndexOB"][..., 0]
+    off = (shown["ViewLayer.Combined"] != hidden).any(axis=2)
+    assert 0.1 < (index == 7).mean() < 0.5 and not off[index != 7].any() and off[index == 7].mean() > 0.9
+    # The car alone, by the volume of its layer.
+    layer.mask, depsgraph = None, bpy.context.evaluated_depsgraph_get()
+    read = addon("bridge.layers.read_image_layers").read_image_layers(scene.camera, depsgraph, image.aspect)
+    image.projection = read.layers[0].projection
+    car = bpy.data.collections["Car"].all_objects
+    own = [number for number, name in enumerate(image.geometry.object_names) if name in car]
+    chosen = image.geometry.triangles[np.isin(image.geometry.object_index, own)]
+    image.geometry = replace(image.geometry, triangles=chosen, object_index=np.zeros(len(chosen), np.int32))
+    image.cast_scene = addon("casting.scene.cast_scene").CastScene(image.geometry.vertices, chosen)
+    assert image.mirrored() <= MIRRORED
 
 
 def test_pictures_and_files_are_made(empty_file, tmp_path, monkeypatch):
