@@ -4,12 +4,12 @@
 import bpy
 import numpy as np
 import pytest
-from blend_checks import at, is_near, new_camera, sampler
+from made_cameras import at, is_near, sampler, small_camera
 
 
 @pytest.fixture
 def camera():
-    return new_camera()
+    return small_camera()
 
 
 @pytest.fixture

@@ -4,13 +4,13 @@
 import bpy
 import numpy as np
 import pytest
-from blend_checks import ASPECT, at, is_near, new_camera, places, sampler
+from made_cameras import ASPECT, at, is_near, places, sampler, small_camera
 from mathutils import Vector
 
 
 @pytest.fixture
 def camera():
-    return new_camera()
+    return small_camera()
 
 
 @pytest.fixture
