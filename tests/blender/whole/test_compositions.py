@@ -7,9 +7,11 @@ from itertools import pairwise
 import bpy
 import numpy as np
 import pytest
+from bpy_extras.object_utils import world_to_camera_view
 from engine_images import f12, write_multilayer
+from mathutils import Vector
 
-from demo.compositions import graph_street, joiner, make, squares
+from demo.compositions import chess, graph_street, joiner, make, squares
 from demo.compositions.parts import sized
 from demo.recipes import layer_pictures
 
@@ -135,9 +137,18 @@ def test_chessmen_are_layers_that_are_all_seen(addon):
     assert len(layers) == 17 and len({layer.camera for layer in layers}) == 17
     assert bpy.ops.scfpf.layer_check(camera=scene.camera.name) == {"FINISHED"}
     assert min(layer.share for layer in layers) > 0.001
-    # Feet stay on their squares: nearer men are lower in the picture, and earlier in the list.
-    heights = [layer.position[1] for layer in layers]
-    assert all(low <= high + 1e-6 for low, high in pairwise(heights))
+    # Nearer men are earlier in the list, and the front of each foot is where the ordinary view has it.
+    feet = [layer.collection.objects[0].location for layer in layers]
+    assert all(near.y <= far.y for near, far in pairwise(feet))
+    for layer, foot in zip(layers, feet, strict=True):
+        front = foot - Vector((0.0, chess.RADIUS, 0.0))
+        away = layer.camera.location - foot
+        own = foot + chess.RADIUS * Vector((away.x, away.y, 0.0)).normalized()
+        wanted, found = (
+            world_to_camera_view(scene, view, place)
+            for view, place in ((scene.camera, front), (layer.camera, own))
+        )
+        assert found.y + layer.position[1] - 0.5 == pytest.approx(wanted.y, abs=1e-4)
 
 
 def test_the_background_of_the_car_is_identical_and_next_to_nothing_is_mirrored(addon, tmp_path):
