@@ -176,8 +176,7 @@ class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
 
 
 class SCFPF_OT_blend_map_bake(Tool, bpy.types.Operator):
-    """Write the keyframes of the map into shapes that drivers mix, so that pictures follow them. After a
-    change of the map bake it again"""
+    """Write the keyframes of the map into shapes that drivers mix, so that pictures follow them"""
 
     bl_idname = "scfpf.blend_map_bake"
     bl_label = "Bake Map"
