@@ -54,6 +54,11 @@ def command_recipes(options, rest):
     environments.run([environments.first().python, "demo/recipes/make.py", *rest])
 
 
+def command_compositions(options, rest):
+    """Make the compositions: pictures in docs/compositions/, .blend files in demo/output/compositions/."""
+    environments.run([environments.first().python, "demo/compositions/make.py", *rest])
+
+
 def command_showpieces(options, rest):
     """Render docs/showpieces/ through Cycles, a quarter of an hour; names choose some."""
     environments.run([environments.first().python, "demo/showpieces/render.py", *rest])
@@ -182,7 +187,8 @@ def parser():
     """The command line."""
     top = argparse.ArgumentParser(prog="dev.py", description=__doc__.splitlines()[0])
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    commanded = (command_demo, command_gallery, command_recipes, command_showpieces, command_messages)
+    commanded = (command_demo, command_gallery, command_recipes, command_compositions, command_showpieces)
+    commanded += (command_messages,)
     commanded += (command_thumbnails, command_pictures)
     for run in (*commanded, command_test, command_build, command_lint, command_bench):
         summary = run.__doc__.strip().splitlines()[0]

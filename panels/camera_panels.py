@@ -7,7 +7,13 @@ from ..operators.camera.presets import preset_items
 from ..operators.common.target import camera_of, flexible_camera_of
 from ..operators.common.words import worded
 from ..operators.image.pick import pick_readout
-from ..scfpf_addon.bridge.camera.camera_blend import is_blend, is_too_coarse, knows_its_ends
+from ..scfpf_addon.bridge.camera.camera_blend import (
+    is_baked,
+    is_blend,
+    is_map_animated,
+    is_too_coarse,
+    knows_its_ends,
+)
 from ..scfpf_addon.bridge.camera.volume_fit import needs_fit
 from ..scfpf_addon.bridge.render.image_size import image_aspect
 from ..scfpf_addon.bridge.render.render_errors import RenderError
@@ -88,6 +94,10 @@ def draw_blend_map(column, camera) -> None:
         column.operator("scfpf.blend_map_around", icon="PIVOT_BOUNDBOX")
     if field.kind != "NONE":
         column.prop(field, "is_inverted")
+    if is_map_animated(camera):
+        column.operator("scfpf.blend_map_bake", icon="ACTION")
+        if not is_baked(camera):
+            column.label(text="Keyframes of the map act once baked", icon="INFO")
     if is_too_coarse(camera):
         column.label(text="Update Blend makes it finer", icon="INFO")
 

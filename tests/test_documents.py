@@ -8,6 +8,7 @@ import re
 
 import pytest
 
+from demo.compositions.make import COMPOSITIONS
 from demo.recipes import pages as recipes
 from devtools import pictures, settings_page
 from scfpf_addon.projection.surfaces.kinds import SURFACE_KINDS
@@ -86,6 +87,14 @@ def test_showpieces_are_shown_and_not_heavy():
     for path in found:
         most = pictures.LARGEST_MOVING_BYTES if path.suffix == ".webp" else 600_000
         assert f"showpieces/{path.name}" in text and path.stat().st_size <= most, path.name
+
+
+def test_compositions_are_shown_and_small():
+    text = (ROOT / "docs" / "compositions.md").read_text(encoding="utf-8")
+    folder = ROOT / "docs" / "compositions"
+    assert {path.name for path in folder.iterdir()} == {f"{name}.jpg" for name in COMPOSITIONS}
+    for path in folder.iterdir():
+        assert f"compositions/{path.name}" in text and path.stat().st_size <= 150_000, path.name
 
 
 def test_recipes_are_those_of_the_steps_that_tests_perform():

@@ -3,14 +3,18 @@
 
 import bpy
 import numpy as np
-from bpy.props import EnumProperty
+from bpy.props import EnumProperty, IntProperty
 
 from ...scfpf_addon.bridge.blender.scene_objects import absent_text, object_by_uid
+from ...scfpf_addon.bridge.camera.blend_bake import bake_map
 from ...scfpf_addon.bridge.camera.camera_blend import (
+    is_baked,
+    is_map_animated,
     knows_its_ends,
     least_faces,
     new_blend_camera,
     read_field,
+    seams_of,
     set_blend,
 )
 from ...scfpf_addon.bridge.camera.flexible_camera import make_flexible
@@ -55,7 +59,8 @@ def _blend(context, first, second, camera):
     inward = world_to_camera(camera)
     own = read_projection(first, context.evaluated_depsgraph_get(), image_aspect(context.scene))
     own = own.transformed(inward)
-    return own, blended(own, second.transformed(inward), least_faces(camera))
+    seams, aspect = seams_of(camera), image_aspect(context.scene)
+    return own, blended(own, second.transformed(inward), least_faces(camera), seams, aspect)
 
 
 def _preset_before(context, camera, preset):
@@ -139,7 +144,11 @@ class SCFPF_OT_blend_update(Tool, bpy.types.Operator):
         return True
 
     def edit(self, context, camera):
-        return _updated(context, camera)
+        was_baked, scene = is_baked(camera), context.scene
+        done = _updated(context, camera)
+        if was_baked and is_map_animated(camera):
+            bake_map(camera, scene, scene.frame_start, scene.frame_end)
+        return done
 
 
 class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
@@ -165,6 +174,31 @@ class SCFPF_OT_blend_map(Tool, bpy.types.Operator):
         except Exception:
             settings.blend_field.kind, settings.blend_factor = before, factor
             raise
+
+
+class SCFPF_OT_blend_map_bake(Tool, bpy.types.Operator):
+    """Write the keyframes of the map into shapes that drivers mix, so that pictures follow them"""
+
+    bl_idname = "scfpf.blend_map_bake"
+    bl_label = "Bake Map"
+
+    start: IntProperty(name="Start", description="First frame; 0 is the scene's", default=0, min=0)
+    end: IntProperty(name="End", description="Last frame; 0 is the scene's", default=0, min=0)
+
+    @classmethod
+    def poll(cls, context):
+        if not SCFPF_OT_blend_update.poll.__func__(cls, context) or not poll_no_render(cls, context):
+            return False
+        if not is_map_animated(flexible_camera_of(context)):
+            cls.poll_message_set("The map has no keyframes: insert some on its center, size, angle or border")
+            return False
+        return True
+
+    def edit(self, context, camera):
+        scene = context.scene
+        _updated(context, camera)
+        kept = bake_map(camera, scene, self.start or scene.frame_start, self.end or scene.frame_end)
+        return f"The map is baked into {kept} shapes of each surface"
 
 
 class SCFPF_OT_blend_map_around(Tool, bpy.types.Operator):
@@ -263,5 +297,6 @@ register, unregister = bpy.utils.register_classes_factory(
         SCFPF_OT_blend_update,
         SCFPF_OT_blend_map,
         SCFPF_OT_blend_map_around,
+        SCFPF_OT_blend_map_bake,
     )
 )

@@ -13,6 +13,7 @@ from ...shading.scene.motion import Moment
 from ...shading.scene.shading_scene import Scene
 from ...shading.settings.frame_settings import Border, FrameSettings
 from ..blender.scene_objects import absent_text
+from ..camera.camera_blend import unbaked
 from ..camera.ordinary_camera import depth_plane, frustum_projection
 from ..camera.read_depth_of_field import read_lens
 from ..camera.read_projection import read_projection
@@ -106,7 +107,7 @@ def read_inputs(
             transparent=render.film_transparent,
         )
     others = lens_warning, unseen_settings(evaluated, eye), transparency_warning(scene, passes)
-    others = (*others, *layers.warnings_of(scene.geometry, lens is not None))
+    others = (*others, *layers.warnings_of(scene.geometry, lens is not None), unbaked(camera.original))
     scene = replace(scene, warnings=(*scene.warnings, *filter(None, others)))
     marks = {}
     if any(name.startswith("CRYPTO") for name in passes):

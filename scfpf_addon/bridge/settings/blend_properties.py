@@ -21,8 +21,10 @@ def _changed(field, _context) -> None:
     write_field(field.id_data)
 
 
-# Keyframes would change nothing: the surfaces hold the map.
+# Keyframes of these would change nothing: the surfaces hold the map.
 _STATIC = {"options": set(), "override": OVERRIDABLE, "update": _changed}
+# Keyframes of these are baked.
+_BAKED = _STATIC | {"options": {"ANIMATABLE"}}
 
 
 class SCFPF_BlendField(bpy.types.PropertyGroup):
@@ -39,7 +41,7 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
         soft_max=1.0,
         precision=3,
         step=1,
-        **_STATIC,
+        **_BAKED,
     )
     size: vector(
         "Size",
@@ -50,7 +52,7 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
         soft_max=1.0,
         precision=3,
         step=1,
-        **_STATIC,
+        **_BAKED,
     )
     angle: number(
         "Angle",
@@ -59,18 +61,18 @@ class SCFPF_BlendField(bpy.types.PropertyGroup):
         -6.283185307179586,
         6.283185307179586,
         subtype="ANGLE",
-        **_STATIC,
+        **_BAKED,
     )
     border: number(
         "Border",
-        "Width of the transition, as a share of the picture's width; 0 gives a seam one face wide",
+        "Width of the transition, as a share of the picture's width; 0 gives a sharp seam",
         0.2,
         0.0,
         4.0,
         soft_max=1.0,
         precision=3,
         step=1,
-        **_STATIC,
+        **_BAKED,
     )
     image: pointer(
         "Image",

@@ -51,19 +51,36 @@ class BlendField:
         share: Array = np.clip(0.5 + inside / self.border, 0.0, 1.0)
         return share * share * (3.0 - 2.0 * share)
 
-    def _inside(self, x: Array, y: Array, aspect: float) -> Array:
-        """The distances (N,) by which positions are inside."""
+    @property
+    def has_seam(self) -> bool:
+        """Whether the field goes from 0 to 1 along a curve, without a border."""
+        return self.kind != "IMAGE" and self.border <= 0.0
+
+    def levels(self, x: Array, y: Array, aspect: float) -> Array:
+        """Signed distances (K, N) of positions from the field's lines: all are positive where it is 1.
+
+        x, y: (N,) image positions. aspect: width over height of the image.
+        """
         across, up = x - self.centre[0], (y - self.centre[1]) / aspect
         cosine, sine = np.cos(self.angle), np.sin(self.angle)
         along: Array = cosine * across + sine * up
-        beside = cosine * up - sine * across
         if self.kind == "LINEAR":
-            return along
+            return along[None]
         if self.kind == "RADIAL":
             within: Array = 0.5 * self.size[0] - np.hypot(across, up)
-            return within
+            return within[None]
+        beside = cosine * up - sine * across
+        wide, high = 0.5 * self.size[0], 0.5 * self.size[1] / aspect
+        return np.stack([wide - along, wide + along, high - beside, high + beside])
+
+    def _inside(self, x: Array, y: Array, aspect: float) -> Array:
+        """The distances (N,) by which positions are inside."""
+        levels = self.levels(x, y, aspect)
+        if len(levels) == 1:
+            only: Array = levels[0]
+            return only
         # The signed distance of a rectangle: the length of what is beyond both sides, or the nearer side's.
-        off = np.stack([np.abs(along) - 0.5 * self.size[0], np.abs(beside) - 0.5 * self.size[1] / aspect])
+        off = np.stack([-levels[:2].min(axis=0), -levels[2:].min(axis=0)])
         signed: Array = -np.hypot(*np.maximum(off, 0.0)) - np.minimum(off.max(axis=0), 0.0)
         return signed
 

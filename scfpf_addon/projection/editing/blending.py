@@ -2,11 +2,13 @@
 """Two projections as control surfaces of the same number and kind, to be blended point by point.
 
 If the projectors of both are Bézier curves, they become curves of one degree, which is exact. Otherwise both
-become polylines. The control points that the image shows become grids over the same parameters.
+become polylines. The control points that the image shows become grids over the same parameters, or triangles
+that are cut along seams.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb, lcm
 
@@ -17,6 +19,8 @@ from ..typing import Array
 from ..volume.basis import BasisKind
 from ..volume.reparameterisation import Polar
 from ..volume.viewing_volume import Projection
+from .blend_fields import BlendField
+from .seam_mesh import PROBES, SeamMesh, seam_mesh
 from .volume_edits import lattice
 
 # Pieces of a polyline in place of curves that are not alike, at least and at most.
@@ -26,6 +30,8 @@ FACES = (1, 8, 16, 32, 64, 128)
 GRID_ERROR = 2e-4
 # Faces of a grid that has to hold a field of factors with smooth borders, or with sharp ones.
 SMOOTH_FACES, SHARP_FACES = 64, FACES[-1]
+# A size that divides where all points coincide.
+SMALLEST_SIZE = 1e-300
 # Places that are looked at along each side of a face.
 STEPS = 4
 
@@ -38,25 +44,39 @@ class BlendError(ValueError):
 class Blend:
     """Two volumes point by point.
 
-    basis: of the projectors. layers: from near to far, (2, R, C, 3) each: the points of both, rows along v.
-    polar: whether u and v are those of a polar image; else they are the image's x and y.
-    error: about the distance of the grids and polylines from the volumes, as a share of the size.
+    basis: of the projectors. layers: from near to far, (2, R, C, 3) each: the points of both, rows along v;
+    with a mesh (2, V, 3), those of its vertices. polar: whether u and v are those of a polar image; else they
+    are the image's x and y. error: about the distance of the grids and polylines from the volumes, as a share
+    of the size. mesh: of the image, cut along seams; None for grids.
     """
 
     basis: BasisKind
     layers: tuple[Array, ...]
     polar: bool
     error: float
+    mesh: SeamMesh | None = None
 
 
-def blended(first: Projection, second: Projection, least_faces: int = 1) -> Blend:
+def blended(
+    first: Projection,
+    second: Projection,
+    least_faces: int = 1,
+    seams: Sequence[BlendField] = (),
+    aspect: float = 1.0,
+) -> Blend:
     """Return two projections as control surfaces of the same number and kind, in their own space.
 
     least_faces: of the grids along each axis, at most SHARP_FACES. Two polar images without mappings give a
-    polar blend. Raises BlendError where one image has holes.
+    polar blend. seams: sharp fields, whose borders cut the image, of this aspect, unless the blend is polar.
+    Raises BlendError where one image has holes.
     """
     polar = all(isinstance(p.reparameterisation, Polar) for p in (first, second))
     basis, matrices, times = _common(first, second)
+    if seams and not polar:
+        ends = tuple(zip((first, second), matrices, strict=True))
+        return _with_seams(basis, ends, times, least_faces, seams, aspect)
+    if seams:
+        least_faces = SHARP_FACES
     for faces in (count for count in FACES if count >= least_faces):
         points = [_points(p, matrices[k], times, faces, polar) for k, p in enumerate((first, second))]
         off = [_bend(p) for p in points]
@@ -65,6 +85,30 @@ def blended(first: Projection, second: Projection, least_faces: int = 1) -> Blen
     # The lines between were needed only to measure the grid.
     layers = tuple(np.stack([p[k, ::STEPS, ::STEPS] for p in points]) for k in range(len(points[0])))
     return Blend(basis, layers, polar, max(off))
+
+
+def _with_seams(
+    basis: BasisKind,
+    ends: Sequence[tuple[Projection, Array | None]],
+    times: Array,
+    least_faces: int,
+    seams: Sequence[BlendField],
+    aspect: float,
+) -> Blend:
+    """The blend of two projections on triangles that are cut along seams. ends: each with its matrix."""
+    for faces in (count for count in FACES if count >= least_faces):
+        mesh = seam_mesh(seams, aspect, faces)
+        points = [_points_at(p, matrix, times, mesh.inner.T) for p, matrix in ends]
+        off = []
+        for (projection, matrix), own in zip(ends, points, strict=True):
+            probed = _points_at(projection, matrix, times, mesh.probes.reshape(-1, 2).T)
+            expected = np.einsum("pc,ktcd->kptd", PROBES, own[:, mesh.triangles])
+            worst = float(np.linalg.norm(probed.reshape(expected.shape) - expected, axis=-1).max())
+            off.append(worst / max(float(np.ptp(own.reshape(-1, 3), axis=0).max()), SMALLEST_SIZE))
+        if max(off) <= GRID_ERROR:
+            break
+    layers = tuple(np.stack([own[k] for own in points]) for k in range(len(points[0])))
+    return Blend(basis, layers, False, max(off), mesh)
 
 
 def _common(first: Projection, second: Projection) -> tuple[BasisKind, list[Array | None], Array]:
@@ -98,7 +142,16 @@ def _elevation(degree: int, wanted: int) -> Array:
 def _points(projection: Projection, matrix: Array | None, times: Array, faces: int, polar: bool) -> Array:
     """Layers (K, R, C, 3) over STEPS · faces + 1 places along each axis."""
     count = STEPS * faces + 1
-    x, y = lattice(count, count)
+    layers = _points_at(projection, matrix, times, np.stack(lattice(count, count)), polar)
+    placed: Array = layers.reshape(len(layers), count, count, 3)
+    return placed
+
+
+def _points_at(
+    projection: Projection, matrix: Array | None, times: Array, places: Array, polar: bool = False
+) -> Array:
+    """Layers (K, N, 3) at places (2, N) of the image, or of the used part of a polar one's parameters."""
+    x, y = places
     if polar:
         (u0, u1), (v0, v1) = projection.u_range, projection.v_range
         u, v = u0 + x * (u1 - u0), v0 + y * (v1 - v0)
@@ -114,8 +167,7 @@ def _points(projection: Projection, matrix: Array | None, times: Array, faces: i
         weights, _ = projection.volume.spans.weights(times)
         matrix = weights.T
     layers: Array = np.einsum("kc,cdn->knd", matrix, controls.points)
-    placed: Array = layers.reshape(len(matrix), count, count, 3)
-    return placed
+    return layers
 
 
 def _bend(layers: Array) -> float:

@@ -4,44 +4,17 @@
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
-
-ASPECT = 16 / 9
+from made_cameras import at, is_near, sampler, small_camera
 
 
 @pytest.fixture
 def camera():
-    render = bpy.context.scene.render
-    render.resolution_x, render.resolution_y, render.resolution_percentage = 160, 90, 100
-    assert bpy.ops.scfpf.camera_add() == {"FINISHED"}
-    made = bpy.context.object
-    made.location, made.rotation_euler = (1, -2, 3), (1.2, 0.1, 0.4)
-    return made
+    return small_camera()
 
 
 @pytest.fixture
 def seen(addon):
-    """Return Q at random image positions and t, (3, N) in world space, and which of them the image shows."""
-    read = addon("bridge.camera.read_projection").read_projection
-
-    def sample(camera, seed=5):
-        x, y, t = np.random.default_rng(seed).uniform(0.02, 0.98, size=(3, 400))
-        projection = read(camera, bpy.context.evaluated_depsgraph_get(), ASPECT)
-        image = projection.parameters(x, y)
-        return projection.volume.evaluate(image.u, image.v, t).position, image.mask
-
-    return sample
-
-
-def at(camera, factor):
-    camera.scfpf.blend_factor = factor
-    bpy.context.view_layer.update()
-    return camera
-
-
-def is_near(found, wanted, mask, share):
-    size = np.ptp(wanted[:, mask], axis=1).max()
-    return np.linalg.norm(found - wanted, axis=0)[mask].max() <= share * size
+    return sampler(addon)
 
 
 def check_blend(seen, blend, ends, share, factors=(-0.5, 0.3, 1.0, 1.5)):
@@ -266,123 +239,3 @@ def test_updates_say_what_is_missing_and_undo_takes_them_back(camera, two, seen)
     blend.scfpf.blend_ends.second = None
     with pytest.raises(RuntimeError, match="no preset"):
         bpy.ops.scfpf.blend_update()
-
-
-def test_a_map_mixes_the_cameras_place_by_place(camera, seen, tmp_path):
-    """Q is the mean of both by the map's weight; a file keeps it, and without a map all is as before."""
-    assert bpy.ops.scfpf.preset_apply(preset="curved_convergence", fit=False) == {"FINISHED"}
-    second, _ = seen(camera)
-    assert bpy.ops.scfpf.preset_apply(preset="perspective", fit=False) == {"FINISHED"}
-    first, mask = seen(camera)
-    assert bpy.ops.scfpf.camera_blend_preset(preset="curved_convergence") == {"FINISHED"}
-    blend = bpy.context.object
-    x = np.random.default_rng(5).uniform(0.02, 0.98, size=(3, 400))[0]
-    assert bpy.ops.scfpf.blend_map(kind="LINEAR") == {"FINISHED"}
-    assert blend.scfpf.blend_factor == 1.0
-    blend.scfpf.blend_field.border = 0.5
-    blend.scfpf.blend_field.center = 0.4, 0.5
-    share = np.clip(0.5 + (x - 0.4) / 0.5, 0, 1)
-    weight = share**2 * (3 - 2 * share)
-    wanted = (1 - weight) * first + weight * second
-    bpy.context.view_layer.update()
-    assert is_near(seen(blend)[0], wanted, mask, 1e-3)
-    # Half of it.
-    assert is_near(seen(at(blend, 0.5))[0], 0.5 * (wanted + first), mask, 1e-3)
-    at(blend, 1.0)
-    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "map.blend"))
-    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "map.blend"))
-    blend = bpy.context.scene.camera
-    assert is_near(seen(blend)[0], wanted, mask, 1e-3)
-    bpy.context.view_layer.objects.active = blend
-    assert bpy.ops.scfpf.blend_map(kind="NONE") == {"FINISHED"}
-    assert is_near(seen(at(blend, 1.0))[0], second, mask, 1e-3)
-
-
-def test_a_painted_map_with_a_seam_shows_one_camera_on_either_side(camera, seen):
-    assert bpy.ops.scfpf.preset_apply(preset="orthographic", fit=False) == {"FINISHED"}
-    second, _ = seen(camera)
-    assert bpy.ops.scfpf.preset_apply(preset="perspective", fit=False) == {"FINISHED"}
-    first, mask = seen(camera)
-    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
-    blend = bpy.context.object
-    image = bpy.data.images.new("Painted", 64, 64)
-    pixels = np.zeros((64, 64, 4), np.float32)
-    pixels[:, 32:] = 1.0
-    image.pixels.foreach_set(pixels.ravel())
-    blend.scfpf.blend_field.image = image
-    assert bpy.ops.scfpf.blend_map(kind="IMAGE") == {"FINISHED"}
-    found, _ = seen(blend)
-    x = np.random.default_rng(5).uniform(0.02, 0.98, size=(3, 400))[0]
-    seam = 1 / 64 + 1 / 128
-    left, right = mask & (x < 0.5 - seam), mask & (x > 0.5 + seam)
-    assert is_near(found, first, left, 1e-6) and is_near(found, second, right, 1e-6)
-    blend.scfpf.blend_field.is_inverted = True
-    bpy.context.view_layer.update()
-    found, _ = seen(blend)
-    assert is_near(found, second, left, 1e-6) and is_near(found, first, right, 1e-6)
-
-
-def test_a_blend_of_a_blend_has_weights_that_add_up_to_one(camera, seen):
-    """Three cameras: the third one in a circle, the other two beside a line."""
-    ends = []
-    for preset in ("orthographic", "curved_convergence", "perspective"):
-        assert bpy.ops.scfpf.preset_apply(preset=preset, fit=False) == {"FINISHED"}
-        end, mask = seen(camera)
-        ends.append(end)
-    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
-    assert bpy.ops.scfpf.blend_map(kind="LINEAR") == {"FINISHED"}
-    assert bpy.ops.scfpf.camera_blend_preset(preset="curved_convergence") == {"FINISHED"}
-    assert bpy.ops.scfpf.blend_map(kind="RADIAL") == {"FINISHED"}
-    x, y, _ = np.random.default_rng(5).uniform(0.02, 0.98, size=(3, 400))
-
-    def smooth(inside):
-        share = np.clip(0.5 + inside / 0.2, 0, 1)
-        return share**2 * (3 - 2 * share)
-
-    line, circle = smooth(x - 0.5), smooth(0.25 - np.hypot(x - 0.5, (y - 0.5) / ASPECT))
-    wanted = (1 - circle) * ((1 - line) * ends[2] + line * ends[0]) + circle * ends[1]
-    assert is_near(seen(bpy.context.object)[0], wanted, mask, 3e-3)
-
-
-def test_an_image_without_pixels_is_refused_and_the_map_stays(camera):
-    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
-    blend = bpy.context.object
-    image = bpy.data.images.new("Lost", 4, 4)
-    image.source, image.filepath = "FILE", "//is-not-there.png"
-    blend.scfpf.blend_field.image = image
-    with pytest.raises(RuntimeError, match="has no pixels: paint or load it"):
-        bpy.ops.scfpf.blend_map(kind="IMAGE")
-    assert blend.scfpf.blend_field.kind == "NONE" and blend.scfpf.blend_factor == 0.0
-
-
-@pytest.mark.parametrize("kind", ["RADIAL", "RECTANGLE"])
-def test_a_map_is_put_around_objects_as_the_first_camera_sees_them(camera, kind):
-    """The corners of a cube by Blender's own camera lie where the map is 1; beyond its border it is 0."""
-    from bpy_extras.object_utils import world_to_camera_view
-
-    bpy.ops.mesh.primitive_cube_add(size=1.0)
-    cube = bpy.context.object
-    cube.matrix_world = camera.matrix_world @ cube.matrix_world
-    cube.location += camera.matrix_world.to_3x3() @ Vector((0.5, 0.3, -8.0))
-    bpy.context.view_layer.objects.active = camera
-    bpy.context.view_layer.update()
-    assert bpy.ops.scfpf.camera_from_camera() == {"FINISHED"}
-    places = [
-        world_to_camera_view(bpy.context.scene, camera, cube.matrix_world @ v.co) for v in cube.data.vertices
-    ]
-    assert bpy.ops.scfpf.camera_blend_preset(preset="orthographic") == {"FINISHED"}
-    blend = bpy.context.object
-    assert bpy.ops.scfpf.blend_map(kind=kind) == {"FINISHED"}
-    blend.scfpf.blend_field.border = 0.1
-    assert not bpy.ops.scfpf.blend_map_around.poll()
-    cube.select_set(True)
-    assert bpy.ops.scfpf.blend_map_around() == {"FINISHED"}
-    field = blend.scfpf.blend_field
-    x, y = np.array([(p.x, p.y) for p in places]).T
-    middle = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
-    assert np.allclose(field.center, middle, atol=2e-3)
-    wide, high = np.ptp(x), np.ptp(y)
-    if kind == "RECTANGLE":
-        assert np.allclose(field.size, (wide + 0.1, high + 0.1 * ASPECT), atol=4e-3)
-    else:
-        assert field.size[0] == pytest.approx(np.hypot(wide, high / ASPECT) + 0.1, abs=4e-3)

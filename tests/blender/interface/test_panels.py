@@ -362,6 +362,14 @@ def test_a_blend_shows_the_settings_of_its_map(camera):
     assert "makes it finer" in texts(drawn(main))
     assert bpy.ops.scfpf.blend_update() == {"FINISHED"}
     assert "makes it finer" not in texts(drawn(main))
+    field.border = 0.3
+    for frame, x in ((1, 0.3), (4, 0.6)):
+        field.center = x, 0.5
+        field.keyframe_insert("center", frame=frame)
+    assert "act once baked" in texts(drawn(main))
+    assert bpy.ops.scfpf.blend_map_bake(start=1, end=4) == {"FINISHED"}
+    record = drawn(main)
+    assert "act once baked" not in texts(record) and "scfpf.blend_map_bake" in str(record)
 
 
 class Column:

@@ -4,10 +4,13 @@
 import numpy as np
 import pytest
 
+from scfpf_addon.projection.editing.blend_fields import BlendField
 from scfpf_addon.projection.editing.blending import BlendError, blended
 from scfpf_addon.projection.mappings.radial import Distortion
 from scfpf_addon.projection.mappings.stack import Stack
 from scfpf_addon.projection.surfaces.surface import Disc, Grid, Plane, SphereSector
+from scfpf_addon.projection.surfaces.uv_chart import UVChart
+from scfpf_addon.projection.surfaces.uv_mesh import UVMesh
 from scfpf_addon.projection.volume.reparameterisation import Polar, Rectangle
 from scfpf_addon.projection.volume.viewing_volume import Projection, ViewingVolume
 
@@ -77,3 +80,20 @@ def test_empty_parts_cannot_be_blended():
     empty = Stack((Distortion((0.5, 0.0, 0.0)),), Rectangle())
     with pytest.raises(BlendError, match="empty parts"):
         blended(Projection(STRAIGHT, empty), Projection(BENT))
+
+
+def test_a_seam_leaves_each_projection_whole_up_to_it():
+    """Straight volumes need two triangles and those of the cuts; a bent one as many as its error asks for."""
+    seam = BlendField("RECTANGLE", centre=(0.4, 0.6), size=(0.4, 0.3), angle=0.4, border=0.0)
+    x, y, t = np.random.default_rng(4).uniform(size=(3, 500))
+    for second, most, share in ((CORNERED, 60, 1e-9), (BALLS, 10000, 1e-3)):
+        ends = Projection(STRAIGHT, aspect=2.0), Projection(second, aspect=2.0)
+        blend = blended(*ends, seams=(seam,), aspect=2.0)
+        chart = UVChart(blend.mesh.places[blend.mesh.triangles], blend.mesh.triangles)
+        assert len(blend.mesh.triangles) <= most
+        for half, projection in enumerate(ends):
+            volume = ViewingVolume(tuple(UVMesh(each[half], chart) for each in blend.layers), blend.basis)
+            wanted = projection.volume.evaluate(x, y, t).position
+            off = np.linalg.norm(volume.evaluate(x, y, t).position - wanted, axis=0)
+            # A vertex is looked up 2e-6 of the image inside its part.
+            assert off.max() <= (share + 1e-5) * np.ptp(wanted, axis=1).max()

@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Keyframes of a blend's map as shapes: drivers mix them by the frame, so that files play without code.
+
+Between two shapes the map is mixed linearly. As few frames are kept as leave it within TOLERANCE.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...projection.editing.blending import BlendError
+from ...projection.typing import Array
+from .camera_blend import (
+    BAKED,
+    FIRST_KEY,
+    SECOND_KEY,
+    WHOLE_KEY,
+    blend_surfaces,
+    drive,
+    field_factors,
+    points_of,
+    read_field,
+    write_field,
+)
+
+# The largest error of a factor between two kept frames.
+TOLERANCE = 1 / 256
+# The most frames that are looked at: their shapes are kept in the file.
+MOST_FRAMES = 2000
+NO_FIELD = "The map of '{}' cannot be read in frame {}: choose a map or load its image"
+
+
+def bake_map(camera, scene, start: int, end: int) -> int:
+    """Write the map of each frame from ``start`` to ``end`` into shapes. Returns the number of kept frames.
+
+    Before and after these frames the map stays as in the first and the last one. Raises BlendError.
+    """
+    if not 0 < end - start <= MOST_FRAMES:
+        raise BlendError(f"Choose an end after the start, at most {MOST_FRAMES} frames later")
+    write_field(camera)
+    surfaces, now = blend_surfaces(camera), scene.frame_current
+    if not surfaces:
+        raise BlendError(f"'{camera.name}' has no surfaces of a blend: press Update Blend")
+    frames = list(range(start, end + 1))
+    factors: list[list[Array]] = [[] for _ in surfaces]
+    try:
+        for frame in frames:
+            scene.frame_set(frame)
+            field = read_field(camera)
+            for own, surface in zip(factors, surfaces, strict=True):
+                found = None if field is None else field_factors(camera, surface, field)
+                if found is None:
+                    raise BlendError(NO_FIELD.format(camera.name, frame))
+                own.append(found)
+    finally:
+        scene.frame_set(now)
+    kept = kept_frames(np.array(factors[0]))
+    for own, surface in zip(factors, surfaces, strict=True):
+        _add_shapes(camera, surface, [frames[k] for k in kept], [own[k] for k in kept])
+    return len(kept)
+
+
+def kept_frames(values: Array) -> list[int]:
+    """The places of the rows (F, N) between which the others are linear, within TOLERANCE."""
+    kept = [0]
+    while kept[-1] < len(values) - 1:
+        begin = kept[-1]
+        end = begin + 1
+        while end + 1 < len(values):
+            share = np.arange(1, end + 1 - begin)[:, None] / (end + 1 - begin)
+            line = values[begin] + share * (values[end + 1] - values[begin])
+            if np.abs(line - values[begin + 1 : end + 1]).max() > TOLERANCE:
+                break
+            end += 1
+        kept.append(end)
+    return kept
+
+
+def _add_shapes(camera, surface, frames: Sequence[int], factors: Sequence[Array]) -> None:
+    blocks = surface.data.shape_keys.key_blocks
+    first, whole = (points_of(blocks[name]) for name in (FIRST_KEY, WHOLE_KEY))
+    for k, (frame, own) in enumerate(zip(frames, factors, strict=True)):
+        key = surface.shape_key_add(name=f"{BAKED} {frame}", from_mix=False)
+        points = first + own.astype(np.float32)[:, None] * (whole - first)
+        key.data.foreach_set("co", np.ascontiguousarray(points, np.float32).ravel())
+        drive(key, camera, hat(frames[max(k - 1, 0)], frame, frames[min(k + 1, len(frames) - 1)]))
+    blocks[SECOND_KEY].mute = True
+    surface.data.update()
+
+
+def hat(before: int, frame: int, after: int) -> str:
+    """The driver's expression that is 1 at a frame and 0 from its neighbours on, times ``factor``.
+
+    An outermost frame is its own neighbour: there the expression stays 1.
+    """
+    sides = [f"({after} - frame) / {after - frame}"] * (after > frame)
+    sides += [f"(frame - {before}) / {frame - before}"] * (frame > before)
+    return f"factor * max(0, min(1, {', '.join(sides)}))"
