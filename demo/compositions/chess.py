@@ -35,6 +35,7 @@ HEAD = """
     230 260 190 420 110 570 140 640 300 590 390 620 410 700 330 800 230 900 160 960 130 1090 60 1010
     -70 980 -200 860 -280 680 -290 480 -250 260
 """
+FOOT_POINTS = len(FOOT.split()) // 2
 # Each man: kind, whether white, file and rank from 0; nearest ranks come first when they are sorted.
 MEN = """
     King w 6 0, Rook w 5 0, Pawn w 7 1, Pawn w 6 1, Queen w 3 1, Pawn w 1 2, Bishop w 4 2, Knight w 2 3,
@@ -103,6 +104,18 @@ def _board(scene) -> None:
     place("Board", builder.mesh("Board", palette), group(scene, "Board"))
 
 
+def _cast_without_foot(body, profile, collection) -> None:
+    """Let a man without its foot cast the shadow: the board below, which layers reveal, then has light."""
+    body.visible_shadow = False
+    builder = MeshBuilder()
+    above = profile[FOOT_POINTS:]
+    builder.lathe(np.concatenate([[[0.0, above[0, 1]]], above]), 24, "Z", (0, 0, 0), "Shadow")
+    name, paint = f"{body.name} shadow", body.data.materials[0]
+    caster = place(name, builder.mesh(name, {"Shadow": paint}), collection, body.location, 0.0, LARGE)
+    for ray in ("camera", "glossy", "diffuse", "transmission"):
+        setattr(caster, f"visible_{ray}", False)
+
+
 def _man(scene, words):
     """A chessman in a collection of its own: its name, its foot, and from where it is best seen."""
     import bpy
@@ -146,7 +159,8 @@ def _man(scene, words):
     collection = group(scene, name)
     foot = Vector((file - 3.5, rank - 3.5, 0.0))
     turn = 0.0 if colour == "w" else np.pi
-    place(name, parts[0], collection, foot, turn, LARGE)
+    body = place(name, parts[0], collection, foot, turn, LARGE)
+    _cast_without_foot(body, profile, collection)
     if more._faces:
         detail = place(
             f"{name} detail",
