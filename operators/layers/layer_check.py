@@ -15,6 +15,7 @@ from ..image.preparation import poll_no_render, prepared_inputs, redraw_interfac
 
 UNSEEN = "Its camera sees none of it: point the camera at the collection"
 HIDDEN = "All of it is hidden by other things: choose Order under In Front, or move it up in the list"
+TAKEN = "Layers before it show all its things: take them out of one of the collections"
 MASKED = "Renders show none of its objects, or its mask hides all: look at both"
 
 
@@ -54,6 +55,8 @@ class SCFPF_OT_layer_check(AimAction, bpy.types.Operator):
 
 def _why(inputs, number: int, alone: float) -> str:
     """The reason why a layer is not seen. alone: the share of the image that it would have alone."""
+    if number in inputs.image_layers.taken:
+        return TAKEN
     if alone > 0.0:
         return HIDDEN
     numbers = inputs.scene.geometry.image_layer

@@ -34,7 +34,8 @@ class ReadLayers:
 
     layers, names, cameras, frames: by number, from 1 on; session ids of the cameras, and the frames of their
     pictures in the image. members: the number of the layer by the session id of each object
-    that a layer shows. warnings: about layers that are left out or show less than asked.
+    that a layer shows. taken: the numbers of layers whose things are all in earlier ones. warnings: about
+    layers that are left out or show less than asked.
     """
 
     layers: tuple[ImageLayer, ...] = ()
@@ -42,6 +43,7 @@ class ReadLayers:
     cameras: tuple[int, ...] = ()
     frames: tuple[Framed, ...] = ()
     members: Mapping[int, int] = field(default_factory=dict)
+    taken: frozenset[int] = frozenset()
     warnings: tuple[str, ...] = ()
 
     def warnings_of(self, geometry: Geometry, is_blurred: bool) -> tuple[str, ...]:
@@ -50,6 +52,7 @@ class ReadLayers:
             return self.warnings
         numbers = geometry.image_layer
         shown = set() if numbers is None else set(np.unique(numbers).tolist())
+        shown |= self.taken  # of which other warnings tell
         empty = [name for number, name in enumerate(self.names, 1) if number not in shown]
         more = [EMPTY + listing(empty)] if empty else []
         return (*self.warnings, *more, *([SHARP] if is_blurred else []))
@@ -88,7 +91,16 @@ def read_image_layers(camera, depsgraph, aspect: float, eye: Eye = "") -> ReadLa
         collections.append(own.collection)
     members, twice = _members(names, collections)
     cameras, frames = tuple(zip(*shown, strict=True)) if shown else ((), ())
-    return ReadLayers(tuple(layers), tuple(names), cameras, frames, members, (*warnings, *twice))
+    things = {number for number, each in enumerate(collections, 1) if len(each.all_objects)}
+    return ReadLayers(
+        layers=tuple(layers),
+        names=tuple(names),
+        cameras=cameras,
+        frames=frames,
+        members=members,
+        taken=frozenset(things - set(members.values())),
+        warnings=(*warnings, *twice),
+    )
 
 
 def lacking(layer) -> str:
