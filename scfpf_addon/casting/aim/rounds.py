@@ -12,9 +12,9 @@ from ...projection.aim.problem import AimProblem, AimResult, Schedule
 from ...projection.aim.solver import solve
 from .judge import Judgement
 
-# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background, and
-# more steps leave folds.
-SCHEDULES = (Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60))
+# The ways that are tried, in turn, until one meets the bars. Stays that count more hold the background, more
+# steps leave folds, and stays that count less do not force any.
+SCHEDULES = (Schedule(), Schedule(stay=2.0, robust=3.0), Schedule(final_steps=60), Schedule(stay=0.5))
 
 
 class Round(NamedTuple):
