@@ -63,8 +63,7 @@ def test_german_has_every_panel_menu_operator_and_setting_of_a_camera(languages,
             if cls.__module__.startswith(MODULE) and getattr(cls, "bl_label", ""):
                 wanted.add((catalogue.ANY, cls.bl_label))
     for group in ("SCFPF_SurfaceSettings", "SCFPF_BlendEnds", "SCFPF_BlendField"):
-        (owner,) = (cls for cls in bpy.types.PropertyGroup.__subclasses__() if cls.__name__ == group)
-        for prop in owner.bl_rna.properties:
+        for prop in bpy.types.PropertyGroup.bl_rna_get_subclass_py(group).bl_rna.properties:
             if prop.identifier not in ("rna_type", "name"):
                 wanted |= {(catalogue.ANY, prop.name), (catalogue.ANY, prop.description)}
     assert not (wanted & set(texts)) - set(german)
