@@ -31,7 +31,7 @@ SCENARIOS = ROOT / "tests" / "window"
 SHOTS = SCENARIOS / "shots"
 OLDEST = (4, 5)
 # Limits in seconds: for everything, for making the Debian, and for a quick answer.
-LIMIT, MAKING, ANSWER = 3000.0, 420.0, 60.0
+LIMIT, MAKING, ANSWER = 3600.0, 420.0, 60.0
 MIRROR, SUITE = "http://deb.debian.org/debian", "sid"  # the only release with Blender 4.5 or later
 # Blender's extension manager imports the Python packages, which Debian only recommends.
 PACKAGES = (
