@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What compositions are made of: cameras, blends with maps, and volumes of tiles."""
+"""The parts of compositions: cameras, blends with maps, and volumes of tiles."""
 
 from __future__ import annotations
 

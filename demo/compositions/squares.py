@@ -53,7 +53,7 @@ def _again(scene, camera, at):
 
 
 def seen_at(scene, camera, point) -> tuple[float, float]:
-    """Where a camera's image has a point, as shares of its width and height."""
+    """The place of a point in a camera's image, as shares of its width and height."""
     import bpy
 
     bpy.context.view_layer.update()

@@ -257,7 +257,7 @@ def _chart(mesh: SeamMesh) -> UVChart:
 
 
 def _seam_numbers(field: BlendField, aspect: float) -> list[float]:
-    """What decides where a field's seam is."""
+    """The settings that place a field's seam."""
     kind = ("LINEAR", "RADIAL", "RECTANGLE").index(field.kind)
     return [float(kind), aspect, *field.centre, *field.size, field.angle]
 

@@ -39,7 +39,7 @@ class Things:
 
 @dataclass
 class FoundThings:
-    """What renders show, by layer.
+    """The things that renders show, by layer.
 
     by_layer: the things of each layer that has some. boxes: around the objects of layer 0, by session id of
     the object or of its instancer.
@@ -96,7 +96,7 @@ def _own_points(obj, known: dict[int, Array]) -> Array:
 
 
 def _extremes(points: Array) -> Array:
-    """Those of points (3, N), N > 0, that reach farthest in one of DIRECTIONS."""
+    """The points, of (3, N), N > 0, that reach farthest in one of DIRECTIONS."""
     heights = [direction @ points for direction in DIRECTIONS]
     ends = {int(end) for each in heights for end in (each.argmin(), each.argmax())}
     return points[:, sorted(ends)]

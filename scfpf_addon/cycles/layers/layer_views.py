@@ -56,7 +56,7 @@ class ReadViews:
         return found[0]
 
     def window(self, number: int) -> Border | None:
-        """The pixels in which a layer from 1 on, or its halo, may be seen; None if there are none."""
+        """The rectangle of pixels that may show a layer (from 1 on) or its halo; None if none may."""
         found = self.bounds(number)
         if found is None:
             return None

@@ -82,7 +82,7 @@ class LayersJob:
 
     @property
     def progress(self) -> str:
-        """What is rendered, as a text for the status bar."""
+        """The name of the present render, for the status bar."""
         total = self._render.total if self._render is not None else 0
         frame = f"frame {self._count - len(self._frames)} of {self._count}, " if self._count > 1 else ""
         return f"{frame}{self._text} ({self._done} of {total})"
