@@ -46,19 +46,27 @@ class RenderInputs:
     image_layers: ReadLayers = field(default_factory=ReadLayers)
 
 
+def ready_size(scene, camera) -> tuple[int, int]:
+    """The size of a scene's image, after the volume objects of a camera and its layers are restored.
+
+    They keep hidden surfaces evaluated, and may have been deleted. Raises RenderError.
+    """
+    size = image_size(scene)
+    if lost := absent_text(camera, scene, "choose another camera"):
+        raise RenderError(lost)
+    for each in (camera, *(layer.camera for layer in camera.scfpf.layers)):
+        if each is not None and each.scfpf.enabled and each.is_editable:
+            sync_volume_object(each)
+    return size
+
+
 def prepare(scene, view_layer, camera, pixel_error: float | None = None) -> RenderInputs:
     """Read the inputs of an image of ``view_layer`` through ``camera``, as evaluated for a render.
 
     pixel_error: overrides the camera's own. Of a scene with several views it is the camera's own view,
     between the eyes. Raises one of RENDER_ERRORS.
     """
-    size = image_size(scene)
-    if lost := absent_text(camera, scene, "choose another camera"):
-        raise RenderError(lost)
-    # Restores the volume object, which keeps hidden surfaces evaluated, should it have been deleted.
-    for each in (camera, *(layer.camera for layer in camera.scfpf.layers)):
-        if each is not None and each.scfpf.enabled and each.is_editable:
-            sync_volume_object(each)
+    size = ready_size(scene, camera)
 
     def read(depsgraph, set_frame) -> RenderInputs:
         inputs = read_inputs(depsgraph, camera, size, pixel_error=pixel_error)

@@ -7,14 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...bridge.blender.scene_objects import absent_text
 from ...bridge.camera.ordinary_camera import placement
 from ...bridge.layers.read_image_layers import ReadLayers, read_image_layers
-from ...bridge.render.image_size import image_size, shown_aspect
-from ...bridge.render.render_errors import RenderError
-from ...bridge.render.render_inputs import read_view
+from ...bridge.render.image_size import shown_aspect
+from ...bridge.render.render_inputs import read_view, ready_size
 from ...bridge.scene.render_depsgraph import with_render_depsgraph
-from ...bridge.volume.volume_object import sync_volume_object
 from ...casting.common.parallel import chunks, parallel_map
 from ...casting.layers.layer_parts import Box, Hull
 from ...projection.typing import Array, BoolArray
@@ -110,13 +107,7 @@ def _gap(box: Box, blocks: list[Array]) -> float:
 def read_views(passing: PassingScene, camera) -> ReadViews:
     """Read an image of the passing scene through a camera with layers. Raises one of RENDER_ERRORS."""
     scene = passing.scene
-    size = image_size(scene)
-    if lost := absent_text(camera, scene, "choose another camera"):
-        raise RenderError(lost)
-    # Restores the volume objects, which keep hidden surfaces evaluated.
-    for each in (camera, *(layer.camera for layer in camera.scfpf.layers)):
-        if each is not None and each.scfpf.enabled and each.is_editable:
-            sync_volume_object(each)
+    size = ready_size(scene, camera)
     return with_render_depsgraph(
         scene, scene.view_layers[0], lambda depsgraph: _read(depsgraph, camera, size)
     )
