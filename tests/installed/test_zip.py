@@ -29,6 +29,7 @@ def shipped_files():
     data = [
         *ROOT.glob("presets/*.json"),
         *ROOT.glob("presets/thumbnails/*.png"),
+        *ROOT.glob("panels/languages/*.po"),
         *(ROOT / name for name in ("__init__.py", "LICENSE", "THIRD_PARTY_NOTICES")),
     ]
     return {path.relative_to(ROOT).as_posix() for path in (*code, *data)}
